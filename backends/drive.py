@@ -1,0 +1,97 @@
+"""The one law from target to joint torque, at the drive rate, for N worlds in every engine.
+
+A two-mass gear model: a PD controller turns a rotor; rotor and joint are coupled by teeth that
+push once the play between them is taken up:
+
+    tau_pd   = clip(kp (target - motor) - kd motor', -limit, limit)          (the paper's PD law)
+    tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
+    J motor'' = tau_pd - tau_gear - friction
+
+Coulomb friction and the worm's self-lock act on the rotor's momentum after the free update, so
+they stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives
+the rotor against the motor; joint positions are never overwritten, so a squeeze survives.
+"""
+
+from collections.abc import Sequence
+from dataclasses import fields
+
+import numba
+import numpy as np
+
+from backends.spec import Drive, Spec
+from backends.state import Array
+
+_COLUMNS = tuple(f.name for f in fields(Drive))
+
+
+@numba.njit(cache=True)
+def _shrink(speed, loss):
+    if speed > loss:
+        return speed - loss
+    if speed < -loss:
+        return speed + loss
+    return 0.0
+
+
+@numba.njit(cache=True)
+def _step(target, joint, joint_speed, motor, motor_speed, p, dt, pd_out, gear_out):
+    for n in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock = p[n, j]
+            gap = motor[n, j] - joint[n, j]
+            speed = motor_speed[n, j]
+            gear = 0.0
+            if gap > play or gap < -play or play == 0.0:
+                press = gap - play if gap > 0.0 else gap + play
+                gear = k * press + c * (speed - joint_speed[n, j])
+                if play > 0.0 and gear * press < 0.0:
+                    gear = 0.0
+            pd = kp * (target[n, j] - motor[n, j]) - kd * speed
+            pd = min(max(pd, -limit), limit)
+            speed += dt / inertia * (pd - gear - viscous * speed)
+            speed = _shrink(speed, dt / inertia * coulomb)
+            if speed * pd <= 0.0 and speed * gear < 0.0:
+                speed = _shrink(speed, dt / inertia * lock)
+            motor_speed[n, j] = speed
+            motor[n, j] += dt * speed
+            pd_out[n, j] = pd
+            gear_out[n, j] = gear
+
+
+class DriveBank:
+    """The drives of N worlds and their rotor states."""
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        self._dt_s = specs[0].timing.drive_s
+        table = [[[getattr(d, c) for c in _COLUMNS] for d in spec.drives] for spec in specs]
+        self._parameters = np.array(table)
+        shape = self._parameters.shape[:2]
+        self.motor_rad = np.zeros(shape)
+        """Motor angles reflected through the gear [rad], shape (N, J)."""
+        self.motor_rad_s = np.zeros(shape)
+        """Motor speeds [rad/s], shape (N, J)."""
+        self.pd_nm = np.zeros(shape)
+        """PD torques of the last step [Nm], shape (N, J)."""
+        self.gear_nm = np.zeros(shape)
+        """Torques on the joints of the last step [Nm], shape (N, J)."""
+
+    def reset(self, joint_rad: Array, mask: Array) -> None:
+        """Put the rotors of the masked worlds at rest in the middle of their play."""
+        self.motor_rad[mask] = joint_rad[mask]
+        for rate in (self.motor_rad_s, self.pd_nm, self.gear_nm):
+            rate[mask] = 0.0
+
+    def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
+        """Advance the rotors by one drive period; the torques on the joints [Nm], (N, J)."""
+        _step(
+            target_rad,
+            joint_rad,
+            joint_rad_s,
+            self.motor_rad,
+            self.motor_rad_s,
+            self._parameters,
+            self._dt_s,
+            self.pd_nm,
+            self.gear_nm,
+        )
+        return self.gear_nm

@@ -1,0 +1,121 @@
+"""What all engines share: the drive loop at 1 kHz, episode ages, and the protocol itself.
+
+An engine file builds worlds, places them, steps them once with joint torques, and reports
+primitives. Drives, the weightless start and the policy period are the same code for all, here.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from typing import ClassVar, Protocol
+
+import numpy as np
+
+from backends.drive import DriveBank
+from backends.spec import Spec, field_names
+from backends.state import Array, InitialState, State
+
+
+EXACT = "exact"
+SHARED_SUPPORT: Mapping[str, str] = {
+    name: EXACT
+    for name in field_names()
+    if name.split(".")[0] in {"drive", "taxels", "timing", "joint", "hand"}
+}
+"""Answers for the fields that shared code computes above the engines."""
+
+
+class Simulator(Protocol):
+    """N worlds being simulated: what tasks see of an engine."""
+
+    specs: Sequence[Spec]
+
+    def reset(self, initial: InitialState, mask: Array) -> State:
+        """Start the masked worlds from `initial`; the others stay as they are."""
+        ...
+
+    def advance(self, target_rad: Array) -> State:
+        """Hold the target angles (N, J) [rad] for one policy period; the state after it."""
+        ...
+
+    def close(self) -> None:
+        """Free the engine; twice is harmless."""
+        ...
+
+
+class Engine(ABC):
+    """Base of every backend; a subclass named `Backend` in its own file is one engine.
+
+    `specs` are N worlds of one structure that may differ in every number: domain randomisation
+    and the refitting of candidates are this one mechanism.
+    """
+
+    support: ClassVar[Mapping[str, str]]
+    """Per spec field: 'exact', 'approximate: why' or 'refused: why'."""
+    steps_in_threads: ClassVar[bool] = False
+    """Whether the constructor takes `threads` (the engine frees the interpreter lock)."""
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        first = specs[0]
+        self.specs = tuple(specs)
+        self._timing = first.timing
+        self._drives = DriveBank(specs)
+        self.state = State.allocate(
+            len(specs), len(first.hand.joint_names), len(first.hand.fingertips)
+        )
+        gravity = np.array([s.gravity_m_s2 for s in specs])
+        self._weight_n = gravity * np.array([[s.stick.mass_kg] for s in specs])
+        self._age_steps = np.zeros(len(specs), dtype=np.int64)
+        self._weightless_steps = round(self._timing.weightless_s / self._timing.drive_s)
+
+    def reset(self, initial: InitialState, mask: Array) -> State:
+        """Start the masked worlds from `initial`, at rest; the others stay as they are."""
+        ids = np.flatnonzero(mask)
+        self._place(ids, initial)
+        self._drives.reset(initial.joint_rad, mask)
+        self._age_steps[ids] = 0
+        state = self.state
+        state.joint_rad[ids] = initial.joint_rad[ids]
+        state.motor_rad[ids] = initial.joint_rad[ids]
+        state.stick_pos_m[ids] = initial.stick_pos_m[ids]
+        state.stick_quat_wxyz[ids] = initial.stick_quat_wxyz[ids]
+        for at_rest in (
+            state.joint_rad_s,
+            state.drive_torque_nm,
+            state.stick_vel_m_s,
+            state.stick_omega_rad_s,
+            state.contact_point_m,
+            state.contact_force_n,
+        ):
+            at_rest[ids] = 0.0
+        return state
+
+    def advance(self, target_rad: Array) -> State:
+        """Hold the target angles (N, J) [rad] for one policy period; the state after it."""
+        state = self.state
+        for _ in range(self._timing.substeps):
+            torque = self._drives.step(target_rad, state.joint_rad, state.joint_rad_s)
+            weightless = self._age_steps < self._weightless_steps
+            self._tick(torque, np.where(weightless[:, None], -self._weight_n, 0.0))
+            self._age_steps += 1
+        state.motor_rad[:] = self._drives.motor_rad
+        state.drive_torque_nm[:] = self._drives.pd_nm
+        self._observe()
+        return state
+
+    def close(self) -> None:
+        """Free the engine; twice is harmless."""
+
+    @abstractmethod
+    def _place(self, ids: Array, initial: InitialState) -> None:
+        """Put worlds `ids` at rest in their rows of `initial`, with no memory of the past."""
+
+    @abstractmethod
+    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
+        """Step every world once with joint torques (N, J) and a force (N, 3) at the stick's centre.
+
+        Leaves the new joint angles and speeds in `state.joint_rad` and `state.joint_rad_s`.
+        """
+
+    @abstractmethod
+    def _observe(self) -> None:
+        """Write stick pose, twist and fingertip contacts of every world into `state`."""

@@ -1,0 +1,204 @@
+"""MuJoCo: many worlds on a thread pool through `mujoco.batch.Batch`."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends.spec import Fingertip, Spec, field_names
+from backends.state import Array, InitialState, quat_to_matrix
+
+IMPRATIO = 100.0
+"""Friction against normal impedance; at 10 the stick creeps 0.09 mm/s, at 1 it falls in 2 s."""
+ITERATIONS, LINE_SEARCH_ITERATIONS = 20, 50
+"""Newton's limits; 4 and 8 do not converge with this impratio."""
+CONTACTS_PER_TIP = 4
+"""Contact slots that the sensor of a fingertip reports; a square stick makes two or more."""
+_SLOT = 10
+"""Numbers in a slot: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
+_FINGER_BIT, _STICK_BIT = 1, 2
+
+
+def build(spec: Spec) -> mujoco.MjSpec:
+    """The world of `spec` as an uncompiled MuJoCo model; fingers touch the stick alone."""
+    model = mujoco.MjSpec()
+    model.compiler.degree = False
+    option = model.option
+    option.timestep = spec.timing.drive_s
+    option.gravity = spec.gravity_m_s2
+    option.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.impratio = IMPRATIO
+    option.iterations = ITERATIONS
+    option.ls_iterations = LINE_SEARCH_ITERATIONS
+    _add_hand(model, spec)
+    _add_stick(model, spec)
+    return model
+
+
+def _add_hand(model: mujoco.MjSpec, spec: Spec) -> None:
+    hand = spec.hand
+    model.worldbody.add_geom(
+        name="palm",
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        pos=hand.palm_center_m,
+        size=hand.palm_half_size_m,
+        contype=0,
+        conaffinity=0,
+    )
+    bodies = {None: model.worldbody}
+    for body in hand.bodies:
+        node = bodies[body.parent].add_body(
+            name=body.name,
+            pos=body.origin_m,
+            mass=body.mass_kg,
+            ipos=body.com_m,
+            iquat=(1, 0, 0, 0),
+            inertia=body.inertia_kgm2,
+            explicitinertial=True,
+        )
+        if body.joint.drive is not None:
+            node.add_joint(
+                name=body.joint.name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=body.joint.axis
+            )
+        bodies[body.name] = node
+    for tip in hand.fingertips:
+        _add_tip(model, bodies[tip.body], tip, spec)
+
+
+def _add_tip(model: mujoco.MjSpec, node: mujoco.MjsBody, tip: Fingertip, spec: Spec) -> None:
+    center, forward = np.array(tip.center_m), np.array(tip.forward)
+    node.add_geom(
+        name=tip.finger,
+        type=mujoco.mjtGeom.mjGEOM_CAPSULE,
+        fromto=[*(center - tip.length_m * forward), *center],
+        size=[tip.radius_m, 0, 0],
+        contype=_FINGER_BIT,
+        conaffinity=_STICK_BIT,
+        **_surface(spec),
+    )
+    data = (
+        mujoco.mjtConDataField.mjCONDATA_FOUND,
+        mujoco.mjtConDataField.mjCONDATA_FORCE,
+        mujoco.mjtConDataField.mjCONDATA_POS,
+        mujoco.mjtConDataField.mjCONDATA_NORMAL,
+    )
+    model.add_sensor(
+        name=tip.finger,
+        type=mujoco.mjtSensor.mjSENS_CONTACT,
+        objtype=mujoco.mjtObj.mjOBJ_GEOM,
+        objname=tip.finger,
+        reftype=mujoco.mjtObj.mjOBJ_GEOM,
+        refname="stick",
+        intprm=[sum(1 << int(d) for d in data), 0, CONTACTS_PER_TIP],
+    )
+
+
+def _add_stick(model: mujoco.MjSpec, spec: Spec) -> None:
+    stick = spec.stick
+    body = model.worldbody.add_body(name="stick")
+    body.add_freejoint(name="stick")
+    half, r = stick.length_m / 2, stick.radius_m
+    shapes = {
+        "capsule": (mujoco.mjtGeom.mjGEOM_CAPSULE, [r, half - r, 0]),
+        "box": (mujoco.mjtGeom.mjGEOM_BOX, [r, r, half]),
+    }
+    kind, size = shapes[stick.shape]
+    body.mass = stick.mass_kg
+    body.ipos = (0, 0, 0)
+    body.iquat = (1, 0, 0, 0)
+    body.inertia = stick.inertia_kgm2
+    body.explicitinertial = True
+    body.add_geom(
+        name="stick",
+        type=kind,
+        size=size,
+        contype=_STICK_BIT,
+        conaffinity=_FINGER_BIT,
+        **_surface(spec),
+    )
+
+
+def _surface(spec: Spec) -> dict:
+    """Contact parameters, the same on both sides: MuJoCo takes the larger of the two."""
+    return {
+        "condim": 4,
+        "friction": [spec.stick.friction, spec.contact.torsion_radius_m, 1e-4],
+        "solref": [spec.contact.time_constant_s, 1.0],
+    }
+
+
+class Backend(Engine):
+    """N MuJoCo worlds; worlds with other numbers get a compiled model each."""
+
+    steps_in_threads = True
+    support = {
+        **SHARED_SUPPORT,
+        **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        "stick.shape": EXACT,
+        "stick.length_m": EXACT,
+        "stick.radius_m": EXACT,
+        "stick.mass_kg": EXACT,
+        "stick.friction": "approximate: elliptic cone with impratio 100, creeps 0.01 mm/s",
+        "stick.grip_to_lower_end_m": EXACT,
+        "contact.torsion_radius_m": EXACT,
+        "contact.time_constant_s": EXACT,
+        "spec.gravity_m_s2": EXACT,
+    }
+
+    def __init__(self, specs: Sequence[Spec], threads: int = 1) -> None:
+        super().__init__(specs)
+        models = {s.digest: None for s in specs}
+        for spec in specs:
+            if models[spec.digest] is None:
+                models[spec.digest] = build(spec).compile()
+        self._model = models[specs[0].digest]
+        self._batch = Batch(self._model, nsim=len(specs), nthread=threads)
+        if len(models) > 1:
+            self._batch.set_models([models[s.digest] for s in specs])
+        joints = [self._model.joint(name) for name in specs[0].hand.joint_names]
+        self._qpos_at = np.array([j.qposadr[0] for j in joints])
+        self._qvel_at = np.array([j.dofadr[0] for j in joints])
+        free = self._model.joint("stick")
+        self._stick_qpos = slice(free.qposadr[0], free.qposadr[0] + 7)
+        self._stick_qvel = slice(free.dofadr[0], free.dofadr[0] + 6)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._applied = self._batch.bind("qfrc_applied")
+        self._sensors = self._batch.bind("sensordata")
+
+    def close(self) -> None:
+        """Stop the thread pool."""
+        self._batch = None
+
+    def _place(self, ids: Array, initial: InitialState) -> None:
+        self._batch.reset(ids.astype(np.int32), stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._qpos[np.ix_(ids, self._qpos_at)] = initial.joint_rad[ids]
+        self._qpos[ids, self._stick_qpos] = np.hstack(
+            [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
+        )
+
+    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
+        self._applied[:, self._qvel_at] = torque_nm
+        self._applied[:, self._stick_qvel.start : self._stick_qvel.start + 3] = stick_force_n
+        self._batch.step()
+        self.state.joint_rad[:] = self._qpos[:, self._qpos_at]
+        self.state.joint_rad_s[:] = self._qvel[:, self._qvel_at]
+
+    def _observe(self) -> None:
+        state = self.state
+        stick, twist = self._qpos[:, self._stick_qpos], self._qvel[:, self._stick_qvel]
+        state.stick_pos_m[:] = stick[:, :3]
+        state.stick_quat_wxyz[:] = stick[:, 3:]
+        state.stick_vel_m_s[:] = twist[:, :3]
+        rotation = quat_to_matrix(stick[:, 3:])
+        state.stick_omega_rad_s[:] = np.einsum("nij,nj->ni", rotation, twist[:, 3:])
+        n, tips = state.contact_force_n.shape[:2]
+        slots = self._sensors.reshape(n, tips, CONTACTS_PER_TIP, _SLOT)
+        press = np.where(slots[..., 0] > 0, np.maximum(slots[..., 1], 0), 0)
+        total = press.sum(axis=2)
+        point = np.einsum("nfk,nfki->nfi", press, slots[..., 4:7])
+        state.contact_point_m[:] = point / np.maximum(total, 1e-12)[..., None]
+        state.contact_force_n[:] = -np.einsum("nfk,nfki->nfi", press, slots[..., 7:10])

@@ -1,0 +1,234 @@
+"""The simulated rig as numbers: hand, drives, stick, taxels, contact and timing.
+
+SI units. World frame: z up, right-handed. Every body frame is parallel to the world frame at the
+zero pose, so an origin and a hinge axis say all about a joint. Nothing here knows an engine.
+"""
+
+import dataclasses
+import hashlib
+import json
+from dataclasses import dataclass
+from functools import cached_property
+
+Vec3 = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """What turns a joint's target into torque: a PD motor, its rotor, and a gear with play."""
+
+    kp_nm_rad: float
+    """Proportional gain on the motor angle [Nm/rad]."""
+    kd_nms_rad: float
+    """Derivative gain on the motor speed [Nms/rad]."""
+    torque_limit_nm: float
+    """Largest PD torque [Nm], either sign."""
+    rotor_inertia_kgm2: float
+    """Rotor inertia reflected to the joint [kg m^2]."""
+    coulomb_nm: float
+    """Coulomb friction torque on the motor side [Nm]."""
+    viscous_nms_rad: float
+    """Viscous friction on the motor side [Nms/rad]."""
+    gear_stiffness_nm_rad: float
+    """Stiffness of the teeth once they touch [Nm/rad]."""
+    gear_damping_nms_rad: float
+    """Damping of the teeth once they touch [Nms/rad]."""
+    play_rad: float
+    """Half of the gear play: the joint is free within +-play about the motor angle [rad]."""
+    lock_nm: float
+    """Largest load the gear holds when it is back-driven [Nm]; 0: freely back-drivable."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Joint:
+    """A hinge: its axis, range and drive; a joint without a drive is fixed at zero."""
+
+    name: str
+    axis: Vec3
+    """Unit hinge axis in the body frame."""
+    range_rad: tuple[float, float]
+    """Range that normalises the observed position and bounds the target [rad]."""
+    drive: Drive | None
+    sensor: str = "joint"
+    """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A rigid link and the joint that carries it."""
+
+    name: str
+    parent: str | None
+    """Carrying body; None: the palm, which is fixed in the world."""
+    origin_m: Vec3
+    """Joint position in the parent's frame [m]."""
+    joint: Joint
+    mass_kg: float
+    com_m: Vec3
+    """Centre of mass in the body frame [m]."""
+    inertia_kgm2: Vec3
+    """Principal inertias about the centre of mass, axes parallel to the body frame [kg m^2]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fingertip:
+    """The curved, touch-sensitive end of a finger: a capsule along the distal link.
+
+    Its frame: origin at the centre of the front hemisphere, x forward along the link, y inward
+    towards the object, z = x cross y.
+    """
+
+    finger: str
+    body: str
+    center_m: Vec3
+    """Centre of the front hemisphere in the body frame [m]."""
+    forward: Vec3
+    inward: Vec3
+    radius_m: float
+    length_m: float
+    """Distance between the centres of the rear and the front hemisphere [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Taxels:
+    """Touch elements of one fingertip: a grid on its inner and front surface."""
+
+    rows: int
+    """Rows along the finger, from the rear of the pad to its front."""
+    columns: int
+    """Columns across the finger."""
+    front_rad: float
+    """How far the pad reaches onto the front hemisphere, from inward towards forward [rad]."""
+    half_width_rad: float
+    """Half of the angle that the pad covers across the finger [rad]."""
+    reach_m: float
+    """A taxel is active when the object is nearer than this: the skin's compliance [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hand:
+    """A hand: bodies in kinematic order, fingertips, taxels and its grasp of the stick."""
+
+    name: str
+    palm_center_m: Vec3
+    palm_half_size_m: Vec3
+    bodies: tuple[Body, ...]
+    fingertips: tuple[Fingertip, ...]
+    taxels: Taxels
+    grip_m: Vec3
+    """Where the stick is pinched: the pivot of every task [m]."""
+    grasp_rad: tuple[float, ...]
+    """Driven joint angles of the nominal grasp, spec order [rad]."""
+    preload_rad: tuple[float, ...]
+    """Target minus position at the start of an episode, which sets the squeeze [rad]."""
+
+    @cached_property
+    def driven(self) -> tuple[Body, ...]:
+        """Bodies whose joint has a drive, in spec order: the J of every (N, J) array."""
+        return tuple(b for b in self.bodies if b.joint.drive is not None)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the driven joints in spec order."""
+        return tuple(b.joint.name for b in self.driven)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stick:
+    """The manipulated object; its long axis is z in its own frame, origin at its centre."""
+
+    name: str
+    shape: str
+    """'capsule' (round, round ends) or 'box' (square section)."""
+    length_m: float
+    """Distance between the two tips [m]."""
+    radius_m: float
+    """Radius of a round stick, half the side of a square one [m]."""
+    mass_kg: float
+    friction: float
+    """Coefficient of friction between this stick and a fingertip."""
+    grip_to_lower_end_m: float = 0.13
+    """How far above the lower end it is pinched [m]."""
+
+    @property
+    def inertia_kgm2(self) -> Vec3:
+        """Principal inertias [kg m^2] of the solid body: a cylinder, or a square bar."""
+        m, length, r = self.mass_kg, self.length_m, self.radius_m
+        if self.shape == "box":
+            across = m * ((2 * r) ** 2 + length**2) / 12
+            return (across, across, m * (2 * r) ** 2 / 6)
+        across = m * (3 * r**2 + length**2) / 12
+        return (across, across, m * r**2 / 2)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact:
+    """What holds of every fingertip contact beside the stick's own friction."""
+
+    torsion_radius_m: float
+    """Spin friction torque over normal force and friction coefficient [m]."""
+    time_constant_s: float
+    """Time in which a penetration relaxes [s], where the engine has soft contacts."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Rates and the settling time at the start of an episode."""
+
+    drive_s: float = 1e-3
+    """Period of drive and physics [s]."""
+    policy_s: float = 20e-3
+    """Period of the policy [s]."""
+    weightless_s: float = 0.1
+    """How long after a reset the stick's weight is compensated [s]."""
+
+    @property
+    def substeps(self) -> int:
+        """Drive periods in one policy period."""
+        return round(self.policy_s / self.drive_s)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spec:
+    """One simulated world, complete: everything an engine needs to build it."""
+
+    hand: Hand
+    stick: Stick
+    contact: Contact
+    timing: Timing
+    gravity_m_s2: Vec3 = (0.0, 0.0, -9.81)
+
+    @cached_property
+    def digest(self) -> str:
+        """First 12 hex digits of the SHA-256 of all numbers; equal digests, equal worlds."""
+        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def drives(self) -> tuple[Drive, ...]:
+        """Drives of the driven joints in spec order."""
+        return tuple(b.joint.drive for b in self.hand.driven if b.joint.drive is not None)
+
+    def with_drives(self, drives: tuple[Drive, ...]) -> "Spec":
+        """This world with other drives, one per driven joint in spec order."""
+        fresh = iter(drives)
+        bodies = tuple(
+            b
+            if b.joint.drive is None
+            else dataclasses.replace(b, joint=dataclasses.replace(b.joint, drive=next(fresh)))
+            for b in self.hand.bodies
+        )
+        return dataclasses.replace(self, hand=dataclasses.replace(self.hand, bodies=bodies))
+
+
+def field_names() -> tuple[str, ...]:
+    """Every number a spec holds, as 'drive.kp_nm_rad', 'stick.shape', ...: what engines answer for."""
+    parts = (Drive, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
+    nested = {"bodies", "fingertips", "taxels", "joint", "drive", "name", "finger"}
+    names = [
+        f"{part.__name__.lower()}.{f.name}"
+        for part in parts
+        for f in dataclasses.fields(part)
+        if f.name not in nested
+    ]
+    return (*names, "spec.gravity_m_s2")

@@ -1,0 +1,102 @@
+"""What every engine reports, and the one convention in which it does.
+
+World frame, z up, right-handed. N worlds, J driven joints and F fingertips in spec order.
+Quaternions are w, x, y, z and turn stick coordinates into world coordinates.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class InitialState:
+    """Where the episodes of N worlds start; everything is at rest."""
+
+    joint_rad: Array
+    """Driven joint angles [rad], shape (N, J)."""
+    stick_pos_m: Array
+    """Stick centre [m], shape (N, 3)."""
+    stick_quat_wxyz: Array
+    """Stick orientation, shape (N, 4)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """The observable state of N worlds; an engine overwrites these arrays at every step."""
+
+    joint_rad: Array
+    """Joint angles, link side [rad], shape (N, J)."""
+    joint_rad_s: Array
+    """Joint speeds, link side [rad/s], shape (N, J)."""
+    motor_rad: Array
+    """Motor angles reflected through the gear [rad], shape (N, J)."""
+    drive_torque_nm: Array
+    """PD torque of the motors [Nm], shape (N, J)."""
+    stick_pos_m: Array
+    """Stick centre [m], shape (N, 3)."""
+    stick_quat_wxyz: Array
+    """Stick orientation, shape (N, 4)."""
+    stick_vel_m_s: Array
+    """Velocity of the stick's centre [m/s], shape (N, 3)."""
+    stick_omega_rad_s: Array
+    """Angular velocity of the stick, world frame [rad/s], shape (N, 3)."""
+    contact_point_m: Array
+    """Force-weighted mean contact point per fingertip [m], shape (N, F, 3); 0 without contact."""
+    contact_force_n: Array
+    """Normal force of the stick on each fingertip, world frame [N], shape (N, F, 3)."""
+
+    @classmethod
+    def allocate(
+        cls, worlds: int, joints: int, tips: int, make: Callable[[tuple[int, ...]], Array] = np.zeros
+    ) -> "State":
+        """A state of zeros; `make` gives an array of a shape, shared memory for instance."""
+        per_joint, per_tip = (worlds, joints), (worlds, tips, 3)
+        shapes = {
+            "stick_pos_m": (worlds, 3),
+            "stick_quat_wxyz": (worlds, 4),
+            "stick_vel_m_s": (worlds, 3),
+            "stick_omega_rad_s": (worlds, 3),
+            "contact_point_m": per_tip,
+            "contact_force_n": per_tip,
+        }
+        return cls(**{f.name: make(shapes.get(f.name, per_joint)) for f in fields(cls)})
+
+    def rows(self, part: slice) -> "State":
+        """A view of some worlds."""
+        return State(**{f.name: getattr(self, f.name)[part] for f in fields(self)})
+
+    def first_bad_signal(self) -> str | None:
+        """Name of the first signal that is NaN or infinite, else None."""
+        for f in fields(self):
+            if not np.isfinite(getattr(self, f.name)).all():
+                return f.name
+        return None
+
+
+def quat_z_axis(quat_wxyz: Array) -> Array:
+    """World direction of the stick's long axis, shape (..., 3), from quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(quat_wxyz, -1, 0)
+    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+
+
+def quat_to_matrix(quat_wxyz: Array) -> Array:
+    """Rotation matrices, shape (..., 3, 3), from unit quaternions (..., 4)."""
+    w, x, y, z = np.moveaxis(quat_wxyz, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def quat_from_z_axis(axis: Array) -> Array:
+    """Shortest rotation, shape (..., 4) w x y z, that turns z into the unit vectors `axis`."""
+    quat = np.stack(
+        [1 + axis[..., 2], -axis[..., 1], axis[..., 0], np.zeros_like(axis[..., 0])], axis=-1
+    )
+    return quat / np.linalg.norm(quat, axis=-1, keepdims=True)
