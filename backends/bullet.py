@@ -1,0 +1,251 @@
+"""Bullet: one physics client per world, its hand and its stick as generated URDF."""
+
+import math
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import pybullet as p
+
+from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends.spec import Body, Fingertip, Hand, Spec, Stick, Vec3, field_names
+from backends.state import Array, InitialState
+
+ITERATIONS = 100
+SPEED_LIMIT_RAD_S = 1e3
+_TIP, _STICK = 1, 2
+
+
+def _text(*values: float) -> str:
+    return " ".join(repr(float(v)) for v in values)
+
+
+def _link(name: str, mass_kg: float, com_m: Vec3, inertia_kgm2: Vec3, collision: str = "") -> str:
+    """A URDF link; the axes of its inertia are parallel to its frame."""
+    xx, yy, zz = (_text(i) for i in inertia_kgm2)
+    return (
+        f'<link name="{name}"><inertial><origin xyz="{_text(*com_m)}"/>'
+        f'<mass value="{_text(mass_kg)}"/>'
+        f'<inertia ixx="{xx}" iyy="{yy}" izz="{zz}" ixy="0" ixz="0" iyz="0"/></inertial>'
+        f"{collision}</link>"
+    )
+
+
+def _joint(body: Body) -> str:
+    kind = "fixed" if body.joint.drive is None else "continuous"
+    return (
+        f'<joint name="{body.joint.name}" type="{kind}">'
+        f'<parent link="{body.parent or "palm"}"/><child link="{body.name}"/>'
+        f'<origin xyz="{_text(*body.origin_m)}"/><axis xyz="{_text(*body.joint.axis)}"/></joint>'
+    )
+
+
+def _collision(shape: str, center_m: Vec3 = (0, 0, 0), axis: Vec3 = (0, 0, 1)) -> str:
+    """A URDF shape whose own z lies along the unit vector `axis`."""
+    x, y, z = axis
+    turn = _text(0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
+    origin = f'<origin xyz="{_text(*center_m)}" rpy="{turn}"/>'
+    return f"<collision>{origin}<geometry>{shape}</geometry></collision>"
+
+
+def _capsule(radius_m: float, length_m: float) -> str:
+    """A capsule along z; `length_m` between the centres of its hemispheres."""
+    return f'<capsule radius="{_text(radius_m)}" length="{_text(length_m)}"/>'
+
+
+def _tip(tip: Fingertip) -> str:
+    half = tip.length_m / 2
+    x, y, z = (c - half * f for c, f in zip(tip.center_m, tip.forward, strict=True))
+    return _collision(_capsule(tip.radius_m, tip.length_m), (x, y, z), tip.forward)
+
+
+def hand_urdf(hand: Hand) -> str:
+    """The hand as URDF; the palm and links other than fingertips touch nothing."""
+    tips = {tip.body: _tip(tip) for tip in hand.fingertips}
+    parts = [_link("palm", 1.0, (0, 0, 0), (1, 1, 1))]
+    for b in hand.bodies:
+        parts.append(_link(b.name, b.mass_kg, b.com_m, b.inertia_kgm2, tips.get(b.name, "")))
+        parts.append(_joint(b))
+    return f'<robot name="{hand.name}">{"".join(parts)}</robot>'
+
+
+def stick_urdf(stick: Stick) -> str:
+    """The stick as URDF, its long axis along z."""
+    side = 2 * stick.radius_m
+    shapes = {
+        "capsule": _capsule(stick.radius_m, stick.length_m - side),
+        "box": f'<box size="{_text(side, side, stick.length_m)}"/>',
+    }
+    shape = _collision(shapes[stick.shape])
+    link = _link("stick", stick.mass_kg, (0, 0, 0), stick.inertia_kgm2, shape)
+    return f'<robot name="stick">{link}</robot>'
+
+
+class _World:
+    """A physics client and what identifies hand, stick, joints and fingertips in it."""
+
+    def __init__(self, spec: Spec) -> None:
+        self.client = p.connect(p.DIRECT)
+        p.resetSimulation(p.RESET_USE_SIMPLE_BROADPHASE, physicsClientId=self.client)
+        self._set_engine(spec)
+        self.hand = self._load(hand_urdf(spec.hand), fixed=True)
+        self.stick = self._load(stick_urdf(spec.stick), fixed=False)
+        links = range(p.getNumJoints(self.hand, self.client))
+        info = [p.getJointInfo(self.hand, i, self.client) for i in links]
+        at = {row[1].decode(): i for i, row in enumerate(info)}
+        self.joints = [at[name] for name in spec.hand.joint_names]
+        link_at = {row[12].decode(): i for i, row in enumerate(info)}
+        self.tips = {link_at[tip.body]: f for f, tip in enumerate(spec.hand.fingertips)}
+        for link in (-1, *links):
+            self._set_dynamics(self.hand, link, spec)
+        self._set_dynamics(self.stick, -1, spec)
+        self._filter()
+        p.setJointMotorControlArray(
+            self.hand,
+            self.joints,
+            p.VELOCITY_CONTROL,
+            forces=[0.0] * len(self.joints),
+            physicsClientId=self.client,
+        )
+
+    def _set_engine(self, spec: Spec) -> None:
+        dt = spec.timing.drive_s
+        p.setGravity(*spec.gravity_m_s2, physicsClientId=self.client)
+        p.setPhysicsEngineParameter(
+            fixedTimeStep=dt,
+            numSolverIterations=ITERATIONS,
+            solverResidualThreshold=0.0,
+            enableConeFriction=0,
+            contactERP=1 - math.exp(-dt / spec.contact.time_constant_s),
+            deterministicOverlappingPairs=1,
+            enableFileCaching=0,
+            physicsClientId=self.client,
+        )
+
+    def _load(self, urdf: str, fixed: bool) -> int:
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "body.urdf"
+            path.write_text(urdf)
+            return p.loadURDF(
+                str(path),
+                useFixedBase=fixed,
+                flags=p.URDF_USE_INERTIA_FROM_FILE | p.URDF_MAINTAIN_LINK_ORDER,
+                physicsClientId=self.client,
+            )
+
+    def _set_dynamics(self, body: int, link: int, spec: Spec) -> None:
+        mu = spec.stick.friction
+        root = math.sqrt(mu)
+        p.changeDynamics(
+            body,
+            link,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            maxJointVelocity=SPEED_LIMIT_RAD_S,
+            activationState=p.ACTIVATION_STATE_DISABLE_SLEEPING,
+            physicsClientId=self.client,
+        )
+        p.changeDynamics(
+            body,
+            link,
+            lateralFriction=root,
+            spinningFriction=root * spec.contact.torsion_radius_m / 2,
+            rollingFriction=0.0,
+            restitution=0.0,
+            physicsClientId=self.client,
+        )
+
+    def _filter(self):
+        for link in self.tips:
+            p.setCollisionFilterGroupMask(self.hand, link, _TIP, _STICK, self.client)
+        p.setCollisionFilterGroupMask(self.stick, -1, _STICK, _TIP, self.client)
+
+    def place(self, joint_rad: list[float], pos_m: list[float], quat_wxyz: list[float]) -> None:
+        """Put hand and stick at rest."""
+        for joint, angle in zip(self.joints, joint_rad, strict=True):
+            p.resetJointState(self.hand, joint, angle, 0.0, self.client)
+        w, x, y, z = quat_wxyz
+        p.resetBasePositionAndOrientation(self.stick, pos_m, (x, y, z, w), self.client)
+        p.resetBaseVelocity(self.stick, (0, 0, 0), (0, 0, 0), self.client)
+        self._filter()
+
+
+class Backend(Engine):
+    """N Bullet worlds in one process; pybullet keeps the interpreter lock, threads gain nothing."""
+
+    support = {
+        **SHARED_SUPPORT,
+        **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        "stick.shape": EXACT,
+        "stick.length_m": EXACT,
+        "stick.radius_m": EXACT,
+        "stick.mass_kg": EXACT,
+        "stick.friction": "approximate: pyramid, up to 24 % more grip on its diagonals",
+        "stick.grip_to_lower_end_m": EXACT,
+        "contact.torsion_radius_m": EXACT,
+        "contact.time_constant_s": "approximate: rigid, penetration decays exponentially (ERP)",
+        "spec.gravity_m_s2": EXACT,
+    }
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        super().__init__(specs)
+        self._worlds = [_World(spec) for spec in specs]
+
+    def close(self) -> None:
+        """Disconnect the clients."""
+        for world in self._worlds:
+            p.disconnect(world.client)
+        self._worlds = []
+
+    def _place(self, ids: Array, initial: InitialState) -> None:
+        for n in ids:
+            self._worlds[n].place(
+                initial.joint_rad[n].tolist(),
+                initial.stick_pos_m[n].tolist(),
+                initial.stick_quat_wxyz[n].tolist(),
+            )
+
+    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
+        read = []
+        pushed = stick_force_n.any(axis=1).tolist()
+        for n, torque in enumerate(torque_nm.tolist()):
+            world = self._worlds[n]
+            client, hand, joints = world.client, world.hand, world.joints
+            p.setJointMotorControlArray(
+                hand, joints, p.TORQUE_CONTROL, forces=torque, physicsClientId=client
+            )
+            if pushed[n]:
+                center, _ = p.getBasePositionAndOrientation(world.stick, client)
+                p.applyExternalForce(
+                    world.stick, -1, stick_force_n[n].tolist(), center, p.WORLD_FRAME, client
+                )
+            p.stepSimulation(client)
+            read.append([s[:2] for s in p.getJointStates(hand, joints, client)])
+        both = np.array(read)
+        self.state.joint_rad[:] = both[:, :, 0]
+        self.state.joint_rad_s[:] = both[:, :, 1]
+
+    def _observe(self) -> None:
+        state = self.state
+        state.contact_force_n[:] = 0.0
+        state.contact_point_m[:] = 0.0
+        for n, world in enumerate(self._worlds):
+            pos, (x, y, z, w) = p.getBasePositionAndOrientation(world.stick, world.client)
+            state.stick_pos_m[n] = pos
+            state.stick_quat_wxyz[n] = w, x, y, z
+            state.stick_vel_m_s[n], state.stick_omega_rad_s[n] = p.getBaseVelocity(
+                world.stick, world.client
+            )
+            self._read_contacts(n, world)
+
+    def _read_contacts(self, n: int, world: _World) -> None:
+        force, point = self.state.contact_force_n[n], self.state.contact_point_m[n]
+        press = np.zeros((len(force), 1))
+        for c in p.getContactPoints(world.hand, world.stick, physicsClientId=world.client):
+            f = world.tips[c[3]]
+            force[f] += c[9] * np.array(c[7])
+            point[f] += c[9] * (np.array(c[5]) + np.array(c[6])) / 2
+            press[f] += c[9]
+        point /= np.maximum(press, 1e-12)

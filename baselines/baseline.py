@@ -1,0 +1,112 @@
+"""What acts: the interface of learners and of scripted baselines."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from backends.state import Array
+from tasks.batch import BatchEnv, Step
+
+
+class Scripted(ABC):
+    """Base of a baseline that acts without learning; its subclass is named `Baseline`."""
+
+    trains = False
+
+    def __init__(self, action_width: int, seed: int) -> None:
+        self.action_width = action_width
+        self.rng = np.random.default_rng(seed)
+
+    @abstractmethod
+    def __call__(self, observation: Array) -> Array:
+        """Actions (N, J) in [-1, 1] from observations (N, width)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Progress:
+    """What one training iteration gave."""
+
+    steps: int
+    """Environment steps of the iteration, all worlds together."""
+    reward: float
+    """Mean reward per step."""
+    p_err_cm: float
+    """Mean error of the lower end over the iteration [cm]."""
+    q_err_deg: float
+    """Mean error of the axis over the iteration [deg]."""
+    dropped: float
+    """Share of the finished episodes that ended in a drop; NaN if none finished."""
+
+
+class Learner(ABC):
+    """Base of a learning algorithm; its subclass is named `Baseline`.
+
+    Training is a chain of segments. A segment is a pure function of the saved learner state and a
+    seed: all worlds start new episodes and every random stream starts anew. So a killed training
+    that resumes at its last checkpoint ends as it would have.
+    """
+
+    trains = True
+
+    @abstractmethod
+    def __init__(self, env: BatchEnv, seed: int) -> None:
+        """A fresh learner for this environment, its networks drawn from `seed`."""
+
+    @property
+    @abstractmethod
+    def steps_per_iteration(self) -> int:
+        """Environment steps between two updates, all worlds together."""
+
+    @abstractmethod
+    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+        """Train for some iterations, reporting after each."""
+
+    @abstractmethod
+    def save(self, path: Path) -> None:
+        """Write the learner's state: tensors and numbers, loadable without unpickling code."""
+
+    @abstractmethod
+    def load(self, path: Path) -> None:
+        """Read what `save` wrote."""
+
+    @abstractmethod
+    def export(self, path: Path) -> None:
+        """Write the deterministic policy as ONNX: 'observation' (N, W) to 'action' (N, J)."""
+
+
+class Monitor:
+    """Gathers the steps of one iteration into a `Progress`."""
+
+    def __init__(self) -> None:
+        self._steps: list[tuple[float, float, float, int, int]] = []
+        self._worlds = 0
+
+    def add(self, step: Step) -> None:
+        """Take note of one batched step."""
+        self._worlds = len(step.reward)
+        self._steps.append(
+            (
+                float(step.reward.mean()),
+                float(step.end_error_m.mean()),
+                float(step.axis_error_rad.mean()),
+                int(step.terminated.sum()),
+                int(step.done.sum()),
+            )
+        )
+
+    def drain(self) -> Progress:
+        """The record since the last call."""
+        table = np.array(self._steps)
+        self._steps = []
+        reward, end, axis = table[:, :3].mean(axis=0)
+        dropped, finished = table[:, 3:].sum(axis=0)
+        return Progress(
+            steps=len(table) * self._worlds,
+            reward=float(reward),
+            p_err_cm=float(end) * 100,
+            q_err_deg=float(np.degrees(axis)),
+            dropped=float(dropped / finished) if finished else float("nan"),
+        )

@@ -1,0 +1,84 @@
+"""What both PPO implementations share: one set of hyperparameters and the way to ONNX.
+
+Torch is imported here and in the learners' files alone.
+"""
+
+import contextlib
+import random
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+
+REWARD_SCALE = 0.1
+"""Rewards are learned at a tenth: rsl-rl clips changes of the value at an absolute 0.2."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PpoSettings:
+    """Hyperparameters of PPO, the same for every library, engine and task."""
+
+    steps_per_world: int = 32
+    epochs: int = 5
+    minibatches: int = 4
+    discount: float = 0.99
+    gae_lambda: float = 0.95
+    clip: float = 0.2
+    learning_rate: float = 5e-4
+    desired_kl: float = 0.01
+    """The learning rate follows the KL divergence of the updates towards this."""
+    value_weight: float = 1.0
+    entropy_weight: float = 0.0
+    max_gradient: float = 1.0
+    hidden: tuple[int, ...] = (128, 128)
+    initial_std: float = 0.4
+
+
+SETTINGS = PpoSettings()
+
+
+def seed_everything(seed: int) -> None:
+    """Seed torch, numpy and random, and keep torch to one thread: sums must not be reordered."""
+    torch.set_num_threads(1)
+    torch.manual_seed(seed)
+    np.random.seed(seed % 2**32)
+    random.seed(seed)
+
+
+class Deterministic(torch.nn.Module):
+    """The deployed policy: normalised observation, network, action clipped to [-1, 1]."""
+
+    def __init__(
+        self, mean: torch.Tensor, std: torch.Tensor, network: torch.nn.Module, clip: float
+    ) -> None:
+        super().__init__()
+        self.register_buffer("mean", mean.reshape(1, -1).float())
+        self.register_buffer("std", std.reshape(1, -1).float())
+        self.network = network
+        self.clip = clip
+
+    def forward(self, observation: torch.Tensor) -> torch.Tensor:
+        """Actions (N, J) from observations (N, W)."""
+        normal = torch.clamp((observation - self.mean) / self.std, -self.clip, self.clip)
+        return torch.clamp(self.network(normal), -1.0, 1.0)
+
+
+def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
+    """Write `policy` for observations of the given width, any batch size, one file."""
+    policy.eval()
+    batch = torch.export.Dim("batch")
+    with warnings.catch_warnings(), contextlib.redirect_stdout(None):
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            policy,
+            (torch.zeros(2, width),),
+            str(path),
+            input_names=["observation"],
+            output_names=["action"],
+            dynamic_shapes=({0: batch},),
+            dynamo=True,
+            external_data=False,
+            verbose=False,
+        )

@@ -1,0 +1,116 @@
+"""rsl-rl's PPO on the batched environment."""
+
+import contextlib
+import copy
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+from rsl_rl.env import VecEnv
+from rsl_rl.runners import OnPolicyRunner
+from tensordict import TensorDict
+
+from backends.state import Array
+from baselines.baseline import Learner, Monitor, Progress
+from baselines.ppo import REWARD_SCALE, SETTINGS, Deterministic, export_onnx, seed_everything
+from tasks.batch import BatchEnv
+
+
+class RslEnv(VecEnv):
+    """The batched environment as rsl-rl 5 wants it: TensorDicts, one group named 'policy'."""
+
+    def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
+        self._env, self._monitor = env, monitor
+        self.num_envs, self.num_actions = env.worlds, env.action_width
+        self.max_episode_length = env.horizon
+        self.episode_length_buf = torch.zeros(env.worlds, dtype=torch.long)
+        self.device = torch.device("cpu")
+        self.cfg: dict = {}
+        self._observation = self._pack(env.reset(stagger=True))
+
+    def get_observations(self) -> TensorDict:
+        """The current observations; rsl-rl asks repeatedly, so this never resets."""
+        return self._observation
+
+    def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:
+        """See `rsl_rl.env.VecEnv.step`; finished worlds restart at once."""
+        step, observation = self._env.step_and_restart(actions.numpy())
+        self._monitor.add(step)
+        self._observation = self._pack(observation)
+        reward = torch.from_numpy(REWARD_SCALE * step.reward).float()
+        extras = {"time_outs": torch.from_numpy(step.truncated).float()}
+        return self._observation, reward, torch.from_numpy(step.done).long(), extras
+
+    def _pack(self, observation: Array) -> TensorDict:
+        return TensorDict({"policy": torch.from_numpy(observation)}, batch_size=[self.num_envs])
+
+
+def _config() -> dict:
+    network = {
+        "class_name": "MLPModel",
+        "hidden_dims": list(SETTINGS.hidden),
+        "activation": "elu",
+        "obs_normalization": True,
+    }
+    gaussian = {
+        "class_name": "GaussianDistribution",
+        "init_std": SETTINGS.initial_std,
+        "std_type": "log",
+    }
+    return {
+        "num_steps_per_env": SETTINGS.steps_per_world,
+        "save_interval": 10**9,
+        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "actor": {**network, "distribution_cfg": gaussian},
+        "critic": network,
+        "algorithm": {
+            "class_name": "PPO",
+            "num_learning_epochs": SETTINGS.epochs,
+            "num_mini_batches": SETTINGS.minibatches,
+            "clip_param": SETTINGS.clip,
+            "gamma": SETTINGS.discount,
+            "lam": SETTINGS.gae_lambda,
+            "value_loss_coef": SETTINGS.value_weight,
+            "entropy_coef": SETTINGS.entropy_weight,
+            "learning_rate": SETTINGS.learning_rate,
+            "max_grad_norm": SETTINGS.max_gradient,
+            "schedule": "adaptive",
+            "desired_kl": SETTINGS.desired_kl,
+        },
+    }
+
+
+class Baseline(Learner):
+    """rsl-rl PPO with the shared hyperparameters; its learning rate adapts per minibatch."""
+
+    def __init__(self, env: BatchEnv, seed: int) -> None:
+        seed_everything(seed)
+        self._env, self._monitor = env, Monitor()
+        with contextlib.redirect_stdout(None):
+            self._runner = OnPolicyRunner(RslEnv(env, self._monitor), copy.deepcopy(_config()))
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """See `Learner.steps_per_iteration`."""
+        return SETTINGS.steps_per_world * self._env.worlds
+
+    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+        """See `Learner.learn`."""
+        for _ in range(iterations):
+            self._runner.learn(1)
+            report(self._monitor.drain())
+
+    def save(self, path: Path) -> None:
+        """See `Learner.save`."""
+        torch.save(self._runner.alg.save(), path)
+
+    def load(self, path: Path) -> None:
+        """See `Learner.load`."""
+        self._runner.alg.load(torch.load(path, weights_only=True), None, strict=True)
+
+    def export(self, path: Path) -> None:
+        """See `Learner.export`."""
+        actor = self._runner.alg.get_policy()
+        normal = actor.obs_normalizer
+        policy = Deterministic(normal.mean, normal.std + normal.eps, actor.mlp, clip=float("inf"))
+        export_onnx(policy, self._env.observation.width, path)

@@ -1,0 +1,192 @@
+"""Stable-Baselines3's PPO on the batched environment."""
+
+import math
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+
+from backends.state import Array
+from baselines.baseline import Learner, Monitor, Progress
+from baselines.ppo import REWARD_SCALE, SETTINGS, Deterministic, export_onnx, seed_everything
+from tasks.batch import BatchEnv
+
+_RATE_RANGE, _RATE_FACTOR = (1e-5, 1e-2), 1.5
+_CLIP_OBSERVATION = 10.0
+
+
+class Sb3Env(VecEnv):
+    """The batched environment as Stable-Baselines3 wants it; finished worlds restart at once."""
+
+    def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
+        width = env.observation.width
+        super().__init__(
+            env.worlds,
+            gym.spaces.Box(-np.inf, np.inf, (width,), np.float32),
+            gym.spaces.Box(-1.0, 1.0, (env.action_width,), np.float32),
+        )
+        self._env, self._monitor = env, monitor
+        self._action = np.zeros((env.worlds, env.action_width))
+
+    def reset(self) -> Array:
+        """Begin new episodes everywhere, cut at staggered lengths."""
+        return self._env.reset(stagger=True)
+
+    def step_async(self, actions: Array) -> None:
+        """Remember the actions of the coming step."""
+        self._action = actions
+
+    def step_wait(self) -> tuple[Array, Array, Array, list[dict]]:
+        """See `VecEnv.step_wait`."""
+        step, observation = self._env.step_and_restart(self._action)
+        self._monitor.add(step)
+        infos: list[dict] = [{} for _ in range(self.num_envs)]
+        for i in np.flatnonzero(step.done):
+            infos[i] = {
+                "terminal_observation": step.observation[i],
+                "TimeLimit.truncated": bool(step.truncated[i]),
+            }
+        return observation, (REWARD_SCALE * step.reward).astype(np.float32), step.done, infos
+
+    def close(self) -> None:
+        """The environment belongs to whoever made it."""
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list:
+        """See `VecEnv.get_attr`."""
+        return [getattr(self, attr_name, None)] * len(self._rows(indices))
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Refused: worlds are set up by their spec."""
+        raise NotImplementedError("worlds are set up by their spec")
+
+    def env_method(
+        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
+    ) -> list:
+        """Refused: there is no environment object per world."""
+        raise NotImplementedError("there is no environment object per world")
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """No world is wrapped."""
+        return [False] * len(self._rows(indices))
+
+    def _rows(self, indices: Any) -> Sequence[int]:
+        return list(self._get_indices(indices))
+
+
+class _Report(BaseCallback):
+    """Adapts the learning rate to the last update's KL divergence, as rsl-rl does, and reports."""
+
+    def __init__(self, monitor: Monitor, report: Callable[[Progress], None]) -> None:
+        super().__init__()
+        self._monitor, self._report = monitor, report
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_start(self) -> None:
+        kl = self.logger.name_to_value.get("train/approx_kl")
+        if kl is not None:
+            _adapt(self.model, float(kl))
+
+    def _on_rollout_end(self) -> None:
+        self._report(self._monitor.drain())
+
+
+def _adapt(model: Any, kl: float) -> None:
+    rate = model.policy.optimizer.param_groups[0]["lr"]
+    if kl > 2 * SETTINGS.desired_kl:
+        rate = max(_RATE_RANGE[0], rate / _RATE_FACTOR)
+    elif 0 < kl < SETTINGS.desired_kl / 2:
+        rate = min(_RATE_RANGE[1], rate * _RATE_FACTOR)
+    _set_rate(model, rate)
+
+
+def _set_rate(model: Any, rate: float) -> None:
+    model.learning_rate = rate
+    model.lr_schedule = lambda _: rate
+    for group in model.policy.optimizer.param_groups:
+        group["lr"] = rate
+
+
+class Baseline(Learner):
+    """Stable-Baselines3 PPO with the shared hyperparameters; its rate adapts per update."""
+
+    def __init__(self, env: BatchEnv, seed: int) -> None:
+        seed_everything(seed)
+        self._env, self._monitor = env, Monitor()
+        self._vec = VecNormalize(
+            Sb3Env(env, self._monitor), norm_reward=False, clip_obs=_CLIP_OBSERVATION
+        )
+        self._model = PPO(
+            "MlpPolicy",
+            self._vec,
+            n_steps=SETTINGS.steps_per_world,
+            batch_size=SETTINGS.steps_per_world * env.worlds // SETTINGS.minibatches,
+            n_epochs=SETTINGS.epochs,
+            gamma=SETTINGS.discount,
+            gae_lambda=SETTINGS.gae_lambda,
+            clip_range=SETTINGS.clip,
+            learning_rate=SETTINGS.learning_rate,
+            vf_coef=SETTINGS.value_weight,
+            ent_coef=SETTINGS.entropy_weight,
+            max_grad_norm=SETTINGS.max_gradient,
+            policy_kwargs={
+                "net_arch": list(SETTINGS.hidden),
+                "activation_fn": torch.nn.ELU,
+                "log_std_init": math.log(SETTINGS.initial_std),
+            },
+            device="cpu",
+            seed=seed % 2**32,
+        )
+
+    @property
+    def steps_per_iteration(self) -> int:
+        """See `Learner.steps_per_iteration`."""
+        return SETTINGS.steps_per_world * self._env.worlds
+
+    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+        """See `Learner.learn`."""
+        steps = iterations * self.steps_per_iteration
+        self._model.learn(steps, callback=_Report(self._monitor, report))
+        kl = self._model.logger.name_to_value.get("train/approx_kl")
+        if kl is not None:
+            _adapt(self._model, float(kl))
+
+    def save(self, path: Path) -> None:
+        """See `Learner.save`."""
+        moments = self._vec.obs_rms
+        torch.save(
+            {
+                "policy": self._model.policy.state_dict(),
+                "optimizer": self._model.policy.optimizer.state_dict(),
+                "mean": torch.from_numpy(moments.mean),
+                "var": torch.from_numpy(moments.var),
+                "count": float(moments.count),
+            },
+            path,
+        )
+
+    def load(self, path: Path) -> None:
+        """See `Learner.load`."""
+        saved = torch.load(path, weights_only=True)
+        self._model.policy.load_state_dict(saved["policy"])
+        self._model.policy.optimizer.load_state_dict(saved["optimizer"])
+        moments = self._vec.obs_rms
+        moments.mean, moments.var = saved["mean"].numpy(), saved["var"].numpy()
+        moments.count = saved["count"]
+        _set_rate(self._model, saved["optimizer"]["param_groups"][0]["lr"])
+
+    def export(self, path: Path) -> None:
+        """See `Learner.export`."""
+        policy, moments = self._model.policy, self._vec.obs_rms
+        network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
+        mean = torch.from_numpy(moments.mean)
+        std = torch.from_numpy(np.sqrt(moments.var + self._vec.epsilon))
+        deployed = Deterministic(mean, std, network, clip=_CLIP_OBSERVATION)
+        export_onnx(deployed, self._env.observation.width, path)

@@ -1,0 +1,204 @@
+"""The batched environment: N worlds of one task, plain numpy, no engine and no learner in sight."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.engine import Simulator
+from backends.state import Array, InitialState, State, quat_z_axis
+from backends.touch import Skin
+from tasks.initial_states import sample_initial_states
+from tasks.observation import Observation, Percept
+from tasks.task import EPISODE_S, Figure, desired_axis
+
+ACTION_RAD = 0.015
+"""Target increment of a full action in one policy step [rad]."""
+TARGET_LEAD_RAD = 0.2
+"""The target stays within this of the measured position [rad]."""
+ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
+"""The paper's reward: [C, w0, w1 per m, w2 per N]."""
+DROP_M = 0.03
+"""An episode ends when the stick's centre sinks this far below its nominal height [m]."""
+TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
+"""A step is tracked with the lower end and the axis within these."""
+STARTS_PER_WORLD = 8
+"""Initial states that each world draws its episodes from."""
+
+
+class SimulationDivergedError(Exception):
+    """A signal became NaN or infinite; the message names it and the time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Step:
+    """What one policy step gave, for N worlds."""
+
+    observation: Array
+    """Observation after the step, shape (N, width), float32."""
+    reward: Array
+    """The paper's reward, shape (N,)."""
+    terminated: Array
+    """The stick has fallen, shape (N,), bool."""
+    truncated: Array
+    """The episode's time is over, shape (N,), bool."""
+    end_error_m: Array
+    """Distance of the lower end from the drawn point [m], shape (N,)."""
+    axis_error_rad: Array
+    """Angle between the stick and u_d [rad], shape (N,)."""
+
+    @property
+    def done(self) -> Array:
+        """The episode is over, shape (N,), bool."""
+        return self.terminated | self.truncated
+
+    @property
+    def tracked(self) -> Array:
+        """Held, and both errors within their bounds, shape (N,), bool."""
+        near = (self.end_error_m < TRACKED_M) & (self.axis_error_rad < TRACKED_RAD)
+        return near & ~self.terminated
+
+
+class BatchEnv:
+    """N worlds of one task with one observation; faces for learners are thin layers over it."""
+
+    def __init__(
+        self, simulator: Simulator, task: Figure, observation: Observation, seed: int
+    ) -> None:
+        spec = simulator.specs[0]
+        self.simulator, self.task, self.observation = simulator, task, observation
+        self.worlds = len(simulator.specs)
+        self.policy_s = spec.timing.policy_s
+        self.horizon = round(EPISODE_S / self.policy_s)
+        self.seed(seed)
+        hand = spec.hand
+        self._skin = Skin(simulator.specs)
+        self._grip = np.array(hand.grip_m)
+        self._preload = np.array(hand.preload_rad)
+        self._ranges = np.array([b.joint.range_rad for b in hand.driven]).T
+        self._half = np.array([s.stick.length_m / 2 for s in simulator.specs])
+        self._lever = np.array([s.stick.grip_to_lower_end_m for s in simulator.specs])
+        self._floor = self._grip[2] + self._half - self._lever - DROP_M
+        self._target = np.zeros((self.worlds, len(hand.driven)))
+        self._steps = np.zeros(self.worlds, dtype=np.int64)
+        self._last_step = np.full(self.worlds, self.horizon)
+        self._heading = np.zeros(self.worlds)
+        self._starts: list[InitialState] = []
+        self._state: State | None = None
+
+    @property
+    def action_width(self) -> int:
+        """Length of the action vector."""
+        return self._target.shape[1]
+
+    @property
+    def state(self) -> State:
+        """The engine's latest state."""
+        if self._state is None:
+            raise RuntimeError("reset the environment first")
+        return self._state
+
+    @property
+    def time_s(self) -> Array:
+        """Time since the start of each episode [s], shape (N,)."""
+        return self._steps * self.policy_s
+
+    @property
+    def target_rad(self) -> Array:
+        """Commanded joint angles [rad], shape (N, J)."""
+        return self._target
+
+    def seed(self, seed: int) -> None:
+        """Start the random stream of initial states and headings anew."""
+        self._rng = np.random.default_rng(seed)
+        self._starts = []
+
+    def reset(
+        self, mask: Array | None = None, start: InitialState | None = None, stagger: bool = False
+    ) -> Array:
+        """Begin new episodes in the masked worlds (default all); the observations of all.
+
+        `start` replaces the drawn initial states. `stagger` cuts these episodes at random lengths,
+        so that worlds that start together do not end together.
+        """
+        mask = np.ones(self.worlds, dtype=bool) if mask is None else mask
+        start = self._draw_starts() if start is None else start
+        self._heading[mask] = self._rng.uniform(0, 2 * math.pi, self.worlds)[mask]
+        lengths = self._rng.integers(1, self.horizon + 1, self.worlds)
+        self._last_step[mask] = lengths[mask] if stagger else self.horizon
+        self._steps[mask] = 0
+        self._state = self.simulator.reset(start, mask)
+        self._target[mask] = (start.joint_rad + self._preload)[mask]
+        return self._observe(self._state)
+
+    def step(self, action: Array) -> Step:
+        """Move the targets by `action` in [-1, 1], shape (N, J), and advance one policy period.
+
+        Raises SimulationDivergedError when the engine returns a number that is not finite.
+        """
+        measured = self.state.joint_rad
+        move = ACTION_RAD * np.clip(action, -1, 1)
+        self._target += move
+        near = np.clip(self._target, measured - TARGET_LEAD_RAD, measured + TARGET_LEAD_RAD)
+        self._target[:] = np.clip(near, *self._ranges)
+        self._state = self.simulator.advance(self._target)
+        self._steps += 1
+        self._refuse_nan(self._state)
+        return self._judge(self._state)
+
+    def step_and_restart(self, action: Array) -> tuple[Step, Array]:
+        """`step`, then new episodes where one is over; the step, and the observations to act on."""
+        step = self.step(action)
+        return step, self.reset(step.done) if step.done.any() else step.observation
+
+    def close(self) -> None:
+        """Free the engine."""
+        self.simulator.close()
+
+    def reference(self) -> tuple[Array, Array]:
+        """Drawn point (N, 3) [m] and desired axis u_d (N, 3) now, world frame."""
+        axis = desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
+        return self._grip - self._lever[:, None] * axis, axis
+
+    def lower_end(self) -> Array:
+        """Lower end of the stick [m], world frame, shape (N, 3)."""
+        axis = quat_z_axis(self.state.stick_quat_wxyz)
+        return self.state.stick_pos_m - self._half[:, None] * axis
+
+    def _observe(self, state: State) -> Array:
+        _, axis = self.reference()
+        touch = self._skin.feel(state)
+        return self.observation.read(Percept(state=state, touch=touch, desired_axis=axis))
+
+    def _judge(self, state: State) -> Step:
+        drawn, desired = self.reference()
+        axis = quat_z_axis(state.stick_quat_wxyz)
+        lower = state.stick_pos_m - self._half[:, None] * axis
+        end_error = np.linalg.norm(lower - drawn, axis=1)
+        length = 2 * self._half[:, None]
+        top_error = np.linalg.norm((lower + length * axis) - (drawn + length * desired), axis=1)
+        force = np.linalg.norm(state.contact_force_n, axis=2).sum(axis=1)
+        axis_distance = np.linalg.norm(axis - desired, axis=1)
+        reward = ALIVE - AXIS_WEIGHT * axis_distance - END_WEIGHT * (end_error + top_error)
+        terminated = state.stick_pos_m[:, 2] < self._floor
+        return Step(
+            observation=self._observe(state),
+            reward=reward - FORCE_WEIGHT * force,
+            terminated=terminated,
+            truncated=(self._steps >= self._last_step) & ~terminated,
+            end_error_m=end_error,
+            axis_error_rad=2 * np.arcsin(np.minimum(axis_distance / 2, 1.0)),
+        )
+
+    def _draw_starts(self) -> InitialState:
+        if not self._starts:
+            specs = self.simulator.specs
+            self._starts = [
+                sample_initial_states(specs, self._rng) for _ in range(STARTS_PER_WORLD)
+            ]
+        return self._starts[self._rng.integers(STARTS_PER_WORLD)]
+
+    def _refuse_nan(self, state: State) -> None:
+        bad = state.first_bad_signal()
+        if bad is not None:
+            raise SimulationDivergedError(f"{bad} is not finite after step {self._steps.max()}")

@@ -1,0 +1,119 @@
+"""Initial states by the paper's Algorithm 1: fingers close on a stick that is held still.
+
+The paper closes the fingers in simulation until they touch; here the touching angle is found by
+bisection on the distance between fingertip and stick, which needs no engine and no cache.
+"""
+
+from collections.abc import Sequence
+
+import numba
+import numpy as np
+
+from backends.kinematics import tip_frames
+from backends.spec import Spec
+from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix
+from backends.touch import stick_shape, surface_distance
+
+TILT_RAD = 0.10
+"""Stick axis: both horizontal components of the tilt are uniform within +-this [rad]."""
+PIVOT_M = 3e-3
+"""Pinched point: uniform within +-this in x and y about the nominal grip [m]."""
+AXIAL_M = 6e-3
+"""Where along the stick it is pinched: uniform within +-this about the nominal point [m]."""
+DISTAL_RAD = 0.12
+"""Distal joints: uniform within +-this about the nominal grasp [rad]."""
+_SWEEP_RAD = 0.5
+"""How far the proximal joints open and close about the nominal grasp in search of contact."""
+_BISECTIONS, _SECTIONS = 40, 40
+_GOLDEN = 0.6180339887498949
+
+
+def sample_initial_states(
+    specs: Sequence[Spec], rng: np.random.Generator, spread: float = 1.0
+) -> InitialState:
+    """One grasp per spec, every finger touching the stick; `spread` scales the distributions.
+
+    Raises ValueError when a finger cannot touch a stick anywhere in its sweep.
+    """
+    hand, n = specs[0].hand, len(specs)
+
+    def draw(half: float, width: int) -> Array:
+        return spread * rng.uniform(-half, half, (n, width))
+
+    tilt = draw(TILT_RAD, 2)
+    axis = np.concatenate([tilt, np.sqrt(1 - (tilt**2).sum(axis=1, keepdims=True))], axis=1)
+    grip = np.array(hand.grip_m) + np.pad(draw(PIVOT_M, 2), ((0, 0), (0, 1)))
+    above = np.array([[s.stick.length_m / 2 - s.stick.grip_to_lower_end_m] for s in specs])
+    stick_pos = grip + axis * (above + draw(AXIAL_M, 1))
+    quat = quat_from_z_axis(axis)
+    joint = np.tile(np.array(hand.grasp_rad), (n, 1))
+    proximal, distal = _split(specs[0])
+    joint[:, distal] += draw(DISTAL_RAD, len(distal))
+    _close(specs, joint, proximal, stick_pos, quat)
+    return InitialState(joint_rad=joint, stick_pos_m=stick_pos, stick_quat_wxyz=quat)
+
+
+def _split(spec: Spec) -> tuple[list[int], list[int]]:
+    """Columns of each finger's joint next to the palm and of its joint next to the tip."""
+    names = [body.name for body in spec.hand.driven]
+    distal = [names.index(tip.body) for tip in spec.hand.fingertips]
+    bodies = {body.name: body for body in spec.hand.bodies}
+    proximal = [names.index(str(bodies[tip.body].parent)) for tip in spec.hand.fingertips]
+    return proximal, distal
+
+
+def _close(
+    specs: Sequence[Spec], joint: Array, proximal: list[int], stick_pos: Array, quat: Array
+) -> None:
+    """Bisect the proximal angles in `joint` until each tip's distance to the stick is zero."""
+    shapes = np.array([stick_shape(s.stick) for s in specs])
+    rotation = quat_to_matrix(quat)
+    closed = joint[:, proximal] + _SWEEP_RAD
+    opened = joint[:, proximal] - _SWEEP_RAD
+
+    def gap(angles: Array) -> Array:
+        joint[:, proximal] = angles
+        return _gaps(specs[0], joint, shapes, stick_pos, rotation)
+
+    if (gap(opened) <= 0).any() or (gap(closed) >= 0).any():
+        raise ValueError("a finger cannot touch the stick: check the grip, the stick and the hand")
+    for _ in range(_BISECTIONS):
+        middle = (opened + closed) / 2
+        outside = gap(middle) > 0
+        opened, closed = np.where(outside, middle, opened), np.where(outside, closed, middle)
+    joint[:, proximal] = opened
+
+
+def _gaps(spec: Spec, joint: Array, shapes: Array, stick_pos: Array, rotation: Array) -> Array:
+    origin, frame = tip_frames(spec.hand, joint)
+    tips = np.array([(tip.length_m, tip.radius_m) for tip in spec.hand.fingertips])
+    forward = np.ascontiguousarray(frame[..., 0])
+    return _capsule_gaps(origin, forward, tips, shapes, stick_pos, rotation)
+
+
+@numba.njit(cache=True)
+def _at(p, d, s, shape):
+    return surface_distance(p[0] + s * d[0], p[1] + s * d[1], p[2] + s * d[2], shape)
+
+
+@numba.njit(cache=True)
+def _capsule_gaps(origin, forward, tips, shapes, stick_pos, rotation):
+    """Distance tip to stick: golden section along the tip's axis, where it is convex."""
+    out = np.empty(origin.shape[:2])
+    for n in range(out.shape[0]):
+        for f in range(out.shape[1]):
+            p, d = np.zeros(3), np.zeros(3)
+            for i in range(3):
+                for k in range(3):
+                    p[i] += rotation[n, k, i] * (origin[n, f, k] - stick_pos[n, k])
+                    d[i] -= rotation[n, k, i] * forward[n, f, k] * tips[f, 0]
+            low, high = 0.0, 1.0
+            for _ in range(_SECTIONS):
+                a = high - _GOLDEN * (high - low)
+                b = low + _GOLDEN * (high - low)
+                if _at(p, d, a, shapes[n]) < _at(p, d, b, shapes[n]):
+                    high = b
+                else:
+                    low = a
+            out[n, f] = min(_at(p, d, low, shapes[n]), _at(p, d, high, shapes[n])) - tips[f, 1]
+    return out

@@ -1,0 +1,39 @@
+"""What a task is: a figure that the lower end of the stick draws in the horizontal plane."""
+
+import math
+from abc import ABC, abstractmethod
+
+import numpy as np
+
+from backends.state import Array
+
+RADIUS_M = 0.02
+"""Size of the figure in training [m]."""
+RATE_RAD_S = math.pi
+"""Phase rate of the figure in training [rad/s]."""
+EPISODE_S = 6.0
+
+
+class Figure(ABC):
+    """Base of every task; a subclass named `Task` in its own file is one task.
+
+    `radius_m` is the size of the figure, `speed` its pace as a multiple of the training pace.
+    """
+
+    def __init__(self, radius_m: float = RADIUS_M, speed: float = 1.0) -> None:
+        self.radius_m = radius_m
+        self.rate_rad_s = speed * RATE_RAD_S
+
+    @abstractmethod
+    def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
+        """Horizontal offset of the drawn point from the centre [m], shape (N, 2).
+
+        Takes times since the start (N,) [s] and each episode's random heading (N,) [rad]; every
+        figure starts at the centre.
+        """
+
+
+def desired_axis(offset_m: Array, lever_m: Array) -> Array:
+    """Unit vectors (N, 3) from the drawn points to the pivot, for levers (N,) from end to pivot."""
+    level = -offset_m / lever_m[:, None]
+    return np.concatenate([level, np.sqrt(1 - (level**2).sum(axis=1, keepdims=True))], axis=1)
