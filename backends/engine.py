@@ -20,6 +20,7 @@ SHARED_SUPPORT: Mapping[str, str] = {
     name: EXACT
     for name in field_names()
     if name.split(".")[0] in {"drive", "taxels", "timing", "joint", "hand"}
+    and name != "joint.axis"
 }
 """Answers for the fields that shared code computes above the engines."""
 

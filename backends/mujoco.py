@@ -123,10 +123,14 @@ def _add_stick(model: mujoco.MjSpec, spec: Spec) -> None:
 
 
 def _surface(spec: Spec) -> dict:
-    """Contact parameters, the same on both sides: MuJoCo takes the larger of the two."""
+    """Contact parameters, the same on both sides: MuJoCo takes the larger of the two.
+
+    Its torsional coefficient multiplies the normal force alone, so it holds the friction too.
+    """
+    friction = spec.stick.friction
     return {
         "condim": 4,
-        "friction": [spec.stick.friction, spec.contact.torsion_radius_m, 1e-4],
+        "friction": [friction, friction * spec.contact.torsion_radius_m, 1e-4],
         "solref": [spec.contact.time_constant_s, 1.0],
     }
 
@@ -138,6 +142,7 @@ class Backend(Engine):
     support = {
         **SHARED_SUPPORT,
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        "joint.axis": EXACT,
         "stick.shape": EXACT,
         "stick.length_m": EXACT,
         "stick.radius_m": EXACT,

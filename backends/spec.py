@@ -49,6 +49,8 @@ class Joint:
     range_rad: tuple[float, float]
     """Range that normalises the observed position and bounds the target [rad]."""
     drive: Drive | None
+    gear: str = "spur"
+    """'worm' where backlash and self-lock are to be expected, else 'spur'."""
     sensor: str = "joint"
     """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
 

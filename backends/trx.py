@@ -101,7 +101,9 @@ def _finger(name: str, base_m: Vec3, joints: tuple[str, str], spread: str | None
             )
         )
         parent, origin = f"{name}_base", (0.0, 0.0, 0.0)
-    proximal = Joint(name=joints[0], axis=axis, range_rad=(-1.2, 1.2), drive=PROXIMAL_DRIVE)
+    proximal = Joint(
+        name=joints[0], axis=axis, range_rad=(-1.2, 1.2), drive=PROXIMAL_DRIVE, gear="worm"
+    )
     distal = Joint(name=joints[1], axis=axis, range_rad=(-0.3, 1.8), drive=DISTAL_DRIVE)
     bodies.append(
         Body(

@@ -1,0 +1,153 @@
+"""One process per core for engines that hold the interpreter lock; state crosses in shared memory."""
+
+import ctypes
+import multiprocessing
+import signal
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+
+import numpy as np
+
+from backends.engine import Engine, Simulator
+from backends.spec import Spec
+from backends.state import Array, InitialState, State
+
+
+class WorkerError(RuntimeError):
+    """A simulation process failed or died; the message says how."""
+
+
+def simulate(engine: type[Engine], specs: Sequence[Spec], workers: int) -> Simulator:
+    """`specs` on an engine, on up to `workers` cores: threads where it can, processes otherwise.
+
+    Worlds are independent, so the number of workers changes no result.
+    """
+    workers = max(1, min(workers, len(specs)))
+    if engine.steps_in_threads:
+        return engine(specs, threads=workers)  # type: ignore[call-arg]
+    return engine(specs) if workers == 1 else Sharded(engine, specs, workers)
+
+
+class _Shared:
+    """Arrays that parent and workers see alike."""
+
+    def __init__(self, buffers: list, shapes: list[tuple[int, ...]]) -> None:
+        arrays = iter(
+            np.frombuffer(b, dtype=np.float64).reshape(s)
+            for b, s in zip(buffers, shapes, strict=True)
+        )
+        self.target, self.mask = next(arrays), next(arrays)
+        self.initial = InitialState(
+            joint_rad=next(arrays), stick_pos_m=next(arrays), stick_quat_wxyz=next(arrays)
+        )
+        n, joints = self.target.shape
+        tips = shapes[-1][1]
+        self.state = State.allocate(n, joints, tips, lambda shape: next(arrays))
+
+
+def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
+    shapes = [(n, joints), (n,), (n, joints), (n, 3), (n, 4)]
+    State.allocate(n, joints, tips, lambda shape: shapes.append(shape) or np.zeros(0))
+    return shapes
+
+
+def _work(
+    pipe: Connection,
+    engine_class: type[Engine],
+    specs: Sequence[Spec],
+    rows: slice,
+    buffers: list,
+    shapes: list[tuple[int, ...]],
+) -> None:
+    """A worker's life: build its worlds, then obey until told to stop or left alone."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        shared = _Shared(buffers, shapes)
+        engine = engine_class(specs)
+        engine.state = shared.state.rows(rows)
+        initial = InitialState(
+            joint_rad=shared.initial.joint_rad[rows],
+            stick_pos_m=shared.initial.stick_pos_m[rows],
+            stick_quat_wxyz=shared.initial.stick_quat_wxyz[rows],
+        )
+        pipe.send(None)
+        while (order := pipe.recv()) != "close":
+            if order == "reset":
+                engine.reset(initial, shared.mask[rows] > 0)
+            else:
+                engine.advance(shared.target[rows])
+            pipe.send(None)
+        engine.close()
+    except EOFError:
+        return
+    except Exception as error:  # noqa: BLE001 - whatever it was, the parent must hear of it
+        pipe.send(f"{type(error).__name__}: {error}")
+
+
+class Sharded:
+    """A `Simulator` over several processes of one engine."""
+
+    def __init__(self, engine: type[Engine], specs: Sequence[Spec], workers: int) -> None:
+        self.specs = tuple(specs)
+        hand = specs[0].hand
+        shapes = _shapes(len(specs), len(hand.joint_names), len(hand.fingertips))
+        context = multiprocessing.get_context("spawn")
+        buffers = [context.RawArray(ctypes.c_double, int(np.prod(s))) for s in shapes]
+        self._shared = _Shared(buffers, shapes)
+        self._pipes, self._processes = [], []
+        cuts = np.linspace(0, len(specs), workers + 1).astype(int)
+        for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
+            rows = slice(int(start), int(stop))
+            ours, theirs = context.Pipe()
+            job = (theirs, engine, self.specs[rows], rows, buffers, shapes)
+            process = context.Process(target=_work, args=job, daemon=True)
+            process.start()
+            theirs.close()
+            self._pipes.append(ours)
+            self._processes.append(process)
+        self._await()
+
+    def reset(self, initial: InitialState, mask: Array) -> State:
+        """See `Simulator.reset`."""
+        self._shared.mask[:] = mask
+        self._shared.initial.joint_rad[:] = initial.joint_rad
+        self._shared.initial.stick_pos_m[:] = initial.stick_pos_m
+        self._shared.initial.stick_quat_wxyz[:] = initial.stick_quat_wxyz
+        return self._order("reset")
+
+    def advance(self, target_rad: Array) -> State:
+        """See `Simulator.advance`."""
+        self._shared.target[:] = target_rad
+        return self._order("advance")
+
+    def close(self) -> None:
+        """Stop the processes; twice is harmless."""
+        for pipe in self._pipes:
+            try:
+                pipe.send("close")
+            except OSError:
+                pass
+            pipe.close()
+        for process in self._processes:
+            process.join(timeout=5)
+            if process.is_alive():
+                process.terminate()
+        self._pipes, self._processes = [], []
+
+    def _order(self, order: str) -> State:
+        try:
+            for pipe in self._pipes:
+                pipe.send(order)
+        except OSError as error:
+            raise WorkerError(f"a simulation process died: {error}") from error
+        self._await()
+        return self._shared.state
+
+    def _await(self) -> None:
+        for pipe in self._pipes:
+            try:
+                trouble = pipe.recv()
+            except EOFError as error:
+                raise WorkerError("a simulation process died without a word") from error
+            if trouble is not None:
+                raise WorkerError(trouble)

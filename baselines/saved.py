@@ -1,0 +1,80 @@
+"""A saved policy: ONNX and its contract, run without torch, without the learner, without pickle."""
+
+import hashlib
+import json
+from pathlib import Path
+
+import numpy as np
+import onnxruntime
+
+from backends.state import Array
+from tasks.observation import Observation
+
+POLICY_FILE, CONTRACT_FILE = "policy.onnx", "contract.json"
+
+
+class PolicyError(Exception):
+    """A saved policy cannot be used; the message says why."""
+
+
+class SavedPolicy:
+    """A deterministic policy read from a run folder.
+
+    Raises PolicyError when a file is missing or damaged, or when the policy was trained on another
+    observation than the one it is to be used with.
+    """
+
+    def __init__(self, folder: Path, observation: Observation) -> None:
+        contract = read_contract(folder)
+        if contract != observation.contract():
+            raise PolicyError(_difference(contract, observation.contract()))
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = 1
+        options.inter_op_num_threads = 1
+        path = folder / POLICY_FILE
+        try:
+            self._session = onnxruntime.InferenceSession(str(path), options)
+        except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
+            raise PolicyError(f"{path} cannot be read as a policy: {error}") from error
+        shape = self._session.get_inputs()[0].shape
+        if shape[-1] != observation.width:
+            raise PolicyError(
+                f"{path} takes {shape[-1]} numbers, its contract says {observation.width}"
+            )
+
+    def __call__(self, observation: Array) -> Array:
+        """Actions (N, J) in [-1, 1] from observations (N, width)."""
+        return np.asarray(self._session.run(["action"], {"observation": observation})[0])
+
+
+def write_contract(folder: Path, observation: Observation) -> None:
+    """Write the contract that a policy in this folder keeps."""
+    text = json.dumps(observation.contract(), indent=2)
+    (folder / CONTRACT_FILE).write_text(text + "\n")
+
+
+def read_contract(folder: Path) -> dict:
+    """The contract of a saved policy; raises PolicyError when it is missing or damaged."""
+    path = folder / CONTRACT_FILE
+    try:
+        return json.loads(path.read_text())
+    except FileNotFoundError:
+        raise PolicyError(f"no policy here: {path} does not exist") from None
+    except (OSError, ValueError) as error:
+        raise PolicyError(f"{path} cannot be read: {error}") from error
+
+
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, hexadecimal."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _difference(policy: dict, wanted: dict) -> str:
+    def layout(contract: dict) -> str:
+        channels = contract.get("observation", [])
+        return ", ".join(f"{c.get('name')} ({c.get('width')})" for c in channels)
+
+    return (
+        f"the policy does not fit this observation: it was trained on [{layout(policy)}], "
+        f"this observation gives [{layout(wanted)}]; use the observation it was trained on"
+    )

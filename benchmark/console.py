@@ -1,0 +1,99 @@
+"""What people and programs read: one JSON object or a table on stdout, all else on stderr."""
+
+import json
+import os
+import sys
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
+from rich.table import Table
+
+ERR = Console(stderr=True, highlight=False, soft_wrap=True)
+_real_stdout: int | None = None
+
+
+def divert_stdout() -> None:
+    """Send whatever libraries print on standard output to standard error from now on."""
+    global _real_stdout
+    if _real_stdout is None:
+        sys.stdout.flush()
+        _real_stdout = os.dup(1)
+        os.dup2(2, 1)
+
+
+def emit(result: dict, as_json: bool, table: Table | None = None) -> None:
+    """Print a command's result: the JSON object, or the table (else the object's lines)."""
+    descriptor = os.dup(1 if _real_stdout is None else _real_stdout)
+    with os.fdopen(descriptor, "w") as out:
+        if as_json:
+            out.write(json.dumps(result, allow_nan=False) + "\n")
+            return
+        width = Console(stderr=True).width if sys.stderr.isatty() else 160
+        console = Console(file=out, width=width, highlight=False)
+        if table is not None:
+            console.print(table)
+        else:
+            for key, value in result.items():
+                console.print(f"{key}: {value}", markup=False)
+
+
+def row_table(rows: list[dict], columns: list[str]) -> Table:
+    """A rich table of some columns of some rows."""
+    table = Table(*columns, header_style="bold")
+    for row in rows:
+        table.add_row(*(_cell(row.get(column)) for column in columns))
+    return table
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+class Bar:
+    """A progress bar on a terminal; a line every twentieth elsewhere."""
+
+    def __init__(self, what: str, total: int) -> None:
+        self._what, self._total, self._done, self._said = what, total, 0, -1
+        self._bar = Progress(
+            TextColumn("[bold]{task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeElapsedColumn(),
+            TextColumn("left"),
+            TimeRemainingColumn(),
+            TextColumn("{task.fields[note]}"),
+            console=ERR,
+            disable=not ERR.is_terminal,
+        )
+        self._task: TaskID = self._bar.add_task(what, total=total, note="")
+
+    def __enter__(self) -> "Bar":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._bar.stop()
+
+    def update(self, done: int, note: str = "") -> None:
+        """Show that `done` of the total are through, with a note beside."""
+        self._bar.update(self._task, completed=done, note=note)
+        part = 20 * done // max(self._total, 1)
+        if not ERR.is_terminal and part > self._said:
+            self._said = part
+            ERR.print(f"{self._what} {done}/{self._total} {note}", markup=False)

@@ -1,0 +1,65 @@
+"""`bench doctor`: are the engines and learners here, do they work, and what would mend them."""
+
+import subprocess
+import sys
+
+from rich.table import Table
+
+from benchmark import registry
+from benchmark.provenance import version
+
+_PACKAGE = {
+    "mujoco": "mujoco",
+    "bullet": "pybullet",
+    "sapien": "sapien",
+    "sb3-ppo": "stable-baselines3",
+    "rsl-ppo": "rsl-rl-lib",
+}
+_SYSTEM = {"libX11": "libx11-6", "libGL": "libgl1", "libEGL": "libegl1", "libvulkan": "libvulkan1"}
+_PIP = "pip install -c constraints.txt -e ."
+_PROBES = {
+    "backend": (
+        "import sys; from benchmark.run_spec import RunSpec, make_env;"
+        "run = RunSpec(backend=sys.argv[1], task='line', worlds=1);"
+        "env = make_env(run, [run.world()], 0, 1); env.reset();"
+        "env.step([[0.0] * env.action_width]); env.close()"
+    ),
+    "algorithm": "import sys; from benchmark import registry; registry.load('algorithm', sys.argv[1])",
+}
+
+
+def examine() -> tuple[dict, Table]:
+    """Try every backend and learner in a process of its own."""
+    rows = [_examine(kind, name) for kind in _PROBES for name in registry.names(kind)]
+    table = Table("part", "name", "package", "version", "state", "what to do", header_style="bold")
+    for row in rows:
+        table.add_row(*(str(row[key] or "-") for key in row))
+    return {"ok": all(row["state"] == "works" for row in rows), "parts": rows}, table
+
+
+def _examine(kind: str, name: str) -> dict:
+    package = _PACKAGE.get(name)
+    done = subprocess.run(
+        [sys.executable, "-c", _PROBES[kind], name],
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=registry.ROOT,
+    )
+    works = done.returncode == 0
+    last = (done.stderr.strip().splitlines() or ["died without a word"])[-1]
+    return {
+        "part": kind,
+        "name": name,
+        "package": package,
+        "version": version(package) if package else None,
+        "state": "works" if works else last,
+        "what_to_do": None if works else _remedy(last),
+    }
+
+
+def _remedy(trouble: str) -> str:
+    for library, package in _SYSTEM.items():
+        if library in trouble:
+            return f"apt-get install {package}"
+    return _PIP

@@ -1,0 +1,59 @@
+"""Effects as written on the command line: 'built', 'none', or 'backlash=1.2deg,kp-scale=-10%@J3'."""
+
+import math
+import re
+
+from backends.effect import UNITS, Effect
+from backends.spec import Hand
+from benchmark import registry
+from benchmark.errors import UsageError, unknown
+
+BUILT = "backlash=1deg,self-lock=10Nm"
+"""The hand as built: what every engine adds unless told otherwise."""
+_ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9]*)(?:@(\w+))?")
+_FORM = "NAME=NUMBER[UNIT][@JOINT], for example backlash=1.2deg@J3"
+
+
+def parse_effects(text: str, hand: Hand) -> tuple[Effect, ...]:
+    """The effects that `text` names, in order; raises UsageError for whatever cannot be."""
+    if text in ("none", ""):
+        return ()
+    items = (BUILT if text == "built" else text).split(",")
+    effects = tuple(_parse_one(item.strip(), hand) for item in items)
+    places = [(type(e), e.joint) for e in effects]
+    if len(set(places)) < len(places):
+        raise UsageError(f"an effect is given twice for one joint in '{text}': give each once")
+    return effects
+
+
+def _parse_one(item: str, hand: Hand) -> Effect:
+    match = _ITEM.fullmatch(item)
+    if match is None:
+        name = re.split("[=@]", item)[0]
+        if name not in registry.names("effect"):
+            raise unknown("effect", name, (*registry.names("effect"), "built", "none"))
+        raise UsageError(f"cannot read the effect '{item}'; allowed: {_FORM}")
+    name, number, unit, joint = match.groups()
+    if name not in registry.names("effect"):
+        raise unknown("effect", name, (*registry.names("effect"), "built", "none"))
+    kind: type[Effect] = registry.load("effect", name)
+    magnitude = _magnitude(item, kind, number, unit)
+    if joint is not None and joint not in hand.joint_names:
+        raise unknown("driven joint", joint, hand.joint_names)
+    return kind(magnitude=magnitude, joint=joint)
+
+
+def _magnitude(item: str, kind: type[Effect], number: str, unit: str) -> float:
+    units = [name for name, (dimension, _) in UNITS.items() if dimension == kind.dimension]
+    if unit not in units:
+        given = f"'{unit}'" if unit else "no unit"
+        raise UsageError(f"'{item}' has {given}; allowed: {', '.join(units)}")
+    try:
+        value = float(number) * UNITS[unit][1]
+    except ValueError:
+        raise UsageError(f"'{number}' in '{item}' is not a number; allowed: {_FORM}") from None
+    low, high = kind.bounds
+    if not (math.isfinite(value) and low <= value <= high):
+        size = UNITS[unit][1]
+        raise UsageError(f"'{item}' is out of range: {low / size:g} to {high / size:g} {unit}")
+    return value

@@ -1,0 +1,73 @@
+"""Where a result comes from: command, versions, CPU, commit."""
+
+import os
+import platform
+import shlex
+import subprocess
+import sys
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+
+PACKAGES = (
+    "mujoco",
+    "pybullet",
+    "sapien",
+    "gymnasium",
+    "stable-baselines3",
+    "rsl-rl-lib",
+    "torch",
+    "numpy",
+    "numba",
+    "onnxruntime",
+    "pandas",
+)
+_ROOT = Path(__file__).resolve().parent.parent
+
+
+def version(package: str) -> str | None:
+    """Installed version of a package, else None; imports nothing."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
+
+
+def provenance() -> dict:
+    """What a result row says of its making."""
+    return {
+        "command": shlex.join(["bench", *sys.argv[1:]]),
+        "versions": {p: v for p in PACKAGES if (v := version(p)) is not None},
+        "python": platform.python_version(),
+        "cpu": _cpu(),
+        "cores": usable_cores(),
+        "commit": _commit(),
+        "platform": platform.platform(),
+        "finished": datetime.now(UTC).isoformat(timespec="seconds"),
+    }
+
+
+def usable_cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _cpu() -> str:
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        return next(line.split(":")[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration, IndexError):
+        return platform.processor() or "unknown"
+
+
+def _commit() -> str:
+    def git(*words: str) -> str:
+        done = subprocess.run(
+            ["git", "-C", str(_ROOT), *words], capture_output=True, text=True, check=False
+        )
+        return done.stdout.strip() if done.returncode == 0 else ""
+
+    commit = git("rev-parse", "--short=12", "HEAD")
+    if not commit:
+        return "unknown"
+    return f"{commit}+changes" if git("status", "--porcelain", "--untracked-files=no") else commit

@@ -1,0 +1,72 @@
+"""Plug-ins by name: a file that holds one class of its kind; parts are chosen here and nowhere else.
+
+Listing reads file texts and imports nothing, so it needs no engine and no learner.
+"""
+
+import importlib
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from benchmark.errors import CommandError, unknown
+
+ROOT = Path(__file__).resolve().parent.parent
+_KINDS = {
+    "backend": ("backends", "Backend"),
+    "task": ("tasks", "Task"),
+    "observation": ("tasks/observations", "Observation"),
+    "algorithm": ("baselines", "Baseline"),
+    "effect": ("backends/effects", "Effect"),
+}
+_INSTALL = "pip install -c constraints.txt -e ."
+KINDS = tuple(_KINDS)
+
+
+@cache
+def names(kind: str) -> tuple[str, ...]:
+    """Names of all plug-ins of a kind, as typed on the command line, sorted."""
+    folder, class_name = _KINDS[kind]
+    declares = re.compile(rf"^class {class_name}\b", re.MULTILINE)
+    base_file = folder.split("/")[-1].rstrip("s") + ".py"
+    files = (ROOT / folder).glob("*.py")
+    found = [f.stem for f in files if f.name != base_file and declares.search(f.read_text())]
+    return tuple(sorted(name.replace("_", "-") for name in found))
+
+
+def summary(kind: str, name: str) -> str:
+    """First line of the plug-in's module docstring."""
+    text = (ROOT / _KINDS[kind][0] / f"{_module(name)}.py").read_text()
+    match = re.match(r'"""(.*?)(?:"""|\n)', text)
+    return match.group(1) if match else ""
+
+
+def check(kind: str, name: str) -> str:
+    """`name` if it is known; raises UsageError with the near one otherwise."""
+    if name not in names(kind):
+        raise unknown(kind, name, names(kind))
+    return name
+
+
+def load(kind: str, name: str) -> Any:
+    """The class of a plug-in; raises when it is unknown or its library is missing."""
+    folder, class_name = _KINDS[kind]
+    module = f"{folder.replace('/', '.')}.{_module(check(kind, name))}"
+    try:
+        return getattr(importlib.import_module(module), class_name)
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if (ROOT / missing).exists():
+            raise
+        raise CommandError(
+            f"{kind} '{name}' needs the package '{missing}', which is not installed; "
+            f"install it with: {_INSTALL}"
+        ) from error
+    except ImportError as error:
+        raise CommandError(
+            f"{kind} '{name}' cannot be loaded: {error}; `bench doctor` says what is missing"
+        ) from error
+
+
+def _module(name: str) -> str:
+    return name.replace("-", "_")

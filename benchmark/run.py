@@ -1,0 +1,146 @@
+"""The main job: train, evaluate, write the run folder, give the row."""
+
+import shutil
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pandas as pd
+
+from backends.shard import WorkerError
+from backends.state import Array
+from baselines.baseline import Progress
+from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy, file_sha256
+from benchmark import registry
+from benchmark.console import Bar
+from benchmark.errors import CommandError, UsageError
+from benchmark.evaluate import EPISODES, SMOKE_EPISODES, Episodes, evaluate
+from benchmark.provenance import provenance
+from benchmark.run_folder import EPISODES_FILE, RunFolder
+from benchmark.run_spec import RunSpec, make_env
+from benchmark.train import train
+from tasks.batch import BatchEnv, SimulationDivergedError, Step
+
+FREE_BYTES = 50_000_000
+"""A run is refused when the disk of its folder has less than this left."""
+
+
+def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> dict:
+    """Do what `spec` says in the folder `path`, or continue it; its run.json.
+
+    A run that diverged or cannot be done here is written down as such before the error is raised.
+    """
+    folder = RunFolder(path, spec)
+    finished = folder.claim(resume, force)
+    if finished is not None:
+        return finished
+    _refuse_full_disk(path)
+    try:
+        registry.load("backend", spec.backend)
+        baseline = registry.load("algorithm", spec.algo)
+        return _train_and_evaluate(spec, folder, baseline, workers)
+    except UsageError:
+        raise
+    except (SimulationDivergedError, WorkerError) as error:
+        status = "diverged" if "finite" in str(error) else "interrupted"
+        folder.write_run(status, str(error), provenance=provenance())
+        raise CommandError(f"{status} on {spec.backend}: {error}") from error
+    except CommandError as error:
+        folder.write_run("skipped", str(error), provenance=provenance())
+        raise
+
+
+def _train_and_evaluate(
+    spec: RunSpec, folder: RunFolder, baseline: type, workers: int
+) -> dict:
+    steps, wall_s = 0, 0.0
+    if baseline.trains:
+        with Bar(f"train {spec.backend} {spec.task}", spec.steps) as bar:
+
+            def report(progress: Progress, done: int) -> None:
+                note = f"reward {progress.reward:.3f}  error {progress.p_err_cm:.2f} cm"
+                bar.update(done, f"{note} {progress.q_err_deg:.1f} deg")
+
+            steps, wall_s = train(spec, folder, workers, report)
+    began = time.monotonic()
+    episodes = evaluate_run(spec, folder.path, workers)
+    rate = steps / wall_s if wall_s > 0 else 0.0
+    write_episodes(episodes, folder.path / EPISODES_FILE)
+    policy = folder.path / POLICY_FILE
+    finished = folder.write_run(
+        "done",
+        scores=episodes.scores(),
+        steps=steps,
+        wall_s=round(wall_s + time.monotonic() - began, 2),
+        env_steps_per_s=round(rate, 1),
+        policy_sha256=file_sha256(policy) if policy.exists() else None,
+        provenance=provenance(),
+    )
+    folder.drop_checkpoints()
+    return finished
+
+
+def evaluate_run(spec: RunSpec, policy: Path, workers: int) -> Episodes:
+    """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`."""
+    count = SMOKE_EPISODES if spec.smoke else EPISODES
+    env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
+    try:
+        act = _actor(spec, policy, env)
+        with Bar(f"evaluate {spec.backend} {spec.task}", env.horizon) as bar:
+            done = iter(range(1, env.horizon + 1))
+
+            def on_step(env: BatchEnv, step: Step) -> None:
+                bar.update(next(done))
+
+            return evaluate(env, act, on_step)
+    except PolicyError as error:
+        raise UsageError(str(error)) from error
+    except ValueError as error:
+        raise UsageError(f"{spec.stick} stick in this hand: {error}") from error
+    finally:
+        env.close()
+
+
+def _actor(spec: RunSpec, policy: Path, env: BatchEnv) -> Callable[[Array], Array]:
+    if (policy / POLICY_FILE).exists():
+        return SavedPolicy(policy, env.observation)
+    baseline = registry.load("algorithm", spec.algo)
+    if baseline.trains:
+        raise PolicyError(f"{policy} has no {POLICY_FILE}: its training has not finished")
+    return baseline(env.action_width, spec.seed)
+
+
+def write_episodes(episodes: Episodes, path: Path) -> None:
+    """One row per episode, as parquet."""
+    frame = pd.DataFrame({"episode": range(len(episodes.held)), **vars(episodes)})
+    temporary = path.with_name(f".{path.name}.tmp")
+    frame.to_parquet(temporary, index=False)
+    temporary.replace(path)
+
+
+def row(run_json: dict, path: Path) -> dict:
+    """What `bench run` prints of a finished run."""
+    scores = run_json["scores"] or {}
+    spec = run_json["spec"]
+    named = {k: spec[k] for k in ("backend", "task", "algo", "observation", "effects", "seed")}
+    return {
+        "status": run_json["status"],
+        **named,
+        **{k: scores.get(k) for k in ("p_err_cm", "q_err_deg", "held", "tracked", "episodes")},
+        "steps": run_json.get("steps"),
+        "wall_s": run_json.get("wall_s"),
+        "env_steps_per_s": run_json.get("env_steps_per_s"),
+        "dir": str(path),
+        "smoke": spec["smoke"],
+        "digest": run_json["digest"],
+        "spec_digest": run_json["spec_digest"],
+    }
+
+
+def _refuse_full_disk(path: Path) -> None:
+    free = shutil.disk_usage(path).free
+    if free < FREE_BYTES:
+        raise CommandError(
+            f"{path} has {free / 1e6:.0f} MB left; a run needs {FREE_BYTES / 1e6:.0f} MB: "
+            "free some space or choose another --out"
+        )

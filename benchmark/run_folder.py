@@ -1,0 +1,158 @@
+"""A run's folder on disk: what is in it, how it is claimed, and how it survives a kill.
+
+Every file is written under a temporary name and renamed. `run.json` says 'interrupted' until the
+run has ended, so a killed run says so by itself.
+"""
+
+import csv
+import dataclasses
+import json
+import os
+import re
+import shutil
+from pathlib import Path
+
+from baselines.baseline import Progress
+from baselines.saved import POLICY_FILE, file_sha256
+from benchmark.errors import CommandError, UsageError
+from benchmark.run_spec import RunSpec
+
+RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
+SCHEMA = 1
+_CHECKPOINT = re.compile(r"checkpoint-(\d+)\.pt")
+_COLUMNS = ("steps", "reward", "p_err_cm", "q_err_deg", "dropped", "wall_s")
+STATUSES = ("done", "diverged", "skipped", "interrupted")
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write `text` under a temporary name, then rename it into place."""
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(text)
+    os.replace(temporary, path)
+
+
+def read_run(folder: Path) -> dict:
+    """The run.json of a folder, checked; raises CommandError naming what is wrong with it."""
+    path = folder / RUN_FILE
+    if not folder.is_dir():
+        raise UsageError(f"no run folder at {folder}")
+    if not path.exists():
+        raise UsageError(f"{folder} is not a run folder: it has no {RUN_FILE}")
+    try:
+        run = json.loads(path.read_text())
+        run_spec(run)
+    except (ValueError, TypeError, KeyError, AttributeError) as error:
+        raise CommandError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+    if run.get("status") not in STATUSES:
+        raise CommandError(
+            f"{path} has status {run.get('status')!r}; allowed: {', '.join(STATUSES)}"
+        )
+    return run
+
+
+def run_spec(run: dict) -> RunSpec:
+    """The RunSpec that a run.json holds."""
+    return RunSpec(**run["spec"])
+
+
+def check_policy(folder: Path, run: dict) -> None:
+    """Raise CommandError unless the folder's policy is the one its run.json speaks of."""
+    path = folder / POLICY_FILE
+    if run.get("policy_sha256") is None:
+        return
+    if not path.exists():
+        raise CommandError(f"{path} is missing; run the training again with --force")
+    if file_sha256(path) != run["policy_sha256"]:
+        raise CommandError(
+            f"{path} is not the file that {RUN_FILE} speaks of (its SHA-256 differs); "
+            "restore it, or train again with --force"
+        )
+
+
+class RunFolder:
+    """The folder of one run, claimed for it."""
+
+    def __init__(self, path: Path, run: RunSpec) -> None:
+        self.path, self._run = path, run
+
+    def claim(self, resume: bool, force: bool) -> dict | None:
+        """Make the folder ready; the finished run.json if there is nothing left to do.
+
+        Raises UsageError when something else, or a half-finished run, is in the way.
+        """
+        if force and (self.path / RUN_FILE).exists():
+            shutil.rmtree(self.path)
+        if self.path.exists() and any(self.path.iterdir()):
+            found = read_run(self.path)
+            if found["digest"] != self._run.digest:
+                raise UsageError(
+                    f"{self.path} holds another run ({found['digest']}, this is "
+                    f"{self._run.digest}); choose another --out, or --force to replace it"
+                )
+            if found["status"] == "done":
+                check_policy(self.path, found)
+                return found
+            if not resume:
+                raise UsageError(
+                    f"{self.path} holds this run, {found['status']}; --resume continues it, "
+                    "--force starts anew"
+                )
+        self.path.mkdir(parents=True, exist_ok=True)
+        self.write_run("interrupted", "the run has not finished")
+        return None
+
+    def write_run(self, status: str, reason: str = "", **fields: object) -> dict:
+        """Write run.json; what it holds."""
+        run = {
+            "schema": SCHEMA,
+            "status": status,
+            "reason": reason,
+            "spec": dataclasses.asdict(self._run),
+            "digest": self._run.digest,
+            "spec_digest": self._run.world().digest,
+            "scores": None,
+            **fields,
+        }
+        write_atomically(self.path / RUN_FILE, json.dumps(run, indent=2, allow_nan=False) + "\n")
+        return run
+
+    def checkpoint(self) -> tuple[int, Path | None]:
+        """Iterations done at the last checkpoint and its file; (0, None) without one."""
+        found = {}
+        for file in self.path.iterdir():
+            if match := _CHECKPOINT.fullmatch(file.name):
+                found[int(match.group(1))] = file
+        return max(found.items(), default=(0, None))
+
+    def checkpoint_path(self, iterations: int) -> Path:
+        """Where the checkpoint after so many iterations belongs."""
+        return self.path / f"checkpoint-{iterations}.pt"
+
+    def drop_checkpoints(self, keep: Path | None = None) -> None:
+        """Remove all checkpoints but one."""
+        for file in self.path.iterdir():
+            if _CHECKPOINT.fullmatch(file.name) and file != keep:
+                file.unlink()
+
+    def progress(self, up_to_steps: int) -> list[dict]:
+        """Rows of progress.csv up to a checkpoint; raises CommandError when it is damaged."""
+        path = self.path / PROGRESS_FILE
+        if not path.exists():
+            return []
+        try:
+            with path.open(newline="") as file:
+                rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
+            return [row for row in rows if row["steps"] <= up_to_steps]
+        except (ValueError, KeyError, TypeError) as error:
+            raise CommandError(f"{path} is damaged: {error}; --force starts anew") from error
+
+    def write_progress(self, rows: list[dict]) -> None:
+        """Write the learning curve."""
+        lines = [",".join(_COLUMNS)]
+        lines += [",".join(f"{row[c]:.6g}" if c != "steps" else str(int(row[c])) for c in _COLUMNS) for row in rows]
+        write_atomically(self.path / PROGRESS_FILE, "\n".join(lines) + "\n")
+
+
+def progress_row(progress: Progress, steps: int, wall_s: float) -> dict:
+    """A row of progress.csv."""
+    return {**dataclasses.asdict(progress), "steps": steps, "wall_s": wall_s}

@@ -1,0 +1,111 @@
+"""A run's identity: everything that decides its result, frozen, and the worlds it asks for."""
+
+import dataclasses
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends import trx
+from backends.randomize import randomize
+from backends.shard import simulate
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark import registry
+from benchmark.effects import parse_effects
+from benchmark.errors import UsageError, unknown
+from tasks.batch import BatchEnv
+from tasks.task import RADIUS_M
+
+HANDS = {"trx": trx}
+DEFAULT_STEPS = 1_500_000
+TRAIN_WORLDS = 256
+SMOKE_WORLDS, SMOKE_STEPS = 16, 2048
+RADIUS_RANGE_M = (0.001, 0.05)
+SPEED_RANGE = (0.05, 5.0)
+MAX_STEPS = 10**10
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSpec:
+    """What is run; equal specs give equal rows."""
+
+    backend: str
+    task: str
+    observation: str = "contact-centers"
+    algo: str = "sb3-ppo"
+    hand: str = "trx"
+    stick: str = "reference"
+    effects: str = "built"
+    radius_m: float = RADIUS_M
+    """Size of the figure [m]."""
+    speed: float = 1.0
+    """Pace of the figure over the training pace."""
+    steps: int = DEFAULT_STEPS
+    """Training budget in environment steps; 0 for baselines that do not train."""
+    seed: int = 0
+    randomize: bool = True
+    """Whether training draws its worlds around the nominal one."""
+    worlds: int = TRAIN_WORLDS
+    """Worlds trained on at once."""
+    smoke: bool = False
+    """A run that walks the whole path and is never ranked."""
+
+    def __post_init__(self) -> None:
+        for kind in ("backend", "task", "observation"):
+            registry.check(kind, getattr(self, kind))
+        registry.check("algorithm", self.algo)
+        if self.hand not in HANDS:
+            raise unknown("hand", self.hand, HANDS)
+        if self.stick not in STICKS:
+            raise unknown("stick", self.stick, STICKS)
+        _within("--radius", self.radius_m * 100, RADIUS_RANGE_M[0] * 100, RADIUS_RANGE_M[1] * 100)
+        _within("--speed", self.speed, *SPEED_RANGE)
+        _within("--steps", self.steps, 0, MAX_STEPS)
+        _within("--seed", self.seed, 0, 2**32 - 1)
+        parse_effects(self.effects, HANDS[self.hand].HAND)
+
+    @property
+    def digest(self) -> str:
+        """First 12 hex digits of the SHA-256 of all fields and of the nominal world."""
+        text = json.dumps([dataclasses.asdict(self), self.world().digest], sort_keys=True)
+        return hashlib.sha256(text.encode()).hexdigest()[:12]
+
+    @property
+    def name(self) -> str:
+        """A readable folder name that no other run has."""
+        smoke = "-smoke" if self.smoke else ""
+        parts = (self.backend, self.task, self.algo, self.observation)
+        return f"{'-'.join(parts)}-s{self.seed}{smoke}-{self.digest[:8]}"
+
+    def world(self) -> Spec:
+        """The nominal world: hand and stick with the effects applied in order."""
+        hand = HANDS[self.hand]
+        spec: Spec = hand.spec(STICKS[self.stick])
+        for effect in parse_effects(self.effects, hand.HAND):
+            spec = effect.on_spec(spec)
+        return spec
+
+
+def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> BatchEnv:
+    """The batched environment of a run on the given worlds; raises UsageError where they refuse."""
+    engine = registry.load("backend", run.backend)
+    task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
+    observation = registry.load("observation", run.observation)(worlds[0].hand)
+    return BatchEnv(simulate(engine, worlds, workers), task, observation, seed)
+
+
+def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
+    """The worlds of one training segment: drawn anew for each, or all nominal."""
+    nominal = run.world()
+    if not run.randomize:
+        return [nominal] * run.worlds
+    rng = np.random.default_rng([run.seed, segment])
+    return [randomize(nominal, rng) for _ in range(run.worlds)]
+
+
+def _within(flag: str, value: float, low: float, high: float) -> None:
+    if not (math.isfinite(value) and low <= value <= high):
+        raise UsageError(f"{flag} is {value:g}; allowed: {low:g} to {high:g}")

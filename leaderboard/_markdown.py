@@ -1,0 +1,142 @@
+"""The leaderboard as Markdown text: a section per task, then what is not ranked and why."""
+
+import math
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import pandas as pd
+
+from leaderboard.paper import ENGINE, EPISODES, FIGURE, PAPER
+from leaderboard.rows import Row
+
+MADE_BY = "Made by `bench leaderboard`; not edited by hand."
+READING = (
+    "Mean ± sample standard deviation over seeds. `tracked` ranks: the fraction of all reference "
+    "steps with the stick held, the lower end within 1 cm and the axis within 5 degrees. Rows are "
+    "ranked together only where task, radius, speed, engine, world digest and steps are equal."
+)
+HEAD = (
+    *("rank", "engine", "effects, stick", "world", "policy", "figure", "steps", "seeds"),
+    *("tracked", "held", "p_err [cm]", "q_err [deg]", "wall [min]"),
+)
+
+
+def markdown(frame: pd.DataFrame, missing: Sequence[Row], problems: Sequence[str]) -> str:
+    """The whole text; `missing` are runs that are not done, `problems` files not read."""
+    lines: list[dict[str, Any]] = [
+        {str(name): value for name, value in line.items()} for line in frame.to_dict("records")
+    ]
+    parts = [MADE_BY, "# Leaderboard", READING if lines else "No finished run."]
+    for task in dict.fromkeys(line["task"] for line in lines):
+        parts += _section(task, [line for line in lines if line["task"] == task])
+    parts += _unranked([line for line in lines if line["unranked"]])
+    parts += _missing(missing)
+    parts += _problems(problems)
+    return "\n\n".join(parts) + "\n"
+
+
+def _section(task: str, lines: list[dict[str, Any]]) -> list[str]:
+    cells = [_cells(line) for line in lines]
+    if task in PAPER:
+        cells.append(_paper_cells(task))
+    commands = "\n".join(f"- {_label(line)}: {_made(line)}" for line in lines)
+    details = f"<details><summary>Commands</summary>\n\n{commands}\n\n</details>"
+    return [f"## {_escape(task)}", _grid(HEAD, cells), details]
+
+
+def _cells(line: dict[str, Any]) -> tuple[str, ...]:
+    return (
+        "" if pd.isna(line["rank"]) else str(line["rank"]),
+        line["backend"],
+        f"{line['effects']}, {line['stick']}",
+        line["spec_digest"],
+        _policy(line),
+        _figure(line),
+        f"{line['steps']:,}",
+        str(line["seeds"]),
+        _spread(line, "tracked", 3),
+        _spread(line, "held", 3),
+        _spread(line, "p_err_cm", 2),
+        _spread(line, "q_err_deg", 2),
+        f"{line['wall_s'] / 60:.1f}",
+    )
+
+
+def _paper_cells(task: str) -> tuple[str, ...]:
+    paper = PAPER[task]
+    errors = (f"{paper.p_err_cm:.2f}", f"{paper.q_err_deg:.2f}")
+    setting = (ENGINE, "", "", "", FIGURE, "", f"{EPISODES} episodes")
+    return ("paper", *setting, "not reported", "not reported", *errors, "")
+
+
+def _policy(line: dict[str, Any]) -> str:
+    return f"{line['algo']}, {line['observation']}{', randomized' if line['randomize'] else ''}"
+
+
+def _figure(line: dict[str, Any]) -> str:
+    return f"{line['radius_m'] * 100:g} cm, speed {line['speed']:g}"
+
+
+def _spread(line: dict[str, Any], score: str, digits: int) -> str:
+    mean, spread = line[score], line[f"{score}_std"]
+    return f"{mean:.{digits}f}" + ("" if math.isnan(spread) else f" ± {spread:.{digits}f}")
+
+
+def _label(line: dict[str, Any]) -> str:
+    world = f"{line['backend']}, {line['effects']}, {line['stick']}"
+    return _escape(f"{world}, {_policy(line)}, {_figure(line)}, {line['steps']:,} steps")
+
+
+def _made(line: dict[str, Any]) -> str:
+    speed = f"{line['wall_s'] / 60:.1f} min a seed, {line['env_steps_per_s']:,.0f} steps/s"
+    return f"{_code(line['command'])} ({speed}; {_escape(line['versions'])})"
+
+
+def _unranked(lines: list[dict[str, Any]]) -> list[str]:
+    if not lines:
+        return []
+    items = [f"- {_escape(line['task'])}, {_label(line)}: {line['unranked']}" for line in lines]
+    return ["## Rows without a rank", "\n".join(items)]
+
+
+def _missing(rows: Sequence[Row]) -> list[str]:
+    if not rows:
+        return []
+    counts = sorted(Counter(row.status for row in rows).items())
+    text = ", ".join(f"{count} {status}" for status, count in counts)
+    cells = sorted(_missing_cells(row) for row in rows)
+    head = ("task", "engine", "policy", "seed", "run", "status", "reason")
+    return ["## Runs not done", f"{len(rows)}: {text}.", _grid(head, cells)]
+
+
+def _missing_cells(row: Row) -> tuple[str, ...]:
+    spec = row.spec
+    policy = _policy(spec.model_dump())
+    seed = str(spec.seed)
+    return (spec.task, spec.backend, policy, seed, row.digest, row.status, row.reason)
+
+
+def _problems(problems: Sequence[str]) -> list[str]:
+    if not problems:
+        return []
+    items = "\n".join(f"- {_escape(problem)}" for problem in problems)
+    return ["## Problems", f"{len(problems)}:", items]
+
+
+def _grid(head: Sequence[str], cells: Iterable[Sequence[str]]) -> str:
+    lines = [list(head), ["---"] * len(head), *([_escape(cell) for cell in row] for row in cells)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _escape(text: str) -> str:
+    """Text that Markdown shows as it is, on one line, also inside a table."""
+    for mark in ("\\", "|", "<", "`", "*"):
+        text = text.replace(mark, "\\" + mark)
+    return " ".join(text.split())
+
+
+def _code(text: str) -> str:
+    """Text as inline code, also where it holds backticks."""
+    text = " ".join(text.split())
+    return f"`` {text} ``" if "`" in text else f"`{text}`"

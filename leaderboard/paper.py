@@ -1,0 +1,25 @@
+"""The paper's results as data, for comparison; they were measured by its authors, not by us."""
+
+from dataclasses import dataclass
+
+ENGINE, FIGURE, EPISODES = "MuJoCo", "training settings", 10
+"""What it simulated with, on, and how often; it reports neither `held` nor `tracked`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperRow:
+    """The mean errors that the paper reports for one task."""
+
+    p_err_cm: float
+    """Error of the stick's lower end [cm]."""
+    q_err_deg: float
+    """Error of the stick's axis [deg]."""
+
+
+PAPER = {
+    "line": PaperRow(p_err_cm=0.83, q_err_deg=1.80),
+    "circle": PaperRow(p_err_cm=0.97, q_err_deg=1.92),
+    "spiral": PaperRow(p_err_cm=2.32, q_err_deg=5.90),
+    "eight": PaperRow(p_err_cm=1.16, q_err_deg=2.36),
+}
+"""By task, in the paper's order, which is the order of the tables."""
