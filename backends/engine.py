@@ -14,13 +14,11 @@ from backends.drive import DriveBank
 from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State
 
-
 EXACT = "exact"
 SHARED_SUPPORT: Mapping[str, str] = {
     name: EXACT
     for name in field_names()
-    if name.split(".")[0] in {"drive", "taxels", "timing", "joint", "hand"}
-    and name != "joint.axis"
+    if name.split(".")[0] in {"drive", "taxels", "timing", "joint", "hand"} and name != "joint.axis"
 }
 """Answers for the fields that shared code computes above the engines."""
 
@@ -28,7 +26,7 @@ SHARED_SUPPORT: Mapping[str, str] = {
 class Simulator(Protocol):
     """N worlds being simulated: what tasks see of an engine."""
 
-    specs: Sequence[Spec]
+    specs: tuple[Spec, ...]
 
     def reset(self, initial: InitialState, mask: Array) -> State:
         """Start the masked worlds from `initial`; the others stay as they are."""
@@ -103,6 +101,7 @@ class Engine(ABC):
         self._observe()
         return state
 
+    @abstractmethod
     def close(self) -> None:
         """Free the engine; twice is harmless."""
 

@@ -49,7 +49,7 @@ def _add_hand(model: mujoco.MjSpec, spec: Spec) -> None:
         contype=0,
         conaffinity=0,
     )
-    bodies = {None: model.worldbody}
+    bodies: dict[str | None, mujoco.MjsBody] = {None: model.worldbody}
     for body in hand.bodies:
         node = bodies[body.parent].add_body(
             name=body.name,
@@ -156,10 +156,8 @@ class Backend(Engine):
 
     def __init__(self, specs: Sequence[Spec], threads: int = 1) -> None:
         super().__init__(specs)
-        models = {s.digest: None for s in specs}
-        for spec in specs:
-            if models[spec.digest] is None:
-                models[spec.digest] = build(spec).compile()
+        distinct = {spec.digest: spec for spec in specs}
+        models = {digest: build(spec).compile() for digest, spec in distinct.items()}
         self._model = models[specs[0].digest]
         self._batch = Batch(self._model, nsim=len(specs), nthread=threads)
         if len(models) > 1:

@@ -1,4 +1,4 @@
-"""One process per core for engines that hold the interpreter lock; state crosses in shared memory."""
+"""One process per core for engines that hold the interpreter lock, over shared memory."""
 
 import ctypes
 import multiprocessing
@@ -46,8 +46,13 @@ class _Shared:
 
 
 def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
-    shapes = [(n, joints), (n,), (n, joints), (n, 3), (n, 4)]
-    State.allocate(n, joints, tips, lambda shape: shapes.append(shape) or np.zeros(0))
+    shapes: list[tuple[int, ...]] = [(n, joints), (n,), (n, joints), (n, 3), (n, 4)]
+
+    def note(shape: tuple[int, ...]) -> Array:
+        shapes.append(shape)
+        return np.zeros(0)
+
+    State.allocate(n, joints, tips, note)
     return shapes
 
 

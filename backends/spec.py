@@ -224,7 +224,7 @@ class Spec:
 
 
 def field_names() -> tuple[str, ...]:
-    """Every number a spec holds, as 'drive.kp_nm_rad', 'stick.shape', ...: what engines answer for."""
+    """Every number a spec holds, such as 'drive.kp_nm_rad': what engines answer for."""
     parts = (Drive, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
     nested = {"bodies", "fingertips", "taxels", "joint", "drive", "name", "finger"}
     names = [

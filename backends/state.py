@@ -51,7 +51,11 @@ class State:
 
     @classmethod
     def allocate(
-        cls, worlds: int, joints: int, tips: int, make: Callable[[tuple[int, ...]], Array] = np.zeros
+        cls,
+        worlds: int,
+        joints: int,
+        tips: int,
+        make: Callable[[tuple[int, ...]], Array] = np.zeros,
     ) -> "State":
         """A state of zeros; `make` gives an array of a shape, shared memory for instance."""
         per_joint, per_tip = (worlds, joints), (worlds, tips, 3)

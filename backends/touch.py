@@ -1,4 +1,4 @@
-"""Touch: taxels, contact centres and binary contact from poses and forces, one code for all engines.
+"""Touch: taxels, contact centres and binary contact, one code for all engines.
 
 A taxel is active when its fingertip carries force and the stick's surface is nearer to the taxel
 than the compliance of the skin: a distance, so no engine needs hundreds of contact geoms.
@@ -45,7 +45,7 @@ def taxel_grid(tip: Fingertip, taxels: Taxels) -> tuple[Array, Array]:
 
 
 def stick_shape(stick: Stick) -> tuple[float, float, float]:
-    """What `surface_distance` needs of a stick: round (1) or square (0), half length, radius [m]."""
+    """What `surface_distance` needs: round (1) or square (0), half length, radius [m]."""
     is_round = stick.shape == "capsule"
     half = stick.length_m / 2 - (stick.radius_m if is_round else 0.0)
     return (float(is_round), half, stick.radius_m)

@@ -11,8 +11,19 @@ thin stick is pinched in an unstable equilibrium and a fifth of all episodes end
 
 import math
 
-from backends.spec import Body, Contact, Drive, Fingertip, Hand, Joint, Spec, Stick, Taxels, Timing
-from backends.spec import Vec3
+from backends.spec import (
+    Body,
+    Contact,
+    Drive,
+    Fingertip,
+    Hand,
+    Joint,
+    Spec,
+    Stick,
+    Taxels,
+    Timing,
+    Vec3,
+)
 
 PROXIMAL_M = 0.045
 DISTAL_M = 0.038

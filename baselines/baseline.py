@@ -55,9 +55,9 @@ class Learner(ABC):
     def __init__(self, env: BatchEnv, seed: int) -> None:
         """A fresh learner for this environment, its networks drawn from `seed`."""
 
-    @property
+    @staticmethod
     @abstractmethod
-    def steps_per_iteration(self) -> int:
+    def steps_per_iteration(worlds: int) -> int:
         """Environment steps between two updates, all worlds together."""
 
     @abstractmethod

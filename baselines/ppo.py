@@ -4,6 +4,7 @@ Torch is imported here and in the learners' files alone.
 """
 
 import contextlib
+import logging
 import random
 import warnings
 from dataclasses import dataclass
@@ -54,8 +55,8 @@ class Deterministic(torch.nn.Module):
         self, mean: torch.Tensor, std: torch.Tensor, network: torch.nn.Module, clip: float
     ) -> None:
         super().__init__()
-        self.register_buffer("mean", mean.reshape(1, -1).float())
-        self.register_buffer("std", std.reshape(1, -1).float())
+        self.mean = torch.nn.Buffer(mean.reshape(1, -1).float())
+        self.std = torch.nn.Buffer(std.reshape(1, -1).float())
         self.network = network
         self.clip = clip
 
@@ -68,6 +69,7 @@ class Deterministic(torch.nn.Module):
 def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
     """Write `policy` for observations of the given width, any batch size, one file."""
     policy.eval()
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
     batch = torch.export.Dim("batch")
     with warnings.catch_warnings(), contextlib.redirect_stdout(None):
         warnings.simplefilter("ignore")

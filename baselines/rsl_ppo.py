@@ -89,10 +89,10 @@ class Baseline(Learner):
         with contextlib.redirect_stdout(None):
             self._runner = OnPolicyRunner(RslEnv(env, self._monitor), copy.deepcopy(_config()))
 
-    @property
-    def steps_per_iteration(self) -> int:
+    @staticmethod
+    def steps_per_iteration(worlds: int) -> int:
         """See `Learner.steps_per_iteration`."""
-        return SETTINGS.steps_per_world * self._env.worlds
+        return SETTINGS.steps_per_world * worlds
 
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""

@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from backends.state import Array
@@ -65,9 +66,7 @@ class Sb3Env(VecEnv):
         """Refused: worlds are set up by their spec."""
         raise NotImplementedError("worlds are set up by their spec")
 
-    def env_method(
-        self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any
-    ) -> list:
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list:
         """Refused: there is no environment object per world."""
         raise NotImplementedError("there is no environment object per world")
 
@@ -145,14 +144,20 @@ class Baseline(Learner):
             seed=seed % 2**32,
         )
 
-    @property
-    def steps_per_iteration(self) -> int:
+    @staticmethod
+    def steps_per_iteration(worlds: int) -> int:
         """See `Learner.steps_per_iteration`."""
-        return SETTINGS.steps_per_world * self._env.worlds
+        return SETTINGS.steps_per_world * worlds
+
+    @property
+    def _moments(self) -> RunningMeanStd:
+        moments = self._vec.obs_rms
+        assert isinstance(moments, RunningMeanStd)
+        return moments
 
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
-        steps = iterations * self.steps_per_iteration
+        steps = iterations * self.steps_per_iteration(self._env.worlds)
         self._model.learn(steps, callback=_Report(self._monitor, report))
         kl = self._model.logger.name_to_value.get("train/approx_kl")
         if kl is not None:
@@ -160,7 +165,7 @@ class Baseline(Learner):
 
     def save(self, path: Path) -> None:
         """See `Learner.save`."""
-        moments = self._vec.obs_rms
+        moments = self._moments
         torch.save(
             {
                 "policy": self._model.policy.state_dict(),
@@ -177,14 +182,14 @@ class Baseline(Learner):
         saved = torch.load(path, weights_only=True)
         self._model.policy.load_state_dict(saved["policy"])
         self._model.policy.optimizer.load_state_dict(saved["optimizer"])
-        moments = self._vec.obs_rms
+        moments = self._moments
         moments.mean, moments.var = saved["mean"].numpy(), saved["var"].numpy()
         moments.count = saved["count"]
         _set_rate(self._model, saved["optimizer"]["param_groups"][0]["lr"])
 
     def export(self, path: Path) -> None:
         """See `Learner.export`."""
-        policy, moments = self._model.policy, self._vec.obs_rms
+        policy, moments = self._model.policy, self._moments
         network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
         mean = torch.from_numpy(moments.mean)
         std = torch.from_numpy(np.sqrt(moments.var + self._vec.epsilon))

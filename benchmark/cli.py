@@ -48,9 +48,7 @@ def run(
     backend: Backend,
     task: TaskName,
     observation: Annotated[str, typer.Option(help="What the policy sees.")] = "contact-centers",
-    algo: Annotated[
-        str, typer.Option(help="sb3-ppo, rsl-ppo, hold-still or random.")
-    ] = "sb3-ppo",
+    algo: Annotated[str, typer.Option(help="sb3-ppo, rsl-ppo, hold-still or random.")] = "sb3-ppo",
     stick: Stick = None,
     effects: Effects = None,
     radius: Radius = None,
@@ -119,7 +117,7 @@ def evaluate(
 ) -> None:
     """Evaluate a saved policy in any world, task setting and stick. Settings default to the run's.
 
-    Example: [bold]bench eval runs/NAME --backend mujoco --task circle --radius 3cm --speed 1.5[/bold]
+    Example: [bold]bench eval runs/NAME --backend mujoco --radius 3cm --speed 1.5[/bold]
     """
     from benchmark import commands
 
@@ -134,6 +132,33 @@ def evaluate(
     )
     row = commands.evaluate(run_folder, changes, out, workers)
     emit(row, as_json, row_table([row], SHOWN[:9]))
+
+
+@app.command()
+def view(
+    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
+    out: Annotated[Path, typer.Option(help="Picture to write, such as view.png.")],
+    kind: Annotated[
+        str, typer.Option(help="figure: the drawn paths; hand: the grasp at one moment.")
+    ] = "figure",
+    episodes: Annotated[int, typer.Option(help="Fixed episodes to replay, 1 to 100.")] = 10,
+    time: Annotated[
+        float | None, typer.Option(help="Moment of episode 0 that `hand` shows [s]. [2]")
+    ] = None,
+    backend: Annotated[str | None, typer.Option(help="Engine to replay in. [the run's]")] = None,
+    effects: Effects = None,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Replay a run's policy and draw it: the paths of the stick's lower end, or the hand.
+
+    Example: [bold]bench view runs/NAME --kind hand --time 3 --out hand.png[/bold]
+    """
+    from benchmark import commands
+    from benchmark.view import view
+
+    changes = commands.changes(backend=backend, effects=effects)
+    emit(view(run_folder, out, kind, changes, episodes, time, workers), as_json)
 
 
 @app.command()
@@ -213,16 +238,12 @@ def _run(arguments: list[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         kept = "interrupted; what was written is kept, --resume continues a run"
         return _fail(kept, 130, as_json)
-    except Exception as error:
-        if hasattr(error, "show") and hasattr(error, "exit_code"):
-            error.show()
-            return _fail(error.format_message(), error.exit_code, as_json, shown=True)
-        raise
+    except typer.TyperException as error:
+        return _fail(f"{error.format_message()} See `bench --help`.", 2, as_json)
 
 
-def _fail(message: str, code: int, as_json: bool, shown: bool = False) -> int:
-    if not shown:
-        ERR.print(f"bench: {message}", markup=False)
+def _fail(message: str, code: int, as_json: bool) -> int:
+    ERR.print(f"bench: {message}", markup=False)
     if as_json:
         emit({"status": "interrupted" if code == 130 else "error", "error": message}, True)
     return code

@@ -74,9 +74,7 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
     }
 
 
-def evaluate(
-    folder: Path, changed: dict, out: Path | None, workers: int | None
-) -> dict:
+def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None) -> dict:
     """Evaluate a finished run's policy under changed settings; the row."""
     from benchmark import run
 

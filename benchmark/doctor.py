@@ -24,7 +24,9 @@ _PROBES = {
         "env = make_env(run, [run.world()], 0, 1); env.reset();"
         "env.step([[0.0] * env.action_width]); env.close()"
     ),
-    "algorithm": "import sys; from benchmark import registry; registry.load('algorithm', sys.argv[1])",
+    "algorithm": (
+        "import sys; from benchmark import registry; registry.load('algorithm', sys.argv[1])"
+    ),
 }
 
 

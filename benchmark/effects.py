@@ -1,4 +1,4 @@
-"""Effects as written on the command line: 'built', 'none', or 'backlash=1.2deg,kp-scale=-10%@J3'."""
+"""Effects as written on the command line: built, none, or backlash=1.2deg,kp-scale=-10%@J3."""
 
 import math
 import re

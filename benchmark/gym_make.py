@@ -1,4 +1,4 @@
-"""Makes the registered Gymnasium environments: `gym.make("stickbench/Eight-v0", backend="bullet")`."""
+"""Makes the Gymnasium environments that `benchmark.gym` registers."""
 
 from functools import partial
 from typing import Any

@@ -15,7 +15,7 @@ def parts() -> tuple[dict, Table]:
         for kind in registry.KINDS
     }
     found["stick"] = {
-        s.name: f"{s.shape}, {2e3 * s.radius_m:g} mm, {1e3 * s.mass_kg:g} g, friction {s.friction:g}"
+        s.name: f"{s.shape}, {2e3 * s.radius_m:g} mm, {1e3 * s.mass_kg:g} g, mu {s.friction:g}"
         for s in STICKS.values()
     }
     table = Table("kind", "name", "what it is", header_style="bold")
@@ -32,7 +32,7 @@ def support() -> tuple[dict, Table]:
         try:
             answers[name] = dict(registry.load("backend", name).support)
         except CommandError as error:
-            answers[name] = {field: f"unknown: {error}" for field in field_names()}
+            answers[name] = dict.fromkeys(field_names(), f"unknown: {error}")
     table = Table("field", *answers, header_style="bold")
     for field in field_names():
         table.add_row(field, *(engine.get(field, "no answer") for engine in answers.values()))

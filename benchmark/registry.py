@@ -1,4 +1,4 @@
-"""Plug-ins by name: a file that holds one class of its kind; parts are chosen here and nowhere else.
+"""Plug-ins by name: files that hold one class of a kind; parts are chosen here alone.
 
 Listing reads file texts and imports nothing, so it needs no engine and no learner.
 """

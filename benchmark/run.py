@@ -4,6 +4,7 @@ import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -18,7 +19,7 @@ from benchmark.evaluate import EPISODES, SMOKE_EPISODES, Episodes, evaluate
 from benchmark.provenance import provenance
 from benchmark.run_folder import EPISODES_FILE, RunFolder
 from benchmark.run_spec import RunSpec, make_env
-from benchmark.train import train
+from benchmark.train import Training
 from tasks.batch import BatchEnv, SimulationDivergedError, Step
 
 FREE_BYTES = 50_000_000
@@ -50,9 +51,7 @@ def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> d
         raise
 
 
-def _train_and_evaluate(
-    spec: RunSpec, folder: RunFolder, baseline: type, workers: int
-) -> dict:
+def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers: int) -> dict:
     steps, wall_s = 0, 0.0
     if baseline.trains:
         with Bar(f"train {spec.backend} {spec.task}", spec.steps) as bar:
@@ -61,7 +60,9 @@ def _train_and_evaluate(
                 note = f"reward {progress.reward:.3f}  error {progress.p_err_cm:.2f} cm"
                 bar.update(done, f"{note} {progress.q_err_deg:.1f} deg")
 
-            steps, wall_s = train(spec, folder, workers, report)
+            training = Training(spec, folder, workers, report)
+            training.finish()
+            steps, wall_s = training.steps, training.wall_s
     began = time.monotonic()
     episodes = evaluate_run(spec, folder.path, workers)
     rate = steps / wall_s if wall_s > 0 else 0.0

@@ -149,7 +149,10 @@ class RunFolder:
     def write_progress(self, rows: list[dict]) -> None:
         """Write the learning curve."""
         lines = [",".join(_COLUMNS)]
-        lines += [",".join(f"{row[c]:.6g}" if c != "steps" else str(int(row[c])) for c in _COLUMNS) for row in rows]
+        lines += [
+            ",".join(f"{row[c]:.6g}" if c != "steps" else str(int(row[c])) for c in _COLUMNS)
+            for row in rows
+        ]
         write_atomically(self.path / PROGRESS_FILE, "\n".join(lines) + "\n")
 
 

@@ -16,6 +16,7 @@ from benchmark.run_folder import RunFolder, progress_row
 from benchmark.run_spec import RunSpec, make_env, training_worlds
 
 SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 2
+"""Iterations between two checkpoints."""
 
 
 def segment_seed(run: RunSpec, segment: int) -> int:
@@ -23,53 +24,75 @@ def segment_seed(run: RunSpec, segment: int) -> int:
     return int(np.random.SeedSequence([run.seed, segment]).generate_state(1)[0])
 
 
-def train(
-    run: RunSpec, folder: RunFolder, workers: int, report: Callable[[Progress, int], None]
-) -> tuple[int, float]:
-    """Train from the last checkpoint to the end; environment steps and wall seconds in all.
+class Training:
+    """The training of one run, from the last checkpoint in its folder to the end."""
 
-    Writes a checkpoint and the learning curve after each segment and the policy at the end.
-    """
-    per_segment = SMOKE_SEGMENT_ITERATIONS if run.smoke else SEGMENT_ITERATIONS
-    iterations, checkpoint = folder.checkpoint()
-    total, per_iteration = None, None
-    rows: list[dict] = []
-    started = time.monotonic()
-    while total is None or iterations < total:
-        segment = iterations // per_segment
-        env = make_env(
-            run, training_worlds(run, segment), segment_seed(run, segment), workers
-        )
+    def __init__(
+        self,
+        run: RunSpec,
+        folder: RunFolder,
+        workers: int,
+        report: Callable[[Progress, int], None],
+    ) -> None:
+        self._run, self._folder, self._workers, self._report = run, folder, workers, report
+        self._learner_class = registry.load("algorithm", run.algo)
+        self._per_iteration: int = self._learner_class.steps_per_iteration(run.worlds)
+        self._per_segment = SMOKE_SEGMENT_ITERATIONS if run.smoke else SEGMENT_ITERATIONS
+        self._iterations, self._checkpoint = folder.checkpoint()
+        self._rows = folder.progress(self._iterations * self._per_iteration)
+        self._began = time.monotonic() - self.wall_s
+
+    @property
+    def steps(self) -> int:
+        """Environment steps trained so far."""
+        return self._iterations * self._per_iteration
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time of these steps, earlier sessions included [s]."""
+        return self._rows[-1]["wall_s"] if self._rows else 0.0
+
+    def finish(self) -> None:
+        """Train to the end of the budget; the folder then holds the policy and its contract.
+
+        Writes a checkpoint and the learning curve after each segment.
+        """
+        total = max(1, math.ceil(self._run.steps / self._per_iteration))
+        while self._iterations < total:
+            self._segment(min(self._per_segment, total - self._iterations), total)
+        if not (self._folder.path / POLICY_FILE).exists():
+            self._segment(0, total)
+
+    def _segment(self, iterations: int, total: int) -> None:
+        index = self._iterations // self._per_segment
+        seed = segment_seed(self._run, index)
+        env = make_env(self._run, training_worlds(self._run, index), seed, self._workers)
         try:
-            learner: Learner = registry.load("algorithm", run.algo)(
-                env, segment_seed(run, segment)
-            )
-            if total is None or per_iteration is None:
-                per_iteration = learner.steps_per_iteration
-                total = max(1, math.ceil(run.steps / per_iteration))
-                rows = folder.progress(iterations * per_iteration)
-                started -= rows[-1]["wall_s"] if rows else 0.0
-            if checkpoint is not None:
-                _load(learner, checkpoint)
-
-            def note(progress: Progress) -> None:
-                steps = int(rows[-1]["steps"]) if rows else 0
-                rows.append(
-                    progress_row(progress, steps + progress.steps, time.monotonic() - started)
-                )
-                report(progress, int(rows[-1]["steps"]))
-
-            count = min(per_segment, total - iterations)
-            learner.learn(count, note)
-            iterations += count
-            checkpoint = _save(learner, folder, iterations)
-            folder.write_progress(rows)
-            if iterations >= total:
-                write_contract(folder.path, env.observation)
-                learner.export(folder.path / POLICY_FILE)
+            learner: Learner = self._learner_class(env, seed)
+            if self._checkpoint is not None:
+                _load(learner, self._checkpoint)
+            learner.learn(iterations, self._note)
+            self._save(learner, self._iterations + iterations)
+            if self._iterations >= total:
+                write_contract(self._folder.path, env.observation)
+                learner.export(self._folder.path / POLICY_FILE)
         finally:
             env.close()
-    return iterations * (per_iteration or 0), rows[-1]["wall_s"] if rows else 0.0
+
+    def _note(self, progress: Progress) -> None:
+        steps = int(self._rows[-1]["steps"]) if self._rows else 0
+        wall_s = time.monotonic() - self._began
+        self._rows.append(progress_row(progress, steps + progress.steps, wall_s))
+        self._report(progress, steps + progress.steps)
+
+    def _save(self, learner: Learner, iterations: int) -> None:
+        path = self._folder.checkpoint_path(iterations)
+        temporary = path.with_name(f".{path.name}.tmp")
+        learner.save(temporary)
+        self._folder.write_progress(self._rows)
+        os.replace(temporary, path)
+        self._iterations, self._checkpoint = iterations, path
+        self._folder.drop_checkpoints(keep=path)
 
 
 def _load(learner: Learner, checkpoint: Path) -> None:
@@ -77,15 +100,6 @@ def _load(learner: Learner, checkpoint: Path) -> None:
         learner.load(checkpoint)
     except Exception as error:  # noqa: BLE001 - torch raises many classes for a damaged file
         raise CommandError(
-            f"{checkpoint} cannot be read ({type(error).__name__}); "
-            "remove it to resume at an earlier one, or --force to start anew"
+            f"{checkpoint} cannot be read ({type(error).__name__}: {error}); "
+            "--force starts the run anew"
         ) from error
-
-
-def _save(learner: Learner, folder: RunFolder, iterations: int) -> Path:
-    path = folder.checkpoint_path(iterations)
-    temporary = path.with_name(f".{path.name}.tmp")
-    learner.save(temporary)
-    os.replace(temporary, path)
-    folder.drop_checkpoints(keep=path)
-    return path

@@ -15,7 +15,6 @@ from backends.state import Array, InitialState, State
 
 GRIPPED_M = (0.068, 0.0, -0.03)
 ASIDE_M = (1.068, 0.0, -0.03)
-WORMS = {"J0", "J3", "J6"}
 ALL = ("mujoco", "bullet", "sapien")
 
 
@@ -36,11 +35,12 @@ beside_mujoco = pytest.mark.parametrize("backend", ALL[1:], indirect=True)
 def built(stick: Stick = sticks.STICKS["reference"], play_rad: float = math.radians(1)) -> Spec:
     """The hand as built, with play and self-lock on its worm gears."""
     spec = trx.spec(stick)
-    pairs = zip(spec.hand.joint_names, spec.drives, strict=True)
     return spec.with_drives(
         tuple(
-            dataclasses.replace(d, play_rad=play_rad, lock_nm=10.0) if n in WORMS else d
-            for n, d in pairs
+            dataclasses.replace(drive, play_rad=play_rad, lock_nm=10.0)
+            if body.joint.gear == "worm"
+            else drive
+            for body, drive in zip(spec.hand.driven, spec.drives, strict=True)
         )
     )
 

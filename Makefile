@@ -1,0 +1,53 @@
+# Each target sets up what it needs; `make help` lists them.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV ?= .venv
+# Address of PyTorch's CPU wheels; empty takes pip's default, which on Linux brings CUDA along.
+TORCH_INDEX ?=
+PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
+INSTALLED := $(VENV)/.installed
+SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
+export OMP_NUM_THREADS ?= 1
+
+.PHONY: help install run test test-slow check smoke clean
+
+help:
+	@echo "make install    virtual environment with everything, in $(VENV)"
+	@echo "make run        the main job: bench run --backend bullet --task eight (ARGS adds options)"
+	@echo "make test       the tests, except slow ones"
+	@echo "make test-slow  the slow tests"
+	@echo "make check      format, lint, types"
+	@echo "make smoke      one smoke run per engine and algorithm"
+	@echo "make clean      remove $(VENV) and caches"
+
+install: $(INSTALLED)
+
+$(INSTALLED): pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; v = sys.version_info[:2]; sys.exit(0 if v == (3, 11) else \
+		f"Stickbench needs Python 3.11, the one version with wheels for every engine; this is {v}. Say PYTHON=/path/to/python3.11")'
+	@echo "installing into $(VENV), some minutes ..."
+	$(PYTHON) -m venv $(VENV)
+	$(PIP) install -c constraints.txt torch $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX))
+	$(PIP) install -c constraints.txt -e '.[dev]'
+	@touch $@
+
+run: install
+	$(VENV)/bin/bench run --backend bullet --task eight $(ARGS)
+
+test: install
+	$(VENV)/bin/python -m pytest -n 2 -m "not slow" $(ARGS)
+
+test-slow: install
+	$(VENV)/bin/python -m pytest -m slow $(ARGS)
+
+check: install
+	$(VENV)/bin/ruff format --check .
+	$(VENV)/bin/ruff check .
+	$(VENV)/bin/mypy
+
+smoke: install $(addprefix smoke-run/,$(SMOKES))
+
+smoke-run/%:
+	$(VENV)/bin/bench run --smoke --force --backend $(*D) --algo $(*F) --task line --out runs/smoke/$(*D)-$(*F)
+
+clean:
+	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,229 @@
+"""The drive law alone against closed forms; the tests hold its joint or integrate it themselves."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from backends import sticks, trx
+from backends.drive import DriveBank
+from backends.spec import Body, Drive, Joint, Spec
+from backends.state import Array
+
+DT_S = 1e-3
+JOINT_KGM2 = 2e-4
+"""Inertia of the joint that the tests integrate."""
+FREE = Drive(
+    kp_nm_rad=6.0,
+    kd_nms_rad=0.0,
+    torque_limit_nm=1.2,
+    rotor_inertia_kgm2=2e-4,
+    coulomb_nm=0.0,
+    viscous_nms_rad=0.0,
+    gear_stiffness_nm_rad=20.0,
+    gear_damping_nms_rad=0.04,
+    play_rad=100.0,
+    lock_nm=0.0,
+)
+"""A rotor that never meets its teeth."""
+GEARED = dataclasses.replace(FREE, kd_nms_rad=0.15, play_rad=math.radians(1))
+WORM = dataclasses.replace(GEARED, lock_nm=10.0)
+
+
+def rig(drive: Drive, dt_s: float = DT_S) -> Spec:
+    """A world with one joint."""
+    joint = Joint(name="J", axis=(0.0, 0.0, 1.0), range_rad=(-1.0, 1.0), drive=drive)
+    body = Body(
+        name="arm",
+        parent=None,
+        origin_m=(0.0, 0.0, 0.0),
+        joint=joint,
+        mass_kg=0.1,
+        com_m=(0.0, 0.0, 0.0),
+        inertia_kgm2=(JOINT_KGM2,) * 3,
+    )
+    spec = trx.spec(sticks.STICKS["reference"])
+    hand = dataclasses.replace(spec.hand, bodies=(body,), fingertips=())
+    timing = dataclasses.replace(spec.timing, drive_s=dt_s)
+    return dataclasses.replace(spec, hand=hand, timing=timing)
+
+
+def bank(drives: list[Drive], start_rad: float = 0.0, dt_s: float = DT_S) -> DriveBank:
+    """One world per drive, its rotor at rest at `start_rad`."""
+    made = DriveBank([rig(drive, dt_s) for drive in drives])
+    made.reset(np.full((len(drives), 1), start_rad), np.ones(len(drives), dtype=bool))
+    return made
+
+
+def turn(drives: DriveBank, target_rad: float, steps: int) -> Array:
+    """Motor angles (steps, N) with the joints held at zero."""
+    still = np.zeros_like(drives.motor_rad)
+    path = []
+    for _ in range(steps):
+        drives.step(np.full_like(still, target_rad), still, still)
+        path.append(drives.motor_rad[:, 0].copy())
+    return np.array(path)
+
+
+class Swing:
+    """Joints (N,) as simple inertias on their drives, by semi-implicit Euler."""
+
+    def __init__(self, drives: list[Drive], start_rad: float) -> None:
+        self.bank = bank(drives, start_rad)
+        self.joint_rad = np.full((len(drives), 1), start_rad)
+        self.joint_rad_s = np.zeros((len(drives), 1))
+
+    def settle(self, target_rad: float, push_nm: Array, steps: int = 1500) -> Array:
+        """Joint angles (N,) after holding target and push."""
+        target = np.full_like(self.joint_rad, target_rad)
+        for _ in range(steps):
+            gear = self.bank.step(target, self.joint_rad, self.joint_rad_s)
+            self.joint_rad_s += DT_S / JOINT_KGM2 * (gear + push_nm[:, None])
+            self.joint_rad += DT_S * self.joint_rad_s
+        return self.joint_rad[:, 0].copy()
+
+
+def step_error(dt_s: float) -> float:
+    """Largest distance of a step response to the closed form of J x'' = kp (t - x) - kd x'."""
+    inertia, kp, kd, target, time_s = 0.02, 6.0, 0.2, 0.1, 0.6
+    drive = dataclasses.replace(FREE, rotor_inertia_kgm2=inertia, kp_nm_rad=kp, kd_nms_rad=kd)
+    path = turn(bank([drive], dt_s=dt_s), target, round(time_s / dt_s))[:, 0]
+    t = dt_s * np.arange(1, len(path) + 1)
+    decay = kd / (2 * inertia)
+    omega = math.sqrt(kp / inertia - decay**2)
+    wave = np.cos(omega * t) + decay / omega * np.sin(omega * t)
+    return float(np.abs(path - target * (1 - np.exp(-decay * t) * wave)).max())
+
+
+def test_free_rotor_follows_the_closed_form() -> None:
+    """Answer a step as the differential equation does, with an error of first order in dt."""
+    errors = [step_error(dt_s) for dt_s in (2e-3, 1e-3, 5e-4)]
+    natural_rad_s, target_rad = math.sqrt(6.0 / 0.02), 0.1
+    assert errors[1] < natural_rad_s * 1e-3 * target_rad
+    assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2, 2], rel=0.1)
+
+
+def test_viscous_friction_slows_the_rotor_exponentially() -> None:
+    """Decay as (1 - dt b / J)^n, which is exp(-b t / J) to first order."""
+    drive = dataclasses.replace(FREE, kp_nm_rad=0.0, viscous_nms_rad=2e-3)
+    free = bank([drive])
+    free.motor_rad_s[:] = 3.0
+    turn(free, 0.0, 100)
+    rate = 2e-3 / FREE.rotor_inertia_kgm2
+    assert free.motor_rad_s[0, 0] == pytest.approx(3.0 * (1 - DT_S * rate) ** 100, rel=1e-9)
+    assert free.motor_rad_s[0, 0] == pytest.approx(
+        3.0 * math.exp(-rate * 0.1), rel=rate**2 * DT_S * 0.1
+    )
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_torque_saturates(sign: float) -> None:
+    """Accelerate at limit / J while the target is far, and never ask for more."""
+    far = bank([FREE])
+    turn(far, sign * 50.0, 20)
+    assert far.pd_nm[0, 0] == sign * FREE.torque_limit_nm
+    speed = sign * FREE.torque_limit_nm / FREE.rotor_inertia_kgm2 * 20 * DT_S
+    assert far.motor_rad_s[0, 0] == pytest.approx(speed, rel=1e-12)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_coulomb_friction_stops_and_never_reverses(sign: float) -> None:
+    """Slow at coulomb / J, cover v^2 J / (2 coulomb), stop for good."""
+    coulomb, speed = 0.02, 2.0
+    rubbing = bank([dataclasses.replace(FREE, kp_nm_rad=0.0, coulomb_nm=coulomb)])
+    rubbing.motor_rad_s[:] = sign * speed
+    path = sign * turn(rubbing, 0.0, 60)[:, 0]
+    assert (np.diff(path) >= 0).all()
+    stop_steps = round(speed * FREE.rotor_inertia_kgm2 / coulomb / DT_S)
+    assert (path[stop_steps:] == path[-1]).all()
+    assert rubbing.motor_rad_s[0, 0] == 0.0
+    distance = speed**2 * FREE.rotor_inertia_kgm2 / (2 * coulomb)
+    assert path[-1] == pytest.approx(distance, abs=speed * DT_S)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_coulomb_friction_holds_a_small_offset(sign: float) -> None:
+    """Stay put while |kp e| is under the Coulomb torque, and leave when it is over."""
+    coulomb = 0.02
+    drive = dataclasses.replace(FREE, coulomb_nm=coulomb)
+    edge = coulomb / drive.kp_nm_rad
+    assert (turn(bank([drive]), sign * 0.99 * edge, 200) == 0.0).all()
+    assert sign * turn(bank([drive]), sign * 1.01 * edge, 200)[-1, 0] > 0.0
+
+
+def test_teeth_only_push() -> None:
+    """Follow k dead_band + c slip outside the play, cut at zero; be nothing inside."""
+    rng = np.random.default_rng(0)
+    n, play = 500, GEARED.play_rad
+    teeth = bank([GEARED] * n)
+    gap, joint_rad_s = rng.uniform(-3 * play, 3 * play, (n, 1)), rng.uniform(-5, 5, (n, 1))
+    motor_rad_s = rng.uniform(-5, 5, (n, 1))
+    teeth.motor_rad[:], teeth.motor_rad_s[:] = gap, motor_rad_s
+    still = np.zeros((n, 1))
+    gear = teeth.step(still, still, joint_rad_s).copy()
+    press = np.sign(gap) * np.maximum(np.abs(gap) - play, 0.0)
+    free = GEARED.gear_stiffness_nm_rad * press
+    free = free + GEARED.gear_damping_nms_rad * (motor_rad_s - joint_rad_s)
+    outside = np.abs(gap) > play
+    expected = np.where(outside & (free * press > 0), free, 0.0)
+    assert gear == pytest.approx(expected, abs=1e-12)
+    assert (outside & (gear == 0.0)).any()
+    assert (~outside).any()
+
+
+def test_gear_keeps_momentum() -> None:
+    """Conserve the momentum of rotor and joint when nothing else acts on them."""
+    swing = Swing([dataclasses.replace(GEARED, kp_nm_rad=0.0, kd_nms_rad=0.0)], 0.0)
+    swing.bank.motor_rad_s[:] = 2.0
+    swing.settle(0.0, np.zeros(1), 500)
+    momentum = GEARED.rotor_inertia_kgm2 * swing.bank.motor_rad_s + JOINT_KGM2 * swing.joint_rad_s
+    assert momentum[0, 0] == pytest.approx(2.0 * GEARED.rotor_inertia_kgm2, rel=1e-12)
+    assert swing.joint_rad_s[0, 0] > 0.1
+
+
+def test_push_test_reads_the_play() -> None:
+    """Move by play + torque / stiffness to either side when a held worm joint is pushed."""
+    plays, push = np.radians([0.0, 0.2, 1.0, 3.0]), np.full(4, 0.2)
+    swing = Swing([dataclasses.replace(WORM, play_rad=float(p)) for p in plays], 0.3)
+    q_a = swing.settle(0.3, 0 * push)
+    q_b = swing.settle(0.3, push)
+    q_c = swing.settle(0.3, -push)
+    give = plays + push / WORM.gear_stiffness_nm_rad
+    assert q_a == pytest.approx(0.3, abs=1e-12)
+    assert q_b - q_a == pytest.approx(give, abs=1e-9)
+    assert q_c - q_a == pytest.approx(-give, abs=1e-9)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_pushed_worm_stands_still(sign: float) -> None:
+    """Not move the motor at all with the lock; yield torque / kp without it."""
+    push = sign * np.full(2, 0.2)
+    swing = Swing([WORM, GEARED], 0.3)
+    swing.settle(0.3, push)
+    locked, free = swing.bank.motor_rad[:, 0] - 0.3
+    assert locked == 0.0
+    assert free == pytest.approx(sign * 0.2 / GEARED.kp_nm_rad, abs=1e-9)
+
+
+def test_lock_yields_beyond_its_torque() -> None:
+    """Hold under `lock_nm` and be driven back over it."""
+    drives = [dataclasses.replace(WORM, lock_nm=lock) for lock in (0.21, 0.15)]
+    swing = Swing(drives, 0.0)
+    # The push grows slowly: teeth that ring would load the worm more than the push does.
+    for push in np.linspace(0.0, 0.2, 40):
+        swing.settle(0.0, np.full(2, push), 50)
+    assert swing.bank.motor_rad[0, 0] == 0.0
+    assert swing.bank.motor_rad[1, 0] > 0.0
+
+
+@pytest.mark.parametrize("load_nm", [-0.3, 0.3])
+@pytest.mark.parametrize("target_rad", [-0.3, 0.3])
+def test_driven_worm_reaches_its_target_under_load(target_rad: float, load_nm: float) -> None:
+    """Come within load / kp of the target, lifting or lowering; the joint hangs on its teeth."""
+    swing = Swing([WORM], 0.0)
+    joint = swing.settle(target_rad, np.array([load_nm]), 3000)[0]
+    motor = swing.bank.motor_rad[0, 0]
+    assert abs(motor - target_rad) < abs(load_nm) / WORM.kp_nm_rad * 1.001
+    hang = math.copysign(WORM.play_rad, load_nm) + load_nm / WORM.gear_stiffness_nm_rad
+    assert joint - motor == pytest.approx(hang, abs=1e-4)
