@@ -21,7 +21,7 @@ REWARD_SCALE = 0.1
 class PpoSettings:
     """Hyperparameters of PPO, the same for every library, engine and task."""
 
-    steps_per_world: int = 32
+    steps_per_world: int = 64
     epochs: int = 5
     minibatches: int = 4
     discount: float = 0.99

@@ -28,8 +28,10 @@ OVERSAMPLING = 2
 """Pixels drawn per pixel kept, along each side."""
 LIMIT_S = 300
 """A child that draws longer than this hangs [s]."""
-_PLATFORMS = {"egl": "libegl1", "osmesa": "libosmesa6"}
-"""What the OpenGL platforms are called, and Debian's package of each."""
+_LOOK_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.03, 0.0, -0.032), 0.33, 144, -34
+"""The camera: palm, three fingers and the whole stick in view, nothing in front of the grip."""
+_PLATFORMS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
+"""OpenGL's platforms by MuJoCo's names, and Debian's packages of each."""
 LINK_M, KNUCKLE_M, TAXEL_M, BALL_M, PATH_M = 0.0075, 0.0105, 0.0005, 0.004, 0.0006
 """Drawn radii [m]; the spec has none, for links touch nothing."""
 _DARK, _METAL, _PALM = (0.20, 0.21, 0.23, 1), (0.48, 0.50, 0.53, 1), (0.30, 0.31, 0.34, 1)
@@ -84,8 +86,9 @@ def _draw(moment: Moment) -> Array:
     data = mujoco.MjData(model)
     _pose(model, data, moment)
     camera = mujoco.MjvCamera()
-    camera.lookat = (0.028, 0.0, -0.028)
-    camera.distance, camera.azimuth, camera.elevation = 0.43, 140, -22
+    camera.lookat = _LOOK_AT_M
+    camera.distance = _DISTANCE_M
+    camera.azimuth, camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
     with mujoco.Renderer(model, OVERSAMPLING * HEIGHT, OVERSAMPLING * WIDTH) as renderer:
         renderer.update_scene(data, camera)
         fine = renderer.render()
@@ -183,9 +186,7 @@ def main() -> None:
     """Draw the moment on standard input to the file named by the first argument."""
     from matplotlib.image import imsave
 
-    from benchmark import _scene
-
-    moment: _scene.Moment = pickle.load(sys.stdin.buffer)
+    moment: Moment = pickle.load(sys.stdin.buffer)
     imsave(sys.argv[1], _draw(moment), format="png")
 
 

@@ -39,6 +39,8 @@ Out = Annotated[Path | None, typer.Option(help="Folder to write to.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 Seed = Annotated[int, typer.Option(help="Decides every random draw of the training.")]
 
+INTERRUPTED = 130
+"""Exit code after Ctrl-C; typer gives it back as a command's result."""
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s", "dir"]
 
@@ -143,9 +145,11 @@ def view(
     ] = "figure",
     episodes: Annotated[int, typer.Option(help="Fixed episodes to replay, 1 to 100.")] = 10,
     time: Annotated[
-        float | None, typer.Option(help="Moment of episode 0 that `hand` shows [s]. [2]")
+        float | None, typer.Option(help="Second of episode 0 that `hand` shows, 0.02 to 6. [2]")
     ] = None,
-    backend: Annotated[str | None, typer.Option(help="Engine to replay in. [the run's]")] = None,
+    backend: Annotated[
+        str | None, typer.Option(help="Engine to replay in, if not the run's.")
+    ] = None,
     effects: Effects = None,
     workers: Workers = None,
     as_json: Json = False,
@@ -228,8 +232,10 @@ def main() -> None:
 def _run(arguments: list[str]) -> int:
     as_json = "--json" in arguments
     try:
-        result = app(arguments, standalone_mode=False)
-        return result if isinstance(result, int) else 0
+        code = app(arguments, standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        return code if isinstance(code, int) else 0
     except errors.CommandError as error:
         return _fail(str(error), error.exit_code, as_json)
     except OSError as error:
@@ -237,7 +243,7 @@ def _run(arguments: list[str]) -> int:
         return _fail(f"cannot use{where}: {error.strerror or error}", 1, as_json)
     except (KeyboardInterrupt, typer.Abort):
         kept = "interrupted; what was written is kept, --resume continues a run"
-        return _fail(kept, 130, as_json)
+        return _fail(kept, INTERRUPTED, as_json)
     except typer.TyperException as error:
         return _fail(f"{error.format_message()} See `bench --help`.", 2, as_json)
 
@@ -245,5 +251,6 @@ def _run(arguments: list[str]) -> int:
 def _fail(message: str, code: int, as_json: bool) -> int:
     ERR.print(f"bench: {message}", markup=False)
     if as_json:
-        emit({"status": "interrupted" if code == 130 else "error", "error": message}, True)
+        status = "interrupted" if code == INTERRUPTED else "error"
+        emit({"status": status, "error": message}, True)
     return code

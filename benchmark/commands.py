@@ -8,6 +8,7 @@ from pathlib import Path
 
 from benchmark import quantities, run_folder
 from benchmark.errors import CommandError, UsageError
+from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, make_env
 
@@ -64,7 +65,7 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
         rate = _PROBE_STEPS * env.worlds / (time.monotonic() - began)
     finally:
         env.close()
-    evaluation = (10 if spec.smoke else 100) * env.horizon
+    evaluation = (SMOKE_EPISODES if spec.smoke else EPISODES) * env.horizon
     return {
         "would_run": dataclasses.asdict(spec),
         "dir": str(out or RUNS / spec.name),

@@ -9,7 +9,7 @@ from backends.state import Array
 from tasks.batch import BatchEnv, Step
 from tasks.initial_states import sample_initial_states
 
-EPISODES, SMOKE_EPISODES = 100, 10
+EPISODES, SMOKE_EPISODES = 100, 8
 EVALUATION_SEED = 20260101
 """Decides initial states and headings of the evaluation; training seeds are spread by hashing."""
 

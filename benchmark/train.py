@@ -15,7 +15,7 @@ from benchmark.errors import CommandError
 from benchmark.run_folder import RunFolder, progress_row
 from benchmark.run_spec import RunSpec, make_env, training_worlds
 
-SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 2
+SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
 """Iterations between two checkpoints."""
 
 

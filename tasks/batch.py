@@ -16,6 +16,12 @@ ACTION_RAD = 0.015
 """Target increment of a full action in one policy step [rad]."""
 TARGET_LEAD_RAD = 0.2
 """The target stays within this of the measured position [rad]."""
+OFFSET_RETURN = 0.05
+"""Share of the way back to the preload that the target's lead over the position goes in one step.
+
+No observation of the paper shows that lead, and with it the squeeze; as a bare sum of actions it
+wanders off, the stick creeps down or is dropped. A time constant of 0.4 s bounds it.
+"""
 ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
 """The paper's reward: [C, w0, w1 per m, w2 per N]."""
 DROP_M = 0.03
@@ -132,13 +138,13 @@ class BatchEnv:
         return self._observe(self._state)
 
     def step(self, action: Array) -> Step:
-        """Move the targets by `action` in [-1, 1], shape (N, J), and advance one policy period.
+        """Displace the targets by `action` in [-1, 1], shape (N, J), and advance one policy period.
 
         Raises SimulationDivergedError when the engine returns a number that is not finite.
         """
         measured = self.state.joint_rad
-        move = ACTION_RAD * np.clip(action, -1, 1)
-        self._target += move
+        rest = measured + self._preload
+        self._target += ACTION_RAD * np.clip(action, -1, 1) + OFFSET_RETURN * (rest - self._target)
         near = np.clip(self._target, measured - TARGET_LEAD_RAD, measured + TARGET_LEAD_RAD)
         self._target[:] = np.clip(near, *self._ranges)
         self._state = self.simulator.advance(self._target)

@@ -1,7 +1,6 @@
 """Every engine against closed forms: free fall, static loads, the statics of a grasp, friction."""
 
 import dataclasses
-from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ FLOAT32 = 6e-8
 
 
 @pytest.fixture(params=registry.names("backend"))
-def engine(request: pytest.FixtureRequest) -> Iterator[type[Engine]]:
+def engine(request: pytest.FixtureRequest) -> type[Engine]:
     """Every engine that is installed."""
     try:
         return registry.load("backend", request.param)

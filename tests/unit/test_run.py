@@ -1,0 +1,229 @@
+"""The main job: same seed same row, kill and resume, and folders that are not as they should be."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from benchmark import cli
+
+SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
+SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "2"]
+BENCH = [sys.executable, "-c", "from benchmark.cli import main; main()"]
+
+
+def bench(*arguments: str, check: int = 0) -> dict:
+    """Run the command in a process of its own; the JSON object it prints."""
+    done = subprocess.run(
+        [*BENCH, *arguments], capture_output=True, text=True, check=False, timeout=250
+    )
+    assert done.returncode == check, done.stderr
+    assert "Traceback" not in done.stderr
+    return json.loads(done.stdout)
+
+
+def scores(row: dict) -> list[float]:
+    """What must be equal when two runs are."""
+    return [row[name] for name in SCORES]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of one finished smoke run on the reference engine."""
+    folder = tmp_path_factory.mktemp("runs") / "finished"
+    bench(*SMOKE, "--backend", "mujoco", "--out", str(folder))
+    return folder
+
+
+@pytest.fixture
+def run_copy(finished: Path, tmp_path: Path) -> Path:
+    """A copy of the finished folder, free to be damaged."""
+    target = tmp_path / "copy"
+    target.mkdir()
+    for file in finished.iterdir():
+        (target / file.name).write_bytes(file.read_bytes())
+    return target
+
+
+def test_run_folder_is_complete(finished):
+    """Write run.json, learning curve, episodes, policy and contract, and nothing half done."""
+    names = {file.name for file in finished.iterdir()}
+    expected = {"run.json", "progress.csv", "episodes.parquet", "policy.onnx", "contract.json"}
+    assert names == expected
+    run = json.loads((finished / "run.json").read_text())
+    assert run["status"] == "done"
+    assert run["spec"]["smoke"]
+    assert {"command", "versions", "cpu", "commit"} <= run["provenance"].keys()
+    episodes = pd.read_parquet(finished / "episodes.parquet")
+    assert len(episodes) == run["scores"]["episodes"]
+    for name in SCORES:
+        assert run["scores"][name] == pytest.approx(episodes[name].mean())
+    curve = pd.read_csv(finished / "progress.csv")
+    assert curve["steps"].iloc[-1] == run["steps"]
+
+
+def test_a_finished_run_is_not_run_again(finished, capfd):
+    """Print the row of a finished run without touching its folder."""
+    before = {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
+    assert cli._run([*SMOKE, "--backend", "mujoco", "--out", str(finished)]) == 0
+    assert json.loads(capfd.readouterr().out)["status"] == "done"
+    assert before == {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
+
+
+@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+def test_killed_training_resumes_to_the_same_row(backend, tmp_path):
+    """End with the same row, to the bit, whether killed after a checkpoint or not; same seed."""
+    arguments = [*SMOKE, "--backend", backend, "--algo", "rsl-ppo"]
+    whole = bench(*arguments, "--out", str(tmp_path / "whole"))
+    folder = tmp_path / "killed"
+    process = subprocess.Popen(
+        [*BENCH, *arguments, "--out", str(folder)],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 200
+    while not list(folder.glob("checkpoint-*.pt")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert json.loads((folder / "run.json").read_text())["status"] == "interrupted"
+    refused = bench(*arguments, "--out", str(folder), check=2)
+    assert "--resume" in refused["error"]
+    resumed = bench(*arguments, "--out", str(folder), "--resume")
+    assert scores(resumed) == scores(whole)
+    assert resumed["digest"] == whole["digest"]
+    curves = [
+        pd.read_csv(f / "progress.csv").drop(columns="wall_s") for f in (folder, tmp_path / "whole")
+    ]
+    pd.testing.assert_frame_equal(*curves)
+
+
+def test_interrupt_exits_130_and_keeps_the_folder(tmp_path):
+    """Stop at Ctrl-C with one message, exit code 130, and a folder that says interrupted."""
+    folder = tmp_path / "run"
+    process = subprocess.Popen(
+        [*BENCH, *SMOKE, "--backend", "mujoco", "--out", str(folder)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    deadline = time.monotonic() + 100
+    while not list(folder.glob("checkpoint-*.pt")) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "--resume" in err
+    assert "Traceback" not in err
+    assert json.loads(out)["status"] == "interrupted"
+    assert json.loads((folder / "run.json").read_text())["status"] == "interrupted"
+
+
+def test_eval_reproduces_the_row_and_needs_no_torch(finished):
+    """Give the run's own scores again, from ONNX alone."""
+    code = "import sys; sys.modules['torch'] = None\nfrom benchmark.cli import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, "eval", str(finished), "--json"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    run = json.loads((finished / "run.json").read_text())
+    assert scores(json.loads(done.stdout)) == scores(run["scores"])
+
+
+def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
+    """Deploy in another engine, figure, setting, stick and effects, and write it down."""
+    out = tmp_path / "eval"
+    options = ["--task", "eight", "--radius", "3cm", "--speed", "1.5", "--stick", "fabric"]
+    options += ["--effects", "backlash=2deg", "--backend", "bullet", "--workers", "1"]
+    assert cli._run(["eval", str(finished), *options, "--json", "--out", str(out)]) == 0
+    row = json.loads(capfd.readouterr().out)
+    assert (row["backend"], row["task"], row["stick"]) == ("bullet", "eight", "fabric")
+    assert row["radius_m"] == pytest.approx(0.03)
+    assert json.loads((out / "eval.json").read_text())["tracked"] == row["tracked"]
+
+
+def test_policy_and_observation_that_do_not_fit_are_refused(finished, capfd):
+    """Name both layouts when a policy is asked to act on another observation."""
+    assert cli._run(["eval", str(finished), "--observation", "pose"]) == 2
+    err = capfd.readouterr().err
+    assert "contact_center (9)" in err
+    assert "stick_axis (3)" in err
+
+
+@pytest.mark.parametrize(
+    ("file", "damage", "words"),
+    [
+        ("run.json", lambda b: b[: len(b) // 2], "is damaged"),
+        ("run.json", lambda b: b.replace(b'"circle"', b'"cube"'), "no task named 'cube'"),
+        ("run.json", lambda b: b.replace(b'"done"', b'"fine"'), "has status 'fine'"),
+        ("policy.onnx", lambda b: b[:-100], "SHA-256 differs"),
+        ("contract.json", lambda b: b[:-100], "cannot be read"),
+        ("policy.onnx", None, "is missing"),
+    ],
+)
+def test_damaged_folders_are_refused_and_left_alone(run_copy, file, damage, words, capfd):
+    """Say what is wrong with a half-written or tampered folder, and change nothing in it."""
+    path = run_copy / file
+    if damage is None:
+        path.unlink()
+    else:
+        path.write_bytes(damage(path.read_bytes()))
+    before = {f.name: f.read_bytes() for f in run_copy.iterdir()}
+    assert cli._run(["eval", str(run_copy)]) in (1, 2)
+    err = capfd.readouterr().err
+    assert words in err
+    assert "Traceback" not in err
+    assert before == {f.name: f.read_bytes() for f in run_copy.iterdir()}
+
+
+def test_another_run_in_the_folder_is_not_overwritten(run_copy, capfd):
+    """Refuse a folder that holds another run."""
+    arguments = [*SMOKE, "--backend", "mujoco", "--seed", "7", "--out", str(run_copy)]
+    assert cli._run(arguments) == 2
+    assert "holds another run" in capfd.readouterr().err
+    assert json.loads((run_copy / "run.json").read_text())["spec"]["seed"] == 0
+
+
+def test_a_foreign_folder_is_not_overwritten(tmp_path, capfd):
+    """Refuse a folder with other files in it, even with --force."""
+    (tmp_path / "thesis.tex").write_text("years of work")
+    arguments = [*SMOKE, "--backend", "mujoco", "--force", "--out", str(tmp_path)]
+    assert cli._run(arguments) == 2
+    assert "not a run folder" in capfd.readouterr().err
+    assert (tmp_path / "thesis.tex").exists()
+
+
+def test_a_damaged_checkpoint_is_refused(run_copy, capfd):
+    """Name the checkpoint that cannot be read instead of starting anew in silence."""
+    run = json.loads((run_copy / "run.json").read_text())
+    (run_copy / "run.json").write_text(json.dumps(run | {"status": "interrupted"}))
+    (run_copy / "checkpoint-2.pt").write_bytes(b"half a file")
+    arguments = [*SMOKE, "--backend", "mujoco", "--resume", "--out", str(run_copy)]
+    assert cli._run(arguments) == 1
+    assert "checkpoint-2.pt cannot be read" in capfd.readouterr().err
+    assert (run_copy / "checkpoint-2.pt").read_bytes() == b"half a file"
+
+
+def test_leaderboard_lists_finished_runs(tmp_path, capfd):
+    """Put a scripted baseline's row on the board, from its run folder alone."""
+    run = tmp_path / "runs/still"
+    arguments = ["run", "--backend", "mujoco", "--task", "circle", "--algo", "hold-still"]
+    assert cli._run([*arguments, "--json", "--out", str(run)]) == 0
+    row = json.loads(capfd.readouterr().out)
+    assert row["held"] > 0.98
+    assert row["tracked"] < 0.2
+    board = tmp_path / "board"
+    assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--add"]) == 0
+    frame = pd.read_csv(board / "leaderboard.csv")
+    assert frame["tracked"].iloc[0] == pytest.approx(row["tracked"])
+    assert "hold-still" in (board / "leaderboard.md").read_text()
+    assert len(list((board / "results").glob("*.json"))) == 1
