@@ -60,6 +60,9 @@ class DriveEffect(Effect):
 
     def on_spec(self, spec: Spec) -> Spec:
         """See `Effect.on_spec`."""
+        if self.joint is not None and self.joint not in spec.hand.joint_names:
+            known = ", ".join(spec.hand.joint_names)
+            raise ValueError(f"no driven joint named '{self.joint}'; known: {known}")
         drives = list(spec.drives)
         for j, body in enumerate(spec.hand.driven):
             fits = self.gear is None or body.joint.gear == self.gear

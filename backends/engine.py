@@ -55,6 +55,8 @@ class Engine(ABC):
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         first = specs[0]
+        if len({(s.timing.drive_s, s.timing.policy_s) for s in specs}) > 1:
+            raise ValueError("worlds of one batch step together: give them the same rates")
         self.specs = tuple(specs)
         self._timing = first.timing
         self._drives = DriveBank(specs)
@@ -64,7 +66,9 @@ class Engine(ABC):
         gravity = np.array([s.gravity_m_s2 for s in specs])
         self._weight_n = gravity * np.array([[s.stick.mass_kg] for s in specs])
         self._age_steps = np.zeros(len(specs), dtype=np.int64)
-        self._weightless_steps = round(self._timing.weightless_s / self._timing.drive_s)
+        self._weightless_steps = np.array(
+            [round(s.timing.weightless_s / s.timing.drive_s) for s in specs]
+        )
 
     def reset(self, initial: InitialState, mask: Array) -> State:
         """Start the masked worlds from `initial`, at rest; the others stay as they are."""

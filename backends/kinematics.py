@@ -3,9 +3,12 @@
 Touch and initial states use it; parity tests hold every engine against it.
 """
 
+import dataclasses
+from collections.abc import Sequence
+
 import numpy as np
 
-from backends.spec import Hand
+from backends.spec import Hand, Spec
 from backends.state import Array
 
 
@@ -32,6 +35,20 @@ def body_frames(hand: Hand, joint_rad: Array) -> dict[str, tuple[Array, Array]]:
             rotation = rotation @ hinge_rotation(body.joint.axis, angle)
         frames[body.name] = (origin, rotation)
     return {name: frame for name, frame in frames.items() if name is not None}
+
+
+def common_hand(specs: Sequence[Spec]) -> Hand:
+    """The hand whose geometry all worlds share; raises ValueError where they differ."""
+
+    def geometry(hand: Hand) -> tuple:
+        bodies = tuple((b.parent, b.origin_m, b.joint.axis) for b in hand.bodies)
+        taxels = dataclasses.replace(hand.taxels, reach_m=0.0)
+        return bodies, hand.fingertips, taxels
+
+    first = specs[0].hand
+    if any(s.hand is not first and geometry(s.hand) != geometry(first) for s in specs):
+        raise ValueError("worlds of one batch share the hand's geometry: make a batch for each")
+    return first
 
 
 def tip_frames(hand: Hand, joint_rad: Array) -> tuple[Array, Array]:

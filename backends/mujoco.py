@@ -32,6 +32,7 @@ def build(spec: Spec) -> mujoco.MjSpec:
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     option.solver = mujoco.mjtSolver.mjSOL_NEWTON
     option.impratio = IMPRATIO
+    option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
     option.iterations = ITERATIONS
     option.ls_iterations = LINE_SEARCH_ITERATIONS
     _add_hand(model, spec)

@@ -109,6 +109,8 @@ class _World:
         shape: physx.PhysxCollisionShape
         if stick.shape == "box":
             shape = physx.PhysxCollisionShapeBox([r_m, r_m, half_m], self._material)
+        elif stick.shape != "capsule":
+            raise ValueError(f"no stick shape '{stick.shape}'; known: capsule, box")
         else:
             shape = physx.PhysxCollisionShapeCapsule(r_m, half_m - r_m, self._material)
             shape.local_pose = sapien.Pose(q=_turn_x_to((0.0, 0.0, 1.0)))

@@ -100,7 +100,7 @@ def quat_to_matrix(quat_wxyz: Array) -> Array:
 
 def quat_from_z_axis(axis: Array) -> Array:
     """Shortest rotation, shape (..., 4) w x y z, that turns z into the unit vectors `axis`."""
-    quat = np.stack(
-        [1 + axis[..., 2], -axis[..., 1], axis[..., 0], np.zeros_like(axis[..., 0])], axis=-1
-    )
+    x, y, z = np.moveaxis(axis, -1, 0)
+    quat = np.stack([1 + z, -y, x, np.zeros_like(z)], axis=-1)
+    quat[1 + z < 1e-12] = (0.0, 1.0, 0.0, 0.0)
     return quat / np.linalg.norm(quat, axis=-1, keepdims=True)

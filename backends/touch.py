@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from backends.kinematics import tip_frames
+from backends.kinematics import common_hand, tip_frames
 from backends.spec import Fingertip, Spec, Stick, Taxels
 from backends.state import Array, State, quat_to_matrix
 
@@ -102,7 +102,7 @@ class Skin:
     """The taxels of N worlds."""
 
     def __init__(self, specs: Sequence[Spec]) -> None:
-        hand = specs[0].hand
+        hand = common_hand(specs)
         self._hand = hand
         self._grid = np.stack([taxel_grid(tip, hand.taxels)[0] for tip in hand.fingertips])
         self._shape = np.array([stick_shape(s.stick) for s in specs])

@@ -25,15 +25,15 @@ app = typer.Typer(
 
 Backend = Annotated[str, typer.Option(help="Physics engine: mujoco, bullet or sapien.")]
 TaskName = Annotated[str, typer.Option(help="Figure to draw: line, circle, spiral or eight.")]
-Radius = Annotated[str | None, typer.Option(help="Size of the figure, such as 3cm. [2cm]")]
-Speed = Annotated[float | None, typer.Option(help="Pace over the training pace, such as 1.5. [1]")]
+Radius = Annotated[str | None, typer.Option(help="Size of the figure, such as 3cm. (2cm)")]
+Speed = Annotated[float | None, typer.Option(help="Pace over the training pace, such as 1.5. (1)")]
 Stick = Annotated[str | None, typer.Option(help="Stick to hold; `bench list` names them.")]
 Effects = Annotated[
     str | None,
-    typer.Option(help="'built', 'none', or such as backlash=1.2deg,kp-scale=-10%@J3. [built]"),
+    typer.Option(help="'built', 'none', or such as backlash=1.2deg,kp-scale=-10%@J3. (built)"),
 ]
 Workers = Annotated[
-    int | None, typer.Option(help="Cores to simulate on; changes no result. [all]", min=1)
+    int | None, typer.Option(help="Cores to simulate on; changes no result. (all)", min=1)
 ]
 Out = Annotated[Path | None, typer.Option(help="Folder to write to.")]
 Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
@@ -104,10 +104,10 @@ def run(
 @app.command("eval")
 def evaluate(
     run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
-    backend: Annotated[str | None, typer.Option(help="Engine to deploy in. [the run's]")] = None,
-    task: Annotated[str | None, typer.Option(help="Figure to draw. [the run's]")] = None,
+    backend: Annotated[str | None, typer.Option(help="Engine to deploy in. (the run's)")] = None,
+    task: Annotated[str | None, typer.Option(help="Figure to draw. (the run's)")] = None,
     observation: Annotated[
-        str | None, typer.Option(help="Must be the one it was trained on. [the run's]")
+        str | None, typer.Option(help="Must be the one it was trained on. (the run's)")
     ] = None,
     radius: Radius = None,
     speed: Speed = None,

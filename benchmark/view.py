@@ -40,7 +40,7 @@ def view(
 ) -> dict:
     """Replay the run in `folder` under changed settings and draw it to `out`; what was drawn.
 
-    The initial states follow from the number of episodes: the run's own 100 need `episodes` 100.
+    The episodes are the first of the run's evaluation; the scores are theirs alone.
     """
     _check(out, kind, episodes, time_s)
     source = run_folder.read_run(folder)
@@ -117,7 +117,8 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
     parts += [f"{run.stick} stick"] if run.stick != "reference" else []
     errors = f"errors {s['p_err_cm']:.2f} cm and {s['q_err_deg']:.1f}°"
     fractions = f"held {100 * s['held']:.0f} %, tracked {100 * s['tracked']:.0f} %"
-    return "\n".join([*textwrap.wrap(", ".join(parts), TITLE_WIDTH), f"{errors}, {fractions}"])
+    what = textwrap.wrap(", ".join(parts), TITLE_WIDTH, break_on_hyphens=False)
+    return "\n".join([*what, f"{errors}, {fractions}"])
 
 
 def _check(out: Path, kind: str, episodes: int, time_s: float | None) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from backends.kinematics import tip_frames
+from backends.kinematics import common_hand, tip_frames
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix
 from backends.touch import stick_shape, surface_distance
@@ -33,22 +33,21 @@ def sample_initial_states(
 ) -> InitialState:
     """One grasp per spec, every finger touching the stick; `spread` scales the distributions.
 
-    Raises ValueError when a finger cannot touch a stick anywhere in its sweep.
+    The first k grasps of a longer list are the same as those of a list of k.
+
+    Raises ValueError when a finger cannot touch a stick anywhere in its sweep, or hands differ.
     """
-    hand, n = specs[0].hand, len(specs)
-
-    def draw(half: float, width: int) -> Array:
-        return spread * rng.uniform(-half, half, (n, width))
-
-    tilt = draw(TILT_RAD, 2)
+    hand, n = common_hand(specs), len(specs)
+    proximal, distal = _split(specs[0])
+    draws = spread * rng.uniform(-1, 1, (n, 5 + len(distal)))
+    tilt = TILT_RAD * draws[:, :2]
     axis = np.concatenate([tilt, np.sqrt(1 - (tilt**2).sum(axis=1, keepdims=True))], axis=1)
-    grip = np.array(hand.grip_m) + np.pad(draw(PIVOT_M, 2), ((0, 0), (0, 1)))
+    grip = np.array(hand.grip_m) + np.pad(PIVOT_M * draws[:, 2:4], ((0, 0), (0, 1)))
     above = np.array([[s.stick.length_m / 2 - s.stick.grip_to_lower_end_m] for s in specs])
-    stick_pos = grip + axis * (above + draw(AXIAL_M, 1))
+    stick_pos = grip + axis * (above + AXIAL_M * draws[:, 4:5])
     quat = quat_from_z_axis(axis)
     joint = np.tile(np.array(hand.grasp_rad), (n, 1))
-    proximal, distal = _split(specs[0])
-    joint[:, distal] += draw(DISTAL_RAD, len(distal))
+    joint[:, distal] += DISTAL_RAD * draws[:, 5:]
     _close(specs, joint, proximal, stick_pos, quat)
     return InitialState(joint_rad=joint, stick_pos_m=stick_pos, stick_quat_wxyz=quat)
 

@@ -11,6 +11,7 @@ from matplotlib.image import imread
 
 from benchmark import _scene, cli
 from benchmark.errors import CommandError
+from benchmark.evaluate import SMOKE_EPISODES
 from benchmark.run import run
 from benchmark.run_spec import RunSpec
 from benchmark.view import view
@@ -58,7 +59,7 @@ def test_replay_gives_the_scores_of_the_run(folder: Path, tmp_path: Path) -> Non
     """Replay as many episodes as the smoke run has and find its scores again."""
     from benchmark.run_folder import read_run
 
-    result = view(folder, tmp_path / "all.png", "figure", {}, episodes=10, workers=1)
+    result = view(folder, tmp_path / "all.png", "figure", {}, SMOKE_EPISODES, workers=1)
     scores = read_run(folder)["scores"]
     assert {name: result[name] for name in scores} == pytest.approx(scores)
 
