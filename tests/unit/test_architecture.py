@@ -1,0 +1,85 @@
+"""The house keeps its floors: imports go down, engines and learners stay in their own files."""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FLOORS = {
+    "backends": set(),
+    "tasks": {"backends"},
+    "baselines": {"tasks", "backends"},
+    "diagnosis": {"baselines", "tasks", "backends"},
+    "leaderboard": set(),
+    "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends"},
+}
+HOMES = {
+    "mujoco": {"backends/mujoco.py", "benchmark/_scene.py"},
+    "pybullet": {"backends/bullet.py"},
+    "sapien": {"backends/sapien.py"},
+    "stable_baselines3": {"baselines/sb3_ppo.py"},
+    "rsl_rl": {"baselines/rsl_ppo.py"},
+    "tensordict": {"baselines/rsl_ppo.py"},
+    "torch": {"baselines/ppo.py", "baselines/sb3_ppo.py", "baselines/rsl_ppo.py"},
+    "typer": {"benchmark/cli.py"},
+}
+"""Who may import a library; the picture of the hand is drawn by one engine's renderer."""
+
+
+def imports() -> Iterator[tuple[str, str]]:
+    """Pairs of a file and a top-level package that it imports."""
+    for room in FLOORS:
+        for path in sorted((ROOT / room).rglob("*.py")):
+            name = str(path.relative_to(ROOT))
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Import):
+                    yield from ((name, alias.name.split(".")[0]) for alias in node.names)
+                elif isinstance(node, ast.ImportFrom) and node.module:
+                    yield name, node.module.split(".")[0]
+
+
+def test_imports_go_down_the_floors():
+    """Import only from floors below."""
+    wrong = [
+        f"{file} imports {package}"
+        for file, package in imports()
+        if package in FLOORS
+        and package != (room := file.split("/")[0])
+        and package not in FLOORS[room]
+    ]
+    assert not wrong
+
+
+@pytest.mark.parametrize("library", sorted(HOMES))
+def test_engines_and_learners_stay_at_home(library):
+    """Import an engine or a learner in its own file alone."""
+    found = {file for file, package in imports() if package == library}
+    assert found <= HOMES[library]
+
+
+def test_tasks_name_no_engine():
+    """Mention no engine in a task, an observation or the batched environment."""
+    for path in (ROOT / "tasks").rglob("*.py"):
+        text = path.read_text().lower()
+        assert not [name for name in ("mujoco", "bullet", "sapien") if name in text], path
+
+
+def test_every_package_is_installed():
+    """Name every folder with Python files in pyproject.toml, which finds none by itself."""
+    text = (ROOT / "pyproject.toml").read_text()
+    for room in FLOORS:
+        for path in (ROOT / room).rglob("__init__.py"):
+            package = ".".join(path.parent.relative_to(ROOT).parts)
+            assert f'"{package}"' in text
+
+
+def test_pinned_versions_cover_every_dependency():
+    """Pin every direct dependency in the constraints file."""
+    import tomllib
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"], *project["optional-dependencies"]["dev"]]
+    pinned = {line.split("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()}
+    assert not [w for w in wanted if w.split(">=")[0] not in pinned]
