@@ -39,16 +39,19 @@ def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> d
     try:
         registry.load("backend", spec.backend)
         baseline = registry.load("algorithm", spec.algo)
-        return _train_and_evaluate(spec, folder, baseline, workers)
-    except UsageError:
-        raise
-    except (SimulationDivergedError, WorkerError) as error:
-        status = "diverged" if "finite" in str(error) else "interrupted"
-        folder.write_run(status, str(error), provenance=provenance())
-        raise CommandError(f"{status} on {spec.backend}: {error}") from error
     except CommandError as error:
         folder.write_run("skipped", str(error), provenance=provenance())
         raise
+    try:
+        return _train_and_evaluate(spec, folder, baseline, workers)
+    except SimulationDivergedError as error:
+        reason = f"{spec.backend}: {error}"
+        folder.write_run("diverged", reason, provenance=provenance())
+        raise CommandError(f"diverged, {reason}; recorded in {path}") from error
+    except WorkerError as error:
+        reason = f"{spec.backend}: {error}"
+        folder.write_run("interrupted", reason, provenance=provenance())
+        raise CommandError(f"{reason}; --resume continues the run") from error
 
 
 def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers: int) -> dict:

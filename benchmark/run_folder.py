@@ -9,11 +9,10 @@ import dataclasses
 import json
 import os
 import re
-import shutil
 from pathlib import Path
 
 from baselines.baseline import Progress
-from baselines.saved import POLICY_FILE, file_sha256
+from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
 from benchmark.run_spec import RunSpec
 
@@ -81,7 +80,7 @@ class RunFolder:
         Raises UsageError when something else, or a half-finished run, is in the way.
         """
         if force and (self.path / RUN_FILE).exists():
-            shutil.rmtree(self.path)
+            self._clear()
         if self.path.exists() and any(self.path.iterdir()):
             found = read_run(self.path)
             if found["digest"] != self._run.digest:
@@ -100,6 +99,12 @@ class RunFolder:
         self.path.mkdir(parents=True, exist_ok=True)
         self.write_run("interrupted", "the run has not finished")
         return None
+
+    def _clear(self) -> None:
+        """Remove what a run has written, and nothing else."""
+        self.drop_checkpoints()
+        for name in (RUN_FILE, PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE):
+            (self.path / name).unlink(missing_ok=True)
 
     def write_run(self, status: str, reason: str = "", **fields: object) -> dict:
         """Write run.json; what it holds."""

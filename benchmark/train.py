@@ -88,7 +88,14 @@ class Training:
     def _save(self, learner: Learner, iterations: int) -> None:
         path = self._folder.checkpoint_path(iterations)
         temporary = path.with_name(f".{path.name}.tmp")
-        learner.save(temporary)
+        try:
+            learner.save(temporary)
+        except RuntimeError as error:  # torch's word for a disk that is full
+            temporary.unlink(missing_ok=True)
+            raise CommandError(
+                f"{path} cannot be written ({error}); the last checkpoint is kept: "
+                "make room, then --resume"
+            ) from error
         self._folder.write_progress(self._rows)
         os.replace(temporary, path)
         self._iterations, self._checkpoint = iterations, path

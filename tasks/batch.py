@@ -207,4 +207,5 @@ class BatchEnv:
     def _refuse_nan(self, state: State) -> None:
         bad = state.first_bad_signal()
         if bad is not None:
-            raise SimulationDivergedError(f"{bad} is not finite after step {self._steps.max()}")
+            time_s = self.time_s.max()
+            raise SimulationDivergedError(f"{bad} is not finite at {time_s:.2f} s or before")

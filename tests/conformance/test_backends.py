@@ -190,11 +190,6 @@ def test_worlds_do_not_influence_each_other(engine: type[Engine]) -> None:
         assert differing(alone, [copied(s, slice(n, n + 1)) for s in together]) == []
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="a batch runs every world at its first world's timing",
-)
 def test_worlds_may_differ_in_weightless_time(engine: type[Engine]) -> None:
     """Compensate the weight in each world as long as its own spec says."""
     heavy = dataclasses.replace(world(), timing=dataclasses.replace(world().timing, weightless_s=0))
@@ -222,16 +217,9 @@ def test_reset_recovers_from_nan(engine: type[Engine]) -> None:
 
 @pytest.mark.filterwarnings("ignore::RuntimeWarning")
 def test_diverging_world_is_not_restarted(
-    engine: type[Engine],
-    backend: str,
-    request: pytest.FixtureRequest,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    engine: type[Engine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Let an unstable world run away until a signal is not finite; never start it again unasked."""
-    if backend == "mujoco":
-        why = "MuJoCo resets an unstable world to zeros in silence unless AUTORESET is disabled"
-        request.applymarker(pytest.mark.xfail(strict=True, raises=AssertionError, reason=why))
     monkeypatch.chdir(tmp_path)  # MuJoCo writes its warnings to a file here.
     spec = world()
     stiff = {"gear_stiffness_nm_rad": 5e3, "gear_damping_nms_rad": 1.0}
@@ -312,13 +300,15 @@ def test_failing_worker_says_why(engine: type[Engine]) -> None:
         Sharded(engine, [dataclasses.replace(spec, hand=hand)], 1)
 
 
-def test_unknown_shape_is_refused(
-    engine: type[Engine], backend: str, request: pytest.FixtureRequest
-) -> None:
+def test_different_rates_are_refused(engine: type[Engine]) -> None:
+    """Raise ValueError for a batch whose worlds would not step together."""
+    timing = dataclasses.replace(world().timing, drive_s=5e-4)
+    with pytest.raises(ValueError, match="rates"):
+        engine([world(), dataclasses.replace(world(), timing=timing)])
+
+
+def test_unknown_shape_is_refused(engine: type[Engine]) -> None:
     """Raise for a stick whose shape the engine does not know instead of choosing another."""
-    if backend == "sapien":
-        why = "SAPIEN takes every shape but 'box' for a capsule"
-        request.applymarker(pytest.mark.xfail(strict=True, reason=why))
     spec = world()
     odd = dataclasses.replace(spec, stick=dataclasses.replace(spec.stick, shape="pyramid"))
     with pytest.raises((KeyError, ValueError), match="pyramid"):

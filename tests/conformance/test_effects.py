@@ -104,7 +104,6 @@ def test_named_joint_alone_changes(kind: type[DriveEffect], joint: str) -> None:
     assert spec.with_drives(SPEC.drives) == SPEC
 
 
-@pytest.mark.xfail(strict=True, reason="DriveEffect.on_spec leaves the world as it is in silence")
 @pytest.mark.parametrize("joint", ["J9", "J2"])
 def test_joint_without_drive_is_refused(joint: str) -> None:
     """Raise ValueError where the named joint is unknown or has no drive."""

@@ -163,22 +163,20 @@ def test_worlds_feel_their_own_stick() -> None:
     assert len({active.tobytes() for active in together.active}) == 3
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="Skin takes kinematics and taxels from its first world",
-)
-def test_worlds_feel_with_their_own_hand() -> None:
-    """Use each world's fingertips: a batch feels what its worlds feel alone."""
+def test_mixed_hands_are_refused() -> None:
+    """Raise ValueError for worlds whose fingertips differ; each may have its own reach."""
     blunt = tuple(dataclasses.replace(tip, radius_m=0.014) for tip in TIPS)
     other = dataclasses.replace(SPEC, hand=dataclasses.replace(SPEC.hand, fingertips=blunt))
-    point, normal = surface(blunt[0], 14e-3, 0.0)
-    state = pressed(other, 0, point, normal, np.array([0.0, 0.0, 1.0]))
+    with pytest.raises(ValueError, match="geometry"):
+        Skin([SPEC, other])
+    wide = dataclasses.replace(TAXELS, reach_m=3e-3)
+    far = dataclasses.replace(SPEC, hand=dataclasses.replace(SPEC.hand, taxels=wide))
+    point, normal = surface(TIPS[0], 14e-3, 0.0)
+    state = pressed(SPEC, 0, point + 1.1e-3 * normal, normal, np.array([0.0, 0.0, 1.0]))
     batch = State.allocate(2, 6, 3)
     for field in dataclasses.fields(State):
         getattr(batch, field.name)[:] = getattr(state, field.name)
-    together = Skin([SPEC, other]).feel(batch)
-    assert np.array_equal(together.active[1], feel(other, state).active[0])
+    assert Skin([SPEC, far]).feel(batch).in_contact[:, 0].tolist() == [False, True]
 
 
 SHORT_M = 0.03
