@@ -7,20 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from backends.shard import WorkerError
 from backends.spec import Spec
 from backends.state import Array, State
-from baselines.saved import PolicyError
-from benchmark.console import Bar
-from benchmark.errors import CommandError, UsageError
-from benchmark.evaluate import evaluate
-from benchmark.run import _actor
-from benchmark.run_spec import RunSpec, _within, make_env
-from tasks.batch import BatchEnv, SimulationDivergedError, Step
-from tasks.task import EPISODE_S
-
-_LAPS = ("circle",)
-"""Tasks that repeat one closed lap: their entry is left out, as in the paper's figure."""
+from benchmark import registry
+from benchmark.run import deploy
+from benchmark.run_spec import RunSpec, within
+from tasks.batch import BatchEnv, Step
+from tasks.task import EPISODE_S, RATE_RAD_S
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,8 +41,8 @@ class Recording:
 class _Recorder:
     """Copies what a recording holds, step by step."""
 
-    def __init__(self, moment: int, bar: Bar) -> None:
-        self.moment, self._bar = moment, bar
+    def __init__(self, moment: int) -> None:
+        self.moment = moment
         self.state: State | None = None
         self.lower_m: list[Array] = []
         self.reference_m: list[Array] = []
@@ -61,7 +54,6 @@ class _Recorder:
         self.lower_m.append(env.lower_end())
         self.reference_m.append(env.reference()[0])
         self.fallen.append(step.terminated)
-        self._bar.update(len(self.lower_m))
 
 
 def replay(run: RunSpec, policy: Path, episodes: int, time_s: float, workers: int) -> Recording:
@@ -70,27 +62,17 @@ def replay(run: RunSpec, policy: Path, episodes: int, time_s: float, workers: in
     Raises UsageError when the policy does not fit, CommandError when the simulation stops.
     """
     world = run.world()
-    _within("--time", time_s, world.timing.policy_s, EPISODE_S)
-    moment = round(time_s / world.timing.policy_s) - 1
-    env = make_env(run, [world] * episodes, seed=0, workers=workers)
-    try:
-        with Bar(f"replay {run.backend} {run.task}", env.horizon) as bar:
-            recorder = _Recorder(moment, bar)
-            scores = evaluate(env, _actor(run, policy, env), recorder).scores()
-        return _recording(world, recorder, scores, _first_drawn(run, env))
-    except PolicyError as error:
-        raise UsageError(str(error)) from error
-    except (SimulationDivergedError, WorkerError) as error:
-        raise CommandError(f"the replay on {run.backend} stopped: {error}") from error
-    finally:
-        env.close()
+    within("--time", time_s, world.timing.policy_s, EPISODE_S)
+    recorder = _Recorder(round(time_s / world.timing.policy_s) - 1)
+    played = deploy(run, policy, workers, episodes=episodes, watch=recorder)
+    return _recording(run, recorder, played.scores())
 
 
-def _recording(world: Spec, recorder: _Recorder, scores: dict, first: int) -> Recording:
+def _recording(run: RunSpec, recorder: _Recorder, scores: dict) -> Recording:
     assert recorder.state is not None
     return Recording(
-        spec=world,
-        first=first,
+        spec=run.world(),
+        first=_first_drawn(run),
         lower_m=np.stack(recorder.lower_m),
         reference_m=np.stack(recorder.reference_m),
         held=~np.logical_or.accumulate(np.stack(recorder.fallen)),
@@ -100,11 +82,11 @@ def _recording(world: Spec, recorder: _Recorder, scores: dict, first: int) -> Re
     )
 
 
-def _first_drawn(run: RunSpec, env: BatchEnv) -> int:
-    """The step at which the second lap begins, where a task has laps and the episode two."""
-    lap_s = 2 * math.pi / env.task.rate_rad_s
-    has_two = run.task in _LAPS and 2 * lap_s <= EPISODE_S
-    return round(lap_s / env.policy_s) if has_two else 0
+def _first_drawn(run: RunSpec) -> int:
+    """Leave out the first lap of a figure that repeats, as the paper does, where two fit."""
+    lap_s = 2 * math.pi / (run.speed * RATE_RAD_S)
+    has_two = registry.load("task", run.task).repeats and 2 * lap_s <= EPISODE_S
+    return round(lap_s / run.world().timing.policy_s) if has_two else 0
 
 
 def _first_world(state: State) -> State:

@@ -145,7 +145,7 @@ def view(
     ] = "figure",
     episodes: Annotated[int, typer.Option(help="Fixed episodes to replay, 1 to 100.")] = 10,
     time: Annotated[
-        float | None, typer.Option(help="Second of episode 0 that `hand` shows, 0.02 to 6. [2]")
+        float | None, typer.Option(help="Second of episode 0 that `hand` shows, 0.02 to 6. (2)")
     ] = None,
     backend: Annotated[
         str | None, typer.Option(help="Engine to replay in, if not the run's.")

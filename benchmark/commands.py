@@ -84,7 +84,7 @@ def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None)
     if source["status"] != "done":
         raise UsageError(f"{folder} is {source['status']}: {source['reason']}; finish it first")
     spec = dataclasses.replace(run_folder.run_spec(source), **changed)
-    episodes = run.evaluate_run(spec, folder, workers or usable_cores())
+    episodes = run.deploy(spec, folder, workers or usable_cores())
     row = {
         "status": "done",
         **{k: getattr(spec, k) for k in ("backend", "task", "algo", "observation", "effects")},

@@ -84,9 +84,19 @@ def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers
     return finished
 
 
-def evaluate_run(spec: RunSpec, policy: Path, workers: int) -> Episodes:
-    """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`."""
-    count = SMOKE_EPISODES if spec.smoke else EPISODES
+def evaluate_run(
+    spec: RunSpec,
+    policy: Path,
+    workers: int,
+    episodes: int | None = None,
+    watch: Callable[[BatchEnv, Step], None] = lambda env, step: None,
+) -> Episodes:
+    """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`.
+
+    `episodes` takes the first so many of the fixed ones; `watch` sees every step. Raises
+    UsageError where policy, observation, stick and hand do not fit.
+    """
+    count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
     env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
     try:
         act = _actor(spec, policy, env)
@@ -95,6 +105,7 @@ def evaluate_run(spec: RunSpec, policy: Path, workers: int) -> Episodes:
 
             def on_step(env: BatchEnv, step: Step) -> None:
                 bar.update(next(done))
+                watch(env, step)
 
             return evaluate(env, act, on_step)
     except PolicyError as error:
@@ -103,6 +114,14 @@ def evaluate_run(spec: RunSpec, policy: Path, workers: int) -> Episodes:
         raise UsageError(f"{spec.stick} stick in this hand: {error}") from error
     finally:
         env.close()
+
+
+def deploy(spec: RunSpec, policy: Path, workers: int, **options: Any) -> Episodes:
+    """`evaluate_run` of a finished policy; raises CommandError when the simulation stops."""
+    try:
+        return evaluate_run(spec, policy, workers, **options)
+    except (SimulationDivergedError, WorkerError) as error:
+        raise CommandError(f"the simulation on {spec.backend} stopped: {error}") from error
 
 
 def _actor(spec: RunSpec, policy: Path, env: BatchEnv) -> Callable[[Array], Array]:

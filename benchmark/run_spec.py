@@ -61,10 +61,10 @@ class RunSpec:
             raise unknown("hand", self.hand, HANDS)
         if self.stick not in STICKS:
             raise unknown("stick", self.stick, STICKS)
-        _within("--radius", self.radius_m * 100, RADIUS_RANGE_M[0] * 100, RADIUS_RANGE_M[1] * 100)
-        _within("--speed", self.speed, *SPEED_RANGE)
-        _within("--steps", self.steps, 0, MAX_STEPS)
-        _within("--seed", self.seed, 0, 2**32 - 1)
+        within("--radius", self.radius_m * 100, RADIUS_RANGE_M[0] * 100, RADIUS_RANGE_M[1] * 100)
+        within("--speed", self.speed, *SPEED_RANGE)
+        within("--steps", self.steps, 0, MAX_STEPS)
+        within("--seed", self.seed, 0, 2**32 - 1)
         parse_effects(self.effects, HANDS[self.hand].HAND)
 
     @property
@@ -106,6 +106,7 @@ def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
     return [randomize(nominal, rng) for _ in range(run.worlds)]
 
 
-def _within(flag: str, value: float, low: float, high: float) -> None:
+def within(flag: str, value: float, low: float, high: float) -> None:
+    """Raise UsageError unless a number is finite and in its range."""
     if not (math.isfinite(value) and low <= value <= high):
         raise UsageError(f"{flag} is {value:g}; allowed: {low:g} to {high:g}")

@@ -19,7 +19,7 @@ from benchmark._replay import Recording, replay
 from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
-from benchmark.run_spec import RunSpec, _within
+from benchmark.run_spec import RunSpec, within
 
 SHOWN_EPISODES = 10
 SHOWN_S = 2.0
@@ -127,7 +127,7 @@ def _check(out: Path, kind: str, episodes: int, time_s: float | None) -> None:
         raise unknown("kind of picture", kind, _KINDS)
     if kind != "hand" and time_s is not None:
         raise UsageError(f"--time is {time_s:g} with --kind {kind}; give it with --kind hand only")
-    _within("--episodes", episodes, 1, EPISODES)
+    within("--episodes", episodes, 1, EPISODES)
     if out.suffix.lower() != ".png":
         raise UsageError(f"--out is {out}; allowed: a file name that ends in .png")
     if out.is_dir():

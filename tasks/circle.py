@@ -11,6 +11,8 @@ ENTRY_S = 0.5
 class Task(Figure):
     """Laps on a circle of the given radius."""
 
+    repeats = True
+
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
         """See `Figure.offset_m`."""
         radius = self.radius_m * np.minimum(time_s / ENTRY_S, 1.0)

@@ -2,6 +2,7 @@
 
 import math
 from abc import ABC, abstractmethod
+from typing import ClassVar
 
 import numpy as np
 
@@ -19,6 +20,9 @@ class Figure(ABC):
 
     `radius_m` is the size of the figure, `speed` its pace as a multiple of the training pace.
     """
+
+    repeats: ClassVar[bool] = False
+    """Whether the figure is one closed lap, entered once and then repeated."""
 
     def __init__(self, radius_m: float = RADIUS_M, speed: float = 1.0) -> None:
         self.radius_m = radius_m
