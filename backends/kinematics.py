@@ -38,12 +38,13 @@ def body_frames(hand: Hand, joint_rad: Array) -> dict[str, tuple[Array, Array]]:
 
 
 def common_hand(specs: Sequence[Spec]) -> Hand:
-    """The hand whose geometry all worlds share; raises ValueError where they differ."""
+    """The hand whose geometry and grasp all worlds share; raises ValueError where they differ."""
 
     def geometry(hand: Hand) -> tuple:
-        bodies = tuple((b.parent, b.origin_m, b.joint.axis) for b in hand.bodies)
+        bodies = tuple((b.parent, b.origin_m, b.joint.axis, b.joint.range_rad) for b in hand.bodies)
         taxels = dataclasses.replace(hand.taxels, reach_m=0.0)
-        return bodies, hand.fingertips, taxels
+        grasp = (hand.grip_m, hand.grasp_rad, hand.preload_rad)
+        return bodies, hand.fingertips, taxels, grasp
 
     first = specs[0].hand
     if any(s.hand is not first and geometry(s.hand) != geometry(first) for s in specs):

@@ -46,6 +46,8 @@ def taxel_grid(tip: Fingertip, taxels: Taxels) -> tuple[Array, Array]:
 
 def stick_shape(stick: Stick) -> tuple[float, float, float]:
     """What `surface_distance` needs: round (1) or square (0), half length, radius [m]."""
+    if stick.shape not in ("capsule", "box"):
+        raise ValueError(f"no stick shape '{stick.shape}'; known: capsule, box")
     is_round = stick.shape == "capsule"
     half = stick.length_m / 2 - (stick.radius_m if is_round else 0.0)
     return (float(is_round), half, stick.radius_m)

@@ -15,6 +15,11 @@ MakeBatch = Callable[[int, int], BatchEnv]
 """Makes a batched environment from a number of worlds and a seed."""
 
 
+def _fresh_seed() -> int:
+    """A seed that nobody chose, for whoever resets without one."""
+    return int(np.random.SeedSequence().generate_state(1)[0])
+
+
 def _spaces(env: BatchEnv) -> tuple[gym.spaces.Box, gym.spaces.Box]:
     observation = gym.spaces.Box(-np.inf, np.inf, (env.observation.width,), np.float32)
     return observation, gym.spaces.Box(-1.0, 1.0, (env.action_width,), np.float32)
@@ -34,7 +39,7 @@ class StickEnv(gym.Env):
     metadata: dict[str, Any] = {"render_modes": []}
 
     def __init__(self, make: MakeBatch) -> None:
-        self._env = make(1, 0)
+        self._env = make(1, _fresh_seed())
         self.observation_space, self.action_space = _spaces(self._env)
 
     def reset(
@@ -64,7 +69,7 @@ class StickVectorEnv(VectorEnv):
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
     def __init__(self, make: MakeBatch, num_envs: int) -> None:
-        self._env = make(num_envs, 0)
+        self._env = make(num_envs, _fresh_seed())
         self.num_envs = num_envs
         self.single_observation_space, self.single_action_space = _spaces(self._env)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

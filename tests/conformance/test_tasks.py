@@ -291,3 +291,13 @@ def test_gymnasium_makes_vectors(backend: str) -> None:
     assert info["final_obs"][fallen].shape == observation[fallen].shape
     assert not np.array_equal(info["final_obs"][fallen], observation[fallen])
     env.close()
+
+
+def test_unseeded_environments_differ() -> None:
+    """Start unseeded Gymnasium environments from different states, as Gymnasium promises."""
+    starts = []
+    for _ in range(2):
+        env = gymnasium.make("stickbench/Line-v0", backend="mujoco").unwrapped
+        starts.append(env.reset()[0])
+        env.close()
+    assert not np.array_equal(*starts)

@@ -49,6 +49,20 @@ def test_every_finger_touches(stick: sticks.Stick) -> None:
     assert np.linalg.norm(start.stick_quat_wxyz, axis=1) == pytest.approx(1.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("stick", STICKS, ids=lambda stick: stick.name)
+def test_every_finger_touches_with_its_side(stick: sticks.Stick) -> None:
+    """Find the distance zero in the middle of a tip too, in a grasp nearer to the palm."""
+    spec = trx.spec(stick)
+    flat = {"grip_m": (0.064, 0.0, 0.0), "grasp_rad": (-0.561, 0.7) * 3}
+    spec = dataclasses.replace(spec, hand=dataclasses.replace(spec.hand, **flat))
+    start = sample(spec, worlds=8, spread=0.3)
+    origins, rotations = kinematics.tip_frames(spec.hand, start.joint_rad)
+    along = ((start.stick_pos_m[:, None] - origins) * rotations[..., 0]).sum(axis=-1)
+    assert (along < 0.0).all()
+    assert (along > -trx.TIP_LENGTH_M).all()
+    assert np.abs(tip_gaps(spec, start)).max() < 1e-6
+
+
 def test_sticks_of_a_batch_differ() -> None:
     """Close on each world's own stick when sticks differ within a batch."""
     specs = [trx.spec(stick) for stick in STICKS]
