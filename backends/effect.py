@@ -43,6 +43,11 @@ class Effect(ABC):
     per_joint: ClassVar[bool] = True
     """Whether it acts on joints, and so may name one."""
 
+    @classmethod
+    def spec_fields(cls) -> tuple[str, ...]:
+        """Names of the spec's numbers that change: an engine takes the effect as it takes these."""
+        return ()
+
     def on_spec(self, spec: Spec) -> Spec:
         """The world with this effect; raises ValueError where the effect cannot act."""
         return spec
@@ -57,6 +62,11 @@ class DriveEffect(Effect):
     """The magnitude is a share of that number instead of an amount."""
     gear: ClassVar[str | None] = None
     """Without a named joint, only joints with this gear are concerned; None: all are."""
+
+    @classmethod
+    def spec_fields(cls) -> tuple[str, ...]:
+        """See `Effect.spec_fields`."""
+        return (f"drive.{cls.field}",)
 
     def on_spec(self, spec: Spec) -> Spec:
         """See `Effect.on_spec`."""

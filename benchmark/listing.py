@@ -26,14 +26,26 @@ def parts() -> tuple[dict, Table]:
 
 
 def support() -> tuple[dict, Table]:
-    """The engines' answers for every field; a missing engine says how to install it."""
-    answers: dict[str, dict[str, str]] = {}
-    for name in registry.names("backend"):
-        try:
-            answers[name] = dict(registry.load("backend", name).support)
-        except CommandError as error:
-            answers[name] = dict.fromkeys(field_names(), f"unknown: {error}")
-    table = Table("field", *answers, header_style="bold")
-    for field in field_names():
-        table.add_row(field, *(engine.get(field, "no answer") for engine in answers.values()))
-    return answers, table
+    """The engines' answers for every field and effect; a missing engine says how to install it."""
+    answers = {name: _answers(name) for name in registry.names("backend")}
+    asked = {field: (field,) for field in field_names()}
+    for name in registry.names("effect"):
+        asked[f"effect {name}"] = registry.load("effect", name).spec_fields()
+    found = {
+        engine: {
+            what: "; ".join(dict.fromkeys(taken[f] for f in fields))
+            for what, fields in asked.items()
+        }
+        for engine, taken in answers.items()
+    }
+    table = Table("field", *found, header_style="bold")
+    for what in asked:
+        table.add_row(what, *(engine[what] for engine in found.values()))
+    return found, table
+
+
+def _answers(backend: str) -> dict[str, str]:
+    try:
+        return dict(registry.load("backend", backend).support)
+    except CommandError as error:
+        return dict.fromkeys(field_names(), f"unknown: {error}")

@@ -97,6 +97,8 @@ class RunFolder:
                     "--force starts anew"
                 )
         self.path.mkdir(parents=True, exist_ok=True)
+        for half_written in self.path.glob(".*.tmp"):
+            half_written.unlink()
         self.write_run("interrupted", "the run has not finished")
         return None
 
