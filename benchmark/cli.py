@@ -98,7 +98,7 @@ def run(
         emit(commands.plan(settings, out, workers), as_json)
         return
     row = commands.run(settings, out, workers, resume, force)
-    emit(row, as_json, row_table([row], SHOWN))
+    emit(row, as_json, row_table(row, SHOWN))
 
 
 @app.command("eval")
@@ -133,7 +133,7 @@ def evaluate(
         effects=effects,
     )
     row = commands.evaluate(run_folder, changes, out, workers)
-    emit(row, as_json, row_table([row], SHOWN[:9]))
+    emit(row, as_json, row_table(row, SHOWN[:9]))
 
 
 @app.command()

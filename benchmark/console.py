@@ -8,16 +8,19 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import (
     BarColumn,
-    MofNCompleteColumn,
     Progress,
     TaskID,
+    TaskProgressColumn,
     TextColumn,
-    TimeElapsedColumn,
     TimeRemainingColumn,
 )
 from rich.table import Table
 
 ERR = Console(stderr=True, highlight=False, soft_wrap=True)
+UNKNOWN_WIDTH = 160
+"""Columns of an output that is no terminal."""
+ROW_WIDTH = 140
+"""Columns that a row with its folder needs."""
 _real_stdout: int | None = None
 
 
@@ -37,8 +40,7 @@ def emit(result: dict, as_json: bool, table: Table | None = None) -> None:
         if as_json:
             out.write(json.dumps(result, allow_nan=False) + "\n")
             return
-        width = Console(stderr=True).width if sys.stderr.isatty() else 160
-        console = Console(file=out, width=width, highlight=False)
+        console = Console(file=out, width=_width(), highlight=False)
         if table is not None:
             console.print(table)
         else:
@@ -46,11 +48,19 @@ def emit(result: dict, as_json: bool, table: Table | None = None) -> None:
                 console.print(f"{key}: {value}", markup=False)
 
 
-def row_table(rows: list[dict], columns: list[str]) -> Table:
-    """A rich table of some columns of some rows."""
+def _width() -> int:
+    return ERR.width if sys.stderr.isatty() else UNKNOWN_WIDTH
+
+
+def row_table(row: dict, columns: list[str]) -> Table:
+    """Some columns of a row; one below the other where the terminal is narrow."""
+    if _width() < ROW_WIDTH:
+        table = Table("column", "value", header_style="bold")
+        for column in columns:
+            table.add_row(column, _cell(row.get(column)))
+        return table
     table = Table(*columns, header_style="bold")
-    for row in rows:
-        table.add_row(*(_cell(row.get(column)) for column in columns))
+    table.add_row(*(_cell(row.get(column)) for column in columns))
     return table
 
 
@@ -67,11 +77,10 @@ class Bar:
         self._what, self._total, self._done, self._said = what, total, 0, -1
         self._bar = Progress(
             TextColumn("[bold]{task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
+            BarColumn(bar_width=10),
+            TaskProgressColumn(),
             TimeRemainingColumn(),
+            TextColumn("left"),
             TextColumn("{task.fields[note]}"),
             console=ERR,
             disable=not ERR.is_terminal,

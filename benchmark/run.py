@@ -60,8 +60,8 @@ def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers
         with Bar(f"train {spec.backend} {spec.task}", spec.steps) as bar:
 
             def report(progress: Progress, done: int) -> None:
-                note = f"reward {progress.reward:.3f}  error {progress.p_err_cm:.2f} cm"
-                bar.update(done, f"{note} {progress.q_err_deg:.1f} deg")
+                note = f"reward {progress.reward:.2f} error {progress.p_err_cm:.2f}cm"
+                bar.update(done, f"{note} {progress.q_err_deg:.1f}deg")
 
             training = Training(spec, folder, workers, report)
             training.finish()
