@@ -14,7 +14,7 @@ from pathlib import Path
 from baselines.baseline import Progress
 from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
-from benchmark.run_spec import RunSpec
+from benchmark.run_spec import RunSpec, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
 SCHEMA = 1
@@ -42,6 +42,11 @@ def read_run(folder: Path) -> dict:
         run_spec(run)
     except (ValueError, TypeError, KeyError, AttributeError) as error:
         raise CommandError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+    if run_digest(run["spec"], run.get("spec_digest", "")) != run.get("digest"):
+        raise CommandError(
+            f"{path} was changed after it was written: its digest does not fit its settings; "
+            "restore it, or run again into another folder"
+        )
     if run.get("status") not in STATUSES:
         raise CommandError(
             f"{path} has status {run.get('status')!r}; allowed: {', '.join(STATUSES)}"

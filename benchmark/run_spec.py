@@ -69,9 +69,8 @@ class RunSpec:
 
     @property
     def digest(self) -> str:
-        """First 12 hex digits of the SHA-256 of all fields and of the nominal world."""
-        text = json.dumps([dataclasses.asdict(self), self.world().digest], sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()[:12]
+        """What `run_digest` says of this run."""
+        return run_digest(dataclasses.asdict(self), self.world().digest)
 
     @property
     def name(self) -> str:
@@ -87,6 +86,12 @@ class RunSpec:
         for effect in parse_effects(self.effects, hand.HAND):
             spec = effect.on_spec(spec)
         return spec
+
+
+def run_digest(fields: dict, world_digest: str) -> str:
+    """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world."""
+    text = json.dumps([fields, world_digest], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
 def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> BatchEnv:

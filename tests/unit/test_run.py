@@ -165,6 +165,7 @@ def test_policy_and_observation_that_do_not_fit_are_refused(finished, capfd):
         ("run.json", lambda b: b[: len(b) // 2], "is damaged"),
         ("run.json", lambda b: b.replace(b'"circle"', b'"cube"'), "no task named 'cube'"),
         ("run.json", lambda b: b.replace(b'"done"', b'"fine"'), "has status 'fine'"),
+        ("run.json", lambda b: b.replace(b'"seed": 0', b'"seed": 1'), "digest does not fit"),
         ("policy.onnx", lambda b: b[:-100], "SHA-256 differs"),
         ("contract.json", lambda b: b[:-100], "cannot be read"),
         ("policy.onnx", None, "is missing"),
