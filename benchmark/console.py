@@ -59,7 +59,9 @@ def row_table(row: dict, columns: list[str]) -> Table:
         for column in columns:
             table.add_row(column, _cell(row.get(column)))
         return table
-    table = Table(*columns, header_style="bold")
+    table = Table(header_style="bold")
+    for column in columns:
+        table.add_column(column, overflow="fold")
     table.add_row(*(_cell(row.get(column)) for column in columns))
     return table
 
