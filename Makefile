@@ -34,7 +34,7 @@ run: install
 	$(VENV)/bin/bench run --backend bullet --task eight $(ARGS)
 
 test: install
-	$(VENV)/bin/python -m pytest -n 2 -m "not slow" $(ARGS)
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "not slow" $(ARGS)
 
 test-slow: install
 	$(VENV)/bin/python -m pytest -m slow $(ARGS)

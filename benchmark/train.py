@@ -58,10 +58,10 @@ class Training:
         Writes a checkpoint and the learning curve after each segment.
         """
         total = max(1, math.ceil(self._run.steps / self._per_iteration))
+        if self._iterations >= total:  # killed between the last checkpoint and the end
+            self._segment(0, total)
         while self._iterations < total:
             self._segment(min(self._per_segment, total - self._iterations), total)
-        if not (self._folder.path / POLICY_FILE).exists():
-            self._segment(0, total)
 
     def _segment(self, iterations: int, total: int) -> None:
         index = self._iterations // self._per_segment
@@ -75,9 +75,15 @@ class Training:
             self._save(learner, self._iterations + iterations)
             if self._iterations >= total:
                 write_contract(self._folder.path, env.observation)
-                learner.export(self._folder.path / POLICY_FILE)
+                self._export(learner)
         finally:
             env.close()
+
+    def _export(self, learner: Learner) -> None:
+        path = self._folder.path / POLICY_FILE
+        temporary = path.with_name(f".{path.name}.tmp")
+        learner.export(temporary)
+        os.replace(temporary, path)
 
     def _note(self, progress: Progress) -> None:
         steps = int(self._rows[-1]["steps"]) if self._rows else 0
