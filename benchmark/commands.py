@@ -33,7 +33,7 @@ def settings(**options: object) -> RunSpec:
     if given.get("steps") == 0 and given["algo"] not in _SCRIPTED:
         raise UsageError("--steps is 0; allowed: from 1, or --algo hold-still or random")
     if given["algo"] in _SCRIPTED:
-        given["steps"] = 0
+        given |= {"steps": 0, "randomize": False}
     if given["smoke"]:
         given["worlds"] = SMOKE_WORLDS
         given["steps"] = min(given.get("steps", SMOKE_STEPS), SMOKE_STEPS)

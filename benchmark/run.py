@@ -16,7 +16,6 @@ from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import EPISODES, SMOKE_EPISODES, Episodes, evaluate
-from benchmark.provenance import provenance
 from benchmark.run_folder import EPISODES_FILE, RunFolder
 from benchmark.run_spec import RunSpec, make_env
 from benchmark.train import Training
@@ -40,17 +39,17 @@ def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> d
         registry.load("backend", spec.backend)
         baseline = registry.load("algorithm", spec.algo)
     except CommandError as error:
-        folder.write_run("skipped", str(error), provenance=provenance())
+        folder.write_run("skipped", str(error))
         raise
     try:
         return _train_and_evaluate(spec, folder, baseline, workers)
     except SimulationDivergedError as error:
         reason = f"{spec.backend}: {error}"
-        folder.write_run("diverged", reason, provenance=provenance())
+        folder.write_run("diverged", reason)
         raise CommandError(f"diverged, {reason}; recorded in {path}") from error
     except WorkerError as error:
         reason = f"{spec.backend}: {error}"
-        folder.write_run("interrupted", reason, provenance=provenance())
+        folder.write_run("interrupted", reason)
         raise CommandError(f"{reason}; --resume continues the run") from error
 
 
@@ -78,7 +77,6 @@ def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers
         wall_s=round(wall_s + time.monotonic() - began, 2),
         env_steps_per_s=round(rate, 1),
         policy_sha256=file_sha256(policy) if policy.exists() else None,
-        provenance=provenance(),
     )
     folder.drop_checkpoints()
     return finished

@@ -14,6 +14,7 @@ from pathlib import Path
 from baselines.baseline import Progress
 from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
+from benchmark.provenance import provenance
 from benchmark.run_spec import RunSpec, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
@@ -123,6 +124,11 @@ class RunFolder:
             "digest": self._run.digest,
             "spec_digest": self._run.world().digest,
             "scores": None,
+            "steps": 0,
+            "wall_s": 0.0,
+            "env_steps_per_s": 0.0,
+            "policy_sha256": None,
+            "provenance": provenance(),
             **fields,
         }
         write_atomically(self.path / RUN_FILE, json.dumps(run, indent=2, allow_nan=False) + "\n")

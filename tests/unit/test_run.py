@@ -12,6 +12,8 @@ import pandas as pd
 import pytest
 
 from benchmark import cli
+from benchmark.run_folder import RunFolder
+from benchmark.run_spec import RunSpec
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
 SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "2"]
@@ -228,3 +230,13 @@ def test_leaderboard_lists_finished_runs(tmp_path, capfd):
     assert frame["tracked"].iloc[0] == pytest.approx(row["tracked"])
     assert "hold-still" in (board / "leaderboard.md").read_text()
     assert len(list((board / "results").glob("*.json"))) == 1
+
+
+def test_leaderboard_counts_runs_that_are_not_done(tmp_path, capfd):
+    """List an interrupted run as such instead of calling its file broken."""
+    spec = RunSpec(backend="mujoco", task="line")
+    assert RunFolder(tmp_path / "runs/late", spec).claim(resume=False, force=False) is None
+    board = tmp_path / "board"
+    assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["problems"] == []
+    assert "1 interrupted" in (board / "leaderboard.md").read_text()
