@@ -256,3 +256,15 @@ def test_a_failed_write_leaves_the_old_file(tmp_path):
         rendered(tmp_path, rows(run()), ("\ud800",))
     assert (tmp_path / "board.md").read_bytes() == before
     assert [file.name for file in tmp_path.iterdir()] == ["board.md"]
+
+
+def test_shipped_files_come_from_the_shipped_rows(tmp_path: Path) -> None:
+    """Find in the repo what `bench leaderboard` makes of its rows, byte for byte."""
+    home = Path(__file__).parents[2] / "leaderboard"
+    read, problems = read_rows([home / "results"])
+    assert not problems
+    frame = table(read)
+    write_csv(frame, tmp_path / "leaderboard.csv")
+    write_markdown(frame, read, problems, tmp_path / "leaderboard.md")
+    for name in ("leaderboard.csv", "leaderboard.md"):
+        assert (tmp_path / name).read_bytes() == (home / name).read_bytes()
