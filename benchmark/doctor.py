@@ -6,6 +6,7 @@ import sys
 from rich.table import Table
 
 from benchmark import registry
+from benchmark.errors import CommandError
 from benchmark.provenance import version
 
 _PACKAGE = {
@@ -50,6 +51,7 @@ def _examine(kind: str, name: str) -> dict:
     )
     works = done.returncode == 0
     last = (done.stderr.strip().splitlines() or ["died without a word"])[-1]
+    last = last.removeprefix(f"{CommandError.__module__}.{CommandError.__name__}: ")
     return {
         "part": kind,
         "name": name,
