@@ -205,6 +205,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: taken as 0; spin friction needs the round cone",
         "contact.time_constant_s": "approximate: rigid, but penetration decays in this time",
+        "contact.compliance_m_n": "refused: contacts are as hard as the engine makes them",
         "spec.gravity_m_s2": EXACT,
     }
 

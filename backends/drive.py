@@ -3,13 +3,17 @@
 A two-mass gear model: a PD controller turns a rotor; rotor and joint are coupled by teeth that
 push once the play between them is taken up:
 
-    tau_pd   = clip(kp (target - motor) - kd motor', -limit, limit)          (the paper's PD law)
+    tau_pd   = clip(kp dead_zone(target - motor) - kd motor', -limit, limit) (the paper's PD law)
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
-    J motor'' = tau_pd - tau_gear - friction
+    J motor'' = tau_pd - tau_gear - viscous motor' - friction
+    friction = coulomb + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
 
-Coulomb friction and the worm's self-lock act on the rotor's momentum after the free update, so
-they stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives
-the rotor against the motor; joint positions are never overwritten, so a squeeze survives.
+Friction and the worm's self-lock act on the rotor's momentum after the free update, so they stop a
+rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
+against the motor; joint positions are never overwritten, so a squeeze survives.
+
+Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
+with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650).
 """
 
 from collections.abc import Sequence
@@ -22,10 +26,13 @@ from backends.spec import Drive, Spec
 from backends.state import Array
 
 _COLUMNS = tuple(f.name for f in fields(Drive))
+STRIBECK_RAD_S = 0.05
+"""v_s: speed at which stiction has faded to a third; servo gears lie at 0.01 to 0.1 rad/s."""
 
 
 @numba.njit(cache=True)
 def _shrink(speed, loss):
+    """`speed` nearer to zero by `loss`, and no further than zero."""
     if speed > loss:
         return speed - loss
     if speed < -loss:
@@ -34,28 +41,49 @@ def _shrink(speed, loss):
 
 
 @numba.njit(cache=True)
+def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
+    """One joint's drive over one period `dt`, with the numbers `p` of a `Drive` in field order.
+
+    The motor's new angle and speed, its PD torque and the torque on the joint.
+    """
+    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, stiction, load, dead = p
+    gap = motor - joint
+    gear = 0.0
+    if gap > play or gap < -play or play == 0.0:
+        press = gap - play if gap > 0.0 else gap + play
+        gear = k * press + c * (speed - joint_speed)
+        if play > 0.0 and gear * press < 0.0:
+            gear = 0.0
+    pd = kp * _shrink(target - motor, dead) - kd * speed
+    pd = min(max(pd, -limit), limit)
+    friction = coulomb + load * abs(gear)
+    if stiction > 0.0:
+        friction += stiction * np.exp(-abs(speed) / STRIBECK_RAD_S)
+    speed += dt / inertia * (pd - gear - viscous * speed)
+    speed = _shrink(speed, dt / inertia * friction)
+    if speed * pd <= 0.0 and speed * gear < 0.0:
+        speed = _shrink(speed, dt / inertia * lock)
+    return motor + dt * speed, speed, pd, gear
+
+
+@numba.njit(cache=True)
 def _step(target, joint, joint_speed, motor, motor_speed, p, dt, pd_out, gear_out):
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
-            kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock = p[n, j]
-            gap = motor[n, j] - joint[n, j]
-            speed = motor_speed[n, j]
-            gear = 0.0
-            if gap > play or gap < -play or play == 0.0:
-                press = gap - play if gap > 0.0 else gap + play
-                gear = k * press + c * (speed - joint_speed[n, j])
-                if play > 0.0 and gear * press < 0.0:
-                    gear = 0.0
-            pd = kp * (target[n, j] - motor[n, j]) - kd * speed
-            pd = min(max(pd, -limit), limit)
-            speed += dt / inertia * (pd - gear - viscous * speed)
-            speed = _shrink(speed, dt / inertia * coulomb)
-            if speed * pd <= 0.0 and speed * gear < 0.0:
-                speed = _shrink(speed, dt / inertia * lock)
-            motor_speed[n, j] = speed
-            motor[n, j] += dt * speed
-            pd_out[n, j] = pd
-            gear_out[n, j] = gear
+            motor[n, j], motor_speed[n, j], pd_out[n, j], gear_out[n, j] = motor_tick(
+                target[n, j],
+                joint[n, j],
+                joint_speed[n, j],
+                motor[n, j],
+                motor_speed[n, j],
+                p[n, j],
+                dt,
+            )
+
+
+def drive_table(spec: Spec) -> Array:
+    """The numbers of all drives as `motor_tick` takes them, shape (J, 13)."""
+    return np.array([[getattr(drive, name) for name in _COLUMNS] for drive in spec.drives])
 
 
 class DriveBank:
@@ -63,8 +91,7 @@ class DriveBank:
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         self._dt_s = specs[0].timing.drive_s
-        table = [[[getattr(d, c) for c in _COLUMNS] for d in spec.drives] for spec in specs]
-        self._parameters = np.array(table)
+        self._parameters = np.array([drive_table(spec) for spec in specs])
         shape = self._parameters.shape[:2]
         self.motor_rad = np.zeros(shape)
         """Motor angles reflected through the gear [rad], shape (N, J)."""

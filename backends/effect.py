@@ -3,9 +3,9 @@
 import dataclasses
 from abc import ABC
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from backends.spec import Drive, Spec
+from backends.spec import Body, Spec
 
 UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", 1.0),
@@ -18,6 +18,13 @@ UNITS: dict[str, tuple[str, float]] = {
     "%": ("share", 0.01),
     "kgm2": ("inertia", 1.0),
     "gcm2": ("inertia", 1e-7),
+    "s": ("time", 1.0),
+    "ms": ("time", 1e-3),
+    "s/rad": ("slowness", 1.0),
+    "m": ("length", 1.0),
+    "mm": ("length", 1e-3),
+    "mm/s": ("drift", 1e-3),
+    "mm/N": ("compliance", 1e-3),
 }
 """Units on the command line: their dimension and their size in SI."""
 
@@ -26,7 +33,9 @@ UNITS: dict[str, tuple[str, float]] = {
 class Effect(ABC):
     """Base of every effect; a subclass named `Effect` in its own file is one effect.
 
-    Zero magnitude is the identity. Effects compose by being applied one after the other.
+    Zero magnitude is the identity. Effects compose by being applied one after the other. All they
+    do is change numbers of the spec: what a command path, drive, sensor or skin makes of these is
+    one code for all engines, and the digest of the numbers tells two worlds apart.
     """
 
     magnitude: float
@@ -42,6 +51,8 @@ class Effect(ABC):
     """Allowed magnitudes in SI units, both included."""
     per_joint: ClassVar[bool] = True
     """Whether it acts on joints, and so may name one."""
+    spread: ClassVar[str] = "normal"
+    """How its magnitude is drawn when domains are randomised: 'normal' or 'uniform'."""
 
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
@@ -53,11 +64,11 @@ class Effect(ABC):
         return spec
 
 
-class DriveEffect(Effect):
-    """Base of the effects that change one number of a joint's drive."""
+class NumberEffect(Effect):
+    """Base of the effects that change one number of the spec."""
 
-    field: ClassVar[str]
-    """The number of `Drive` that changes."""
+    number: ClassVar[str]
+    """Which one, such as 'drive.kp_nm_rad'; drive, command, encoder and body are per joint."""
     relative: ClassVar[bool] = False
     """The magnitude is a share of that number instead of an amount."""
     gear: ClassVar[str | None] = None
@@ -66,21 +77,38 @@ class DriveEffect(Effect):
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
         """See `Effect.spec_fields`."""
-        return (f"drive.{cls.field}",)
+        return (cls.number,)
+
+    def changed(self, value: float) -> float:
+        """The number with the effect."""
+        return value * (1 + self.magnitude) if self.relative else value + self.magnitude
 
     def on_spec(self, spec: Spec) -> Spec:
         """See `Effect.on_spec`."""
+        part, field = self.number.split(".")
+        if self.per_joint:
+            return self._on_joints(spec, part, field)
+        if part == "taxels":
+            hand = dataclasses.replace(spec.hand, taxels=self._on(spec.hand.taxels, field))
+            return dataclasses.replace(spec, hand=hand)
+        return dataclasses.replace(spec, **{part: self._on(getattr(spec, part), field)})
+
+    def _on_joints(self, spec: Spec, part: str, field: str) -> Spec:
         if self.joint is not None and self.joint not in spec.hand.joint_names:
             known = ", ".join(spec.hand.joint_names)
             raise ValueError(f"no driven joint named '{self.joint}'; known: {known}")
-        drives = list(spec.drives)
-        for j, body in enumerate(spec.hand.driven):
-            fits = self.gear is None or body.joint.gear == self.gear
-            if body.joint.name == self.joint or (self.joint is None and fits):
-                drives[j] = self._changed(drives[j])
-        return spec.with_drives(tuple(drives))
+        return spec.with_driven(self._on_body(b, part, field) for b in spec.hand.driven)
 
-    def _changed(self, drive: Drive) -> Drive:
-        value = getattr(drive, self.field)
-        value = value * (1 + self.magnitude) if self.relative else value + self.magnitude
-        return dataclasses.replace(drive, **{self.field: value})
+    def _on_body(self, body: Body, part: str, field: str) -> Body:
+        fits = self.gear is None or body.joint.gear == self.gear
+        if not (body.joint.name == self.joint or (self.joint is None and fits)):
+            return body
+        if part == "body":
+            return self._on(body, field)
+        joint = dataclasses.replace(
+            body.joint, **{part: self._on(getattr(body.joint, part), field)}
+        )
+        return dataclasses.replace(body, joint=joint)
+
+    def _on(self, part: Any, field: str) -> Any:
+        return dataclasses.replace(part, **{field: self.changed(getattr(part, field))})

@@ -10,15 +10,16 @@ from typing import ClassVar, Protocol
 
 import numpy as np
 
+from backends.command import CommandBank
 from backends.drive import DriveBank
+from backends.encoder import EncoderBank
 from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State
 
 EXACT = "exact"
+_SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
 SHARED_SUPPORT: Mapping[str, str] = {
-    name: EXACT
-    for name in field_names()
-    if name.split(".")[0] in {"drive", "taxels", "timing", "joint", "hand"} and name != "joint.axis"
+    name: EXACT for name in field_names() if name.split(".")[0] in _SHARED and name != "joint.axis"
 }
 """Answers for the fields that shared code computes above the engines."""
 
@@ -32,8 +33,11 @@ class Simulator(Protocol):
         """Start the masked worlds from `initial`; the others stay as they are."""
         ...
 
-    def advance(self, target_rad: Array) -> State:
-        """Hold the target angles (N, J) [rad] for one policy period; the state after it."""
+    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+        """Hold the target angles (N, J) [rad] for one policy period; the state after it.
+
+        `load_nm` (N, J) is an external torque on the joints, such as a push.
+        """
         ...
 
     def close(self) -> None:
@@ -57,8 +61,10 @@ class Engine(ABC):
         first = specs[0]
         if len({(s.timing.drive_s, s.timing.policy_s) for s in specs}) > 1:
             raise ValueError("worlds of one batch step together: give them the same rates")
+        self._refuse(specs)
         self.specs = tuple(specs)
         self._timing = first.timing
+        self._commands, self._encoders = CommandBank(specs), EncoderBank(specs)
         self._drives = DriveBank(specs)
         self.state = State.allocate(
             len(specs), len(first.hand.joint_names), len(first.hand.fingertips)
@@ -66,6 +72,7 @@ class Engine(ABC):
         gravity = np.array([s.gravity_m_s2 for s in specs])
         self._weight_n = gravity * np.array([[s.stick.mass_kg] for s in specs])
         self._age_steps = np.zeros(len(specs), dtype=np.int64)
+        self._noise_seed = np.zeros(len(specs), dtype=np.int64)
         self._weightless_steps = np.array(
             [round(s.timing.weightless_s / s.timing.drive_s) for s in specs]
         )
@@ -76,6 +83,7 @@ class Engine(ABC):
         self._place(ids, initial)
         self._drives.reset(initial.joint_rad, mask)
         self._age_steps[ids] = 0
+        self._noise_seed[ids] = initial.noise_seed[ids]
         state = self.state
         state.joint_rad[ids] = initial.joint_rad[ids]
         state.motor_rad[ids] = initial.joint_rad[ids]
@@ -90,20 +98,40 @@ class Engine(ABC):
             state.contact_force_n,
         ):
             at_rest[ids] = 0.0
+        self._measure()
         return state
 
-    def advance(self, target_rad: Array) -> State:
-        """Hold the target angles (N, J) [rad] for one policy period; the state after it."""
-        state = self.state
+    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+        """See `Simulator.advance`."""
+        state, drives, age = self.state, self._drives, self._age_steps
         for _ in range(self._timing.substeps):
-            torque = self._drives.step(target_rad, state.joint_rad, state.joint_rad_s)
-            weightless = self._age_steps < self._weightless_steps
-            self._tick(torque, np.where(weightless[:, None], -self._weight_n, 0.0))
-            self._age_steps += 1
-        state.motor_rad[:] = self._drives.motor_rad
-        state.drive_torque_nm[:] = self._drives.pd_nm
+            command = self._commands.step(target_rad, age, self._noise_seed)
+            torque = drives.step(command, state.joint_rad, state.joint_rad_s)
+            weightless = age < self._weightless_steps
+            self._tick(
+                torque if load_nm is None else torque + load_nm,
+                np.where(weightless[:, None], -self._weight_n, 0.0),
+            )
+            age += 1
+            if self._encoders.remembers:
+                self._encoders.note(state.joint_rad, drives.motor_rad, age)
+        state.motor_rad[:] = drives.motor_rad
+        state.drive_torque_nm[:] = drives.pd_nm
+        self._measure()
         self._observe()
         return state
+
+    def _refuse(self, specs: Sequence[Spec]) -> None:
+        """Raise ValueError for a number, zero by default, that this engine cannot honour."""
+        for name, answer in self.support.items():
+            if answer.startswith("refused") and any(any(s.values(name)) for s in specs):
+                raise ValueError(f"{name} is {answer}")
+
+    def _measure(self) -> None:
+        """Read the position sensors."""
+        angles = self.state.joint_rad, self._drives.motor_rad
+        self._encoders.note(*angles, self._age_steps)
+        self.state.measured_rad[:] = self._encoders.read(*angles, self._age_steps, self._noise_seed)
 
     @abstractmethod
     def close(self) -> None:

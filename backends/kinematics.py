@@ -3,7 +3,6 @@
 Touch and initial states use it; parity tests hold every engine against it.
 """
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -42,7 +41,8 @@ def common_hand(specs: Sequence[Spec]) -> Hand:
 
     def geometry(hand: Hand) -> tuple:
         bodies = tuple((b.parent, b.origin_m, b.joint.axis, b.joint.range_rad) for b in hand.bodies)
-        taxels = dataclasses.replace(hand.taxels, reach_m=0.0)
+        t = hand.taxels
+        taxels = (t.rows, t.columns, t.front_rad, t.half_width_rad)
         grasp = (hand.grip_m, hand.grasp_rad, hand.preload_rad)
         return bodies, hand.fingertips, taxels, grasp
 

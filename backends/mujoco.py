@@ -152,6 +152,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": EXACT,
         "contact.time_constant_s": EXACT,
+        "contact.compliance_m_n": "refused: contacts are as hard as the engine makes them",
         "spec.gravity_m_s2": EXACT,
     }
 

@@ -1,47 +1,38 @@
-"""Domain randomisation as in the paper: another world for every episode's draw.
+"""Domain randomisation: another world for every draw, by effects of random magnitude.
 
-Gains, gear stiffness and gear damping come from normal distributions (the spread of a
-calibration); the stick's mass, radius and friction from uniform ones.
+As in the paper, gains and gear come from normal distributions (the spread of a calibration), the
+stick's mass, radius and friction from uniform ones.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
-from backends.spec import Drive, Spec
+from backends.effect import Effect
+from backends.spec import Spec
 
-GAIN_STD = 0.05
-"""Relative standard deviation of kp and kd."""
-GEAR_STD = 0.10
-"""Relative standard deviation of gear stiffness and damping."""
-MASS_SHARE, RADIUS_SHARE, FRICTION_SHARE = 0.3, 0.1, 0.2
-"""Half widths of the uniform distributions, relative to nominal."""
+CLIP_STD = 2.0
+"""Normal draws end at so many standard deviations."""
 
 
-def randomize(spec: Spec, rng: np.random.Generator) -> Spec:
-    """A world drawn around `spec`."""
-    drives = tuple(_drive(drive, rng) for drive in spec.drives)
-    mass, radius, friction = 1 + rng.uniform(-1, 1, 3) * (MASS_SHARE, RADIUS_SHARE, FRICTION_SHARE)
-    stick = dataclasses.replace(
-        spec.stick,
-        mass_kg=float(spec.stick.mass_kg * mass),
-        radius_m=float(spec.stick.radius_m * radius),
-        friction=float(spec.stick.friction * friction),
-    )
-    return dataclasses.replace(spec.with_drives(drives), stick=stick)
+def randomize(spec: Spec, spread: Sequence[Effect], rng: np.random.Generator) -> Spec:
+    """A world drawn around `spec`.
+
+    The magnitude of an effect in `spread` is the standard deviation or, where the effect is spread
+    evenly, half the width of what is drawn. Effects that name no joint are drawn for each anew.
+    """
+    for effect in spread:
+        everywhere = effect.per_joint and effect.joint is None
+        for joint in spec.hand.joint_names if everywhere else (effect.joint,):
+            magnitude = _draw(effect, rng)
+            spec = dataclasses.replace(effect, magnitude=magnitude, joint=joint).on_spec(spec)
+    return spec
 
 
-def _drive(drive: Drive, rng: np.random.Generator) -> Drive:
-    kp, kd, stiffness, damping = 1 + np.clip(rng.normal(size=4), -2, 2) * (
-        GAIN_STD,
-        GAIN_STD,
-        GEAR_STD,
-        GEAR_STD,
-    )
-    return dataclasses.replace(
-        drive,
-        kp_nm_rad=float(drive.kp_nm_rad * kp),
-        kd_nms_rad=float(drive.kd_nms_rad * kd),
-        gear_stiffness_nm_rad=float(drive.gear_stiffness_nm_rad * stiffness),
-        gear_damping_nms_rad=float(drive.gear_damping_nms_rad * damping),
-    )
+def _draw(effect: Effect, rng: np.random.Generator) -> float:
+    if effect.spread == "uniform":
+        unit = rng.uniform(-1, 1)
+    else:
+        unit = np.clip(rng.normal(), -CLIP_STD, CLIP_STD)
+    return float(np.clip(unit * effect.magnitude, *effect.bounds))

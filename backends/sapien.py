@@ -153,6 +153,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: on one-point contacts only, apart from sliding",
         "contact.time_constant_s": "approximate: contacts are rigid, no penetration to relax",
+        "contact.compliance_m_n": "refused: contacts are as hard as the engine makes them",
         "spec.gravity_m_s2": _SINGLE,
     }
 

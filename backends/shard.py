@@ -36,9 +36,12 @@ class _Shared:
             np.frombuffer(b, dtype=np.float64).reshape(s)
             for b, s in zip(buffers, shapes, strict=True)
         )
-        self.target, self.mask = next(arrays), next(arrays)
+        self.target, self.load, self.mask = next(arrays), next(arrays), next(arrays)
         self.initial = InitialState(
-            joint_rad=next(arrays), stick_pos_m=next(arrays), stick_quat_wxyz=next(arrays)
+            joint_rad=next(arrays),
+            stick_pos_m=next(arrays),
+            stick_quat_wxyz=next(arrays),
+            noise_seed=next(arrays),
         )
         n, joints = self.target.shape
         tips = shapes[-1][1]
@@ -46,7 +49,8 @@ class _Shared:
 
 
 def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
-    shapes: list[tuple[int, ...]] = [(n, joints), (n,), (n, joints), (n, 3), (n, 4)]
+    shapes: list[tuple[int, ...]] = [(n, joints)] * 2 + [(n,)]
+    shapes += [(n, joints), (n, 3), (n, 4), (n,)]
 
     def note(shape: tuple[int, ...]) -> Array:
         shapes.append(shape)
@@ -74,13 +78,16 @@ def _work(
             joint_rad=shared.initial.joint_rad[rows],
             stick_pos_m=shared.initial.stick_pos_m[rows],
             stick_quat_wxyz=shared.initial.stick_quat_wxyz[rows],
+            noise_seed=shared.initial.noise_seed[rows],
         )
         pipe.send(None)
         while (order := pipe.recv()) != "close":
             if order == "reset":
                 engine.reset(initial, shared.mask[rows] > 0)
-            else:
+            elif order == "advance":
                 engine.advance(shared.target[rows])
+            else:
+                engine.advance(shared.target[rows], shared.load[rows])
             pipe.send(None)
         engine.close()
     except EOFError:
@@ -118,12 +125,16 @@ class Sharded:
         self._shared.initial.joint_rad[:] = initial.joint_rad
         self._shared.initial.stick_pos_m[:] = initial.stick_pos_m
         self._shared.initial.stick_quat_wxyz[:] = initial.stick_quat_wxyz
+        self._shared.initial.noise_seed[:] = initial.noise_seed
         return self._order("reset")
 
-    def advance(self, target_rad: Array) -> State:
+    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
         """See `Simulator.advance`."""
         self._shared.target[:] = target_rad
-        return self._order("advance")
+        if load_nm is None:
+            return self._order("advance")
+        self._shared.load[:] = load_nm
+        return self._order("advance under load")
 
     def close(self) -> None:
         """Stop the processes; twice is harmless."""

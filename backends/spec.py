@@ -7,8 +7,10 @@ zero pose, so an origin and a hinge axis say all about a joint. Nothing here kno
 import dataclasses
 import hashlib
 import json
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 Vec3 = tuple[float, float, float]
 
@@ -37,6 +39,43 @@ class Drive:
     """Half of the gear play: the joint is free within +-play about the motor angle [rad]."""
     lock_nm: float
     """Largest load the gear holds when it is back-driven [Nm]; 0: freely back-drivable."""
+    stiction_nm: float = 0.0
+    """Friction at standstill above the Coulomb friction, fading with speed (Stribeck) [Nm]."""
+    load_friction: float = 0.0
+    """Friction torque per torque that the gear transmits [1]."""
+    dead_zone_rad: float = 0.0
+    """The PD law takes an error as smaller by this, and none as none [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """What happens to a joint's target on its way to the drive; zeros: nothing."""
+
+    delay_s: float = 0.0
+    """The drive follows the target as it was so long ago [s]."""
+    slowness_s_rad: float = 0.0
+    """The target moves by a radian in no less than this [s/rad]; 0: at once."""
+    loss_share: float = 0.0
+    """Probability that a policy period's target is lost and the last one kept [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Encoder:
+    """What the position sensor makes of an angle; zeros: nothing.
+
+    It is the sensor that policies and logs read. The motor's own loop has another one.
+    """
+
+    bias_rad: float = 0.0
+    """Added to every reading [rad]."""
+    scale_error: float = 0.0
+    """Readings grow by this share [1]."""
+    resolution_rad: float = 0.0
+    """Readings are multiples of this [rad]; 0: continuous."""
+    noise_rad: float = 0.0
+    """Standard deviation of white noise on every reading [rad]."""
+    delay_s: float = 0.0
+    """Readings show the angle as it was so long ago [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +92,8 @@ class Joint:
     """'worm' where backlash and self-lock are to be expected, else 'spur'."""
     sensor: str = "joint"
     """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
+    encoder: Encoder = Encoder()
+    command: Command = Command()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,6 +146,14 @@ class Taxels:
     """Half of the angle that the pad covers across the finger [rad]."""
     reach_m: float
     """A taxel is active when the object is nearer than this: the skin's compliance [m]."""
+    threshold_m: float = 0.0
+    """Pressed depth that a taxel needs beyond that to count as active [m]."""
+    drift_m_s: float = 0.0
+    """Fastest drift of a reading since the episode's start, as pressed depth [m/s]."""
+    dead_share: float = 0.0
+    """Share of the taxels that never answer [1]."""
+    halo_m: float = 0.0
+    """Taxels nearer than this to an active one answer too [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,6 +220,8 @@ class Contact:
     """Spin friction torque over normal force and friction coefficient [m]."""
     time_constant_s: float
     """Time in which a penetration relaxes [s], where the engine has soft contacts."""
+    compliance_m_n: float = 0.0
+    """Yield of a contact per force beyond the engine's own [m/N]; 0: the nominal surfaces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +254,7 @@ class Spec:
     @cached_property
     def digest(self) -> str:
         """First 12 hex digits of the SHA-256 of all numbers; equal digests, equal worlds."""
-        text = json.dumps(dataclasses.asdict(self), sort_keys=True)
+        text = json.dumps(_numbers(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
     @property
@@ -211,22 +262,60 @@ class Spec:
         """Drives of the driven joints in spec order."""
         return tuple(b.joint.drive for b in self.hand.driven if b.joint.drive is not None)
 
-    def with_drives(self, drives: tuple[Drive, ...]) -> "Spec":
-        """This world with other drives, one per driven joint in spec order."""
-        fresh = iter(drives)
-        bodies = tuple(
-            b
-            if b.joint.drive is None
-            else dataclasses.replace(b, joint=dataclasses.replace(b.joint, drive=next(fresh)))
-            for b in self.hand.bodies
-        )
+    def with_driven(self, driven: Iterable[Body]) -> "Spec":
+        """This world with other driven bodies, in spec order."""
+        fresh = iter(driven)
+        bodies = tuple(b if b.joint.drive is None else next(fresh) for b in self.hand.bodies)
         return dataclasses.replace(self, hand=dataclasses.replace(self.hand, bodies=bodies))
+
+    def with_drives(self, drives: Iterable[Drive]) -> "Spec":
+        """This world with other drives, one per driven joint in spec order."""
+        pairs = zip(self.hand.driven, drives, strict=True)
+        return self.with_driven(
+            dataclasses.replace(b, joint=dataclasses.replace(b.joint, drive=d)) for b, d in pairs
+        )
+
+    def values(self, number: str) -> tuple:
+        """All values in this world of a number such as 'drive.kp_nm_rad', see `field_names`."""
+        part, field = number.split(".")
+        joints = [body.joint for body in self.hand.bodies]
+        homes: dict[str, Iterable[Any]] = {
+            "body": self.hand.bodies,
+            "joint": joints,
+            "fingertip": self.hand.fingertips,
+            "taxels": (self.hand.taxels,),
+            "spec": (self,),
+        }
+        if part in ("drive", "command", "encoder"):
+            found: Iterable[Any] = [getattr(j, part) for j in joints if j.drive is not None]
+        else:
+            found = homes[part] if part in homes else (getattr(self, part),)
+        return tuple(getattr(item, field) for item in found)
+
+
+def _numbers(part: Any) -> Any:
+    """A spec as plain data without what is zero by default and zero.
+
+    So a number that is added for a new effect renames no world that does not have it.
+    """
+    if isinstance(part, tuple):
+        return [_numbers(item) for item in part]
+    if not dataclasses.is_dataclass(part):
+        return part
+    kept = {}
+    for field in dataclasses.fields(part):
+        value = getattr(part, field.name)
+        plain = _numbers(value)
+        if not (plain == {} or (field.default == 0.0 and value == 0.0)):
+            kept[field.name] = plain
+    return kept
 
 
 def field_names() -> tuple[str, ...]:
     """Every number a spec holds, such as 'drive.kp_nm_rad': what engines answer for."""
-    parts = (Drive, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
-    nested = {"bodies", "fingertips", "taxels", "joint", "drive", "name", "finger"}
+    parts = (Drive, Command, Encoder, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
+    nested = {"bodies", "fingertips", "taxels", "joint", "drive", "command", "encoder"}
+    nested |= {"name", "finger"}
     names = [
         f"{part.__name__.lower()}.{f.name}"
         for part in parts

@@ -5,7 +5,7 @@ Quaternions are w, x, y, z and turn stick coordinates into world coordinates.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -22,6 +22,12 @@ class InitialState:
     """Stick centre [m], shape (N, 3)."""
     stick_quat_wxyz: Array
     """Stick orientation, shape (N, 4)."""
+    noise_seed: Array = field(default_factory=lambda: np.zeros(0))
+    """Whole numbers under 2^53, shape (N,), that decide each episode's noise; default: zeros."""
+
+    def __post_init__(self) -> None:
+        if self.noise_seed.size == 0:
+            object.__setattr__(self, "noise_seed", np.zeros(len(self.joint_rad)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -34,6 +40,8 @@ class State:
     """Joint speeds, link side [rad/s], shape (N, J)."""
     motor_rad: Array
     """Motor angles reflected through the gear [rad], shape (N, J)."""
+    measured_rad: Array
+    """What the position sensors report [rad], shape (N, J)."""
     drive_torque_nm: Array
     """PD torque of the motors [Nm], shape (N, J)."""
     stick_pos_m: Array

@@ -1,7 +1,9 @@
 """Touch: taxels, contact centres and binary contact, one code for all engines.
 
-A taxel is active when its fingertip carries force and the stick's surface is nearer to the taxel
-than the compliance of the skin: a distance, so no engine needs hundreds of contact geoms.
+A taxel reads how deep the stick presses into its skin, once the fingertip carries force: a
+distance, so no engine needs hundreds of contact geoms. As in the paper, readings are binarised with
+a fixed threshold. What is wrong with real skin is added here: readings drift, taxels are dead,
+neighbours answer too.
 """
 
 from collections.abc import Sequence
@@ -14,13 +16,21 @@ from backends.kinematics import common_hand, tip_frames
 from backends.spec import Fingertip, Spec, Stick, Taxels
 from backends.state import Array, State, quat_to_matrix
 
+THRESHOLD_M = 0.2e-3
+"""Pressed depth over which a reading counts as contact [m]: the paper's empirical threshold.
+
+The skin is so much thicker than `Taxels.reach_m`, so without drift what is nearer than that counts.
+"""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Touch:
     """What the skin of N worlds feels; overwritten at every reading."""
 
+    reading_m: Array
+    """Readings: pressed depth [m], (N, F, T); row by row from the rear of the pad to its front."""
     active: Array
-    """Active taxels, shape (N, F, T), bool; row by row from the rear of the pad to its front."""
+    """Active taxels: readings over the threshold and what a halo adds, shape (N, F, T), bool."""
     center_m: Array
     """Mean position of a tip's active taxels in its fingertip frame [m], (N, F, 3); 0 if none."""
     in_contact: Array
@@ -66,38 +76,67 @@ def surface_distance(x, y, z, shape):
 
 
 @numba.njit(cache=True)
-def _feel(force, origin, rotation, stick_pos, stick_rot, shape, grid, reach, active, center, touch):
+def _press(force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, time_s, rank, reading):
+    """Write the reading of every taxel."""
     for n in range(force.shape[0]):
+        reach, drift, dead = skin[n]
         for f in range(force.shape[1]):
-            active[n, f, :] = False
-            center[n, f, :] = 0.0
-            touch[n, f] = False
-            fx, fy, fz = force[n, f]
-            if fx * fx + fy * fy + fz * fz <= 0.0:
-                continue
             a = np.zeros((3, 3))
             b = np.zeros(3)
+            fx, fy, fz = force[n, f]
+            touched = fx * fx + fy * fy + fz * fz > 0.0
+            if not touched and drift == 0.0:
+                reading[n, f, :] = 0.0
+                continue
             for i in range(3):
                 for k in range(3):
                     b[i] += stick_rot[n, k, i] * (origin[n, f, k] - stick_pos[n, k])
                     for j in range(3):
                         a[i, j] += stick_rot[n, k, i] * rotation[n, f, k, j]
+            for t in range(grid.shape[1]):
+                depth = drift * time_s[n] * rank[f, t, 1]
+                if touched:
+                    u, v, w = grid[f, t, 0], grid[f, t, 1], grid[f, t, 2]
+                    x = a[0, 0] * u + a[0, 1] * v + a[0, 2] * w + b[0]
+                    y = a[1, 0] * u + a[1, 1] * v + a[1, 2] * w + b[1]
+                    z = a[2, 0] * u + a[2, 1] * v + a[2, 2] * w + b[2]
+                    pressed = reach - surface_distance(x, y, z, shape[n])
+                    depth += max(pressed + THRESHOLD_M, 0.0)
+                if rank[f, t, 0] < dead:
+                    depth = 0.0
+                reading[n, f, t] = depth
+
+
+@numba.njit(cache=True)
+def _binarise(reading, threshold, grid, halo, active, center, touch):
+    for n in range(reading.shape[0]):
+        for f in range(reading.shape[1]):
             count = 0
+            for t in range(grid.shape[1]):
+                active[n, f, t] = reading[n, f, t] > threshold[n]
+            if halo[n] > 0.0:
+                _spread(reading[n, f], threshold[n], grid[f], halo[n], active[n, f])
             cx, cy, cz = 0.0, 0.0, 0.0
             for t in range(grid.shape[1]):
-                u, v, w = grid[f, t, 0], grid[f, t, 1], grid[f, t, 2]
-                x = a[0, 0] * u + a[0, 1] * v + a[0, 2] * w + b[0]
-                y = a[1, 0] * u + a[1, 1] * v + a[1, 2] * w + b[1]
-                z = a[2, 0] * u + a[2, 1] * v + a[2, 2] * w + b[2]
-                if surface_distance(x, y, z, shape[n]) < reach[n]:
-                    active[n, f, t] = True
-                    cx, cy, cz = cx + u, cy + v, cz + w
+                if active[n, f, t]:
+                    cx, cy, cz = cx + grid[f, t, 0], cy + grid[f, t, 1], cz + grid[f, t, 2]
                     count += 1
-            if count > 0:
-                center[n, f, 0] = cx / count
-                center[n, f, 1] = cy / count
-                center[n, f, 2] = cz / count
-                touch[n, f] = True
+            touch[n, f] = count > 0
+            count = max(count, 1)
+            center[n, f, 0] = cx / count
+            center[n, f, 1] = cy / count
+            center[n, f, 2] = cz / count
+
+
+@numba.njit(cache=True)
+def _spread(reading, threshold, grid, halo, active):
+    """Let the neighbours of pressed taxels answer."""
+    for t in range(grid.shape[0]):
+        for s in range(grid.shape[0]):
+            if reading[s] > threshold:
+                x, y, z = grid[t] - grid[s]
+                if x * x + y * y + z * z < halo * halo:
+                    active[t] = True
 
 
 class Skin:
@@ -108,18 +147,27 @@ class Skin:
         self._hand = hand
         self._grid = np.stack([taxel_grid(tip, hand.taxels)[0] for tip in hand.fingertips])
         self._shape = np.array([stick_shape(s.stick) for s in specs])
-        self._reach_m = np.array([s.hand.taxels.reach_m for s in specs])
-        n, tips, taxels = len(specs), len(hand.fingertips), self._grid.shape[1]
+        taxels = [s.hand.taxels for s in specs]
+        self._skin = np.array([[t.reach_m, t.drift_m_s, t.dead_share] for t in taxels])
+        self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
+        self._halo_m = np.array([t.halo_m for t in taxels])
+        n, shape = len(specs), self._grid.shape[:2]
+        self._rank = np.random.default_rng(0).uniform(size=(*shape, 2))
+        """Per taxel, two fixed numbers in [0, 1): dead shares over the first
+        silence it, its drift is the second times the fastest."""
+        self._no_time_s = np.zeros(n)
         self.touch = Touch(
-            active=np.zeros((n, tips, taxels), dtype=bool),
-            center_m=np.zeros((n, tips, 3)),
-            in_contact=np.zeros((n, tips), dtype=bool),
+            reading_m=np.zeros((n, *shape)),
+            active=np.zeros((n, *shape), dtype=bool),
+            center_m=np.zeros((n, shape[0], 3)),
+            in_contact=np.zeros((n, shape[0]), dtype=bool),
         )
 
-    def feel(self, state: State) -> Touch:
-        """Read every taxel in the given state."""
+    def feel(self, state: State, time_s: Array | None = None) -> Touch:
+        """Read every taxel in the given state, `time_s` (N,) after the start; None: then."""
         origin, rotation = tip_frames(self._hand, state.joint_rad)
-        _feel(
+        touch = self.touch
+        _press(
             state.contact_force_n,
             origin,
             np.ascontiguousarray(rotation),
@@ -127,9 +175,18 @@ class Skin:
             quat_to_matrix(state.stick_quat_wxyz),
             self._shape,
             self._grid,
-            self._reach_m,
-            self.touch.active,
-            self.touch.center_m,
-            self.touch.in_contact,
+            self._skin,
+            self._no_time_s if time_s is None else time_s,
+            self._rank,
+            touch.reading_m,
         )
-        return self.touch
+        _binarise(
+            touch.reading_m,
+            self._threshold_m,
+            self._grid,
+            self._halo_m,
+            touch.active,
+            touch.center_m,
+            touch.in_contact,
+        )
+        return touch

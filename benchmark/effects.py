@@ -1,4 +1,4 @@
-"""Effects as written on the command line: built, none, or backlash=1.2deg,kp-scale=-10%@J3."""
+"""Effects as written on the command line: none, or such as built,kp-scale=-10%@J3."""
 
 import math
 import re
@@ -10,7 +10,12 @@ from benchmark.errors import UsageError, unknown
 
 BUILT = "backlash=1deg,self-lock=10Nm"
 """The hand as built: what every engine adds unless told otherwise."""
-_ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9]*)(?:@(\w+))?")
+PAPER_SPREAD = (
+    "kp-scale=5%,kd-scale=5%,series-elasticity=10%,gear-damping=10%,"
+    "stick-mass=30%,stick-radius=10%,contact-friction=20%"
+)
+"""Domain randomisation: standard deviations, and half widths for stick and contact."""
+_ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9/]*)(?:@(\w+))?")
 _FORM = "NAME=NUMBER[UNIT][@JOINT], for example backlash=1.2deg@J3"
 
 
@@ -18,12 +23,29 @@ def parse_effects(text: str, hand: Hand) -> tuple[Effect, ...]:
     """The effects that `text` names, in order; raises UsageError for whatever cannot be."""
     if text in ("none", ""):
         return ()
-    items = (BUILT if text == "built" else text).split(",")
-    effects = tuple(_parse_one(item.strip(), hand) for item in items)
+    items = [item.strip() for item in text.split(",")]
+    if "none" in items:
+        raise UsageError(f"'none' stands beside other effects in '{text}': leave one of them out")
+    items = [part for item in items for part in (BUILT if item == "built" else item).split(",")]
+    effects = tuple(_parse_one(item, hand) for item in items)
     places = [(type(e), e.joint) for e in effects]
     if len(set(places)) < len(places):
         raise UsageError(f"an effect is given twice for one joint in '{text}': give each once")
     return effects
+
+
+def parse_spread(text: str, hand: Hand) -> tuple[Effect, ...]:
+    """The effects that domain randomisation draws, their magnitudes being spreads; UsageError."""
+    effects = parse_effects(PAPER_SPREAD if text == "paper" else text, hand)
+    for effect in effects:
+        if effect.magnitude < 0:
+            raise UsageError(f"the spread of {effect_name(effect)} is negative; allowed: from 0")
+    return effects
+
+
+def effect_name(effect: Effect) -> str:
+    """An effect's name on the command line."""
+    return type(effect).__module__.rsplit(".", 1)[-1].replace("_", "-")
 
 
 def _parse_one(item: str, hand: Hand) -> Effect:
@@ -38,6 +60,8 @@ def _parse_one(item: str, hand: Hand) -> Effect:
         raise unknown("effect", name, (*registry.names("effect"), "built", "none"))
     kind: type[Effect] = registry.load("effect", name)
     magnitude = _magnitude(item, kind, number, unit)
+    if joint is not None and not kind.per_joint:
+        raise UsageError(f"'{item}' names a joint, but {name} acts on none: leave '@{joint}' out")
     if joint is not None and joint not in hand.joint_names:
         raise unknown("driven joint", joint, hand.joint_names)
     return kind(magnitude=magnitude, joint=joint)

@@ -4,6 +4,7 @@ import dataclasses
 import hashlib
 import json
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,10 +12,10 @@ import numpy as np
 from backends import trx
 from backends.randomize import randomize
 from backends.shard import simulate
-from backends.spec import Spec
+from backends.spec import Hand, Spec
 from backends.sticks import STICKS
 from benchmark import registry
-from benchmark.effects import parse_effects
+from benchmark.effects import effect_name, parse_effects, parse_spread
 from benchmark.errors import UsageError, unknown
 from tasks.batch import BatchEnv
 from tasks.task import RADIUS_M
@@ -48,6 +49,8 @@ class RunSpec:
     seed: int = 0
     randomize: bool = True
     """Whether training draws its worlds around the nominal one."""
+    spread: str = "paper"
+    """How far it draws them: effects with standard deviations or half widths."""
     worlds: int = TRAIN_WORLDS
     """Worlds trained on at once."""
     smoke: bool = False
@@ -66,6 +69,7 @@ class RunSpec:
         within("--steps", self.steps, 0, MAX_STEPS)
         within("--seed", self.seed, 0, 2**32 - 1)
         parse_effects(self.effects, HANDS[self.hand].HAND)
+        parse_spread(self.spread, HANDS[self.hand].HAND)
 
     @property
     def digest(self) -> str:
@@ -99,7 +103,16 @@ def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> Batch
     engine = registry.load("backend", run.backend)
     task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
     observation = registry.load("observation", run.observation)(worlds[0].hand)
+    _refuse(run, engine.support, worlds[0].hand)
     return BatchEnv(simulate(engine, worlds, workers), task, observation, seed)
+
+
+def _refuse(run: RunSpec, support: Mapping[str, str], hand: Hand) -> None:
+    """Raise UsageError for an effect that the engine cannot have."""
+    for effect in parse_effects(run.effects, hand) + parse_spread(run.spread, hand):
+        for field in effect.spec_fields():
+            if effect.magnitude != 0.0 and support[field].startswith("refused"):
+                raise UsageError(f"{effect_name(effect)} is {support[field]} ({run.backend})")
 
 
 def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
@@ -108,7 +121,8 @@ def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
     if not run.randomize:
         return [nominal] * run.worlds
     rng = np.random.default_rng([run.seed, segment])
-    return [randomize(nominal, rng) for _ in range(run.worlds)]
+    spread = parse_spread(run.spread, nominal.hand)
+    return [randomize(nominal, spread, rng) for _ in range(run.worlds)]
 
 
 def within(flag: str, value: float, low: float, high: float) -> None:

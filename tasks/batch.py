@@ -1,5 +1,6 @@
 """The batched environment: N worlds of one task, plain numpy, no engine and no learner in sight."""
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -117,6 +118,7 @@ class BatchEnv:
     def seed(self, seed: int) -> None:
         """Start the random stream of initial states and headings anew."""
         self._rng = np.random.default_rng(seed)
+        self._noise_rng = np.random.default_rng([seed, 1])
         self._starts = []
 
     def reset(
@@ -133,7 +135,8 @@ class BatchEnv:
         lengths = self._rng.integers(1, self.horizon + 1, self.worlds)
         self._last_step[mask] = lengths[mask] if stagger else self.horizon
         self._steps[mask] = 0
-        self._state = self.simulator.reset(start, mask)
+        noise = self._noise_rng.integers(1 << 53, size=self.worlds)
+        self._state = self.simulator.reset(dataclasses.replace(start, noise_seed=noise), mask)
         self._target[mask] = (start.joint_rad + self._preload)[mask]
         return self._observe(self._state)
 
@@ -142,7 +145,7 @@ class BatchEnv:
 
         Raises SimulationDivergedError when the engine returns a number that is not finite.
         """
-        measured = self.state.joint_rad
+        measured = self.state.measured_rad
         rest = measured + self._preload
         self._target += ACTION_RAD * np.clip(action, -1, 1) + OFFSET_RETURN * (rest - self._target)
         near = np.clip(self._target, measured - TARGET_LEAD_RAD, measured + TARGET_LEAD_RAD)
@@ -173,7 +176,7 @@ class BatchEnv:
 
     def _observe(self, state: State) -> Array:
         _, axis = self.reference()
-        touch = self._skin.feel(state)
+        touch = self._skin.feel(state, self.time_s)
         return self.observation.read(Percept(state=state, touch=touch, desired_axis=axis))
 
     def _judge(self, state: State) -> Step:

@@ -46,7 +46,6 @@ class Observation(ABC):
         self.hand = hand
         ranges = np.array([b.joint.range_rad for b in hand.driven])
         self._low, self._span = ranges[:, 0], ranges[:, 1] - ranges[:, 0]
-        self._at_motor = np.array([b.joint.sensor == "motor" for b in hand.driven])
 
     @property
     def channels(self) -> tuple[Channel, ...]:
@@ -77,9 +76,8 @@ class Observation(ABC):
 
     def read(self, percept: Percept) -> Array:
         """Observation vectors, shape (N, width), float32, sharing no memory with the state."""
-        state = percept.state
-        position = np.where(self._at_motor, state.motor_rad, state.joint_rad)
-        parts = [(position - self._low) / self._span, percept.desired_axis, *self.extra(percept)]
+        position = (percept.state.measured_rad - self._low) / self._span
+        parts = [position, percept.desired_axis, *self.extra(percept)]
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
     @abstractmethod

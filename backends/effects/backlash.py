@@ -2,13 +2,13 @@
 
 import math
 
-from backends.effect import DriveEffect
+from backends.effect import NumberEffect
 
 
-class Effect(DriveEffect):
+class Effect(NumberEffect):
     """Half play; worm-geared joints unless one is named."""
 
     dimension, unit = "angle", "deg"
     bounds = (0.0, math.radians(10))
-    field = "play_rad"
+    number = "drive.play_rad"
     gear = "worm"

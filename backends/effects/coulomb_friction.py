@@ -1,11 +1,11 @@
 """Dry friction: a constant torque against the motor's motion."""
 
-from backends.effect import DriveEffect
+from backends.effect import NumberEffect
 
 
-class Effect(DriveEffect):
+class Effect(NumberEffect):
     """Added Coulomb torque."""
 
     dimension, unit = "torque", "mNm"
     bounds = (0.0, 1.0)
-    field = "coulomb_nm"
+    number = "drive.coulomb_nm"

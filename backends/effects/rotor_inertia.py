@@ -1,11 +1,11 @@
 """A rotor heavier than nominal."""
 
-from backends.effect import DriveEffect
+from backends.effect import NumberEffect
 
 
-class Effect(DriveEffect):
+class Effect(NumberEffect):
     """Added inertia, reflected to the joint."""
 
     dimension, unit = "inertia", "gcm2"
     bounds = (0.0, 0.1)
-    field = "rotor_inertia_kgm2"
+    number = "drive.rotor_inertia_kgm2"

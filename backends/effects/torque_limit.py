@@ -1,12 +1,12 @@
 """A drive that saturates earlier or later than its nominal limit."""
 
-from backends.effect import DriveEffect
+from backends.effect import NumberEffect
 
 
-class Effect(DriveEffect):
+class Effect(NumberEffect):
     """Relative change of the limit."""
 
     dimension, unit = "share", "%"
     bounds = (-0.95, 9.0)
-    field = "torque_limit_nm"
+    number = "drive.torque_limit_nm"
     relative = True

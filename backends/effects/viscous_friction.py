@@ -1,11 +1,11 @@
 """Viscous friction: a torque in proportion to the motor's speed."""
 
-from backends.effect import DriveEffect
+from backends.effect import NumberEffect
 
 
-class Effect(DriveEffect):
+class Effect(NumberEffect):
     """Added viscous coefficient."""
 
     dimension, unit = "damping", "mNms"
     bounds = (0.0, 1.0)
-    field = "viscous_nms_rad"
+    number = "drive.viscous_nms_rad"

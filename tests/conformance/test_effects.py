@@ -5,7 +5,7 @@ import dataclasses
 import pytest
 
 from backends import sticks, trx
-from backends.effect import UNITS, DriveEffect, Effect
+from backends.effect import UNITS, Effect, NumberEffect
 from backends.spec import Drive, Spec
 from benchmark import registry
 from benchmark.effects import BUILT, parse_effects
@@ -20,7 +20,7 @@ KINDS: dict[str, type[Effect]] = {
     name: registry.load("effect", name) for name in registry.names("effect")
 }
 ON_SPEC = {name: kind for name, kind in KINDS.items() if kind.on_spec is not Effect.on_spec}
-ON_DRIVE = {name: kind for name, kind in KINDS.items() if issubclass(kind, DriveEffect)}
+ON_DRIVE = {name: kind for name, kind in KINDS.items() if issubclass(kind, NumberEffect)}
 RELATIVE = {name: kind for name, kind in ON_DRIVE.items() if kind.relative}
 
 
@@ -73,14 +73,14 @@ def test_larger_setting_larger_change(kind: type[Effect]) -> None:
     """Change the world differently at two magnitudes, and its number more at the larger one."""
     once, twice = (kind(magnitude=k * moderate(kind)).on_spec(SPEC) for k in (1, 2))
     assert len({SPEC.digest, once.digest, twice.digest}) == 3
-    if issubclass(kind, DriveEffect):
+    if issubclass(kind, NumberEffect):
         for ideal, small, large in zip(SPEC.drives, once.drives, twice.drives, strict=True):
             value, less, more = (getattr(d, kind.field) for d in (ideal, small, large))
             assert more - value == pytest.approx(2 * (less - value))
 
 
 @each(RELATIVE)
-def test_negative_share_lowers(kind: type[DriveEffect]) -> None:
+def test_negative_share_lowers(kind: type[NumberEffect]) -> None:
     """Lower the number of a relative effect by the share asked for."""
     spec = kind(magnitude=-0.5).on_spec(SPEC)
     for ideal, small in zip(SPEC.drives, spec.drives, strict=True):
@@ -88,7 +88,7 @@ def test_negative_share_lowers(kind: type[DriveEffect]) -> None:
 
 
 @each(ON_DRIVE)
-def test_only_its_own_number_changes(kind: type[DriveEffect]) -> None:
+def test_only_its_own_number_changes(kind: type[NumberEffect]) -> None:
     """Touch one number of the drives it is meant for: worm gears or all."""
     spec = kind(magnitude=moderate(kind)).on_spec(SPEC)
     assert changes(spec) == dict.fromkeys(WORMS if kind.gear == "worm" else JOINTS, {kind.field})
@@ -97,7 +97,7 @@ def test_only_its_own_number_changes(kind: type[DriveEffect]) -> None:
 
 @each(ON_DRIVE)
 @pytest.mark.parametrize("joint", ["J3", "J4"])
-def test_named_joint_alone_changes(kind: type[DriveEffect], joint: str) -> None:
+def test_named_joint_alone_changes(kind: type[NumberEffect], joint: str) -> None:
     """Touch the drive of the named joint and nothing else, whatever its gear."""
     spec = kind(magnitude=moderate(kind), joint=joint).on_spec(SPEC)
     assert changes(spec) == {joint: {kind.field}}
@@ -132,7 +132,7 @@ def test_every_effect_composes_with_the_built_hand(kind: type[Effect]) -> None:
     built = applied("built")
     spec = kind(magnitude=moderate(kind)).on_spec(built)
     assert spec.digest != built.digest
-    if issubclass(kind, DriveEffect) and kind.gear is None:
+    if issubclass(kind, NumberEffect) and kind.gear is None:
         play = [d.play_rad for d in built.drives]
         assert [d.play_rad for d in spec.drives] == play
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from backends import kinematics
+from backends.encoder import EncoderBank
 from backends.spec import Hand, Spec
 from backends.state import Array, State, quat_to_matrix
 from backends.touch import Skin, taxel_grid
@@ -121,22 +122,23 @@ def test_values_can_be_recomputed(name: str, make: MakeEnv) -> None:
 
 
 def test_motor_side_sensor_reads_the_motor() -> None:
-    """Observe the motor's angle where the spec puts the sensor there."""
+    """Measure the motor's angle where the sensor sits there, and observe what is measured."""
     spec = RunSpec(backend="mujoco", task="line").world()
-    bodies = tuple(
+    driven = (
         dataclasses.replace(b, joint=dataclasses.replace(b.joint, sensor="motor"))
         if b.joint.name == "J3"
         else b
-        for b in spec.hand.bodies
+        for b in spec.hand.driven
     )
-    hand = dataclasses.replace(spec.hand, bodies=bodies)
+    bank, zeros = EncoderBank([spec.with_driven(driven)]), np.zeros(1, dtype=np.int64)
+    measured = bank.read(np.zeros((1, 6)), np.full((1, 6), 0.3), zeros, zeros)[0]
+    assert measured.tolist() == [0.3 * (name == "J3") for name in spec.hand.joint_names]
     state = State.allocate(1, 6, 3)
-    state.motor_rad[:] = 0.3
-    percept = Percept(
-        state=state, touch=Skin([spec]).feel(state), desired_axis=np.array([[0.0, 0.0, 1.0]])
-    )
-    joint, motor = (observation("pose", h).read(percept)[0, :6] for h in (spec.hand, hand))
-    moved = np.flatnonzero(joint != motor)
+    upright = np.array([[0.0, 0.0, 1.0]])
+    percept = Percept(state=state, touch=Skin([spec]).feel(state), desired_axis=upright)
+    before = observation("pose", spec.hand).read(percept)[0, :6]
+    state.measured_rad[:] = measured
+    moved = np.flatnonzero(observation("pose", spec.hand).read(percept)[0, :6] != before)
     assert [spec.hand.joint_names[j] for j in moved] == ["J3"]
 
 

@@ -1,0 +1,82 @@
+"""The way of a target from the policy to the drive: packets get lost, late and limited in rate.
+
+In this order: a policy period's target is lost and the last one kept, the bus delays it, the drive
+limits its rate. Without any of these the target passes as it is.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple
+
+import numba
+import numpy as np
+
+from backends.noise import uniform
+from backends.spec import Spec
+from backends.state import Array
+
+
+@numba.njit(cache=True)
+def delayed(ring, tick, delay_ticks):
+    """The value `delay_ticks` before `tick` in a ring of values, linear between ticks."""
+    whole = int(delay_ticks)
+    late, size = delay_ticks - whole, ring.shape[0]
+    now = ring[(tick - whole) % size]
+    return now if late == 0.0 else (1.0 - late) * now + late * ring[(tick - whole - 1) % size]
+
+
+@numba.njit(cache=True)
+def _step(target, tick, substeps, seed, p, dt, kept, ring, out):
+    for n in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            delay, slowness, loss = p[n, j]
+            fresh = tick[n] == 0
+            if tick[n] % substeps == 0:
+                packet = tick[n] // substeps
+                if fresh or loss == 0.0 or uniform(seed[n], packet, 0) >= loss:
+                    kept[n, j] = target[n, j]
+            if fresh:
+                ring[n, j, :] = kept[n, j]
+            ring[n, j, tick[n] % ring.shape[2]] = kept[n, j]
+            wanted = delayed(ring[n, j], tick[n], delay / dt)
+            if slowness > 0.0 and not fresh:
+                most = dt / slowness
+                wanted = out[n, j] + min(max(wanted - out[n, j], -most), most)
+            out[n, j] = wanted
+
+
+class CommandBank:
+    """The command paths of N worlds."""
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        timing = specs[0].timing
+        self._dt_s, self._substeps = timing.drive_s, timing.substeps
+        paths = [[astuple(b.joint.command) for b in s.hand.driven] for s in specs]
+        self._parameters = np.array(paths)
+        self.acts = bool(self._parameters.any())
+        """Whether any target is changed at all."""
+        shape = self._parameters.shape[:2]
+        ticks = ring_ticks(self._parameters[..., 0], self._dt_s)
+        self._kept, self._out = np.zeros((2, *shape))
+        self._ring = np.zeros((*shape, ticks))
+
+    def step(self, target_rad: Array, tick: Array, seed: Array) -> Array:
+        """The targets (N, J) [rad] that reach the drives at period `tick` (N,) of an episode."""
+        if not self.acts:
+            return target_rad
+        _step(
+            target_rad,
+            tick,
+            self._substeps,
+            seed,
+            self._parameters,
+            self._dt_s,
+            self._kept,
+            self._ring,
+            self._out,
+        )
+        return self._out
+
+
+def ring_ticks(delay_s: Array, dt_s: float) -> int:
+    """Length of a ring that holds the longest of the delays."""
+    return int(np.max(delay_s) / dt_s) + 2

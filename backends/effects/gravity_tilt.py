@@ -1,0 +1,26 @@
+"""A hand mounted askew: gravity is not where it should be."""
+
+import dataclasses
+import math
+
+from backends import effect
+from backends.spec import Spec
+
+
+class Effect(effect.Effect):
+    """Turn of gravity about the world's y axis; positive tilts it towards +x."""
+
+    dimension, unit = "angle", "deg"
+    bounds = (-math.pi / 2, math.pi / 2)
+    per_joint = False
+
+    @classmethod
+    def spec_fields(cls) -> tuple[str, ...]:
+        """See `Effect.spec_fields`."""
+        return ("spec.gravity_m_s2",)
+
+    def on_spec(self, spec: Spec) -> Spec:
+        """See `Effect.on_spec`."""
+        x, y, z = spec.gravity_m_s2
+        c, s = math.cos(self.magnitude), math.sin(self.magnitude)
+        return dataclasses.replace(spec, gravity_m_s2=(c * x - s * z, y, s * x + c * z))

@@ -1,0 +1,66 @@
+"""Position sensors: what policies and logs read of the joints' or motors' angles.
+
+    reading = quantise((1 + scale_error) angle(t - delay) + bias + noise)
+
+Without any of these errors the reading is the angle.
+"""
+
+from collections.abc import Sequence
+from dataclasses import astuple
+
+import numba
+import numpy as np
+
+from backends.command import delayed, ring_ticks
+from backends.noise import normal
+from backends.spec import Spec
+from backends.state import Array
+
+
+@numba.njit(cache=True)
+def _note(angle, tick, ring):
+    for n in range(angle.shape[0]):
+        for j in range(angle.shape[1]):
+            if tick[n] == 0:
+                ring[n, j, :] = angle[n, j]
+            ring[n, j, tick[n] % ring.shape[2]] = angle[n, j]
+
+
+@numba.njit(cache=True)
+def _read(tick, seed, p, dt, ring, out):
+    for n in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            bias, scale, resolution, noise, delay = p[n, j]
+            reading = (1.0 + scale) * delayed(ring[n, j], tick[n], delay / dt) + bias
+            if noise > 0.0:
+                reading += noise * normal(seed[n], tick[n], 1 + j)
+            if resolution > 0.0:
+                reading = resolution * np.round(reading / resolution)
+            out[n, j] = reading
+
+
+class EncoderBank:
+    """The position sensors of N worlds."""
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        self._dt_s = specs[0].timing.drive_s
+        joints = [[b.joint for b in s.hand.driven] for s in specs]
+        self._parameters = np.array([[astuple(j.encoder) for j in row] for row in joints])
+        self._at_motor = np.array([[j.sensor == "motor" for j in row] for row in joints])
+        self._acts = bool(self._parameters.any())
+        self.remembers = bool(self._parameters[..., 4].any())
+        """Whether a sensor is late, so that every drive period has to be noted."""
+        ticks = ring_ticks(self._parameters[..., 4], self._dt_s)
+        self._ring = np.zeros((*self._at_motor.shape, ticks))
+
+    def note(self, joint_rad: Array, motor_rad: Array, tick: Array) -> None:
+        """Remember the angles (N, J) [rad] at drive period `tick` (N,) of an episode."""
+        if self._acts:
+            _note(np.where(self._at_motor, motor_rad, joint_rad), tick, self._ring)
+
+    def read(self, joint_rad: Array, motor_rad: Array, tick: Array, seed: Array) -> Array:
+        """Readings [rad], shape (N, J), at the period that was noted last."""
+        reading = np.where(self._at_motor, motor_rad, joint_rad)
+        if self._acts:
+            _read(tick, seed, self._parameters, self._dt_s, self._ring, reading)
+        return reading
