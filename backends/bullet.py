@@ -194,8 +194,8 @@ class Backend(Engine):
     """N Bullet worlds in one process; pybullet keeps the interpreter lock, threads gain nothing."""
 
     support = {
-        **SHARED_SUPPORT,
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        **SHARED_SUPPORT,
         "joint.axis": EXACT,
         "stick.shape": EXACT,
         "stick.length_m": EXACT,

@@ -25,7 +25,8 @@ def delayed(ring, tick, delay_ticks):
 
 
 @numba.njit(cache=True)
-def _step(target, tick, substeps, seed, p, dt, kept, ring, out):
+def follow(target, tick, substeps, seed, p, dt, kept, ring, out):
+    """Write what reaches the drives at `tick` (N,); `kept`, `ring` and `out` are the memory."""
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             delay, slowness, loss = p[n, j]
@@ -63,7 +64,7 @@ class CommandBank:
         """The targets (N, J) [rad] that reach the drives at period `tick` (N,) of an episode."""
         if not self.acts:
             return target_rad
-        _step(
+        follow(
             target_rad,
             tick,
             self._substeps,

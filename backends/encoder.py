@@ -18,7 +18,8 @@ from backends.state import Array
 
 
 @numba.njit(cache=True)
-def _note(angle, tick, ring):
+def note(angle, tick, ring):
+    """Remember the angles (N, J) at `tick` (N,)."""
     for n in range(angle.shape[0]):
         for j in range(angle.shape[1]):
             if tick[n] == 0:
@@ -27,7 +28,8 @@ def _note(angle, tick, ring):
 
 
 @numba.njit(cache=True)
-def _read(tick, seed, p, dt, ring, out):
+def read(tick, seed, p, dt, ring, out):
+    """Write the readings (N, J) of the tick noted last."""
     for n in range(out.shape[0]):
         for j in range(out.shape[1]):
             bias, scale, resolution, noise, delay = p[n, j]
@@ -56,11 +58,11 @@ class EncoderBank:
     def note(self, joint_rad: Array, motor_rad: Array, tick: Array) -> None:
         """Remember the angles (N, J) [rad] at drive period `tick` (N,) of an episode."""
         if self._acts:
-            _note(np.where(self._at_motor, motor_rad, joint_rad), tick, self._ring)
+            note(np.where(self._at_motor, motor_rad, joint_rad), tick, self._ring)
 
     def read(self, joint_rad: Array, motor_rad: Array, tick: Array, seed: Array) -> Array:
         """Readings [rad], shape (N, J), at the period that was noted last."""
         reading = np.where(self._at_motor, motor_rad, joint_rad)
         if self._acts:
-            _read(tick, seed, self._parameters, self._dt_s, self._ring, reading)
+            read(tick, seed, self._parameters, self._dt_s, self._ring, reading)
         return reading

@@ -124,7 +124,7 @@ class Engine(ABC):
     def _refuse(self, specs: Sequence[Spec]) -> None:
         """Raise ValueError for a number, zero by default, that this engine cannot honour."""
         for name, answer in self.support.items():
-            if answer.startswith("refused") and any(any(s.values(name)) for s in specs):
+            if answer.startswith("refused") and any(np.any(s.values(name)) for s in specs):
                 raise ValueError(f"{name} is {answer}")
 
     def _measure(self) -> None:

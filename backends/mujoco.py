@@ -141,8 +141,8 @@ class Backend(Engine):
 
     steps_in_threads = True
     support = {
-        **SHARED_SUPPORT,
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        **SHARED_SUPPORT,
         "joint.axis": EXACT,
         "stick.shape": EXACT,
         "stick.length_m": EXACT,

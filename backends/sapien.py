@@ -142,8 +142,8 @@ class Backend(Engine):
     """N SAPIEN scenes; a reset builds a new scene, see `_place`."""
 
     support = {
-        **SHARED_SUPPORT,
         **{name: _SINGLE for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
+        **SHARED_SUPPORT,
         "joint.axis": _SINGLE,
         "stick.shape": EXACT,
         "stick.length_m": _SINGLE,

@@ -13,6 +13,7 @@ from functools import cached_property
 from typing import Any
 
 Vec3 = tuple[float, float, float]
+_ZEROS = (0.0, (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,11 +81,14 @@ class Encoder:
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A hinge: its axis, range and drive; a joint without a drive is fixed at zero."""
+    """A hinge or slide: its axis, range and drive; a joint without a drive is fixed at zero.
+
+    Of a slide, radians and newton metres are metres and newtons, here and in its drive.
+    """
 
     name: str
     axis: Vec3
-    """Unit hinge axis in the body frame."""
+    """Unit joint axis in the body frame."""
     range_rad: tuple[float, float]
     """Range that normalises the observed position and bounds the target [rad]."""
     drive: Drive | None
@@ -94,6 +98,8 @@ class Joint:
     """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
     encoder: Encoder = Encoder()
     command: Command = Command()
+    slides: bool = False
+    """It moves along its axis instead of turning about it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -110,7 +116,9 @@ class Body:
     com_m: Vec3
     """Centre of mass in the body frame [m]."""
     inertia_kgm2: Vec3
-    """Principal inertias about the centre of mass, axes parallel to the body frame [kg m^2]."""
+    """Moments of inertia about the centre of mass, axes parallel to the body frame [kg m^2]."""
+    products_kgm2: Vec3 = (0.0, 0.0, 0.0)
+    """Products of inertia xy, xz, yz as they stand in the tensor [kg m^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -306,7 +314,7 @@ def _numbers(part: Any) -> Any:
     for field in dataclasses.fields(part):
         value = getattr(part, field.name)
         plain = _numbers(value)
-        if not (plain == {} or (field.default == 0.0 and value == 0.0)):
+        if not (plain == {} or (value == field.default and value in _ZEROS)):
             kept[field.name] = plain
     return kept
 

@@ -1,0 +1,253 @@
+"""Rigid dynamics of a hand or a user's robot in compiled numpy, without contacts.
+
+    M(q) q'' + bias(q, q') = tau
+
+Engines simulate the same equations, and the parity tests hold them to it; this code does nothing
+but joints, so a candidate world costs a microsecond a tick, and thousands can be tried.
+
+M = sum of m Jv' Jv + Jw' I Jw over the bodies; the bias comes from the recursive Newton-Euler
+algorithm at zero acceleration (Featherstone, Rigid Body Dynamics Algorithms, 2008). All vectors are
+in the world frame.
+"""
+
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from backends.spec import Body, Spec
+from backends.state import Array
+
+HINGE, SLIDE, FIXED = 0, 1, 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Chain:
+    """B bodies in kinematic order, J of them driven; frames parallel to the world's at zero."""
+
+    parent: Array
+    """Index of the carrying body, shape (B,); -1: the world."""
+    kind: Array
+    """HINGE, SLIDE or FIXED, shape (B,)."""
+    column: Array
+    """Driven joint of each body, shape (B,); -1 where it is fixed."""
+    origin_m: Array
+    """Joint position in the parent's frame [m], shape (B, 3)."""
+    axis: Array
+    """Unit joint axis, shape (B, 3)."""
+    mass_kg: Array
+    """Masses [kg], shape (B,)."""
+    com_m: Array
+    """Centres of mass in the body's frame [m], shape (B, 3)."""
+    inertia_kgm2: Array
+    """Inertia tensors about the centres of mass [kg m^2], shape (B, 3, 3)."""
+    gravity_m_s2: Array
+    """Gravity [m/s^2], shape (3,)."""
+
+    @property
+    def numbers(self) -> tuple[Array, ...]:
+        """All of it, in field order, as the compiled code takes it."""
+        return tuple(vars(self).values())
+
+
+def chain(spec: Spec) -> Chain:
+    """The bodies of a spec's hand."""
+    bodies = spec.hand.bodies
+    names, joints = [b.name for b in bodies], spec.hand.joint_names
+    return Chain(
+        parent=np.array([-1 if b.parent is None else names.index(b.parent) for b in bodies]),
+        kind=np.array(
+            [(SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED for b in bodies]
+        ),
+        column=np.array(
+            [joints.index(b.joint.name) if b.joint.drive else -1 for b in bodies]
+        ),
+        origin_m=np.array([b.origin_m for b in bodies]),
+        axis=np.array([b.joint.axis for b in bodies]),
+        mass_kg=np.array([b.mass_kg for b in bodies]),
+        com_m=np.array([b.com_m for b in bodies]),
+        inertia_kgm2=np.array([_tensor(b) for b in bodies]),
+        gravity_m_s2=np.array(spec.gravity_m_s2),
+    )
+
+
+def _tensor(body: Body) -> Array:
+    xy, xz, yz = body.products_kgm2
+    return np.diag(body.inertia_kgm2) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
+
+
+@numba.njit(cache=True)
+def _cross(a, b, out):
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
+@numba.njit(cache=True)
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@numba.njit(cache=True)
+def _turn(r, v, out):
+    for i in range(3):
+        out[i] = r[i, 0] * v[0] + r[i, 1] * v[1] + r[i, 2] * v[2]
+
+
+@numba.njit(cache=True)
+def _turn_back(r, v, out):
+    for i in range(3):
+        out[i] = r[0, i] * v[0] + r[1, i] * v[1] + r[2, i] * v[2]
+
+
+@numba.njit(cache=True)
+def _hinge(parent, axis, angle, out):
+    """Turn the rotation `parent` about an axis in its frame (Rodrigues' formula)."""
+    x, y, z = axis[0], axis[1], axis[2]
+    c, s = np.cos(angle), np.sin(angle)
+    t = 1.0 - c
+    r = (
+        (t * x * x + c, t * x * y - s * z, t * x * z + s * y),
+        (t * x * y + s * z, t * y * y + c, t * y * z - s * x),
+        (t * x * z - s * y, t * y * z + s * x, t * z * z + c),
+    )
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = (
+                parent[i, 0] * r[0][j] + parent[i, 1] * r[1][j] + parent[i, 2] * r[2][j]
+            )
+
+
+_AT, _AXIS, _OMEGA, _ALPHA, _ACC, _CENTER, _FORCE, _MOMENT, _ARM, _TEMP = range(10)
+"""Rows of a body's vectors: origin, joint axis, angular velocity and its rate, acceleration of the
+origin, centre of mass, inertial force and moment about the centre, and two scratch rows."""
+
+
+@numba.njit(cache=True)
+def workspace(bodies, joints):
+    """Arrays for the intermediate results of `dynamics`; the last body is the world."""
+    turn = np.zeros((bodies + 1, 3, 3))
+    turn[bodies] = np.eye(3)
+    return turn, np.zeros((bodies + 1, 10, 3)), np.zeros((joints, 3, 3))
+
+
+@numba.njit(cache=True)
+def dynamics(q, qd, chain, work, mass, bias):
+    """Write the mass matrix (J, J) [kg m^2] and the bias torques (J,) [Nm]; slides: kg and N."""
+    parent, kind, column, origin, axis, mass_kg, com, inertia, gravity = chain
+    turn, rows, columns = work
+    world = len(parent)
+    mass[:] = 0.0
+    bias[:] = 0.0
+    for b in range(world):
+        above = parent[b] if parent[b] >= 0 else world
+        j = column[b]
+        _move(rows[above], rows[b], turn[above], turn[b], kind[b], origin[b], axis[b], j, q, qd)
+        _resist(rows[b], turn[b], mass_kg[b], com[b], inertia[b], gravity)
+        carrier = b
+        while carrier >= 0:
+            if column[carrier] >= 0:
+                _column(rows[b], rows[carrier], turn[b], kind[carrier], columns[column[carrier]])
+            carrier = parent[carrier]
+        carrier = b
+        while carrier >= 0:
+            k = column[carrier]
+            if k >= 0:
+                bias[k] += _dot(columns[k, 0], rows[b, _FORCE])
+                bias[k] += _dot(columns[k, 1], rows[b, _MOMENT])
+                _couple(b, parent, column, mass_kg[b], inertia[b], k, columns, mass[k])
+            carrier = parent[carrier]
+
+
+@numba.njit(cache=True)
+def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
+    """Place a body and its velocities and accelerations at zero joint acceleration."""
+    _turn(turn_above, axis, body[_AXIS])
+    _turn(turn_above, origin, body[_ARM])
+    if kind == 1:
+        for i in range(3):
+            body[_ARM, i] += body[_AXIS, i] * q[j]
+    _cross(above[_OMEGA], body[_ARM], body[_TEMP])
+    _cross(above[_OMEGA], body[_TEMP], body[_ACC])
+    _cross(above[_ALPHA], body[_ARM], body[_TEMP])
+    for i in range(3):
+        body[_AT, i] = above[_AT, i] + body[_ARM, i]
+        body[_ACC, i] += above[_ACC, i] + body[_TEMP, i]
+        body[_OMEGA, i], body[_ALPHA, i] = above[_OMEGA, i], above[_ALPHA, i]
+    if kind == 0:
+        _hinge(turn_above, axis, q[j], turn)
+        _cross(above[_OMEGA], body[_AXIS], body[_TEMP])
+        for i in range(3):
+            body[_OMEGA, i] += body[_AXIS, i] * qd[j]
+            body[_ALPHA, i] += body[_TEMP, i] * qd[j]
+        return
+    turn[:] = turn_above
+    if kind == 1:
+        _cross(above[_OMEGA], body[_AXIS], body[_TEMP])
+        for i in range(3):
+            body[_ACC, i] += 2.0 * qd[j] * body[_TEMP, i]
+
+
+@numba.njit(cache=True)
+def _resist(body, turn, mass_kg, com, inertia, gravity):
+    """Write the force and moment that a body's motion and weight ask for, at its centre."""
+    _turn(turn, com, body[_ARM])
+    _cross(body[_OMEGA], body[_ARM], body[_TEMP])
+    _cross(body[_OMEGA], body[_TEMP], body[_FORCE])
+    _cross(body[_ALPHA], body[_ARM], body[_TEMP])
+    for i in range(3):
+        body[_CENTER, i] = body[_AT, i] + body[_ARM, i]
+        acceleration = body[_ACC, i] + body[_FORCE, i] + body[_TEMP, i]
+        body[_FORCE, i] = mass_kg * (acceleration - gravity[i])
+    _turn_back(turn, body[_OMEGA], body[_TEMP])
+    _turn(inertia, body[_TEMP], body[_ARM])
+    _cross(body[_TEMP], body[_ARM], body[_MOMENT])
+    _turn_back(turn, body[_ALPHA], body[_TEMP])
+    _turn(inertia, body[_TEMP], body[_ARM])
+    for i in range(3):
+        body[_TEMP, i] = body[_MOMENT, i] + body[_ARM, i]
+    _turn(turn, body[_TEMP], body[_MOMENT])
+
+
+@numba.njit(cache=True)
+def _column(body, carrier, turn, kind, column):
+    """How a joint moves a body: velocity of its centre, turn, and turn in its own frame."""
+    if kind == 1:
+        column[0], column[1] = carrier[_AXIS], 0.0
+    else:
+        for i in range(3):
+            body[_ARM, i] = body[_CENTER, i] - carrier[_AT, i]
+        _cross(carrier[_AXIS], body[_ARM], column[0])
+        column[1] = carrier[_AXIS]
+    _turn_back(turn, column[1], column[2])
+
+
+@numba.njit(cache=True)
+def _couple(b, parent, column, mass_kg, inertia, k, columns, out):
+    """Add a body's share of row `k` of the mass matrix."""
+    while b >= 0:
+        j = column[b]
+        if j >= 0:
+            out[j] += mass_kg * _dot(columns[k, 0], columns[j, 0])
+            for i in range(3):
+                out[j] += columns[k, 2, i] * _dot(inertia[i], columns[j, 2])
+        b = parent[b]
+
+
+@numba.njit(cache=True)
+def solve(mass, torque, out):
+    """Write x of mass x = torque; mass is symmetric, positive definite and is overwritten."""
+    n = len(torque)
+    for i in range(n):
+        out[i] = torque[i]
+    for i in range(n):
+        for k in range(i + 1, n):
+            share = mass[k, i] / mass[i, i]
+            if share != 0.0:
+                for j in range(i, n):
+                    mass[k, j] -= share * mass[i, j]
+                out[k] -= share * out[i]
+    for i in range(n - 1, -1, -1):
+        for j in range(i + 1, n):
+            out[i] -= mass[i, j] * out[j]
+        out[i] /= mass[i, i]
