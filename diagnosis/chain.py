@@ -51,23 +51,27 @@ class Chain:
 
 
 def chain(spec: Spec) -> Chain:
-    """The bodies of a spec's hand."""
-    bodies = spec.hand.bodies
+    """The bodies of a spec's hand; what is fixed to the world only shifts what it carries."""
+    offset: dict[str | None, Array] = {None: np.zeros(3)}
+    bodies: list[Body] = []
+    for body in spec.hand.bodies:
+        if body.joint.drive is None and body.parent in offset:
+            offset[body.name] = offset[body.parent] + body.origin_m
+        else:
+            bodies.append(body)
     names, joints = [b.name for b in bodies], spec.hand.joint_names
     return Chain(
-        parent=np.array([-1 if b.parent is None else names.index(b.parent) for b in bodies]),
+        parent=np.array([-1 if b.parent in offset else names.index(b.parent) for b in bodies]),
         kind=np.array(
             [(SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED for b in bodies]
         ),
-        column=np.array(
-            [joints.index(b.joint.name) if b.joint.drive else -1 for b in bodies]
-        ),
-        origin_m=np.array([b.origin_m for b in bodies]),
-        axis=np.array([b.joint.axis for b in bodies]),
+        column=np.array([joints.index(b.joint.name) if b.joint.drive else -1 for b in bodies]),
+        origin_m=np.array([offset.get(b.parent, 0.0) + np.array(b.origin_m) for b in bodies]),
+        axis=np.array([b.joint.axis for b in bodies], dtype=float),
         mass_kg=np.array([b.mass_kg for b in bodies]),
-        com_m=np.array([b.com_m for b in bodies]),
+        com_m=np.array([b.com_m for b in bodies], dtype=float),
         inertia_kgm2=np.array([_tensor(b) for b in bodies]),
-        gravity_m_s2=np.array(spec.gravity_m_s2),
+        gravity_m_s2=np.array(spec.gravity_m_s2, dtype=float),
     )
 
 
@@ -113,9 +117,7 @@ def _hinge(parent, axis, angle, out):
     )
     for i in range(3):
         for j in range(3):
-            out[i, j] = (
-                parent[i, 0] * r[0][j] + parent[i, 1] * r[1][j] + parent[i, 2] * r[2][j]
-            )
+            out[i, j] = parent[i, 0] * r[0][j] + parent[i, 1] * r[1][j] + parent[i, 2] * r[2][j]
 
 
 _AT, _AXIS, _OMEGA, _ALPHA, _ACC, _CENTER, _FORCE, _MOMENT, _ARM, _TEMP = range(10)

@@ -1,0 +1,110 @@
+"""Which effect: every candidate is tried, the best are refitted, and held-out samples judge.
+
+A verdict for one limb: effects with their joints and magnitudes, `none` where nominal parameters
+within their uncertainty explain the log, or `unknown` where no catalogued effect does.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.state import Array
+from diagnosis.candidates import Candidate, candidates, nuisances
+from diagnosis.evidence import Evidence
+from diagnosis.fit import Fit, Fitter, Profile
+
+REFINED, FINALISTS = 10, 5
+"""Candidates whose magnitude is searched, and those that are refitted with everything free."""
+BLOCK = 50
+"""Samples that are resampled together."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """A candidate after its refit."""
+
+    names: tuple[str, ...]
+    """Names of its effects, in the order of `fit.effects`; none of the nominal world's."""
+    fit: Fit
+    judged: Array
+    """Squared residuals on held-out samples, shape (n,)."""
+
+    @property
+    def joints(self) -> tuple[str | None, ...]:
+        """Joints of its effects; None: all that the effect concerns."""
+        return tuple(effect.joint for effect in self.fit.effects)
+
+    @property
+    def gap(self) -> float:
+        """Root mean square of the held-out residuals, in standard deviations."""
+        return float(np.sqrt(self.judged.mean()))
+
+
+class Attribution:
+    """The search for causes in one limb's evidence."""
+
+    def __init__(
+        self, evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+    ) -> None:
+        self.fitter = Fitter(evidence, nuisances(catalogue, evidence.nominal, uncertainty))
+        self._candidates = candidates(catalogue, evidence)
+        zeros = np.zeros(len(self.fitter.nuisances))
+        self.before = self._ranked((), Fit(effects=(), deviations=zeros, cost=0.0))
+        self.nominal = self._ranked((), self.fitter.nominal())
+        self.singles = self._rank(self.nominal)
+
+    def second(self, first: Ranked) -> list[Ranked]:
+        """The best pairs that hold `first`."""
+        return self._rank(first, refined=6, finalists=2)
+
+    def _rank(
+        self, base: Ranked, refined: int = REFINED, finalists: int = FINALISTS
+    ) -> list[Ranked]:
+        around = base.fit
+        profile = Profile(self.fitter, around)
+        tried = [self._coarse(profile, around, c) for c in self._candidates]
+        tried.sort(key=lambda pair: pair[1].cost)
+        last = len(around.effects)
+        searched = [(c, profile.search(fit, last, 3.0)) for c, fit in tried[:refined]]
+        searched.sort(key=lambda pair: pair[1].cost)
+        found = [
+            self._ranked((*base.names, c.name), self.fitter.refit(self._true(fit)))
+            for c, fit in searched[:finalists]
+        ]
+        return sorted(found, key=lambda one: one.judged.mean())
+
+    def _coarse(self, profile: Profile, around: Fit, candidate: Candidate) -> tuple[Candidate, Fit]:
+        tries = (
+            profile.at(
+                Fit(
+                    effects=(
+                        *around.effects,
+                        candidate.kind(magnitude=m, joint=candidate.joint),
+                    ),
+                    deviations=around.deviations,
+                    cost=np.inf,
+                )
+            )
+            for m in candidate.levels
+        )
+        return candidate, min(tries, key=lambda fit: fit.cost)
+
+    def _true(self, fit: Fit) -> Fit:
+        """A linear guess with the cost that it really has."""
+        cost = self.fitter.cost(fit.effects, fit.deviations)
+        return Fit(effects=fit.effects, deviations=fit.deviations, cost=cost)
+
+    def _ranked(self, names: tuple[str, ...], fit: Fit) -> Ranked:
+        judged = self.fitter.residual(fit.effects, fit.deviations, True) ** 2
+        return Ranked(names=names, fit=fit, judged=judged)
+
+
+def advantage(better: Array, worse: Array) -> float:
+    """How sure one candidate beats another: z of the mean difference over blocks of samples."""
+    difference = worse - better
+    count = len(difference) // BLOCK
+    blocks = difference[: count * BLOCK].reshape(count, BLOCK).mean(axis=1)
+    spread = blocks.std(ddof=1) / np.sqrt(count)
+    return float(blocks.mean() / max(spread, 1e-12))

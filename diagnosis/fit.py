@@ -1,0 +1,140 @@
+"""Fits of candidate worlds to evidence, with the nominal parameters free within their uncertainty.
+
+The nominal parameters' influence is linear to first order, so for every magnitude of an effect the
+best of them follow from one linear solve (variable projection; Golub and Pereyra, 1973), and only
+the magnitude is searched. Searching survives what slopes do not: delays have kinks, play rattles.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from backends.effect import Effect
+from backends.state import Array
+from diagnosis.evidence import Evidence
+
+STEP = 0.3
+"""Step of a derivative by a nominal parameter, in its standard deviations."""
+CORRELATED = 10.0
+"""Samples that tell as much as one: residuals of neighbouring samples resemble each other."""
+SEARCHES = 7
+"""Magnitudes tried in one search."""
+POLISH = (2.0, 1.4, 1.15)
+"""How far around the last magnitude, as a factor, the rounds of a refit search."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nuisance:
+    """A nominal parameter: an effect whose magnitude is small and not asked for."""
+
+    kind: type[Effect]
+    joint: str
+    std: float
+    """Prior standard deviation of its magnitude."""
+
+    def at(self, deviations: float) -> Effect:
+        """The effect at a number of standard deviations."""
+        return self.kind(magnitude=float(deviations * self.std), joint=self.joint)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A candidate world at its best."""
+
+    effects: tuple[Effect, ...]
+    """The effects asked for, with fitted magnitudes; empty: nominal parameters alone."""
+    deviations: Array
+    """Fitted nominal parameters in standard deviations, shape (K,)."""
+    cost: float
+    """Half the squared residuals on the fitting samples over `CORRELATED`, plus the prior's."""
+
+    def resized(self, index: int, magnitude: float) -> "Fit":
+        """The same with another magnitude of one effect."""
+        effects = list(self.effects)
+        effects[index] = replace(effects[index], magnitude=float(magnitude))
+        return replace(self, effects=tuple(effects))
+
+
+class Fitter:
+    """Fits to one limb's evidence."""
+
+    def __init__(self, evidence: Evidence, nuisances: Sequence[Nuisance]) -> None:
+        self.evidence, self.nuisances = evidence, tuple(nuisances)
+        self.replays = 0
+
+    def residual(
+        self, effects: Iterable[Effect], deviations: Array, judged: bool | None = False
+    ) -> Array:
+        """Flat residuals of a candidate: of the fitting samples, the judged ones or all (None)."""
+        self.replays += 1
+        shifted = [n.at(d) for n, d in zip(self.nuisances, deviations, strict=True) if d != 0.0]
+        return self.evidence.residual([*shifted, *effects], judged)
+
+    def cost(self, effects: Iterable[Effect], deviations: Array) -> float:
+        """See `Fit.cost`."""
+        r = self.residual(effects, deviations)
+        return float(r @ r / CORRELATED + deviations @ deviations) / 2
+
+    def nominal(self) -> Fit:
+        """The nominal parameters refitted alone: what a calibration would reach."""
+        zeros = np.zeros(len(self.nuisances))
+        return self.refit(Fit(effects=(), deviations=zeros, cost=self.cost((), zeros)))
+
+    def refit(self, fit: Fit) -> Fit:
+        """Everything free, around a fit: slopes anew, then each magnitude searched, in rounds."""
+        for reach in POLISH:
+            profile = Profile(self, fit)
+            best = self._checked(fit, profile.at(fit))
+            for index in range(len(fit.effects)):
+                best = self._checked(best, profile.search(best, index, reach))
+            fit = best
+        return fit
+
+    def _checked(self, fit: Fit, guess: Fit) -> Fit:
+        """The guess, or half its move of nominal parameters, where that is really better."""
+        for share in (1.0, 0.4):
+            deviations = fit.deviations + share * (guess.deviations - fit.deviations)
+            cost = self.cost(guess.effects, deviations)
+            if cost < fit.cost:
+                return Fit(effects=guess.effects, deviations=deviations, cost=cost)
+        return fit
+
+
+class Profile:
+    """Costs of effects at any magnitude, with nominal parameters at their linear best."""
+
+    def __init__(self, fitter: Fitter, around: Fit) -> None:
+        self._fitter, self._start = fitter, around.deviations
+        base = fitter.residual(around.effects, self._start)
+        columns = []
+        for unit in STEP * np.eye(len(self._start)):
+            moved = fitter.residual(around.effects, self._start + unit)
+            columns.append((moved - base) / STEP)
+        self._slopes = np.stack(columns, axis=1) if columns else np.zeros((len(base), 0))
+        self._normal = self._slopes.T @ self._slopes / CORRELATED + np.eye(len(columns))
+
+    def at(self, fit: Fit) -> Fit:
+        """A candidate's effects with their best nominal parameters and linear cost."""
+        base = self._fitter.residual(fit.effects, self._start)
+        pull = self._slopes.T @ base / CORRELATED + self._start
+        move = -np.linalg.solve(self._normal, pull)
+        cost = (base @ base / CORRELATED + self._start @ self._start + pull @ move) / 2
+        return Fit(effects=fit.effects, deviations=self._start + move, cost=float(cost))
+
+    def search(self, fit: Fit, index: int, reach: float) -> Fit:
+        """The best magnitude of one effect within a factor `reach` of the one it has."""
+        effect = fit.effects[index]
+        sign, size = np.sign(effect.magnitude), abs(effect.magnitude)
+        most = max(abs(bound) for bound in effect.bounds if bound * sign > 0)
+        tried: list[Fit] = [self.at(fit)]
+
+        def cost(log_size: float) -> float:
+            tried.append(self.at(fit.resized(index, sign * np.exp(log_size))))
+            return tried[-1].cost
+
+        bounds = np.log([size / reach, min(size * reach, most)])
+        if bounds[1] > bounds[0]:
+            minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": SEARCHES})
+        return min(tried, key=lambda one: one.cost)
