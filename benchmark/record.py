@@ -1,0 +1,178 @@
+"""`bench record`: an engine, its effects and a policy by name, put through the protocols."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from backends.engine import Simulator
+from backends.shard import WorkerError, simulate
+from backends.spec import Spec
+from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy
+from benchmark import registry, run_folder
+from benchmark.console import Bar
+from benchmark.effects import effect_name, parse_effects
+from benchmark.errors import CommandError, UsageError
+from benchmark.provenance import provenance, usable_cores
+from benchmark.run_spec import RunSpec, within
+from diagnosis import record as recording
+from diagnosis.excitation import OPEN_LOOP
+from diagnosis.log import Log, LogError, check_target, write_log
+from diagnosis.record import ALWAYS, CHANNELS, Plan, Policy
+from tasks.batch import SimulationDivergedError
+
+_STEPS = 100
+"""Steps of the progress bar."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """What is recorded, and where."""
+
+    run: RunSpec
+    """Engine, hand, stick and effects; the task of the policy, if there is one."""
+    policy: Path | None
+    """Run folder of the policy."""
+    known_effects: str
+    """Effects that the log may name."""
+    workers: int | None
+
+
+def world(
+    backend: str,
+    effects: str | None,
+    known_effects: str,
+    stick: str | None,
+    policy: Path | None,
+    workers: int | None,
+) -> World:
+    """The world that options ask for; raises UsageError."""
+    settings: dict = {"backend": backend, "task": "line", "randomize": False}
+    if policy is not None:
+        source = run_folder.read_run(policy)
+        run_folder.check_policy(policy, source)
+        if source["status"] != "done":
+            raise UsageError(f"{policy} is {source['status']}: {source['reason']}; finish it first")
+        kept = ("task", "observation", "algo", "hand", "radius_m", "speed", "seed")
+        settings |= {key: source["spec"][key] for key in kept}
+    settings |= {k: v for k, v in {"effects": effects, "stick": stick}.items() if v is not None}
+    run = RunSpec(**settings)
+    parse_effects(known_effects, run.world().hand)
+    return World(run=run, policy=policy, known_effects=known_effects, workers=workers)
+
+
+def plan(
+    world: World,
+    protocol: str,
+    channels: str,
+    rate_hz: float,
+    variants: int,
+    repeats: int,
+    seed: int,
+) -> Plan:
+    """The plan that options ask for; 'all' stands for all that can be. Raises UsageError."""
+    within("--seed", seed, 0, 2**32 - 1)
+    within("--rate", rate_hz, 1, 1000)
+    everything = (*OPEN_LOOP, *(["policy"] if world.policy else []))
+    protocols = everything if protocol == "all" else _words(protocol)
+    if world.policy is not None and "policy" not in protocols:
+        raise UsageError("--policy is given, but no protocol 'policy'; leave one out or add it")
+    named = CHANNELS if channels == "all" else tuple(dict.fromkeys((*ALWAYS, *_words(channels))))
+    return Plan(
+        protocols=protocols,
+        channels=named,
+        rate_hz=rate_hz,
+        variants=variants,
+        repeats=repeats,
+        seed=seed,
+    )
+
+
+def record(world: World, plan: Plan, out: Path, form: str) -> dict:
+    """Record a log into the folder `out`; what was recorded.
+
+    Raises UsageError for whatever cannot be recorded, CommandError when the simulation stops.
+    """
+    try:
+        check_target(out, form)
+        log = _record(world, plan)
+        write_log(log, out, form, _provenance(world, plan))
+    except (LogError, PolicyError) as error:
+        raise UsageError(str(error)) from error
+    except (SimulationDivergedError, WorkerError) as error:
+        raise CommandError(f"the simulation on {world.run.backend} stopped: {error}") from error
+    return {
+        "status": "done",
+        "dir": str(out),
+        "backend": world.run.backend,
+        "effects": world.run.effects,
+        "protocols": list(plan.protocols),
+        "channels": list(plan.channels),
+        "rate_hz": plan.rate_hz,
+        "seed": plan.seed,
+        "episodes": len(log.episodes),
+        "samples": len(log.samples),
+        "spec_digest": world.run.world().digest,
+    }
+
+
+def _record(world: World, plan: Plan) -> Log:
+    engine = registry.load("backend", world.run.backend)
+    spec = world.run.world()
+    _refuse(world.run, engine.support, spec)
+    workers = world.workers or usable_cores()
+
+    def start(specs: Sequence[Spec]) -> Simulator:
+        return simulate(engine, specs, workers)
+
+    with Bar(f"record {world.run.backend}", _STEPS) as bar:
+        try:
+            return recording.record(
+                start,
+                spec,
+                plan,
+                source=f"bench record, {world.run.backend}",
+                policy=_policy(world, spec) if world.policy else None,
+                known_effects=world.known_effects,
+                progress=lambda share: bar.update(round(_STEPS * share)),
+            )
+        except LogError:
+            raise
+        except ValueError as error:
+            raise UsageError(f"{world.run.stick} stick in this hand: {error}") from error
+
+
+def _policy(world: World, spec: Spec) -> Policy:
+    run, folder = world.run, world.policy
+    assert folder is not None
+    task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
+    observation = registry.load("observation", run.observation)(spec.hand)
+    if (folder / POLICY_FILE).exists():
+        act = SavedPolicy(folder, observation)
+    else:
+        act = registry.load("algorithm", run.algo)(len(spec.hand.driven), run.seed)
+    return Policy(task=task, observation=observation, act=act)
+
+
+def _refuse(run: RunSpec, support: Mapping[str, str], spec: Spec) -> None:
+    """Raise UsageError for an effect that the engine cannot have."""
+    for effect in parse_effects(run.effects, spec.hand):
+        for field in effect.spec_fields():
+            if effect.magnitude != 0.0 and support[field].startswith("refused"):
+                raise UsageError(f"{effect_name(effect)} is {support[field]} ({run.backend})")
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word.strip() for word in text.split(",") if word.strip())
+
+
+def _provenance(world: World, plan: Plan) -> dict:
+    """What made the log; it names the effects, so a diagnosis does not read it."""
+    run = world.run
+    return {
+        **provenance(),
+        "backend": run.backend,
+        "effects": run.effects,
+        "policy": str(world.policy) if world.policy else None,
+        "seed": plan.seed,
+        "spec_digest": run.world().digest,
+    }

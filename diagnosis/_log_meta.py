@@ -1,0 +1,136 @@
+"""What log.yaml holds: where a log comes from, of which mechanism, in which units and episodes."""
+
+from pathlib import PurePath
+from typing import Annotated, Literal
+
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    NonNegativeInt,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+)
+from pydantic_core import ErrorDetails
+
+SCHEMA = 1
+NOMINAL_UNCERTAINTY = 0.05
+"""Relative uncertainty of nominal parameters where none is given."""
+
+Text = Annotated[str, StringConstraints(min_length=1, strip_whitespace=True)]
+Amount = Annotated[FiniteFloat, Field(ge=0)]
+
+
+class LogError(ValueError):
+    """A log cannot be used; the message says what was given, what is allowed and what to do."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Channel(_Part):
+    """A recorded quantity, such as 'position_rad': all joints' columns of that name."""
+
+    unit: str
+    """Unit of the numbers: rad, m, Nm, N, rad/s, m/s, or 1 for contact yes or no."""
+    rate_hz: Annotated[FiniteFloat, Field(gt=0)] | None = None
+    """Samples per second; a slower channel than the rows repeats its last value. None: the rows'"""
+
+
+class EpisodeMeta(_Part):
+    """One uninterrupted stretch of samples, from rest."""
+
+    episode: NonNegativeInt
+    protocol: Text = "free"
+    """What was commanded: steps, triangle, multisine, push, grasp, policy, or free."""
+    note: str | None = None
+
+
+class DriveSettings(_Part):
+    """Nominal drive of one joint, PD on the motor side; of a linear joint read m for rad, N for Nm.
+
+    Inertias, friction and gravity stand in the MJCF.
+    """
+
+    kp: Amount
+    """Proportional gain [Nm/rad], of a linear joint [N/m]."""
+    kd: Amount
+    """Derivative gain [Nms/rad], of a linear joint [Ns/m]."""
+    limit: Annotated[FiniteFloat, Field(gt=0)] | None = None
+    """Largest drive torque [Nm], of a linear joint force [N]; None: none that matters."""
+    sensor: Literal["joint", "motor"] = "joint"
+    """Side of the gear on which the position was measured."""
+
+
+class HandMechanism(_Part):
+    """A hand that Stickbench knows by name."""
+
+    hand: Text
+    stick: Text = "reference"
+    """Stick that it holds in the protocols that need one."""
+    effects: str = "none"
+    """Effects that are known to be there, as on the command line: part of the nominal world."""
+
+
+class MjcfMechanism(_Part):
+    """A user's mechanism: an MJCF file in the log's folder and the drives of its joints."""
+
+    mjcf: Text
+    joints: Annotated[dict[Text, DriveSettings], Field(min_length=1)]
+
+    @field_validator("mjcf")
+    @classmethod
+    def _stays_in_the_folder(cls, name: str) -> str:
+        if PurePath(name).name != name:
+            raise ValueError("name a file in the log's own folder, without a path")
+        return name
+
+
+class LogMeta(_Part):
+    """The contents of log.yaml."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    source: Text
+    """Who or what recorded it, and when."""
+    mechanism: HandMechanism | MjcfMechanism
+    channels: dict[str, Channel] = {}
+    """By channel name; empty: all that samples hold, in the units of their names."""
+    episodes: tuple[EpisodeMeta, ...] = ()
+    """Empty: one episode of protocol 'free' for each that samples hold."""
+    nominal_uncertainty: Annotated[FiniteFloat, Field(ge=0, le=1)] = NOMINAL_UNCERTAINTY
+    """Relative uncertainty (one standard deviation) of the nominal parameters."""
+
+
+def parse_meta(data: object) -> LogMeta:
+    """A LogMeta from the data of a YAML file; raises LogError naming every wrong field."""
+    if not isinstance(data, dict):
+        raise LogError("log.yaml holds no fields; allowed: schema, source, mechanism and more")
+    if data.get("schema") != SCHEMA:
+        raise LogError(
+            f"log.yaml has schema {data.get('schema')!r}; allowed: {SCHEMA}; "
+            "write `schema: 1` and follow docs/logs.md"
+        )
+    # One of two mechanisms is meant: say what is wrong with that one only.
+    mechanism = data.get("mechanism")
+    is_mjcf = isinstance(mechanism, dict) and "mjcf" in mechanism
+    wanted = "MjcfMechanism" if is_mjcf else "HandMechanism"
+    other = {"MjcfMechanism", "HandMechanism"} - {wanted}
+    try:
+        return LogMeta.model_validate(data)
+    except ValidationError as error:
+        wrong = [_problem(e) for e in error.errors() if not other & set(e["loc"])]
+        raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/logs.md") from None
+
+
+def _problem(error: ErrorDetails) -> str:
+    where = ".".join(str(part) for part in error["loc"] if not str(part).endswith("Mechanism"))
+    given = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
+    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}{given}"
+
+
+def dump_meta(meta: LogMeta) -> dict:
+    """The data of a log.yaml, without what is at its default."""
+    return meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)

@@ -1,0 +1,108 @@
+"""BAM: a Dynamixel XL330 servo swinging a pendulum (Duclusaud et al., ICRA 2025), JSON files.
+
+The servo's duty cycle is `gain kp (goal - position)`, at most 1; a DC motor makes a PD law of it:
+torque `kt / R (vin duty - kt speed)`. Logs of one firmware gain `kp` become one log. What happens
+after the torque was switched off (in `lift_and_drop`) is no motion on command and left out.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from diagnosis import importer
+from diagnosis.log import (
+    DriveSettings,
+    EpisodeMeta,
+    Log,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    make_log,
+)
+
+KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 0.300, 3.42, 1.84e-3
+"""Motor as BAM identified it with Coulomb and viscous friction (Rhoban/bam, params/xl330/m2)."""
+DUTY_PER_RAD = 4096 / (2 * np.pi) / 256 / 885
+"""Duty cycle per error and firmware gain [1/rad]: counts per rad, over 256, over full PWM.
+
+The logs' own `load` over `goal - position` confirms it: 0.00286 to 0.00288.
+"""
+UNCERTAINTY = 0.1
+_SETTINGS = ("kp", "mass", "length", "vin", "trajectory", "entries")
+
+
+class Importer(importer.Importer):
+    """One log per firmware gain, one episode per file."""
+
+    def read(self, path: Path) -> dict[str, Log]:
+        """See `importer.Importer.read`."""
+        recordings = [_load(p) for p in importer.files(path, "*.json")]
+        gains = sorted({r["kp"] for r in recordings})
+        return {f"kp{g:g}": _log([r for r in recordings if r["kp"] == g]) for g in gains}
+
+
+def _load(path: Path) -> dict[str, Any]:
+    data = importer.read_json(path)
+    missing = [name for name in _SETTINGS if name not in data]
+    if missing or not data["entries"]:
+        raise LogError(f"{path} has no {', '.join(missing) or 'entries'}; a BAM log has them")
+    return data
+
+
+def _log(recordings: Sequence[dict[str, Any]]) -> Log:
+    first = recordings[0]
+    for key in ("mass", "length", "vin"):
+        if len({r[key] for r in recordings}) > 1:
+            raise LogError(f"recordings of one gain differ in '{key}'; import them one by one")
+    parts = [_samples(r).assign(episode=k) for k, r in enumerate(recordings)]
+    torque_per_volt = KT_NM_A / RESISTANCE_OHM
+    drive = DriveSettings(
+        kp=torque_per_volt * first["vin"] * DUTY_PER_RAD * first["kp"],
+        kd=torque_per_volt * KT_NM_A,
+        limit=torque_per_volt * first["vin"],
+    )
+    meta = LogMeta(
+        schema=1,
+        source=f"BAM, XL330 with gain {first['kp']:g} (Duclusaud et al. 2025)",
+        mechanism=MjcfMechanism(mjcf="pendulum.xml", joints={"servo": drive}),
+        episodes=tuple(
+            EpisodeMeta(episode=k, note=r["trajectory"]) for k, r in enumerate(recordings)
+        ),
+        nominal_uncertainty=UNCERTAINTY,
+    )
+    xml = _mjcf(first["mass"], first["length"])
+    return make_log(meta, pd.concat(parts, ignore_index=True), xml)
+
+
+def _samples(recording: dict[str, Any]) -> pd.DataFrame:
+    try:
+        rows = pd.DataFrame(recording["entries"])
+        off = np.flatnonzero(~rows["torque_enable"].to_numpy(dtype=bool))
+        rows = rows.iloc[: off[0]] if len(off) else rows
+        return pd.DataFrame(
+            {
+                "t_s": rows["timestamp"],
+                "command_rad.servo": rows["goal_position"],
+                "position_rad.servo": rows["position"],
+                "velocity_rad_s.servo": rows["speed"],
+            }
+        )
+    except (KeyError, ValueError, TypeError) as error:
+        raise LogError(f"entries of a BAM log lack or garble {error}") from None
+
+
+def _mjcf(mass_kg: float, length_m: float) -> str:
+    """A point mass that hangs straight down at zero."""
+    return f"""<mujoco model="pendulum">
+  <option timestep="0.001"/>
+  <worldbody>
+    <body name="arm">
+      <inertial mass="{mass_kg}" pos="0 0 {-length_m}" diaginertia="1e-6 1e-6 1e-6"/>
+      <joint name="servo" axis="0 1 0" armature="{ARMATURE_KGM2}"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""

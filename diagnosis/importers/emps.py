@@ -1,0 +1,82 @@
+"""EMPS: a linear axis with motor and ball screw (Janot, Gautier, Brunot 2019), DATA_EMPS.mat.
+
+The cascade controller `vir = kv (kp (qg - qm) - dqm/dt)` with the force `gtau vir` is a PD law. The
+mass is the authors'; how much of it is the motor's and the screw's they do not say: half here.
+Friction and the constant offset that they identified are left for a diagnosis to find.
+"""
+
+import zlib
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.io import loadmat
+from scipy.io.matlab import MatReadError
+
+from diagnosis import importer
+from diagnosis.log import (
+    DriveSettings,
+    EpisodeMeta,
+    Log,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    make_log,
+    name_of,
+)
+
+MASS_KG = 95.1089
+"""Moving mass, motor and screw included, identified by the authors [kg]."""
+VOLTAGE_V = 10.0
+"""The drive voltage saturates here [V]."""
+_UNREADABLE = (OSError, ValueError, TypeError, NotImplementedError, MatReadError, zlib.error)
+_NAMES = ("t", "qg", "qm", "vir", "gtau", "kp", "kv")
+_MJCF = f"""<mujoco model="emps">
+  <option timestep="0.001"/>
+  <worldbody>
+    <body name="carriage">
+      <inertial mass="{MASS_KG / 2}" pos="0 0 0" diaginertia="1 1 1"/>
+      <joint name="axis" type="slide" axis="1 0 0" armature="{MASS_KG / 2}"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+class Importer(importer.Importer):
+    """One episode of 24.8 s at 1 kHz; it begins 14 ms after rest, at 7 mm/s."""
+
+    def read(self, path: Path) -> dict[str, Log]:
+        """See `importer.Importer.read`."""
+        return {p.stem: _log(p) for p in importer.files(path, "*.mat")}
+
+
+def _log(path: Path) -> Log:
+    data = _load(path)
+    gtau, kp, kv = (float(data[name][0]) for name in ("gtau", "kp", "kv"))
+    drive = DriveSettings(kp=gtau * kv * kp, kd=gtau * kv, limit=gtau * VOLTAGE_V, sensor="motor")
+    samples = pd.DataFrame(
+        {
+            "t_s": data["t"],
+            name_of("command", "axis", linear=True): data["qg"],
+            name_of("position", "axis", linear=True): data["qm"],
+            name_of("torque", "axis", linear=True): gtau * data["vir"],
+        }
+    )
+    meta = LogMeta(
+        schema=1,
+        source="EMPS (Janot, Gautier, Brunot 2019)",
+        mechanism=MjcfMechanism(mjcf="emps.xml", joints={"axis": drive}),
+        episodes=(EpisodeMeta(episode=0),),
+    )
+    return make_log(meta, samples, _MJCF)
+
+
+def _load(path: Path) -> dict[str, np.ndarray]:
+    try:
+        data = loadmat(path)
+        return {name: np.asarray(data[name], dtype=float).ravel() for name in _NAMES}
+    except KeyError as error:
+        raise LogError(f"{path} has no {error}; an EMPS file has {', '.join(_NAMES)}") from None
+    except _UNREADABLE as error:
+        raise LogError(f"{path} cannot be read as a MATLAB file: {error}") from None

@@ -1,0 +1,129 @@
+"""Play test: STS3215 servos hold a position while two others pull a lever (Robonine), CSV files.
+
+Elastic bands pull with about 0.3 kgf at 100 mm when a puller is at its far end and are slack at its
+near end; in between the pull is taken as proportional. Of two coupled servos each is taken to carry
+half of pull and lever. Drive numbers: BAM's identification of a 12 V STS3215.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from diagnosis import importer
+from diagnosis.log import (
+    DriveSettings,
+    EpisodeMeta,
+    Log,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    make_log,
+)
+
+RAD_PER_COUNT = 2 * np.pi / 4096
+HOME = 2047
+"""Count at which the lever stands in the middle."""
+PULLERS = {"3": -1.0, "4": 1.0}
+"""Servos that pull, and the sense in which they turn the tested one."""
+PULL_NM = 0.3 * 9.80665 * 0.1
+"""Torque of a fully stretched band: about 0.3 kgf at 100 mm [Nm]."""
+KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 1.444, 2.03, 0.0325
+"""Motor (Rhoban/bam, params/feetech_sts3215_12V/m1)."""
+SUPPLY_V, FULL_DUTY, DUTY_PER_RAD = 12.0, 0.97, 32 * 0.166 * 0.975
+"""Supply [V]; largest duty cycle; duty cycle per error at the default gain of 32 [1/rad]."""
+LEVER_KG, LEVER_M = 0.02, 0.1
+"""Printed lever; its mass is a guess [kg]."""
+UNCERTAINTY = 0.2
+
+
+class Importer(importer.Importer):
+    """One log per CSV file, one episode each, about 10 Hz."""
+
+    def read(self, path: Path) -> dict[str, Log]:
+        """See `importer.Importer.read`."""
+        return {p.stem: _log(p) for p in importer.files(path, "*.csv")}
+
+
+def _log(path: Path) -> Log:
+    table = _load(path)
+    tested = [c[5:-1] for c in table.columns if c.startswith("pos (") and c[5:-1] not in PULLERS]
+    if not tested:
+        raise LogError(f"{path} has no tested servo; a play test has 'pos (5)' or 'pos (1)'")
+    pull_nm = sum(side * _stretch(table, servo) for servo, side in PULLERS.items()) * PULL_NM
+    columns = {"t_s": table["t_s"]}
+    for servo in tested:
+        joint, target = f"servo{servo}", table[f"target pos ({servo})"]
+        facing = _facing(target, table[f"target pos ({tested[0]})"])
+        columns[f"command_rad.{joint}"] = RAD_PER_COUNT * (target - HOME)
+        columns[f"position_rad.{joint}"] = RAD_PER_COUNT * (table[f"pos ({servo})"] - HOME)
+        columns[f"push_nm.{joint}"] = facing * pull_nm / len(tested)
+    names = [f"servo{servo}" for servo in tested]
+    meta = LogMeta(
+        schema=1,
+        source=f"Robonine play test, {path.stem}",
+        mechanism=MjcfMechanism(mjcf="levers.xml", joints=dict.fromkeys(names, _drive())),
+        episodes=(EpisodeMeta(episode=0, protocol="push"),),
+        nominal_uncertainty=UNCERTAINTY,
+    )
+    return make_log(meta, pd.DataFrame(columns), _mjcf(names))
+
+
+def _load(path: Path) -> pd.DataFrame:
+    """The table without rows before the first reading, its times from zero."""
+    try:
+        table = pd.read_csv(path)
+        time = pd.to_datetime(table["timestamp"], format="ISO8601")
+        needed = [f"{what} ({s})" for s in PULLERS for what in ("target pos", "pos")]
+        known = table[[c for c in table.columns if c.startswith("pos (")]].notna().all(axis=1)
+        table = table.assign(t_s=(time - time[0]).dt.total_seconds())[known]
+        return table.astype(dict.fromkeys(needed, float)).reset_index(drop=True)
+    except KeyError as error:
+        raise LogError(f"{path} has no column {error}; a play test has it") from None
+    except (OSError, ValueError, UnicodeDecodeError) as error:
+        what = " ".join(str(error).split())
+        raise LogError(f"{path} cannot be read as a play test: {what}") from None
+
+
+def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
+    """How far a puller stretches its band, 0 to 1: from the relaxed target to the farthest."""
+    target = table[f"target pos ({puller})"].to_numpy()
+    relaxed = np.median(target)
+    far = target[np.argmax(np.abs(target - relaxed))]
+    if far == relaxed:
+        return np.zeros(len(table))
+    return np.clip((table[f"pos ({puller})"].to_numpy() - relaxed) / (far - relaxed), 0, 1)
+
+
+def _facing(target: pd.Series, first: pd.Series) -> float:
+    """-1 for a servo that faces the first one and so moves the other way, else 1."""
+    return -1.0 if float(np.dot(target - HOME, first - HOME)) < 0 else 1.0
+
+
+def _drive() -> DriveSettings:
+    torque_per_volt = KT_NM_A / RESISTANCE_OHM
+    return DriveSettings(
+        kp=torque_per_volt * SUPPLY_V * DUTY_PER_RAD,
+        kd=torque_per_volt * KT_NM_A,
+        limit=torque_per_volt * SUPPLY_V * FULL_DUTY,
+    )
+
+
+def _mjcf(joints: list[str]) -> str:
+    """One vertical axis and its share of the lever per servo."""
+    mass = LEVER_KG / len(joints)
+    across = mass * LEVER_M**2 / 12
+    bodies = "".join(
+        f"""
+    <body name="lever_{joint}">
+      <inertial mass="{mass}" pos="{LEVER_M / 2} 0 0" diaginertia="1e-7 {across} {across}"/>
+      <joint name="{joint}" axis="0 0 1" armature="{ARMATURE_KGM2}"/>
+    </body>"""
+        for joint in joints
+    )
+    return f"""<mujoco model="levers">
+  <option timestep="0.001"/>
+  <worldbody>{bodies}
+  </worldbody>
+</mujoco>
+"""
