@@ -14,7 +14,7 @@ from types import ModuleType
 import numpy as np
 
 from backends.engine import EXACT, SHARED_SUPPORT, Engine
-from backends.spec import Body, Fingertip, Hand, Spec, Stick, Vec3, field_names
+from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
 
 
@@ -116,6 +116,13 @@ def stick_urdf(stick: Stick) -> str:
     return f'<robot name="stick">{link}</robot>'
 
 
+def _soft(contact: Contact) -> dict[str, float]:
+    """A spring and a damper of the same time constant as the rigid contacts; the stick is hard."""
+    stiffness_n_m = 1.0 / contact.compliance_m_n
+    damping_ns_m = contact.time_constant_s * stiffness_n_m
+    return {"contactStiffness": stiffness_n_m, "contactDamping": damping_ns_m}
+
+
 class _World:
     """A physics client and what identifies hand, stick, joints and fingertips in it."""
 
@@ -168,6 +175,8 @@ class _World:
         root = math.sqrt(spec.stick.friction)
         for numbers in (_LOSSLESS, {"lateralFriction": root, **_BARE}):
             p.changeDynamics(body, link, physicsClientId=self.client, **numbers)
+        if spec.contact.compliance_m_n > 0.0 and body == self.hand and link in self.tips:
+            p.changeDynamics(body, link, physicsClientId=self.client, **_soft(spec.contact))
 
     def _pair_anew(self) -> None:
         """Let fingertips meet the stick alone; drops all cached contacts, whose points persist."""
@@ -197,6 +206,8 @@ class Backend(Engine):
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
         "joint.axis": EXACT,
+        "joint.slides": "refused: only hinges are built",
+        "body.products_kgm2": "refused: only moments of inertia are passed on",
         "stick.shape": EXACT,
         "stick.length_m": EXACT,
         "stick.radius_m": EXACT,
@@ -205,7 +216,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: taken as 0; spin friction needs the round cone",
         "contact.time_constant_s": "approximate: rigid, but penetration decays in this time",
-        "contact.compliance_m_n": "refused: contacts are as hard as the engine makes them",
+        "contact.compliance_m_n": "approximate: a spring that starts 0.01 mm under the surface",
         "spec.gravity_m_s2": EXACT,
     }
 

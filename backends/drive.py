@@ -27,17 +27,17 @@ from backends.state import Array
 
 _COLUMNS = tuple(f.name for f in fields(Drive))
 STRIBECK_RAD_S = 0.05
-"""v_s: speed at which stiction has faded to a third; servo gears lie at 0.01 to 0.1 rad/s."""
+"""v_s: speed at which stiction has faded to a third; fits of servos give 0.1 rad/s and more."""
 
 
 @numba.njit(cache=True)
 def _shrink(speed, loss):
-    """`speed` nearer to zero by `loss`, and no further than zero."""
+    """`speed` nearer to zero by `loss`, and no further than zero; NaN stays NaN."""
     if speed > loss:
         return speed - loss
     if speed < -loss:
         return speed + loss
-    return 0.0
+    return 0.0 if speed == speed else speed
 
 
 @numba.njit(cache=True)

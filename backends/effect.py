@@ -51,6 +51,8 @@ class Effect(ABC):
     """Allowed magnitudes in SI units, both included."""
     per_joint: ClassVar[bool] = True
     """Whether it acts on joints, and so may name one."""
+    gear: ClassVar[str | None] = None
+    """Without a named joint, only joints with this gear are concerned; None: all are."""
     spread: ClassVar[str] = "normal"
     """How its magnitude is drawn when domains are randomised: 'normal' or 'uniform'."""
 
@@ -58,6 +60,18 @@ class Effect(ABC):
     def spec_fields(cls) -> tuple[str, ...]:
         """Names of the spec's numbers that change: an engine takes the effect as it takes these."""
         return ()
+
+    def joints(self, spec: Spec) -> tuple[str, ...]:
+        """Names of the joints it acts on, in spec order; ValueError where one is not driven."""
+        known = spec.hand.joint_names
+        if not self.per_joint:
+            return ()
+        if self.joint is None:
+            fits = (b.joint.name for b in spec.hand.driven if self.gear in (None, b.joint.gear))
+            return tuple(fits)
+        if self.joint not in known:
+            raise ValueError(f"no driven joint named '{self.joint}'; known: {', '.join(known)}")
+        return (self.joint,)
 
     def on_spec(self, spec: Spec) -> Spec:
         """The world with this effect; raises ValueError where the effect cannot act."""
@@ -71,8 +85,6 @@ class NumberEffect(Effect):
     """Which one, such as 'drive.kp_nm_rad'; drive, command, encoder and body are per joint."""
     relative: ClassVar[bool] = False
     """The magnitude is a share of that number instead of an amount."""
-    gear: ClassVar[str | None] = None
-    """Without a named joint, only joints with this gear are concerned; None: all are."""
 
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
@@ -94,21 +106,16 @@ class NumberEffect(Effect):
         return dataclasses.replace(spec, **{part: self._on(getattr(spec, part), field)})
 
     def _on_joints(self, spec: Spec, part: str, field: str) -> Spec:
-        if self.joint is not None and self.joint not in spec.hand.joint_names:
-            known = ", ".join(spec.hand.joint_names)
-            raise ValueError(f"no driven joint named '{self.joint}'; known: {known}")
-        return spec.with_driven(self._on_body(b, part, field) for b in spec.hand.driven)
+        joints = self.joints(spec)
+        return spec.with_driven(
+            self._on_body(b, part, field) if b.joint.name in joints else b for b in spec.hand.driven
+        )
 
     def _on_body(self, body: Body, part: str, field: str) -> Body:
-        fits = self.gear is None or body.joint.gear == self.gear
-        if not (body.joint.name == self.joint or (self.joint is None and fits)):
-            return body
         if part == "body":
             return self._on(body, field)
-        joint = dataclasses.replace(
-            body.joint, **{part: self._on(getattr(body.joint, part), field)}
-        )
-        return dataclasses.replace(body, joint=joint)
+        changed = self._on(getattr(body.joint, part), field)
+        return dataclasses.replace(body, joint=dataclasses.replace(body.joint, **{part: changed}))
 
     def _on(self, part: Any, field: str) -> Any:
         return dataclasses.replace(part, **{field: self.changed(getattr(part, field))})

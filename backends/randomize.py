@@ -23,8 +23,7 @@ def randomize(spec: Spec, spread: Sequence[Effect], rng: np.random.Generator) ->
     evenly, half the width of what is drawn. Effects that name no joint are drawn for each anew.
     """
     for effect in spread:
-        everywhere = effect.per_joint and effect.joint is None
-        for joint in spec.hand.joint_names if everywhere else (effect.joint,):
+        for joint in effect.joints(spec) or (None,):
             magnitude = _draw(effect, rng)
             spec = dataclasses.replace(effect, magnitude=magnitude, joint=joint).on_spec(spec)
     return spec

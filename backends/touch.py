@@ -108,14 +108,15 @@ def _press(force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, tim
 
 
 @numba.njit(cache=True)
-def _binarise(reading, threshold, grid, halo, active, center, touch):
+def _binarise(reading, threshold, grid, halo, skin, rank, active, center, touch):
     for n in range(reading.shape[0]):
         for f in range(reading.shape[1]):
             count = 0
             for t in range(grid.shape[1]):
                 active[n, f, t] = reading[n, f, t] > threshold[n]
             if halo[n] > 0.0:
-                _spread(reading[n, f], threshold[n], grid[f], halo[n], active[n, f])
+                alive = rank[f, :, 0] >= skin[n, 2]
+                _spread(reading[n, f], threshold[n], grid[f], halo[n], alive, active[n, f])
             cx, cy, cz = 0.0, 0.0, 0.0
             for t in range(grid.shape[1]):
                 if active[n, f, t]:
@@ -129,14 +130,25 @@ def _binarise(reading, threshold, grid, halo, active, center, touch):
 
 
 @numba.njit(cache=True)
-def _spread(reading, threshold, grid, halo, active):
-    """Let the neighbours of pressed taxels answer."""
+def _spread(reading, threshold, grid, halo, alive, active):
+    """Let the living neighbours of pressed taxels answer."""
     for t in range(grid.shape[0]):
         for s in range(grid.shape[0]):
-            if reading[s] > threshold:
+            if alive[t] and reading[s] > threshold:
                 x, y, z = grid[t] - grid[s]
                 if x * x + y * y + z * z < halo * halo:
                     active[t] = True
+
+
+def _ranks(tips: int, taxels: int) -> Array:
+    """Two fixed numbers in [0, 1) per taxel, (F, T, 2), the same in every world and episode.
+
+    Dead shares over the first silence it: they are evenly spaced, so a share is what it says. Its
+    drift is the second times the fastest.
+    """
+    rng = np.random.default_rng(0)
+    dies = rng.permuted(np.tile(np.arange(taxels) / taxels, (tips, 1)), axis=1)
+    return np.stack([dies, rng.uniform(size=(tips, taxels))], axis=-1)
 
 
 class Skin:
@@ -152,9 +164,7 @@ class Skin:
         self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
         self._halo_m = np.array([t.halo_m for t in taxels])
         n, shape = len(specs), self._grid.shape[:2]
-        self._rank = np.random.default_rng(0).uniform(size=(*shape, 2))
-        """Per taxel, two fixed numbers in [0, 1): dead shares over the first
-        silence it, its drift is the second times the fastest."""
+        self._rank = _ranks(*shape)
         self._no_time_s = np.zeros(n)
         self.touch = Touch(
             reading_m=np.zeros((n, *shape)),
@@ -185,6 +195,8 @@ class Skin:
             self._threshold_m,
             self._grid,
             self._halo_m,
+            self._skin,
+            self._rank,
             touch.active,
             touch.center_m,
             touch.in_contact,

@@ -30,7 +30,10 @@ def parse_effects(text: str, hand: Hand) -> tuple[Effect, ...]:
     effects = tuple(_parse_one(item, hand) for item in items)
     places = [(type(e), e.joint) for e in effects]
     if len(set(places)) < len(places):
-        raise UsageError(f"an effect is given twice for one joint in '{text}': give each once")
+        hint = f"; built is {BUILT}" if "built" in text else ""
+        raise UsageError(
+            f"an effect is given twice for one joint in '{text}': give each once{hint}"
+        )
     return effects
 
 

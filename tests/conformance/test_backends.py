@@ -123,8 +123,10 @@ def test_reset_state_is_the_initial_state(engine: type[Engine]) -> None:
     state = sim.reset(start, every(len(specs)))
     for name in ("joint_rad", "stick_pos_m", "stick_quat_wxyz"):
         assert np.array_equal(getattr(state, name), getattr(start, name))
-    assert np.array_equal(state.motor_rad, start.joint_rad)
-    for name in set(SIGNALS) - {"joint_rad", "motor_rad", "stick_pos_m", "stick_quat_wxyz"}:
+    angles = {"joint_rad", "motor_rad", "measured_rad"}
+    for name in angles:
+        assert np.array_equal(getattr(state, name), start.joint_rad)
+    for name in set(SIGNALS) - angles - {"stick_pos_m", "stick_quat_wxyz"}:
         assert not getattr(state, name).any()
     sim.close()
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backends import sticks, trx
-from backends.drive import DriveBank
+from backends.drive import STRIBECK_RAD_S, DriveBank
 from backends.spec import Body, Drive, Joint, Spec
 from backends.state import Array
 
@@ -227,3 +227,101 @@ def test_driven_worm_reaches_its_target_under_load(target_rad: float, load_nm: f
     assert abs(motor - target_rad) < abs(load_nm) / WORM.kp_nm_rad * 1.001
     hang = math.copysign(WORM.play_rad, load_nm) + load_nm / WORM.gear_stiffness_nm_rad
     assert joint - motor == pytest.approx(hang, abs=1e-4)
+
+
+def loose(drive: Drive, torques_nm: list[float]) -> Array:
+    """Where the rotors end that such PD torques at the start pull on; joints held at zero."""
+    free = bank([drive] * len(torques_nm))
+    target = np.array(torques_nm)[:, None] / drive.kp_nm_rad
+    still = np.zeros_like(free.motor_rad)
+    for _ in range(300):
+        free.step(target, still, still)
+    return free.motor_rad[:, 0]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_stiction_breaks_away(sign: float) -> None:
+    """Stay put under Coulomb friction and stiction together, and leave above both."""
+    drive = dataclasses.replace(FREE, coulomb_nm=0.02, stiction_nm=0.03)
+    ends = loose(drive, [sign * 0.021, sign * 0.0499, sign * 0.0501])
+    assert (ends[:2] == 0.0).all()
+    assert sign * ends[2] > 0.0
+
+
+@pytest.mark.parametrize("speed", [0.0, 0.02, 0.05, 0.3, 5.0])
+def test_friction_falls_with_speed_as_stribeck_says(speed: float) -> None:
+    """Take coulomb + stiction exp(-speed / v_s) from a rotor in one step."""
+    drive = dataclasses.replace(FREE, kp_nm_rad=0.0, coulomb_nm=1e-3, stiction_nm=2e-3)
+    free = bank([drive])
+    free.motor_rad_s[:] = speed
+    turn(free, 0.0, 1)
+    friction = 1e-3 + 2e-3 * math.exp(-speed / STRIBECK_RAD_S)
+    lost = DT_S / FREE.rotor_inertia_kgm2 * friction
+    assert free.motor_rad_s[0, 0] == pytest.approx(max(speed - lost, 0.0), abs=1e-15)
+
+
+def test_stiction_stops_a_rotor_as_the_closed_form_says() -> None:
+    """Slow down as J v' = -stiction exp(-v / v_s): v = v_s ln(exp(v0 / v_s) - stiction t / J v_s).
+
+    The error is of first order in dt.
+    """
+    stiction, start, time_s = 1e-3, 0.12, 0.05
+    drive = dataclasses.replace(FREE, kp_nm_rad=0.0, stiction_nm=stiction)
+    rate = stiction / FREE.rotor_inertia_kgm2 / STRIBECK_RAD_S
+    exact = STRIBECK_RAD_S * math.log(math.exp(start / STRIBECK_RAD_S) - rate * time_s)
+    errors = []
+    for dt_s in (1e-3, 5e-4, 2.5e-4):
+        free = bank([drive], dt_s=dt_s)
+        free.motor_rad_s[:] = start
+        turn(free, 0.0, round(time_s / dt_s))
+        errors.append(abs(free.motor_rad_s[0, 0] - exact))
+    assert 0.0 < exact < start
+    assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2, 2], rel=0.1)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_load_friction_widens_the_lag_under_load(sign: float) -> None:
+    """Lag by load (1 - mu) / kp where the load pushed, by load (1 + mu) / kp where it was lifted.
+
+    Load and target creep, in steps that bound the error, so that the rotor stops where the
+    friction lets it and no swing carries it farther.
+    """
+    load, steps, move, kp = 0.2, 100, 0.02, GEARED.kp_nm_rad
+    drives = [dataclasses.replace(GEARED, load_friction=mu) for mu in (0.0, 0.1, 0.3)]
+    mu = np.array([d.load_friction for d in drives])
+    swing = Swing(drives, 0.0)
+    for share in np.linspace(0.0, 1.0, steps + 1):
+        swing.settle(0.0, np.full(3, sign * share * load), 60)
+    pushed = sign * swing.bank.motor_rad[:, 0]
+    assert pushed == pytest.approx(load * (1 - mu) / kp, abs=load / steps / kp)
+    for target in np.linspace(0.0, -sign * move, steps + 1):
+        swing.settle(target, np.full(3, sign * load), 60)
+    lifted = sign * swing.bank.motor_rad[:, 0] + move
+    # A creeping target leaves the rotor no more than a step behind the edge of the friction.
+    assert lifted == pytest.approx(load * (1 + mu) / kp, abs=move / steps)
+
+
+def test_load_friction_needs_a_load() -> None:
+    """Move a rotor that transmits nothing as without it, to the bit."""
+    rubbing = bank([FREE, dataclasses.replace(FREE, load_friction=0.5)])
+    path = turn(rubbing, 0.3, 200)
+    assert np.array_equal(path[:, 0], path[:, 1])
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_dead_zone_leaves_an_error(sign: float) -> None:
+    """Ignore errors up to the zone; come to rest a zone short of a farther target."""
+    zone = math.radians(0.5)
+    drive = dataclasses.replace(FREE, kd_nms_rad=0.15, dead_zone_rad=zone)
+    assert (turn(bank([drive]), sign * 0.999 * zone, 500) == 0.0).all()
+    end = turn(bank([drive]), sign * 0.1, 3000)[-1, 0]
+    assert end == pytest.approx(sign * (0.1 - zone), abs=1e-9)
+
+
+def test_dead_zone_adds_to_the_lag_under_load() -> None:
+    """Yield to a load by the zone and by load / kp."""
+    zone, load = math.radians(0.5), np.full(2, 0.12)
+    swing = Swing([GEARED, dataclasses.replace(GEARED, dead_zone_rad=zone)], 0.0)
+    swing.settle(0.0, load, 3000)
+    lag = 0.12 / GEARED.kp_nm_rad + np.array([0.0, zone])
+    assert swing.bank.motor_rad[:, 0] == pytest.approx(lag, abs=1e-6)
