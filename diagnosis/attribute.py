@@ -29,7 +29,9 @@ class Ranked:
     """Names of its effects, in the order of `fit.effects`; none of the nominal world's."""
     fit: Fit
     judged: Array
-    """Squared residuals on held-out samples, shape (n,)."""
+    """Squared residuals on held-out samples, compressed, shape (n,)."""
+    plain: Array
+    """The same as they are."""
 
     @property
     def joints(self) -> tuple[str | None, ...]:
@@ -38,7 +40,7 @@ class Ranked:
 
     @property
     def gap(self) -> float:
-        """Root mean square of the held-out residuals, in standard deviations."""
+        """Root mean square of the held-out residuals, compressed, in standard deviations."""
         return float(np.sqrt(self.judged.mean()))
 
 
@@ -53,7 +55,7 @@ class Attribution:
         zeros = np.zeros(len(self.fitter.nuisances))
         self.before = self._ranked((), Fit(effects=(), deviations=zeros, cost=0.0))
         self.nominal = self._ranked((), self.fitter.nominal())
-        self.singles = self._rank(self.nominal)
+        self.singles = self._rank(self.before)
 
     def second(self, first: Ranked) -> list[Ranked]:
         """The best pairs that hold `first`."""
@@ -70,7 +72,7 @@ class Attribution:
         searched = [(c, profile.search(fit, last, 3.0)) for c, fit in tried[:refined]]
         searched.sort(key=lambda pair: pair[1].cost)
         found = [
-            self._ranked((*base.names, c.name), self.fitter.refit(self._true(fit)))
+            self._ranked((*base.names, c.name), self.fitter.refit(self._true(around, fit)))
             for c, fit in searched[:finalists]
         ]
         return sorted(found, key=lambda one: one.judged.mean())
@@ -91,14 +93,20 @@ class Attribution:
         )
         return candidate, min(tries, key=lambda fit: fit.cost)
 
-    def _true(self, fit: Fit) -> Fit:
-        """A linear guess with the cost that it really has."""
-        cost = self.fitter.cost(fit.effects, fit.deviations)
-        return Fit(effects=fit.effects, deviations=fit.deviations, cost=cost)
+    def _true(self, around: Fit, guess: Fit) -> Fit:
+        """A linear guess with its real cost, or its effects alone where these do better."""
+        tries = (
+            Fit(effects=guess.effects, deviations=d, cost=self.fitter.cost(guess.effects, d))
+            for d in (guess.deviations, around.deviations, np.zeros_like(around.deviations))
+        )
+        return min(tries, key=lambda fit: fit.cost)
 
     def _ranked(self, names: tuple[str, ...], fit: Fit) -> Ranked:
-        judged = self.fitter.residual(fit.effects, fit.deviations, True) ** 2
-        return Ranked(names=names, fit=fit, judged=judged)
+        judged, plain = (
+            self.fitter.residual(fit.effects, fit.deviations, True, compress) ** 2
+            for compress in (True, False)
+        )
+        return Ranked(names=names, fit=fit, judged=judged, plain=plain)
 
 
 def advantage(better: Array, worse: Array) -> float:

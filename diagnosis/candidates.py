@@ -72,7 +72,8 @@ def candidates(catalogue: Mapping[str, type[Effect]], evidence: Evidence) -> lis
             continue
         for joint in _places(kind, evidence.nominal):
             levels = _levels(kind, scale_of(kind, evidence, joint))
-            found.append(Candidate(name=name, kind=kind, joint=joint, levels=levels))
+            if levels:
+                found.append(Candidate(name=name, kind=kind, joint=joint, levels=levels))
     return found
 
 

@@ -4,6 +4,7 @@ A limb is a part of the mechanism that moves by itself in free air, such as a fi
 is a vector of residuals over their standard deviations, position, motor and torque alike.
 """
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,6 +25,8 @@ LEAST_SAMPLES = 100
 """An episode shorter than this is left out."""
 FAR = 1e4
 """Residuals end here: a candidate that is unstable is merely very bad."""
+CORE = 3.0
+"""Residuals under so many standard deviations count in full."""
 REST_SAMPLES = 3
 """The start is the mean of so many readings at rest."""
 
@@ -61,11 +64,14 @@ class Evidence:
             spec = effect.on_spec(spec)
         return spec
 
-    def residual(self, effects: Sequence[Effect], judged: bool | None = None) -> Array:
+    def residual(
+        self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
+    ) -> Array:
         """Normalised residuals, flat: of the samples for judging, for fitting, or all (None).
 
         Recordings follow each other, in each channels, samples and joints; what was not logged is
-        left out.
+        left out. `compress` lets a residual grow as its logarithm beyond `CORE`: a joint rattling
+        in its play is chaotic, and no candidate can follow it for long.
         """
         spec = self.world(effects)
         rows = [CHANNELS.index(name) for name in USED]
@@ -74,7 +80,8 @@ class Evidence:
             if mask.any():
                 shown = replay(spec, recording.commands)[rows]
                 parts.append(((recording.measured - shown) / self.sigma)[mask])
-        return np.clip(np.nan_to_num(np.concatenate(parts), nan=FAR), -FAR, FAR)
+        flat = np.clip(np.nan_to_num(np.concatenate(parts), nan=FAR), -FAR, FAR)
+        return CORE * np.arcsinh(flat / CORE) if compress else flat
 
     @cached_property
     def _masks(self) -> dict[bool | None, list[Array]]:
@@ -117,7 +124,9 @@ def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) 
     allowed = np.broadcast_to(allowed, (len(USED), len(limit))) * np.where(
         np.array([name == "torque" for name in USED])[:, None], limit, 1.0
     )
-    noise = np.nanmedian([_noise(r.measured) for r in recordings], axis=0)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN slice")  # a channel that nobody logged
+        noise = np.nanmedian([_noise(r.measured) for r in recordings], axis=0)
     sigma = np.sqrt(np.nan_to_num(noise) ** 2 + allowed**2)
     return Evidence(nominal=nominal, recordings=recordings, sigma=sigma[:, None, :])
 
@@ -163,6 +172,4 @@ def _judged(log: Log, numbers: list[int]) -> dict[int, Array]:
 def _noise(measured: Array) -> Array:
     """White noise of a recording (C, J): third differences take smooth motion away."""
     third = np.diff(measured, n=3, axis=1)
-    with np.errstate(invalid="ignore"):
-        spread = np.median(np.abs(third), axis=1) / 0.6745
-    return spread / np.sqrt(20.0)
+    return np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0)

@@ -5,6 +5,7 @@ best of them follow from one linear solve (variable projection; Golub and Pereyr
 the magnitude is searched. Searching survives what slopes do not: delays have kinks, play rattles.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
@@ -17,11 +18,17 @@ from diagnosis.evidence import Evidence
 
 STEP = 0.3
 """Step of a derivative by a nominal parameter, in its standard deviations."""
+CURVE = 0.05
+"""Relative steps of a magnitude for the curvature of its cost."""
+BLOCK = 40
+"""Samples in a block."""
+FARTHEST = 5.0
+"""Nominal parameters stay within so many standard deviations."""
 CORRELATED = 10.0
 """Samples that tell as much as one: residuals of neighbouring samples resemble each other."""
 SEARCHES = 7
 """Magnitudes tried in one search."""
-POLISH = (2.0, 1.4, 1.15)
+POLISH = (1.6, 1.2, 1.05, 1.015)
 """How far around the last magnitude, as a factor, the rounds of a refit search."""
 
 
@@ -65,12 +72,16 @@ class Fitter:
         self.replays = 0
 
     def residual(
-        self, effects: Iterable[Effect], deviations: Array, judged: bool | None = False
+        self,
+        effects: Iterable[Effect],
+        deviations: Array,
+        judged: bool | None = False,
+        compress: bool = True,
     ) -> Array:
-        """Flat residuals of a candidate: of the fitting samples, the judged ones or all (None)."""
+        """Residuals of a candidate, see `Evidence.residual`; by default of the fitting samples."""
         self.replays += 1
         shifted = [n.at(d) for n, d in zip(self.nuisances, deviations, strict=True) if d != 0.0]
-        return self.evidence.residual([*shifted, *effects], judged)
+        return self.evidence.residual([*shifted, *effects], judged, compress)
 
     def cost(self, effects: Iterable[Effect], deviations: Array) -> float:
         """See `Fit.cost`."""
@@ -92,9 +103,28 @@ class Fitter:
             fit = best
         return fit
 
+    def spread(self, fit: Fit, index: int) -> float:
+        """Standard deviation of the logarithm of a fitted magnitude; infinite where it is free.
+
+        From the curvature of the profile cost, in which the nominal parameters follow, and from how
+        far residuals resemble their neighbours (the variance of block means over that of samples).
+        """
+        profile = Profile(self, fit)
+        magnitude = fit.effects[index].magnitude
+        costs = [
+            profile.at(fit.resized(index, magnitude * factor)).cost
+            for factor in (1 - CURVE, 1.0, 1 + CURVE)
+        ]
+        curvature = (costs[0] - 2 * costs[1] + costs[2]) / CURVE**2
+        if curvature <= 0:
+            return math.inf
+        r = self.residual(fit.effects, fit.deviations)
+        blocks = r[: len(r) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+        return math.sqrt(max(1.0, BLOCK * float(np.mean(blocks**2))) / CORRELATED / curvature)
+
     def _checked(self, fit: Fit, guess: Fit) -> Fit:
         """The guess, or half its move of nominal parameters, where that is really better."""
-        for share in (1.0, 0.4):
+        for share in (1.0, 0.4, 0.1):
             deviations = fit.deviations + share * (guess.deviations - fit.deviations)
             cost = self.cost(guess.effects, deviations)
             if cost < fit.cost:
@@ -119,9 +149,11 @@ class Profile:
         """A candidate's effects with their best nominal parameters and linear cost."""
         base = self._fitter.residual(fit.effects, self._start)
         pull = self._slopes.T @ base / CORRELATED + self._start
-        move = -np.linalg.solve(self._normal, pull)
-        cost = (base @ base / CORRELATED + self._start @ self._start + pull @ move) / 2
-        return Fit(effects=fit.effects, deviations=self._start + move, cost=float(cost))
+        best = self._start - np.linalg.solve(self._normal, pull)
+        move = np.clip(best, -FARTHEST, FARTHEST) - self._start
+        cost = base @ base / CORRELATED + self._start @ self._start
+        cost += 2 * pull @ move + move @ self._normal @ move
+        return Fit(effects=fit.effects, deviations=self._start + move, cost=float(cost / 2))
 
     def search(self, fit: Fit, index: int, reach: float) -> Fit:
         """The best magnitude of one effect within a factor `reach` of the one it has."""

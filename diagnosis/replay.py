@@ -34,7 +34,7 @@ class Commands:
     load: Array
     """External torque on the joint from each sample on [Nm], shape (T, J)."""
     start: Array
-    """Joint angles at rest at the start [rad], shape (J,)."""
+    """What the sensors read at rest at the start [rad], shape (J,)."""
 
 
 @numba.njit(cache=True)
@@ -101,12 +101,13 @@ def replay(spec: Spec, commands: Commands) -> Array:
         np.zeros((1, len(joints), ring_ticks(delay, dt_s)))
         for delay in (path[..., 0], encoder[..., 4])
     )
+    start = (commands.start - encoder[0, :, 0]) / (1.0 + encoder[0, :, 1])
     out = np.zeros((len(commands.target), len(CHANNELS), len(joints)))
     _replay(
         commands.ticks,
         commands.target,
         commands.load,
-        commands.start,
+        start,
         chain(spec).numbers,
         drive_table(spec),
         path,

@@ -79,18 +79,17 @@ def judge(
     best, nominal = singles[0], found.nominal
     gain = nominal.fit.cost - best.fit.cost
     if gain < rule.accuse_nats:
-        lead = rule.accuse_nats - gain
-        return _verdict((NONE,), nominal, found, (), lead)
-    if best.gap > 1.0 + (rule.settled_gap - 1.0) / 2:
+        name = NONE if nominal.gap <= rule.settled_gap else UNKNOWN
+        return _verdict((name,), nominal, found, (), rule.accuse_nats - gain)
+    if best.gap > rule.settled_gap or _implausible(best) > rule.pair_nats:
         pairs = sorted(found.second(best), key=lambda r: r.fit.cost)
         if pairs and _adds(best, pairs[0], rule) and _explains(nominal, pairs[0], rule):
             lead = best.fit.cost - pairs[0].fit.cost
             return _verdict(pairs[0].names, pairs[0], found, (), lead)
     if not _explains(nominal, best, rule):
         return _verdict((UNKNOWN,), best, found, (), gain)
-    behind = singles[1:]
-    tied = tuple(r for r in behind if r.fit.cost - best.fit.cost < rule.tie_nats)
-    lead = min([r.fit.cost - best.fit.cost for r in behind] + [gain])
+    tied = tuple(r for r in singles[1:] if r.fit.cost - best.fit.cost < rule.tie_nats)
+    lead = min([r.fit.cost - best.fit.cost for r in singles[1:]] + [gain])
     return _verdict(best.names, best, found, tied, lead)
 
 
@@ -118,8 +117,16 @@ def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
 
 
 def _adds(first: Ranked, pair: Ranked, rule: Rules) -> bool:
-    left = _excess(pair.gap) <= (1 - rule.pair_share) * _excess(first.gap)
-    return left and first.fit.cost - pair.fit.cost >= rule.pair_nats
+    """Whether a second effect is needed: by held-out samples, or by what it asks of the nominal."""
+    gain = first.fit.cost - pair.fit.cost
+    by_data = _excess(pair.gap) <= (1 - rule.pair_share) * _excess(first.gap)
+    by_prior = _implausible(first) - _implausible(pair) >= 0.5 * rule.pair_nats
+    return gain >= rule.pair_nats and (by_data or by_prior)
+
+
+def _implausible(ranked: Ranked) -> float:
+    """Nats that a fit's nominal parameters cost."""
+    return float(ranked.fit.deviations @ ranked.fit.deviations / 2)
 
 
 def block_means(values: Array, block: int) -> Array:
