@@ -1,4 +1,4 @@
-"""A policy replayed in its fixed evaluation episodes, and what a picture needs of them kept."""
+"""A policy replayed in its fixed evaluation episodes, and what pictures need of them kept."""
 
 import dataclasses
 import math
@@ -9,31 +9,38 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array, State
+from backends.touch import Skin, Touch
 from benchmark import registry
 from benchmark.run import deploy
-from benchmark.run_spec import RunSpec, within
+from benchmark.run_spec import RunSpec
 from tasks.batch import BatchEnv, Step
 from tasks.task import EPISODE_S, RATE_RAD_S
 
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """T policy steps of E episodes."""
+    """T policy steps of E episodes; joints and touch of the first one alone."""
 
     spec: Spec
     """The world that was simulated."""
     first: int
     """Step from which the figure is drawn."""
+    lap: int
+    """Steps of one lap; of the whole episode where the figure does not repeat."""
+    time_s: Array
+    """Time since the start after each step [s], shape (T,)."""
     lower_m: Array
     """Lower end of the stick [m], world frame, shape (T, E, 3)."""
     reference_m: Array
     """Drawn point [m], world frame, shape (T, E, 3)."""
     held: Array
     """Whether the stick has not fallen so far, shape (T, E), bool."""
-    moment: int
-    """The step whose state was kept."""
-    state: State
-    """Episode 0 at that step: arrays of one world."""
+    target_rad: Array
+    """Commanded joint angles of episode 0 [rad], shape (T, J)."""
+    states: State
+    """Episode 0, a step in the place of a world: arrays (T, ...)."""
+    touch: Touch
+    """What the skin felt in episode 0: arrays (T, ...)."""
     scores: dict[str, float]
     """Means over these episodes, and their count."""
 
@@ -41,54 +48,62 @@ class Recording:
 class _Recorder:
     """Copies what a recording holds, step by step."""
 
-    def __init__(self, moment: int) -> None:
-        self.moment = moment
-        self.state: State | None = None
-        self.lower_m: list[Array] = []
-        self.reference_m: list[Array] = []
-        self.fallen: list[Array] = []
+    def __init__(self) -> None:
+        self.states: list[State] = []
+        self.signals: dict[str, list[Array]] = {}
 
     def __call__(self, env: BatchEnv, step: Step) -> None:
-        if len(self.lower_m) == self.moment:
-            self.state = _first_world(env.state)
-        self.lower_m.append(env.lower_end())
-        self.reference_m.append(env.reference()[0])
-        self.fallen.append(step.terminated)
+        self.states.append(_first_world(env.state))
+        seen = {
+            "time_s": env.time_s[0].copy(),
+            "lower_m": env.lower_end(),
+            "reference_m": env.reference()[0],
+            "target_rad": env.target_rad[0].copy(),
+            "fallen": step.terminated,
+        }
+        for name, value in seen.items():
+            self.signals.setdefault(name, []).append(value)
 
 
-def replay(run: RunSpec, policy: Path, episodes: int, time_s: float, workers: int) -> Recording:
-    """Evaluate the policy in a folder; `time_s` is the moment whose state is kept [s].
+def replay(run: RunSpec, policy: Path, episodes: int, workers: int) -> Recording:
+    """Evaluate the policy in a folder.
 
     Raises UsageError when the policy does not fit, CommandError when the simulation stops.
     """
-    world = run.world()
-    within("--time", time_s, world.timing.policy_s, EPISODE_S)
-    recorder = _Recorder(round(time_s / world.timing.policy_s) - 1)
+    recorder = _Recorder()
     played = deploy(run, policy, workers, episodes=episodes, watch=recorder)
-    return _recording(run, recorder, played.scores())
-
-
-def _recording(run: RunSpec, recorder: _Recorder, scores: dict) -> Recording:
-    assert recorder.state is not None
+    signals = {name: np.stack(values) for name, values in recorder.signals.items()}
+    world, states = run.world(), _as_worlds(recorder.states)
+    first, lap = _laps(run)
     return Recording(
-        spec=run.world(),
-        first=_first_drawn(run),
-        lower_m=np.stack(recorder.lower_m),
-        reference_m=np.stack(recorder.reference_m),
-        held=~np.logical_or.accumulate(np.stack(recorder.fallen)),
-        moment=recorder.moment,
-        state=recorder.state,
-        scores=scores,
+        spec=world,
+        first=first,
+        lap=lap,
+        held=~np.logical_or.accumulate(signals.pop("fallen")),
+        states=states,
+        touch=Skin([world] * len(recorder.states)).feel(states, signals["time_s"]),
+        scores=played.scores(),
+        **signals,
     )
 
 
-def _first_drawn(run: RunSpec) -> int:
-    """Leave out the first lap of a figure that repeats, as the paper does, where two fit."""
+def _laps(run: RunSpec) -> tuple[int, int]:
+    """Steps before the drawn part, and steps of a lap.
+
+    Leaves out the first lap of a figure that repeats, as the paper does, where two fit.
+    """
+    policy_s = run.world().timing.policy_s
     lap_s = 2 * math.pi / (run.speed * RATE_RAD_S)
-    has_two = registry.load("task", run.task).repeats and 2 * lap_s <= EPISODE_S
-    return round(lap_s / run.world().timing.policy_s) if has_two else 0
+    if registry.load("task", run.task).repeats and 2 * lap_s <= EPISODE_S:
+        return round(lap_s / policy_s), round(lap_s / policy_s)
+    return 0, round(EPISODE_S / policy_s)
 
 
 def _first_world(state: State) -> State:
     one = state.rows(slice(0, 1))
     return State(**{f.name: getattr(one, f.name).copy() for f in dataclasses.fields(one)})
+
+
+def _as_worlds(states: list[State]) -> State:
+    names = [field.name for field in dataclasses.fields(State)]
+    return State(**{name: np.concatenate([getattr(s, name) for s in states]) for name in names})

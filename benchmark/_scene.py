@@ -1,138 +1,108 @@
-"""One moment of any engine's run, drawn off-screen by MuJoCo's renderer.
+"""What a frame shows: MuJoCo's renderer on one step of any engine's run.
 
-OpenGL's platform is chosen once per process, so the drawing runs in a child process, first with
-EGL, then with OSMesa. The model is the one that MuJoCo simulates, with links and lights added for
-the eye; it is posed, never stepped.
+The model is the one that MuJoCo simulates, with links and lights added for the eye; it is posed,
+never stepped. Runs as a program of its own, see `_render`.
 """
 
 import os
 import pickle
-import subprocess
 import sys
-from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import IO
 
+import mujoco
 import numpy as np
 
-from backends.spec import Body, Fingertip, Hand, Spec
-from backends.state import Array, State
-from backends.touch import Skin, taxel_grid
-from benchmark.errors import CommandError
+from backends.mujoco import build
+from backends.spec import Body, Fingertip, Hand
+from backends.state import Array, quat_from_z_axis
+from backends.touch import taxel_grid
+from benchmark._render import Scene
 
-if TYPE_CHECKING:
-    import mujoco
-
-WIDTH, HEIGHT = 1280, 960
 OVERSAMPLING = 2
 """Pixels drawn per pixel kept, along each side."""
-LIMIT_S = 300
-"""A child that draws longer than this hangs [s]."""
 _LOOK_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.03, 0.0, -0.032), 0.33, 144, -34
 """The camera: palm, three fingers and the whole stick in view, nothing in front of the grip."""
-_PLATFORMS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
-"""OpenGL's platforms by MuJoCo's names, and Debian's packages of each."""
 LINK_M, KNUCKLE_M, TAXEL_M, BALL_M, PATH_M = 0.0075, 0.0105, 0.0005, 0.004, 0.0006
 """Drawn radii [m]; the spec has none, for links touch nothing."""
+EVERY = 3
+"""Steps from one corner of the reference's line to the next."""
+TRAIL = 50
+"""Steps for which the stick's lower end leaves a trail."""
 _DARK, _METAL, _PALM = (0.20, 0.21, 0.23, 1), (0.48, 0.50, 0.53, 1), (0.30, 0.31, 0.34, 1)
 _PAD, _WOOD = (0.36, 0.55, 0.78, 1), (0.78, 0.60, 0.34, 1)
-_RED, _IDLE = (0.90, 0.12, 0.10, 1), (0.22, 0.37, 0.58, 1)
+_RED, _BLUE, _IDLE = (0.90, 0.12, 0.10, 1), (0.10, 0.30, 0.85, 1), (0.22, 0.37, 0.58, 1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Moment:
-    """What is drawn."""
-
-    spec: Spec
-    state: State
-    """Arrays of one world."""
-    reference_m: Array
-    """Drawn point now [m], world frame, shape (3,)."""
-    path_m: Array
-    """Drawn point during the episode [m], world frame, shape (T, 3)."""
-
-
-def render(moment: Moment, path: Path) -> None:
-    """Write a PNG; raises CommandError that names the packages where no OpenGL works."""
-    reasons = []
-    for platform in _PLATFORMS:
-        try:
-            return _render_in_child(moment, path, platform)
-        except subprocess.TimeoutExpired:
-            reasons.append(f"{platform}: no picture within {LIMIT_S} s")
-        except subprocess.CalledProcessError as error:
-            lines = error.stderr.decode(errors="replace").strip().splitlines()
-            reasons.append(f"{platform}: {lines[-1] if lines else f'exit {error.returncode}'}")
-    packages = " or ".join(f"apt-get install {name}" for name in _PLATFORMS.values())
-    raise CommandError(f"cannot draw off-screen ({'; '.join(reasons)}); on Debian: {packages}")
-
-
-def _render_in_child(moment: Moment, path: Path, platform: str) -> None:
-    subprocess.run(
-        [sys.executable, "-m", __name__, str(path)],
-        input=pickle.dumps(moment),
-        env={**os.environ, "MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
-        capture_output=True,
-        check=True,
-        timeout=LIMIT_S,
-    )
-
-
-def _draw(moment: Moment) -> Array:
-    """Pixels, shape (HEIGHT, WIDTH, 3), uint8."""
-    import mujoco
-
-    model = _scene(moment).compile()
+def _draw(scene: Scene, out: IO[bytes]) -> None:
+    """Write every frame's pixels."""
+    width, height = scene.size
+    model = _model(scene).compile()
     data = mujoco.MjData(model)
-    _pose(model, data, moment)
     camera = mujoco.MjvCamera()
     camera.lookat = _LOOK_AT_M
     camera.distance = _DISTANCE_M
     camera.azimuth, camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
-    with mujoco.Renderer(model, OVERSAMPLING * HEIGHT, OVERSAMPLING * WIDTH) as renderer:
-        renderer.update_scene(data, camera)
-        fine = renderer.render()
-    blocks = fine.reshape(HEIGHT, OVERSAMPLING, WIDTH, OVERSAMPLING, 3)
-    return blocks.mean(axis=(1, 3)).round().astype(np.uint8)
+    with mujoco.Renderer(model, OVERSAMPLING * height, OVERSAMPLING * width) as renderer:
+        for step in scene.frames:
+            _pose(model, data, scene, step)
+            renderer.update_scene(data, camera)
+            blocks = renderer.render().reshape(height, OVERSAMPLING, width, OVERSAMPLING, 3)
+            out.write(blocks.mean(axis=(1, 3)).round().astype(np.uint8).tobytes())
+            out.flush()
 
 
-def _pose(model: "mujoco.MjModel", data: "mujoco.MjData", moment: Moment) -> None:
-    import mujoco
-
-    state = moment.state
-    for name, angle in zip(moment.spec.hand.joint_names, state.joint_rad[0], strict=True):
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, scene: Scene, step: int) -> None:
+    state, hand = scene.states, scene.spec.hand
+    for name, angle in zip(hand.joint_names, state.joint_rad[step], strict=True):
         data.joint(name).qpos[0] = angle
-    data.joint("stick").qpos[:] = [*state.stick_pos_m[0], *state.stick_quat_wxyz[0]]
+    data.joint("stick").qpos[:] = [*state.stick_pos_m[step], *state.stick_quat_wxyz[step]]
+    for tip, felt in zip(hand.fingertips, scene.active[step], strict=True):
+        for number, on in enumerate(felt):
+            taxel = model.site(f"{tip.finger}/{number}")
+            taxel.rgba = _RED if on else _IDLE
+            taxel.size[:] = 2 * TAXEL_M if on else TAXEL_M
+    model.site("reference").pos = scene.reference_m[step]
+    for end in range(1, len(scene.lower_m)):
+        shown = step - TRAIL < end <= step
+        model.site(f"trail/{end}").rgba = _BLUE if shown else (0, 0, 0, 0)
     mujoco.mj_forward(model, data)
 
 
-def _scene(moment: Moment) -> "mujoco.MjSpec":
+def _model(scene: Scene) -> mujoco.MjSpec:
     """The simulated model with colours, lights and parts that only the eye sees."""
-    from backends.mujoco import build
-
-    model, hand = build(moment.spec), moment.spec.hand
-    _light(model)
+    model, hand = build(scene.spec), scene.spec.hand
+    _light(model, scene.size)
     model.geom("palm").rgba = _PALM
     model.geom("stick").rgba = _WOOD
-    active = Skin([moment.spec]).feel(moment.state).active[0]
-    for tip, felt in zip(hand.fingertips, active, strict=True):
+    for tip in hand.fingertips:
         model.geom(tip.finger).rgba = _PAD
-        _add_taxels(model.body(tip.body), tip, hand, felt)
+        _add_taxels(model.body(tip.body), tip, hand)
     for body in hand.bodies:
         _add_link(model, hand, body)
-    ball, path = moment.reference_m, moment.path_m
-    _add(model.worldbody, "SPHERE", _RED, BALL_M, pos=ball)
-    for start, end in zip(path[:-1], path[1:], strict=True):
-        _add(model.worldbody, "CAPSULE", _RED, PATH_M, fromto=[*start, *end])
+    world = model.worldbody
+    # away from the origin: the compiler lets a site there ride on its body, wherever it is moved
+    _add(world, "SPHERE", _RED, BALL_M, name="reference", pos=scene.reference_m[0])
+    for ends in _segments(scene.reference_m[scene.first :: EVERY]):
+        _add(world, "CAPSULE", _RED, PATH_M, fromto=ends)
+    for number, ends in enumerate(_segments(scene.lower_m), start=1):
+        _add(world, "CAPSULE", _BLUE, 1.3 * PATH_M, name=f"trail/{number}", fromto=ends)
     return model
 
 
-def _light(model: "mujoco.MjSpec") -> None:
-    import mujoco
+def _segments(path_m: Array) -> list[list[float]]:
+    """Both ends of each piece of a path [m]; a piece of no length gets a micrometre."""
+    apart = np.where(np.diff(path_m, axis=0).any(axis=1), 0.0, 1e-6)
+    pairs = zip(path_m[:-1], path_m[1:], apart, strict=True)
+    return [[*start, *end[:2], end[2] + gap] for start, end, gap in pairs]
 
+
+def _light(model: mujoco.MjSpec, size: tuple[int, int]) -> None:
+    model.stat.extent = (
+        _DISTANCE_M  # else a stick that falls far moves the near plane past the hand
+    )
     view = model.visual
-    view.global_.offwidth, view.global_.offheight = OVERSAMPLING * WIDTH, OVERSAMPLING * HEIGHT
-    view.quality.shadowsize = 4096
+    view.global_.offwidth, view.global_.offheight = (OVERSAMPLING * side for side in size)
+    view.quality.shadowsize, view.quality.offsamples = 2048, 0
     view.headlight.ambient, view.headlight.diffuse = (0.32, 0.32, 0.34), (0.28, 0.28, 0.28)
     view.headlight.specular = (0.1, 0.1, 0.1)
     model.add_texture(
@@ -150,15 +120,13 @@ def _light(model: "mujoco.MjSpec") -> None:
         light.diffuse, light.specular = (strength,) * 3, (0.2,) * 3
 
 
-def _add(node: "mujoco.MjsBody", shape: str, rgba: tuple, radius_m: float, **where: object) -> None:
-    """A site: seen, but neither heavy nor touched."""
-    import mujoco
-
+def _add(node: mujoco.MjsBody, shape: str, rgba: tuple, radius_m: float, **where: object) -> None:
+    """A site: seen, but neither heavy nor touched; of a box, half the side is the radius."""
     kind = getattr(mujoco.mjtGeom, f"mjGEOM_{shape}")
-    node.add_site(type=kind, rgba=rgba, size=[radius_m, 0, 0], **where)
+    node.add_site(type=kind, rgba=rgba, size=[radius_m] * 3, **where)
 
 
-def _add_link(model: "mujoco.MjSpec", hand: Hand, body: Body) -> None:
+def _add_link(model: mujoco.MjSpec, hand: Hand, body: Body) -> None:
     """A knuckle on the hinge and a rod to whatever the body carries; a strut from the palm."""
     node = model.body(body.name)
     ends = [b.origin_m for b in hand.bodies if b.parent == body.name]
@@ -174,20 +142,21 @@ def _add_link(model: "mujoco.MjSpec", hand: Hand, body: Body) -> None:
         _add(model.worldbody, "CAPSULE", _DARK, LINK_M, fromto=[*foot, *body.origin_m])
 
 
-def _add_taxels(node: "mujoco.MjsBody", tip: Fingertip, hand: Hand, active: Array) -> None:
+def _add_taxels(node: mujoco.MjsBody, tip: Fingertip, hand: Hand) -> None:
     frame = np.array([tip.forward, tip.inward, np.cross(tip.forward, tip.inward)]).T
-    positions, _ = taxel_grid(tip, hand.taxels)
-    for position, on in zip(np.array(tip.center_m) + positions @ frame.T, active, strict=True):
-        radius = 2 * TAXEL_M if on else TAXEL_M
-        _add(node, "SPHERE", _RED if on else _IDLE, radius, pos=position)
+    positions, normals = taxel_grid(tip, hand.taxels)
+    upright = quat_from_z_axis(normals @ frame.T)
+    for number, position in enumerate(np.array(tip.center_m) + positions @ frame.T):
+        where = {"name": f"{tip.finger}/{number}", "pos": position, "quat": upright[number]}
+        _add(node, "BOX", _IDLE, TAXEL_M, **where)
 
 
 def main() -> None:
-    """Draw the moment on standard input to the file named by the first argument."""
-    from matplotlib.image import imsave
-
-    moment: Moment = pickle.load(sys.stdin.buffer)
-    imsave(sys.argv[1], _draw(moment), format="png")
+    """Draw the scene on standard input to standard output, and nothing else there."""
+    out = os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)
+    scene: Scene = pickle.load(sys.stdin.buffer)
+    _draw(scene, out)
 
 
 if __name__ == "__main__":

@@ -1,116 +1,153 @@
-"""`bench view`: a run's policy replayed in its fixed evaluation episodes, as one picture.
+"""`bench view`: a run drawn as the paper's figures draw it, or filmed.
 
-`figure` draws the lower end of the stick as the paper does; `hand` shows the grasp at one moment.
-What is drawn comes from the state that every engine reports.
+What is drawn comes from the state that every engine reports, in the run's fixed evaluation
+episodes; learning curves come from what the training wrote down.
 """
 
 import dataclasses
-import os
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from PIL import Image
 
-from benchmark import _scene, run_folder
+from benchmark import _pictures, _plots, run_folder
+from benchmark._curve import draw_curves, read_curves
+from benchmark._pictures import Caption
+from benchmark._render import Scene, render
 from benchmark._replay import Recording, replay
+from benchmark.console import Bar
 from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
 from benchmark.run_spec import RunSpec, within
+from tasks.task import EPISODE_S
 
 SHOWN_EPISODES = 10
 SHOWN_S = 2.0
 """When the hand is shown unless told [s]."""
+AFTER_FALL_S = 0.5
+"""How long a video goes on after the stick has fallen [s]."""
 TITLE_WIDTH = 76
 """Characters in a line of the title."""
-_ACTUAL, _REFERENCE = "tab:blue", "tab:red"
+PICTURE_SIZE, VIDEO_SIZE = (1280, 960), (640, 480)
+"""Width and height of the drawn hand [pixels]."""
+EVERY = {".mp4": 2, ".gif": 5}
+"""Policy steps from one frame of a video to the next, by the file's ending."""
+_PLOTS: dict[str, Callable[[Recording, str], Figure]] = {
+    "figure": _plots.draw_figure,
+    "joints": _plots.draw_joints,
+    "touch": _plots.draw_touch,
+}
+KINDS = (*_PLOTS, "hand", "curve")
 
 
 def view(
-    folder: Path,
+    folders: Sequence[Path],
     out: Path,
-    kind: str,
+    kind: str | None,
     changed: dict,
-    episodes: int = SHOWN_EPISODES,
+    episodes: int | None = None,
     time_s: float | None = None,
     workers: int | None = None,
 ) -> dict:
-    """Replay the run in `folder` under changed settings and draw it to `out`; what was drawn.
+    """Draw the run in a folder, under changed settings, to `out`; what was drawn.
 
-    The episodes are the first of the run's evaluation; the scores are theirs alone.
+    `kind` is one of `KINDS`; by default the hand for a video, else the figure. The episodes are
+    the first of the run's evaluation; the scores are theirs alone. Learning curves take several
+    folders.
     """
-    _check(out, kind, episodes, time_s)
+    video = out.suffix.lower() in EVERY
+    kind = kind or ("hand" if video else "figure")
+    _check(folders, out, kind, changed, episodes, time_s)
+    if kind == "curve":
+        return _view_curves(folders, out)
+    (folder,) = folders
     source = run_folder.read_run(folder)
     run_folder.check_policy(folder, source)
     if source["status"] != "done":
         raise UsageError(f"{folder} is {source['status']}: {source['reason']}; finish it first")
     trained = run_folder.run_spec(source)
     run = dataclasses.replace(trained, **changed)
-    moment_s = SHOWN_S if time_s is None else time_s
-    recording = replay(run, folder, episodes, moment_s, workers or usable_cores())
-    _write(out, lambda path: _KINDS[kind](recording, _title(run, trained, recording), path))
-    shown = {k: getattr(run, k) for k in ("backend", "task", "algo", "effects", "stick")}
-    if kind == "hand":
-        fallen = not recording.held[recording.moment, 0]
-        shown |= {"time_s": moment_s, "stick_has_fallen": bool(fallen)}
+    if time_s is not None:
+        within("--time", time_s, run.world().timing.policy_s, EPISODE_S)
+    count = episodes or (SHOWN_EPISODES if kind == "figure" else 1)
+    recording = replay(run, folder, count, workers or usable_cores())
+    title = _title(run, trained, recording)
+    caption = Caption(title=" ".join(title.split()), source=_command(folder, out, kind, changed))
+    shown: dict = {k: getattr(run, k) for k in ("backend", "task", "algo", "effects", "stick")}
+    if video:
+        shown |= _film(recording, out)
+    elif kind == "hand":
+        shown |= _photograph(recording, SHOWN_S if time_s is None else time_s, caption, out)
+    else:
+        _pictures.write_figure(_PLOTS[kind](recording, title), caption, out)
     return {"written": str(out), "kind": kind, **shown, **recording.scores, "policy": str(folder)}
 
 
-def draw_figure(recording: Recording, title: str, path: Path) -> None:
-    """Lower end and reference in the X-Y plane [cm], from the grip; a fall is marked."""
-    grip = np.array(recording.spec.hand.grip_m)[:2]
-    reference_cm = 100 * (recording.reference_m[recording.first :, :, :2] - grip)
-    actual_cm = 100 * (recording.lower_m[..., :2] - grip)
-    figure = Figure(figsize=(6.4, 6.8), layout="constrained")
-    axes = figure.add_subplot()
-    reach_cm = [np.abs(reference_cm).max()]
-    for e, steps_held in enumerate(recording.held.sum(axis=0)):
-        axes.plot(*reference_cm[:, e].T, color=_REFERENCE, lw=1.4, zorder=3, label="reference")
-        reach_cm.append(_draw_path(axes, actual_cm[:, e], recording.first, steps_held))
-    half = 1.12 * max(reach_cm)
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    axes.set(xlabel="X from the grip [cm]", ylabel="Y from the grip [cm]")
-    axes.set_title(title, fontsize=10)
-    axes.grid(alpha=0.25)
-    once = {label: line for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
-    axes.legend(once.values(), once.keys(), loc="upper right", fontsize=9)
-    figure.savefig(path, format="png", dpi=150)
+def _view_curves(folders: Sequence[Path], out: Path) -> dict:
+    curves = read_curves(folders)
+    title = "Learning curves: mean over seeds, and the range from least to most"
+    names = " ".join(folder.resolve().name for folder in folders)
+    caption = Caption(title=title, source=f"bench view {names} --kind curve --out {out.name}")
+    _pictures.write_figure(draw_curves(curves, title), caption, out)
+    return {"written": str(out), "kind": "curve", "runs": len(folders), "curves": len(curves)}
 
 
-def _draw_path(axes: Axes, path_cm: np.ndarray, first: int, steps_held: int) -> float:
-    """One episode's path (T, 2) [cm] until its fall; its farthest drawn coordinate [cm]."""
-    line = path_cm[first:steps_held]
-    axes.plot(*line.T, color=_ACTUAL, lw=0.9, alpha=0.75, label="actual")
-    if steps_held < len(path_cm):
-        line = np.vstack([line, path_cm[max(steps_held - 1, 0)]])
-        axes.plot(*line[-1], "x", color="black", ms=7, mew=1.6, zorder=4, label="dropped")
-    return np.abs(line).max()
+def _photograph(recording: Recording, time_s: float, caption: Caption, out: Path) -> dict:
+    """The hand at one moment of episode 0 as a PNG."""
+    moment = int(np.abs(recording.time_s - time_s).argmin())
+    (pixels,) = render(_scene_of(recording, (moment,), PICTURE_SIZE))
+    _pictures.write_png(Image.fromarray(pixels), caption, out)
+    return {"time_s": time_s, "stick_has_fallen": not bool(recording.held[moment, 0])}
 
 
-def draw_hand(recording: Recording, title: str, path: Path) -> None:
-    """The hand, the stick, the touched taxels and the reference at one moment of episode 0."""
-    reference = recording.reference_m[:, 0]
-    moment = _scene.Moment(
+def _film(recording: Recording, out: Path) -> dict:
+    """Episode 0 in real time as a video."""
+    kind = out.suffix.lower()
+    steps = filmed(recording, EVERY[kind])
+    rate = 1 / (EVERY[kind] * recording.spec.timing.policy_s)
+    frames = _counted(_scene_of(recording, steps, VIDEO_SIZE))
+    if kind == ".gif":
+        _pictures.write_gif(frames, rate, out)
+    else:
+        _pictures.write_mp4(frames, VIDEO_SIZE, rate, out)
+    fallen = not recording.held[-1, 0]
+    return {"frames": len(steps), "frames_per_s": rate, "stick_has_fallen": bool(fallen)}
+
+
+def filmed(recording: Recording, every: int) -> tuple[int, ...]:
+    """One in `every` steps of episode 0, until a little after a fall."""
+    last = recording.held[:, 0].sum() + round(AFTER_FALL_S / recording.spec.timing.policy_s)
+    return tuple(range(0, min(len(recording.time_s), last), every))
+
+
+def _counted(scene: Scene) -> Iterator[np.ndarray]:
+    with Bar("draw", len(scene.frames)) as bar:
+        for number, frame in enumerate(render(scene), start=1):
+            bar.update(number)
+            yield frame
+
+
+def _scene_of(recording: Recording, frames: tuple[int, ...], size: tuple[int, int]) -> Scene:
+    return Scene(
         spec=recording.spec,
-        state=recording.state,
-        reference_m=reference[recording.moment],
-        path_m=reference[recording.first :],
+        states=recording.states,
+        active=recording.touch.active,
+        reference_m=recording.reference_m[:, 0],
+        lower_m=recording.lower_m[:, 0],
+        first=recording.first,
+        frames=frames,
+        size=size,
     )
-    _scene.render(moment, path)
-
-
-_KINDS: dict[str, Callable[[Recording, str, Path], None]] = {
-    "figure": draw_figure,
-    "hand": draw_hand,
-}
 
 
 def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
     s = recording.scores
-    parts = [run.task, run.backend, run.algo, f"{s['episodes']} episodes"]
+    count = s["episodes"]
+    parts = [run.task, run.backend, run.algo, f"{count} episode{'s' * (count > 1)}"]
     if run.backend != trained.backend:
         parts.insert(2, f"trained on {trained.backend}")
     parts += [f"effects {run.effects}"] if run.effects != "built" else []
@@ -121,25 +158,35 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
     return "\n".join([*what, f"{errors}, {fractions}"])
 
 
-def _check(out: Path, kind: str, episodes: int, time_s: float | None) -> None:
+def _command(folder: Path, out: Path, kind: str, changed: dict) -> str:
+    """The command that draws this again, without the folders of this machine."""
+    options = " ".join(f"--{name} {value}" for name, value in changed.items())
+    made = f"bench view {folder.resolve().name} --kind {kind} {options} --out {out.name}"
+    return " ".join(made.split())
+
+
+def _check(
+    folders: Sequence[Path],
+    out: Path,
+    kind: str,
+    changed: dict,
+    episodes: int | None,
+    time_s: float | None,
+) -> None:
     """Refuse what cannot be drawn before anything is simulated."""
-    if kind not in _KINDS:
-        raise unknown("kind of picture", kind, _KINDS)
-    if kind != "hand" and time_s is not None:
-        raise UsageError(f"--time is {time_s:g} with --kind {kind}; give it with --kind hand only")
-    within("--episodes", episodes, 1, EPISODES)
-    if out.suffix.lower() != ".png":
-        raise UsageError(f"--out is {out}; allowed: a file name that ends in .png")
+    if kind not in KINDS:
+        raise unknown("kind of picture", kind, KINDS)
+    if len(folders) > 1 and kind != "curve":
+        raise UsageError(f"--kind {kind} draws one run, {len(folders)} were given; name one")
+    endings = (".png", *EVERY) if kind == "hand" else (".png",)
+    if out.suffix.lower() not in endings:
+        allowed = " or ".join(endings)
+        raise UsageError(f"--out is {out}; allowed with --kind {kind}: a name ending in {allowed}")
     if out.is_dir():
         raise UsageError(f"--out is {out}, a folder; name a file in it")
-
-
-def _write(out: Path, draw: Callable[[Path], None]) -> None:
-    """Draw under a temporary name, then rename it into place."""
-    out.parent.mkdir(parents=True, exist_ok=True)
-    temporary = out.with_name(f".{out.name}.tmp")
-    try:
-        draw(temporary)
-        os.replace(temporary, out)
-    finally:
-        temporary.unlink(missing_ok=True)
+    if time_s is not None and (kind != "hand" or out.suffix.lower() in EVERY):
+        raise UsageError(f"--time is {time_s:g}; give it with --kind hand and a .png only")
+    if kind == "curve" and (changed or episodes):
+        raise UsageError("--kind curve replays nothing; leave out --backend, --effects, --episodes")
+    if episodes is not None:
+        within("--episodes", episodes, 1, EPISODES)

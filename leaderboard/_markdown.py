@@ -1,38 +1,41 @@
 """The leaderboard as Markdown text: a section per task, then what is not ranked and why."""
 
-import math
 from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import Any
 
 import pandas as pd
 
+from leaderboard._wording import (
+    COMPARING,
+    MADE_BY,
+    READING,
+    count,
+    figure_name,
+    policy_name,
+    with_interval,
+)
+from leaderboard.compare import Comparison
 from leaderboard.paper import ENGINE, EPISODES, FIGURE, PAPER
-from leaderboard.rows import Row
+from leaderboard.row import Row
+from leaderboard.tables import Board
 
-MADE_BY = "Made by `bench leaderboard`; not edited by hand."
-READING = (
-    "Mean ± sample standard deviation over seeds. `tracked` ranks: the fraction of all reference "
-    "steps with the stick held, the lower end within 1 cm and the axis within 5 degrees. Rows are "
-    "ranked together only where task, radius, speed, engine, world digest and steps are equal."
-)
 HEAD = (
-    *("rank", "engine", "effects, stick", "world", "policy", "figure", "steps", "seeds"),
-    *("tracked", "held", "p_err [cm]", "q_err [deg]", "wall [min]"),
+    *("rank", "engine", "effects, stick", "world", "policy", "figure", "steps", "seeds x episodes"),
+    *("tracked", "tracked IQM", "held", "p_err [cm]", "q_err [deg]", "wall [min]"),
 )
 
 
-def markdown(frame: pd.DataFrame, missing: Sequence[Row], problems: Sequence[str]) -> str:
-    """The whole text; `missing` are runs that are not done, `problems` files not read."""
-    lines: list[dict[str, Any]] = [
-        {str(name): value for name, value in line.items()} for line in frame.to_dict("records")
-    ]
+def markdown(board: Board) -> str:
+    """The whole text."""
+    lines = [line.cells for line in board.lines]
     parts = [MADE_BY, "# Leaderboard", READING if lines else "No finished run."]
     for task in dict.fromkeys(line["task"] for line in lines):
         parts += _section(task, [line for line in lines if line["task"] == task])
+    parts += _comparisons(board.comparisons)
     parts += _unranked([line for line in lines if line["unranked"]])
-    parts += _missing(missing)
-    parts += _problems(problems)
+    parts += _missing(board.missing)
+    parts += _problems(board.problems)
     return "\n\n".join(parts) + "\n"
 
 
@@ -51,41 +54,52 @@ def _cells(line: dict[str, Any]) -> tuple[str, ...]:
         line["backend"],
         f"{line['effects']}, {line['stick']}",
         line["spec_digest"],
-        _policy(line),
-        _figure(line),
+        policy_name(line),
+        figure_name(line),
         f"{line['steps']:,}",
-        str(line["seeds"]),
-        _spread(line, "tracked", 3),
-        _spread(line, "held", 3),
-        _spread(line, "p_err_cm", 2),
-        _spread(line, "q_err_deg", 2),
+        count(line),
+        with_interval(line, "tracked", 3),
+        with_interval(line, "tracked_iqm", 3),
+        with_interval(line, "held", 3),
+        with_interval(line, "p_err_cm", 2),
+        with_interval(line, "q_err_deg", 2),
         f"{line['wall_s'] / 60:.1f}",
     )
 
 
 def _paper_cells(task: str) -> tuple[str, ...]:
     paper = PAPER[task]
-    errors = (f"{paper.p_err_cm:.2f}", f"{paper.q_err_deg:.2f}")
     setting = (ENGINE, "", "", "", FIGURE, "", f"{EPISODES} episodes")
-    return ("paper", *setting, "not reported", "not reported", *errors, "")
+    errors = (f"{paper.p_err_cm:.2f}", f"{paper.q_err_deg:.2f}")
+    return ("paper", *setting, "not reported", "", "not reported", *errors, "")
 
 
-def _policy(line: dict[str, Any]) -> str:
-    return f"{line['algo']}, {line['observation']}{', randomized' if line['randomize'] else ''}"
+def _comparisons(comparisons: Sequence[Comparison]) -> list[str]:
+    if not comparisons:
+        return []
+    head = ("engine", "world", "figure", "steps", "first", "second", "tasks", "seeds", "P(first)")
+    cells = [_comparison_cells(comparison) for comparison in comparisons]
+    return ["## Probability of improvement", COMPARING, _grid(head, cells)]
 
 
-def _figure(line: dict[str, Any]) -> str:
-    return f"{line['radius_m'] * 100:g} cm, speed {line['speed']:g}"
-
-
-def _spread(line: dict[str, Any], score: str, digits: int) -> str:
-    mean, spread = line[score], line[f"{score}_std"]
-    return f"{mean:.{digits}f}" + ("" if math.isnan(spread) else f" ± {spread:.{digits}f}")
+def _comparison_cells(comparison: Comparison) -> tuple[str, ...]:
+    first, found = comparison.first, comparison.probability
+    return (
+        first["backend"],
+        first["spec_digest"],
+        figure_name(first),
+        f"{first['steps']:,}",
+        policy_name(first),
+        policy_name(comparison.second),
+        ", ".join(comparison.tasks),
+        "{} against {}".format(*comparison.seeds),
+        f"{found.value:.2f} [{found.low:.2f}, {found.high:.2f}]",
+    )
 
 
 def _label(line: dict[str, Any]) -> str:
     world = f"{line['backend']}, {line['effects']}, {line['stick']}"
-    return _escape(f"{world}, {_policy(line)}, {_figure(line)}, {line['steps']:,} steps")
+    return _escape(f"{world}, {policy_name(line)}, {figure_name(line)}, {line['steps']:,} steps")
 
 
 def _made(line: dict[str, Any]) -> str:
@@ -112,7 +126,7 @@ def _missing(rows: Sequence[Row]) -> list[str]:
 
 def _missing_cells(row: Row) -> tuple[str, ...]:
     spec = row.spec
-    policy = _policy(spec.model_dump())
+    policy = policy_name(spec.model_dump())
     seed = str(spec.seed)
     return (spec.task, spec.backend, policy, seed, row.digest, row.status, row.reason)
 

@@ -1,30 +1,36 @@
-"""Rows to tables: mean and spread over seeds, ranks, and the CSV and Markdown files."""
+"""Rows to a board: what each policy scored over its seeds, with intervals and ranks."""
 
 import json
-import os
 import statistics
 from collections.abc import Sequence
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
-from leaderboard._markdown import markdown
+from leaderboard.compare import Comparison, Entry, compare
+from leaderboard.details import SCORES
 from leaderboard.paper import PAPER
-from leaderboard.rows import Row, unique
+from leaderboard.row import Row
+from leaderboard.rows import unique
+from leaderboard.statistics import estimate, interquartile_mean, mean
 
 MIN_SEEDS = 3
-"""With fewer seeds a row has values and no rank."""
+"""With fewer seeds a row has values, no interval and no rank."""
+WORLD = ("backend", "effects", "stick", "spec_digest", "radius_m", "speed")
+"""What a table of one task has in common: the simulated world and the settings of the task."""
 RANKED_TOGETHER = ("task", "radius_m", "speed", "backend", "spec_digest", "steps")
 """Rows compete where these are equal: the task with its settings, the world, the budget."""
 IDENTITY = (
     *("task", "backend", "effects", "stick", "observation", "algo"),
-    *("radius_m", "speed", "randomize", "steps"),
+    *("radius_m", "speed", "randomize", "spread", "steps"),
 )
-SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")
+PARTS = ("", "_std", "_low", "_high", "_iqm", "_iqm_low", "_iqm_high")
+"""Of each score: mean, sample standard deviation over seeds, interquartile mean, intervals."""
 COLUMNS = (
-    *("rank", *IDENTITY, "seeds"),
-    *(f"{score}{part}" for score in SCORES for part in ("", "_std")),
+    *("rank", *IDENTITY, "seeds", "episodes"),
+    *(f"{score}{part}" for score in SCORES for part in PARTS),
     *("wall_s", "env_steps_per_s", "spec_digest", "versions", "command", "unranked"),
 )
 BENEATH = frozenset(
@@ -34,43 +40,65 @@ BENEATH = frozenset(
 """Packages whose versions the table leaves out: neither engine nor learner."""
 
 
-def table(rows: Sequence[Row], smoke: bool = False) -> pd.DataFrame:
-    """One line per run identity without its seed, sorted per task by mean `tracked`, descending.
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """One policy in one world: its rows, which differ in the seed alone."""
 
-    Scores are means over the seeds; `*_std` is the sample standard deviation, NaN for one seed.
-    `unranked` says why `rank` is blank. Smoke runs appear only with `smoke`, and unranked.
+    rows: tuple[Row, ...]
+    """By rising seed."""
+    cells: dict[str, Any]
+    """What the table says of it, by `COLUMNS`."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Board:
+    """All that the leaderboard's files say."""
+
+    lines: tuple[Line, ...]
+    """Sorted per task by mean `tracked`, descending."""
+    comparisons: tuple[Comparison, ...]
+    missing: tuple[Row, ...]
+    """Runs that are not done."""
+    problems: tuple[str, ...]
+    """Files that could not be read, and why."""
+
+    @property
+    def frame(self) -> pd.DataFrame:
+        """The table, a line per policy and world."""
+        frame = pd.DataFrame([line.cells for line in self.lines], columns=list(COLUMNS))
+        return frame.astype({"rank": "Int64"})
+
+
+def board(rows: Sequence[Row], problems: Sequence[str] = (), smoke: bool = False) -> Board:
+    """One line per run identity without its seed; smoke runs only with `smoke`, and unranked.
+
+    Scores are means over seeds and episodes. Where a figure cannot be had it is NaN: the deviation
+    of one seed, the interval under `MIN_SEEDS`, the interquartile mean without scores per episode.
+    `unranked` says why `rank` is blank.
     """
     groups: dict[str, list[Row]] = {}
     for row in unique(rows):
         if row.status == "done" and (smoke or not row.spec.smoke):
             groups.setdefault(_identity(row), []).append(row)
-    lines = [_line(groups[identity]) for identity in sorted(groups)]
+    lines = [Line(rows=tuple(groups[key]), cells=_cells(groups[key])) for key in sorted(groups)]
     for line in lines:
-        line["rank"] = _rank(line, lines)
-    lines.sort(key=lambda line: (_task_order(line["task"]), -line["tracked"]))
-    frame = pd.DataFrame(lines, columns=list(COLUMNS))
-    return frame.astype({"rank": "Int64"})
-
-
-def write_csv(frame: pd.DataFrame, path: Path) -> None:
-    """Write the table as CSV, numbers to six digits, blank where there is none."""
-    _write(path, frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"))
-
-
-def write_markdown(
-    frame: pd.DataFrame,
-    rows: Sequence[Row],
-    problems: Sequence[str],
-    path: Path,
-    smoke: bool = False,
-) -> None:
-    """Write the table as Markdown, and below it what is not ranked and why.
-
-    `rows` are those the table was made of, `problems` the messages of `read_rows`.
-    """
+        line.cells["rank"] = _rank(line, lines)
+    lines.sort(key=lambda line: (_task_order(line.cells["task"]), -line.cells["tracked"]))
     missing = [row for row in unique(rows) if row.status != "done"]
-    listed = [row for row in missing if smoke or not row.spec.smoke]
-    _write(path, markdown(frame, listed, sorted(set(problems))))
+    return Board(
+        lines=tuple(lines),
+        comparisons=tuple(compare([_entry(line) for line in lines if not line.cells["unranked"]])),
+        missing=tuple(row for row in missing if smoke or not row.spec.smoke),
+        problems=tuple(sorted(set(problems))),
+    )
+
+
+def scores_of(rows: Sequence[Row], score: str) -> np.ndarray:
+    """One score of each seed and episode, shape (S, E); (S, 1) where only means were kept."""
+    lists = [getattr(row.episodes, score) for row in rows if row.episodes is not None]
+    if len(lists) == len(rows) and len({len(values) for values in lists}) == 1:
+        return np.array(lists)
+    return np.array([[getattr(row.scores, score)] for row in rows])
 
 
 def _identity(row: Row) -> str:
@@ -78,24 +106,41 @@ def _identity(row: Row) -> str:
     return json.dumps([spec, row.spec_digest], sort_keys=True)
 
 
-def _line(rows: list[Row]) -> dict[str, Any]:
-    """The table's line of one run identity; `rows` by rising seed."""
+def _cells(rows: list[Row]) -> dict[str, Any]:
     first, seeds = rows[0], len({row.spec.seed for row in rows})
-    line: dict[str, Any] = {name: getattr(first.spec, name) for name in IDENTITY}
+    cells: dict[str, Any] = {name: getattr(first.spec, name) for name in IDENTITY}
     for score in SCORES:
-        values = [getattr(row.scores, score) for row in rows]
-        line[score] = statistics.fmean(values)
-        line[f"{score}_std"] = statistics.stdev(values) if len(values) > 1 else float("nan")
+        figures = _figures(rows, score, seeds)
+        cells |= {f"{score}{part}": figures.get(part, float("nan")) for part in PARTS}
     for name in ("wall_s", "env_steps_per_s"):
-        line[name] = statistics.fmean(getattr(row, name) for row in rows)
+        cells[name] = statistics.fmean(getattr(row, name) for row in rows)
     few = f"{seeds} of at least {MIN_SEEDS} seeds" if seeds < MIN_SEEDS else ""
-    return line | {
+    return cells | {
         "seeds": seeds,
+        "episodes": sum(row.scores.episodes for row in rows if row.scores),
         "spec_digest": first.spec_digest,
         "versions": _versions(rows),
         "command": first.provenance.command,
         "unranked": "smoke run" if first.spec.smoke else few,
     }
+
+
+def _figures(rows: list[Row], score: str, seeds: int) -> dict[str, float]:
+    """What is known of one score, by the names in `PARTS`."""
+    means = [getattr(row.scores, score) for row in rows]
+    figures = {"": statistics.fmean(means)}
+    if len(means) > 1:
+        figures["_std"] = statistics.stdev(means)
+    scores = scores_of(rows, score)
+    if seeds >= MIN_SEEDS:
+        interval = estimate([scores], mean)
+        figures |= {"_low": interval.low, "_high": interval.high}
+    if scores.shape[1] > 1:
+        middle = estimate([scores], interquartile_mean)
+        figures["_iqm"] = middle.value
+        if seeds >= MIN_SEEDS:
+            figures |= {"_iqm_low": middle.low, "_iqm_high": middle.high}
+    return figures
 
 
 def _versions(rows: list[Row]) -> str:
@@ -107,30 +152,29 @@ def _versions(rows: list[Row]) -> str:
     )
 
 
-def _rank(line: dict[str, Any], lines: list[dict[str, Any]]) -> int | None:
+def _rank(line: Line, lines: list[Line]) -> int | None:
     """One more than the number of better lines it competes with; equal scores share a rank."""
-    if line["unranked"]:
+    own = line.cells
+    if own["unranked"]:
         return None
-    rivals = [other for other in lines if not other["unranked"] and _compete(line, other)]
-    return 1 + sum(bool(other["tracked"] > line["tracked"]) for other in rivals)
+    others = [other.cells for other in lines if not other.cells["unranked"]]
+    rivals = [o for o in others if all(own[name] == o[name] for name in RANKED_TOGETHER)]
+    return 1 + sum(bool(other["tracked"] > own["tracked"]) for other in rivals)
 
 
-def _compete(line: dict[str, Any], other: dict[str, Any]) -> bool:
-    return all(line[name] == other[name] for name in RANKED_TOGETHER)
+def _entry(line: Line) -> Entry:
+    spec = line.rows[0].spec.model_dump(mode="json")
+    shared = ("task", *WORLD, "steps")
+    policy = {k: v for k, v in spec.items() if k not in (*shared, "seed")}
+    return Entry(
+        task=line.cells["task"],
+        world=tuple(line.cells[name] for name in (*WORLD, "steps")),
+        policy=json.dumps(policy, sort_keys=True),
+        cells=line.cells,
+        scores=scores_of(line.rows, "tracked"),
+    )
 
 
 def _task_order(task: str) -> tuple[int, str]:
     known = list(PAPER)
     return (known.index(task) if task in known else len(known), task)
-
-
-def _write(path: Path, text: str) -> None:
-    """Write the whole file or none of it: to a neighbour, then renamed."""
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    neighbour = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        neighbour.write_text(text, encoding="utf-8", newline="\n")
-        os.replace(neighbour, path)
-    finally:
-        neighbour.unlink(missing_ok=True)

@@ -1,142 +1,26 @@
-"""The leaderboard reads files alone, so these tests write the files a run would."""
+"""The leaderboard: lines and ranks, comparisons, and the files that say them."""
 
 import csv
 import json
 import random
+import shutil
+from html.parser import HTMLParser
 from pathlib import Path
 
+import numpy as np
+import pandas as pd
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+from result_rows import detailed, page, rendered, rows, run, save, seeds, table
 
+from benchmark import cli
+from benchmark.run_folder import RunFolder
+from benchmark.run_spec import RunSpec
+from leaderboard.files import PICTURES, write
 from leaderboard.paper import PAPER
-from leaderboard.rows import Row, read_rows
-from leaderboard.tables import table, write_csv, write_markdown
-
-SPEC = {
-    **{"backend": "mujoco", "hand": "trx", "stick": "reference", "effects": "built"},
-    **{"task": "eight", "radius_m": 0.02, "speed": 1.0, "observation": "pose", "algo": "ppo"},
-    **{"steps": 1000, "seed": 0, "randomize": True, "worlds": 256, "smoke": False},
-}
-
-
-def run(tracked: float = 0.5, **changes: object) -> dict:
-    """A finished run; `changes` go to its spec, or to the row where the spec has no such field."""
-    spec = SPEC | {name: value for name, value in changes.items() if name in SPEC}
-    row = {name: value for name, value in changes.items() if name not in SPEC}
-    scores = {"p_err_cm": 1.25, "q_err_deg": 2.5, "held": 1.0, "tracked": tracked, "episodes": 100}
-    provenance = {
-        **{"command": f"bench run --seed {spec['seed']}", "cpu": "x", "cores": 2, "commit": "c"},
-        **{"versions": {"mujoco": "3.3", "numpy": "2.0", "ppo": "2.7"}, "platform": "linux"},
-        "finished": "2026-01-01T00:00:00",
-    }
-    return {
-        **{"schema": 1, "status": "done", "reason": "", "spec": spec, "digest": str(spec)},
-        **{"spec_digest": "w0", "scores": scores, "steps": 1000, "wall_s": 90.0},
-        **{"env_steps_per_s": 11.0, "policy_sha256": None, "provenance": provenance},
-    } | row
-
-
-def seeds(tracked: float, count: int = 3, **changes: object) -> list[dict]:
-    """Finished runs that differ in their seed alone."""
-    return [run(tracked, seed=seed, **changes) for seed in range(count)]
-
-
-def rows(*runs: dict) -> list[Row]:
-    return [Row.model_validate(item) for item in runs]
-
-
-def save(folder: Path, item: dict) -> Path:
-    folder.mkdir(parents=True)
-    (folder / "run.json").write_text(json.dumps(item))
-    return folder
-
-
-def rendered(folder: Path, read: list[Row], problems: tuple[str, ...] = ()) -> str:
-    write_markdown(table(read), read, problems, folder / "board.md")
-    return (folder / "board.md").read_text()
-
-
-def test_reads_every_kind_of_path(tmp_path):
-    """Find a run folder, run folders at depth and a bare file."""
-    one = save(tmp_path / "one", run(seed=1))
-    (one / "contract.json").write_text("{}")
-    save(tmp_path / "deep" / "a" / "b", run(seed=2))
-    (tmp_path / "shipped").mkdir()
-    (tmp_path / "shipped" / "any.json").write_text(json.dumps(run(seed=3)))
-    paths = [one, tmp_path / "deep", tmp_path / "shipped" / "any.json"]
-    read, problems = read_rows(paths)
-    assert [row.spec.seed for row in read] == [1, 2, 3] and not problems
-    assert read_rows([tmp_path / "shipped"])[0] == read_rows(paths[2:])[0]
-
-
-def test_counts_equal_digests_once(tmp_path):
-    """Count a run that lies in two files once, the finished one before the interrupted one."""
-    save(tmp_path / "a", run(seed=1))
-    save(tmp_path / "b", run(seed=1))
-    save(tmp_path / "c", run(seed=1, status="interrupted", scores=None))
-    read, problems = read_rows([tmp_path, tmp_path / "a"])
-    assert [row.status for row in read] == ["done"] and not problems
-    assert table([*read, *read])["seeds"].tolist() == [1]
-
-
-def test_reports_equal_digests_with_unequal_scores(tmp_path):
-    """Say so when two files of one run disagree."""
-    save(tmp_path / "a", run(0.5))
-    save(tmp_path / "b", run(0.6))
-    read, problems = read_rows([tmp_path])
-    assert len(read) == len(problems) == 1 and "other scores" in problems[0]
-
-
-@pytest.mark.parametrize(
-    ("part", "field", "value", "said"),
-    [
-        ("scores", "tracked", 1.5, ("scores.tracked", "1.5", "less than or equal to 1")),
-        ("scores", "p_err_cm", float("nan"), ("scores.p_err_cm", "nan", "finite")),
-        ("scores", "held", -0.1, ("scores.held", "-0.1", "greater than or equal to 0")),
-        ("spec", "randomize", "yes", ("spec.randomize", "'yes'", "boolean")),
-        ("spec", "task", None, ("spec.task", "None", "string")),
-        ("", "status", "fine", ("status", "'fine'", "'done'")),
-        ("", "schema", 2, ("schema", "2", "1")),
-        ("", "scores", None, ("scores", "None", "the scores")),
-    ],
-)
-def test_names_field_value_and_what_is_allowed(tmp_path, part, field, value, said):
-    """Refuse a bad value by file, field, value and allowed values, and read the others."""
-    bad = run(seed=1)
-    (bad[part] if part else bad)[field] = value
-    save(tmp_path / "bad", bad)
-    save(tmp_path / "good", run(seed=2))
-    read, (problem,) = read_rows([tmp_path])
-    assert [row.spec.seed for row in read] == [2]
-    assert all(text in problem for text in (str(tmp_path / "bad" / "run.json"), *said, "allowed"))
-
-
-def test_survives_broken_files(tmp_path):
-    """Give one message for each file or path that is no result, and read the others."""
-    whole = json.dumps(run())
-    partial = {name: value for name, value in run().items() if name != "digest"}
-    texts = [whole[:200], "", "\0\xff", "[]", "[" * 100_000, json.dumps(partial)]
-    for number, text in enumerate(texts):
-        (tmp_path / f"{number}.json").write_bytes(text.encode("latin-1"))
-    (tmp_path / "good.json").write_text(whole)
-    read, problems = read_rows([tmp_path, tmp_path / "absent"])
-    assert len(read) == 1 and len(problems) == len(texts) + 1
-    assert "digest is missing" in problems[5] and "absent" in problems[6]
-
-
-def test_accepts_nan_scores_of_a_run_that_diverged(tmp_path):
-    """Read a diverged run whatever its scores are, and use none of them."""
-    item = run(float("nan"), status="diverged", reason="joint_rad is NaN at 0.5 s")
-    (row,), problems = read_rows([save(tmp_path / "a", item)])
-    assert row.scores is None and not problems and table([row]).empty
-
-
-def test_keeps_unknown_fields():
-    """Accept fields of a later writer, and never average over them."""
-    item = run(note="new")
-    item["spec"] = item["spec"] | {"gamma": 0.9}
-    (row,) = rows(item)
-    assert row.spec.model_extra == {"gamma": 0.9}
-    assert len(table(rows(item, run(seed=1)))) == 2
+from leaderboard.rows import read_rows
+from leaderboard.tables import board
 
 
 def test_means_and_spread_over_seeds():
@@ -192,8 +76,8 @@ def test_hides_smoke_runs(tmp_path):
 
 def test_csv_reads_back(tmp_path):
     """Write blanks for what is not known and numbers that need no cleaning."""
-    write_csv(table(rows(run(1 / 3))), tmp_path / "board.csv")
-    with (tmp_path / "board.csv").open(newline="") as file:
+    write(board(rows(run(1 / 3))), tmp_path)
+    with (tmp_path / "leaderboard.csv").open(newline="") as file:
         (line,) = csv.DictReader(file)
     assert (line["rank"], line["tracked"], line["tracked_std"]) == ("", "0.333333", "")
     assert (line["steps"], line["randomize"]) == ("1000", "True")
@@ -204,7 +88,8 @@ def test_markdown_ends_each_task_with_the_paper(tmp_path):
     lines = rendered(tmp_path, rows(*seeds(0.5))).splitlines()
     assert lines[0] == "Made by `bench leaderboard`; not edited by hand."
     grid = [line for line in lines if line.startswith("|")]
-    assert "0.500 ± 0.000" in grid[-2] and "1.25 ± 0.00" in grid[-2] and "| 1.5 |" in grid[-2]
+    assert "0.500 [0.500, 0.500]" in grid[-2] and "| 3 x 100 |" in grid[-2]
+    assert "1.25 [1.25, 1.25]" in grid[-2] and "| 1.5 |" in grid[-2]
     assert "paper" in grid[-1] and "1.16" in grid[-1] and "2.36" in grid[-1]
     assert len({line.count("|") for line in grid}) == 1
     assert any("`bench run --seed 0`" in line for line in lines)
@@ -235,36 +120,170 @@ def test_same_input_gives_the_same_bytes(tmp_path):
         random.Random(order).shuffle(paths)
         read, problems = read_rows(paths)
         random.Random(order).shuffle(read)
-        write_csv(table(read), tmp_path / "board.csv")
-        write_markdown(table(read), read, problems[::-1], tmp_path / "board.md")
-        written.add((tmp_path / "board.csv").read_bytes() + (tmp_path / "board.md").read_bytes())
+        files = write(board(read, problems[::-1]), tmp_path / "board")
+        written.add(b"".join(file.read_bytes() for file in files))
     assert len(written) == 1
 
 
 def test_an_empty_board_is_written(tmp_path):
-    """Write both files when nothing has finished."""
-    write_csv(table([]), tmp_path / "new" / "board.csv")
-    assert (tmp_path / "new" / "board.csv").read_text().startswith("rank,task,backend")
+    """Write every file when nothing has finished."""
+    for file in write(board([]), tmp_path / "new"):
+        assert file.exists()
+    assert (tmp_path / "new" / "leaderboard.csv").read_text().startswith("rank,task,backend")
     assert "No finished run." in rendered(tmp_path, [])
+    assert "No finished run." in page(tmp_path, [])
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path):
     """Keep the old file and no leftovers when the text cannot be written."""
     rendered(tmp_path, rows(run()))
-    before = (tmp_path / "board.md").read_bytes()
+    before = (tmp_path / "leaderboard.md").read_bytes()
     with pytest.raises(UnicodeEncodeError):
         rendered(tmp_path, rows(run()), ("\ud800",))
-    assert (tmp_path / "board.md").read_bytes() == before
-    assert [file.name for file in tmp_path.iterdir()] == ["board.md"]
+    assert (tmp_path / "leaderboard.md").read_bytes() == before
+    assert not list(tmp_path.glob(".*"))
+
+
+def test_intervals_and_interquartile_mean():
+    """Give the middle half's mean, and intervals about the mean from three seeds on."""
+    runs = [detailed(mean, seed=seed) for seed, mean in enumerate((0.4, 0.5, 0.6))]
+    line = table(rows(*runs)).iloc[0]
+    assert line["tracked_iqm"] == pytest.approx(0.5, abs=1e-6)
+    assert line["tracked_low"] < 0.45 and line["tracked_high"] > 0.55
+    assert line["tracked_iqm_low"] < 0.5 < line["tracked_iqm_high"]
+    assert (line["seeds"], line["episodes"]) == (3, 300)
+    few = table(rows(*runs[:2])).iloc[0]
+    assert np.isnan([few["tracked_low"], few["tracked_iqm_high"]]).all()
+    assert few["tracked_iqm"] == pytest.approx(0.45, abs=1e-6)
+
+
+def test_rows_without_episodes_have_no_interquartile_mean():
+    """Draw seeds alone where one of a line's rows has kept only its means."""
+    runs = [detailed(0.4, seed=0), run(0.5, seed=1), detailed(0.6, seed=2)]
+    line = table(rows(*runs)).iloc[0]
+    assert np.isnan(line["tracked_iqm"])
+    assert (line["tracked_low"], line["tracked_high"]) == pytest.approx((0.4, 0.6))
+
+
+def test_compares_policies_over_the_tasks_they_share(tmp_path):
+    """Give every pair one probability over its tasks, the likelier winner first."""
+    runs = [*seeds(0.2, algo="a"), *seeds(0.9, algo="b"), *seeds(0.2, task="line", algo="a")]
+    runs += [*seeds(0.9, task="line", algo="b"), *seeds(0.5, task="line", algo="c")]
+    found = board(rows(*runs, *seeds(0.1, 2, algo="few"))).comparisons
+    named = {(c.first["algo"], c.second["algo"]): (c.tasks, c.seeds) for c in found}
+    assert named == {
+        ("b", "a"): (("line", "eight"), (6, 6)),
+        ("b", "c"): (("line",), (3, 3)),
+        ("c", "a"): (("line",), (3, 3)),
+    }
+    assert all(c.probability.value == 1.0 for c in found)
+    text = rendered(tmp_path, rows(*runs))
+    assert "## Probability of improvement" in text and "6 against 6 | 1.00 [1.00, 1.00]" in text
+
+
+def test_the_likelier_winner_over_all_tasks_comes_first():
+    """Turn a pair round when the policy that leads one task loses the two others."""
+    runs = [item for task in ("circle", "eight") for item in seeds(0.9, task=task, algo="b")]
+    runs += [item for task in ("circle", "eight") for item in seeds(0.5, task=task, algo="a")]
+    runs += [*seeds(0.9, task="line", algo="a"), *seeds(0.5, task="line", algo="b")]
+    (found,) = board(rows(*runs)).comparisons
+    assert (found.first["algo"], found.second["algo"]) == ("b", "a")
+    assert found.probability.value == pytest.approx(2 / 3)
+    assert found.probability.low == found.probability.high == pytest.approx(2 / 3)
+
+
+@pytest.mark.parametrize("change", [{"steps": 9}, {"backend": "bullet"}, {"spec_digest": "w1"}])
+def test_never_compares_unequal_worlds_or_budgets(change):
+    """Compare nothing across engine, world or budget."""
+    others = [item | {"digest": f"b{n}"} for n, item in enumerate(seeds(0.1, algo="b", **change))]
+    assert not board(rows(*seeds(0.9), *others)).comparisons
+
+
+class Tags(HTMLParser):
+    """Counts tags, and what they would fetch."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.count: dict[str, int] = {}
+        self.fetched: list[str] = []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Count one tag."""
+        self.count[tag] = self.count.get(tag, 0) + 1
+        self.fetched += [v or "" for k, v in attrs if k in ("src", "href", "srcset", "data")]
+
+
+def test_page_stands_alone(tmp_path):
+    """Show intervals, seeds, the paper and learning curves, and fetch nothing for it."""
+    runs = [detailed(mean, seed=seed) for seed, mean in enumerate((0.4, 0.5, 0.6))]
+    text = page(tmp_path, rows(*runs))
+    tags = Tags(text)
+    assert tags.count["circle"] == 3 * 3 and text.count('class="bar"') == 3
+    assert text.count('class="paper"') == 3 and "2.36" in text
+    assert text.count('class="curve"') == 2 and tags.count.get("script") is None
+    assert all(target.startswith(("#", "data:")) for target in tags.fetched)
+    assert "3 x 100" in text and "mujoco 3.3, ppo 2.7" in text and "w0" in text
+
+
+def test_page_escapes_what_rows_say(tmp_path):
+    """Show markup in names and reasons as text."""
+    lost = run(seed=4, status="diverged", reason="<b>q</b> & so", scores=None)
+    text = page(tmp_path, rows(run(algo="<script>"), lost), ("<i>.json: bad",))
+    assert {"script", "b", "i"}.isdisjoint(Tags(text).count)
+    assert "&lt;b&gt;q&lt;/b&gt; &amp; so" in text and "&lt;i&gt;.json: bad" in text
+
+
+def test_page_shows_pictures_with_their_captions(tmp_path):
+    """Put the PNG files of the folder into the page, and name what is none."""
+    about = PngInfo()
+    about.add_text("Title", "ten circles")
+    about.add_text("Source", "bench view a --out b.png")
+    (tmp_path / "figures").mkdir()
+    Image.new("RGB", (4, 4)).save(tmp_path / "figures" / "a.png", pnginfo=about)
+    (tmp_path / "figures" / "b.png").write_bytes(b"no picture")
+    text = page(tmp_path, rows(run()))
+    assert Tags(text).count["img"] == 1 and 'src="data:image/png;base64,' in text
+    assert "ten circles" in text and "bench view a --out b.png" in text
+    assert "b.png: cannot be shown" in text
+
+
+def test_command_keeps_rows_and_writes_files(tmp_path, capfd):
+    """Keep a run's row with its episodes, and make the same board from it without the run."""
+    folder = RunFolder(tmp_path / "a", RunSpec(backend="mujoco", task="line", algo="random"))
+    folder.claim(resume=False, force=False)
+    item = detailed()
+    folder.write_run("done", scores=item["scores"])
+    pd.DataFrame(item["episodes"]).to_parquet(folder.path / "episodes.parquet")
+    out = tmp_path / "board"
+    command = ["leaderboard", str(folder.path), "--out", str(out), "--add", "--json"]
+    assert cli._run(command) == 0
+    assert json.loads(capfd.readouterr().out)["rows"] == 1
+    (kept,) = read_rows([out / "results"])[0]
+    assert kept.episodes is not None and kept.episodes.tracked == item["episodes"]["tracked"]
+    written = {file.name: file.read_bytes() for file in out.glob("leaderboard.*")}
+    assert sorted(written) == ["leaderboard.csv", "leaderboard.html", "leaderboard.md"]
+    shutil.rmtree(folder.path)
+    (out / "leaderboard.html").unlink()
+    assert cli._run(["leaderboard", "--out", str(out), "--no-html"]) == 0
+    del written["leaderboard.html"]
+    assert {file.name: file.read_bytes() for file in out.glob("leaderboard.*")} == written
+
+
+def test_command_refuses_an_empty_place(tmp_path, capfd):
+    """Exit with 1 and name the place where nothing was found, and write nothing."""
+    assert cli._run(["leaderboard", str(tmp_path / "no"), "--out", str(tmp_path / "board")]) == 1
+    assert f"nothing to rank in {tmp_path / 'no'}" in capfd.readouterr().err
+    assert not (tmp_path / "board").exists()
 
 
 def test_shipped_files_come_from_the_shipped_rows(tmp_path: Path) -> None:
-    """Find in the repo what `bench leaderboard` makes of its rows, byte for byte."""
+    """Find in the repo what `bench leaderboard` makes of its rows and figures, byte for byte."""
     home = Path(__file__).parents[2] / "leaderboard"
     read, problems = read_rows([home / "results"])
     assert not problems
-    frame = table(read)
-    write_csv(frame, tmp_path / "leaderboard.csv")
-    write_markdown(frame, read, problems, tmp_path / "leaderboard.md")
-    for name in ("leaderboard.csv", "leaderboard.md"):
-        assert (tmp_path / name).read_bytes() == (home / name).read_bytes()
+    if (home / PICTURES).is_dir():
+        shutil.copytree(home / PICTURES, tmp_path / PICTURES)
+    for file in write(board(read, problems), tmp_path):
+        assert file.read_bytes() == (home / file.name).read_bytes()
+        assert file.stat().st_size < 500_000

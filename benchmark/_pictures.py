@@ -1,0 +1,76 @@
+"""Pictures and videos on disk: small files, each of which says what it shows and what made it."""
+
+import io
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
+
+PALETTE = 128
+"""Colours of a PNG or GIF."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Caption:
+    """What a picture carries with it."""
+
+    title: str
+    """What it shows."""
+    source: str
+    """The command that makes it."""
+
+
+def write_figure(figure: Figure, caption: Caption, out: Path) -> None:
+    """A plot as PNG."""
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format="png", dpi=130)
+    write_png(Image.open(drawn), caption, out)
+
+
+def write_png(image: Image.Image, caption: Caption, out: Path) -> None:
+    """A picture as PNG with few colours."""
+    about = PngInfo()
+    about.add_text("Title", caption.title)
+    about.add_text("Source", caption.source)
+    small = image.convert("RGB").quantize(PALETTE)
+    _write(out, lambda path: small.save(path, format="PNG", optimize=True, pnginfo=about))
+
+
+def write_mp4(frames: Iterable[np.ndarray], size: tuple[int, int], rate: float, out: Path) -> None:
+    """Frames (height, width, 3) uint8 as H.264, so many a second."""
+    import imageio_ffmpeg
+
+    def write(path: Path) -> None:
+        options = {"fps": rate, "codec": "libx264", "output_params": ["-f", "mp4"]}
+        writer = imageio_ffmpeg.write_frames(str(path), size, **options)
+        writer.send(None)
+        try:
+            for frame in frames:
+                writer.send(np.ascontiguousarray(frame))
+        finally:
+            writer.close()
+
+    _write(out, write)
+
+
+def write_gif(frames: Iterable[np.ndarray], rate: float, out: Path) -> None:
+    """Frames (height, width, 3) uint8 as an endless GIF, so many a second."""
+    first, *others = [Image.fromarray(frame).quantize(PALETTE) for frame in frames]
+    options = {"save_all": True, "append_images": others, "duration": 1000 / rate, "loop": 0}
+    _write(out, lambda path: first.save(path, format="GIF", **options))
+
+
+def _write(out: Path, write: Callable[[Path], None]) -> None:
+    """Write under a temporary name, then rename it into place."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    temporary = out.with_name(f".{out.name}.tmp")
+    try:
+        write(temporary)
+        os.replace(temporary, out)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,160 @@
+"""One result row as its file holds it: `run.json`, checked, and nothing of what produced it.
+
+This file knows the layout of `run.json` and what its values may be; it must not know an engine, a
+task or a learner, so that a row of a plug-in nobody here has heard of still reads.
+"""
+
+import math
+import re
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+
+from leaderboard.details import SCORES
+
+Fraction = Annotated[float, Field(ge=0, le=1)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Count = Annotated[int, Field(ge=0)]
+Name = Annotated[str, Field(min_length=1)]
+ROUNDING = 1e-5
+"""How far the mean of kept scores, six digits each, may be off, over the largest of them."""
+
+
+def without_place(command: str) -> str:
+    """A command without the option that says where it wrote: it names folders of one machine."""
+    return re.sub(r"\s+--out(=|\s+)('[^']*'|\S+)", "", command)
+
+
+class _Part(BaseModel):
+    """A piece of `run.json`; fields it does not name are kept."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class RunIdentity(_Part):
+    """What was run."""
+
+    backend: Name
+    hand: Name
+    stick: Name
+    effects: str
+    task: Name
+    radius_m: Positive
+    """Size of the figure [m]."""
+    speed: Positive
+    """Pace of the figure over the training pace."""
+    observation: Name
+    algo: Name
+    steps: Count
+    """Training budget in environment steps."""
+    seed: Count
+    randomize: bool
+    spread: str = "paper"
+    """How far training draws its worlds around the nominal one."""
+    worlds: Count
+    smoke: bool
+
+
+class Scores(_Part):
+    """Means over the evaluation's episodes."""
+
+    p_err_cm: NotNegative
+    """Error of the stick's lower end [cm]."""
+    q_err_deg: Annotated[float, Field(ge=0, le=180)]
+    """Error of the stick's axis [deg]."""
+    held: Fraction
+    """Fraction of the episode before the stick fell."""
+    tracked: Fraction
+    """Fraction of all reference steps with the stick held and both errors in bounds."""
+    episodes: Annotated[int, Field(ge=1)]
+
+
+class Episodes(_Part):
+    """The same scores per episode; equal places, equal initial states."""
+
+    p_err_cm: list[NotNegative]
+    q_err_deg: list[Annotated[float, Field(ge=0, le=180)]]
+    held: list[Fraction]
+    tracked: list[Fraction]
+
+
+class Curve(_Part):
+    """The learning curve: means over the training that ended at so many steps."""
+
+    steps: list[Count]
+    reward: list[float]
+    p_err_cm: list[NotNegative]
+    q_err_deg: list[NotNegative]
+
+
+class Provenance(_Part):
+    """Where the row came from."""
+
+    command: Name
+    versions: dict[str, str]
+    cpu: str
+    cores: Count
+    commit: str
+    platform: str
+    finished: str
+    """When the run ended, ISO 8601."""
+
+    @field_validator("command")
+    @classmethod
+    def _without_place(cls, value: str) -> str:
+        return without_place(value)
+
+
+class Row(_Part):
+    """One run."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    status: Literal["done", "diverged", "skipped", "interrupted"]
+    reason: str
+    spec: RunIdentity
+    digest: Name
+    """The run's identity: equal digests are one run."""
+    spec_digest: Name
+    """The nominal world's digest: hand, stick and effects."""
+    scores: Scores | None
+    """None unless the run is done."""
+    episodes: Episodes | None = None
+    """None where only means were kept."""
+    curve: Curve | None = None
+    """None where none was kept, and for what does not train."""
+    steps: Count
+    """Environment steps trained."""
+    wall_s: NotNegative
+    env_steps_per_s: NotNegative
+    policy_sha256: str | None
+    provenance: Provenance
+
+    @field_validator("scores", mode="before")
+    @classmethod
+    def _only_of_done_runs(cls, value: object, info: ValidationInfo) -> object:
+        done = info.data.get("status") == "done"
+        if done and value is None:
+            raise ValueError("Input should be the scores, for the run is done")
+        return value if done else None
+
+    @field_validator("episodes")
+    @classmethod
+    def _of_these_scores(cls, value: Episodes | None, info: ValidationInfo) -> Episodes | None:
+        scores = info.data.get("scores")
+        if value is None or scores is None:
+            return None
+        for name in SCORES:
+            kept, mean = getattr(value, name), getattr(scores, name)
+            if len(kept) != scores.episodes:
+                raise ValueError(f"{scores.episodes} values of {name}, not {len(kept)}")
+            if abs(math.fsum(kept) / len(kept) - mean) > ROUNDING * max(kept):
+                raise ValueError(f"values of {name} whose mean is {mean:g}, that of the scores")
+        return value
+
+    @field_validator("curve")
+    @classmethod
+    def _of_equal_lengths(cls, value: Curve | None) -> Curve | None:
+        if value is not None and len({len(v) for v in value.model_dump().values()}) > 1:
+            raise ValueError("lists of equal length")
+        return value

@@ -1,0 +1,90 @@
+"""Means, interquartile means, and intervals that hold for other seeds and other episodes.
+
+Scores of one policy come as an array of shape (S, E): a row per training seed, in it the E episodes
+of its evaluation. Several such arrays are strata, tasks for instance; they are drawn from apart.
+The interval is the percentile bootstrap's: seeds are drawn with replacement, then episodes within
+each drawn seed (Agarwal et al., Deep RL at the Edge of the Statistical Precipice, 2021, who draw
+runs alone: with E = 1 both are the same).
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import stats
+
+Array = np.ndarray
+
+LEVEL = 0.95
+"""Share of intervals that would hold the true value if there were many seeds.
+
+With few it is less: 0.76 at 3 seeds, 0.85 at 5, 0.90 at 10 (normal scores, nothing within a seed).
+"""
+REPLICATES = 2000
+"""Draws of the bootstrap."""
+SEED = 0
+"""Every estimate draws from the same stream, so that equal scores give equal intervals."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Estimate:
+    """A value and its interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+def mean(scores: Array) -> Array:
+    """Mean of each row, shape (R,), from scores (R, n)."""
+    return scores.mean(axis=1)
+
+
+def interquartile_mean(scores: Array) -> Array:
+    """Mean of the middle half of each row, shape (R,), from scores (R, n)."""
+    return stats.trim_mean(scores, 0.25, axis=1)
+
+
+def estimate(
+    strata: Sequence[Array], statistic: Callable[[Array], Array], replicates: int = REPLICATES
+) -> Estimate:
+    """A statistic of all scores of all strata, and its interval."""
+    rng = np.random.default_rng(SEED)
+    value = statistic(np.concatenate([scores.ravel() for scores in strata])[None])
+    drawn = [resample(scores, rng, replicates).reshape(replicates, -1) for scores in strata]
+    return _estimate(value[0], statistic(np.concatenate(drawn, axis=1)))
+
+
+def improvement(pairs: Sequence[tuple[Array, Array]], replicates: int = REPLICATES) -> Estimate:
+    """Probability that a new seed of X scores more than a new seed of Y, a tie counting half.
+
+    `pairs` holds one (X, Y) per task; a seed's score is its mean over episodes, and the result is
+    the mean over tasks of Mann and Whitney's U over the count of seed pairs.
+    """
+    rng = np.random.default_rng(SEED)
+    value = np.mean([_better(x.mean(axis=1)[None], y.mean(axis=1)[None])[0] for x, y in pairs])
+    drawn = [
+        _better(
+            resample(x, rng, replicates).mean(axis=2), resample(y, rng, replicates).mean(axis=2)
+        )
+        for x, y in pairs
+    ]
+    return _estimate(value, np.mean(drawn, axis=0))
+
+
+def resample(scores: Array, rng: np.random.Generator, replicates: int) -> Array:
+    """Seeds, then episodes within each, drawn with replacement; shape (replicates, S, E)."""
+    count, episodes = scores.shape
+    seed = rng.integers(count, size=(replicates, count, 1))
+    return scores[seed, rng.integers(episodes, size=(replicates, count, episodes))]
+
+
+def _better(x: Array, y: Array) -> Array:
+    """Share of pairs in which x is more, ties half, shape (R,), from (R, n) and (R, m)."""
+    difference = x[:, :, None] - y[:, None, :]
+    return (0.5 + 0.5 * np.sign(difference)).mean(axis=(1, 2))
+
+
+def _estimate(value: float, drawn: Array) -> Estimate:
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return Estimate(value=float(value), low=float(low), high=float(high))

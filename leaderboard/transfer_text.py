@@ -1,0 +1,150 @@
+"""The transfer matrix as Markdown, and what picture and text say in the same words."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import pandas as pd
+
+from leaderboard.tables import MIN_SEEDS
+from leaderboard.transfer import EPISODES_ALONE, FIGURE, IDENTITY
+
+FLOOR = "noise floor"
+READING = (
+    "Made by `bench transfer`; not edited by hand. Each cell: mean `tracked` over seeds and "
+    "episodes with its 95 % interval, then the retention (deploy over train, from the same initial "
+    "states) with its own. The noise floor is the retention of the train world itself from other "
+    "initial states: a retention inside its interval is no loss that could be seen."
+)
+AGREEING = (
+    "How well the mean `tracked` of the policies in a world predicts that in `{reference}`. "
+    "Pearson's r with its 95 % interval (1 is best); MMRV, the mean maximum rank violation "
+    "(0 is best): what ranking by this world can cost in `tracked` in the reference. Beside them "
+    "the noise floor: the reference against itself from other initial states."
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Panel:
+    """The matrix of one kind of policy."""
+
+    shared: dict[str, Any]
+    """What its policies have in common."""
+    train: list[str]
+    """Train worlds, in order."""
+    deploy: list[str]
+    """Deploy worlds, in order."""
+    lines: dict[tuple[str, str], dict[str, Any]]
+    """Lines of the matrix by train and deploy world."""
+
+    def any_line(self, train: str) -> dict[str, Any]:
+        """A line of a train world; all of them carry its noise floor."""
+        return next(line for (name, _), line in self.lines.items() if name == train)
+
+
+def panels(matrix: pd.DataFrame) -> list[Panel]:
+    """The matrix, one panel per kind of policy."""
+    found = []
+    for key, part in matrix.groupby(list(IDENTITY), sort=False):
+        lines = part.to_dict("records")
+        found.append(
+            Panel(
+                shared=dict(zip(IDENTITY, key, strict=True)),
+                train=list(dict.fromkeys(line["train"] for line in lines)),
+                deploy=list(dict.fromkeys(line["deploy"] for line in lines)),
+                lines={(line["train"], line["deploy"]): line for line in lines},
+            )
+        )
+    return found
+
+
+def title(shared: dict[str, Any]) -> str:
+    """A kind of policy in words."""
+    smoke = " (smoke)" if shared["smoke"] else ""
+    drawn = f", randomized ({shared['spread']})" if shared["randomize"] else ""
+    policy = f"{shared['algo']}, {shared['observation']}{drawn}, {shared['steps']:,} steps{smoke}"
+    return f"{figure(shared)}: {policy}"
+
+
+def figure(shared: dict[str, Any]) -> str:
+    """What is asked, in words."""
+    size = f"{shared['radius_m'] * 100:g} cm, speed {shared['speed']:g}"
+    stick = "" if shared["stick"] == "reference" else f", {shared['stick']} stick"
+    return f"{shared['task']}, {size}{stick}"
+
+
+def markdown(
+    matrix: pd.DataFrame, agreement: pd.DataFrame, reference: str, notes: Sequence[str]
+) -> str:
+    """The whole text; `notes` say what is missing and why."""
+    parts = ["# Transfer", READING]
+    for panel in panels(matrix):
+        parts += [f"## {title(panel.shared)}", _grid(*_cells(panel)), _counts(panel)]
+    parts += ["## Rank agreement", AGREEING.format(reference=reference)]
+    if agreement.empty:
+        parts += [f"None: no policy was deployed in `{reference}` and in another world."]
+    else:
+        parts += [_grid(*_agreement_cells(agreement))]
+    if notes:
+        parts += ["## Left out", "\n".join(f"- {_plain(note)}" for note in notes)]
+    return "\n\n".join(parts) + "\n"
+
+
+def interval(line: dict[str, Any], name: str, digits: int = 3) -> str:
+    """A value with its interval, as far as they are known."""
+    value, low, high = (line[f"{name}{part}"] for part in ("", "_low", "_high"))
+    if math.isnan(value):
+        return "-"
+    known = "" if math.isnan(low) else f" [{low:.{digits}f}, {high:.{digits}f}]"
+    return f"{value:.{digits}f}{known}"
+
+
+def _cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for train in panel.train:
+        lines = [panel.lines.get((train, world)) for world in panel.deploy]
+        cells = ["" if line is None else _cell(line) for line in lines]
+        rows.append([train, *cells, f"x {interval(panel.any_line(train), 'floor', 2)}"])
+    return ["trained in", *panel.deploy, FLOOR], rows
+
+
+def _cell(line: dict[str, Any]) -> str:
+    return f"{interval(line, 'tracked')}, x {interval(line, 'retention', 2)}"
+
+
+def _counts(panel: Panel) -> str:
+    lines = panel.lines.values()
+    seeds = sorted({line["seeds"] for line in lines})
+    count = " or ".join(map(str, seeds))
+    text = f"Seeds: {count}; episodes of each: {max(line['episodes'] for line in lines)}."
+    if any(line["interval_over"] == EPISODES_ALONE for line in lines):
+        text += f" Under {MIN_SEEDS} seeds the intervals hold for other episodes of these policies,"
+        text += " not for other seeds."
+    return text
+
+
+def _agreement_cells(agreement: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    rows = []
+    for line in agreement.to_dict("records"):
+        rows.append(
+            [
+                figure({name: line[name] for name in FIGURE}),
+                FLOOR if line["floor"] else line["world"],
+                str(line["policies"]),
+                interval(line, "pearson", 2),
+                "-" if math.isnan(line["mmrv"]) else f"{line['mmrv']:.3f}",
+                line["note"],
+            ]
+        )
+    return ["figure", "world", "policies", "Pearson's r", "MMRV", "note"], rows
+
+
+def _grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [list(head), ["---"] * len(head), *([_plain(cell) for cell in row] for row in rows)]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _plain(text: str) -> str:
+    """Text that a cell of a table can hold."""
+    return " ".join(text.replace("|", "\\|").split())
