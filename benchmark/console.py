@@ -5,7 +5,7 @@ import os
 import sys
 from types import TracebackType
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -33,7 +33,7 @@ def divert_stdout() -> None:
         os.dup2(2, 1)
 
 
-def emit(result: dict, as_json: bool, table: Table | None = None) -> None:
+def emit(result: dict, as_json: bool, table: RenderableType | None = None) -> None:
     """Print a command's result: the JSON object, or the table (else the object's lines)."""
     descriptor = os.dup(1 if _real_stdout is None else _real_stdout)
     with os.fdopen(descriptor, "w") as out:

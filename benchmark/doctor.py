@@ -1,11 +1,17 @@
-"""`bench doctor`: are the engines and learners here, do they work, and what would mend them."""
+"""`bench doctor`: are the engines and learners here, do they work, and what would mend them.
+
+With `--physics`: does each engine obey the closed forms, and how far is it from the reference.
+"""
 
 import subprocess
 import sys
+from pathlib import Path
 
+from rich.console import Group
 from rich.table import Table
 
 from benchmark import registry
+from benchmark.console import Bar
 from benchmark.errors import CommandError
 from benchmark.provenance import version
 
@@ -38,6 +44,21 @@ def examine() -> tuple[dict, Table]:
     for row in rows:
         table.add_row(*(str(row[key] or "-") for key in row))
     return {"ok": all(row["state"] == "works" for row in rows), "parts": rows}, table
+
+
+def examine_physics(backend: str | None, out: Path | None) -> tuple[dict, Group]:
+    """Run the physics checks on one engine or all; writes them to `out` as Markdown."""
+    from benchmark.physics import report, suite
+
+    names = registry.names("backend") if backend is None else [registry.check("backend", backend)]
+    if out is not None:
+        out.parent.mkdir(parents=True, exist_ok=True)
+        out.open("a").close()  # refuses what cannot be written before a minute is spent
+    with Bar("physics", suite.steps(names)) as bar:
+        found = suite.examine(names, bar.update)
+    if out is not None:
+        out.write_text(report.markdown(found))
+    return report.as_data(found), report.tables(found)
 
 
 def _examine(kind: str, name: str) -> dict:

@@ -17,8 +17,8 @@ from diagnosis.fit import Fit, Fitter, Profile
 
 REFINED, FINALISTS = 10, 5
 """Candidates whose magnitude is searched, and those that are refitted with everything free."""
-BLOCK = 50
-"""Samples that are resampled together."""
+STRAINED = 1.5
+"""Nats per nominal parameter beyond which their refit is bent to explain something else."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +43,11 @@ class Ranked:
         """Root mean square of the held-out residuals, compressed, in standard deviations."""
         return float(np.sqrt(self.judged.mean()))
 
+    @property
+    def strain(self) -> float:
+        """Nats that the fitted nominal parameters cost."""
+        return float(self.fit.deviations @ self.fit.deviations / 2)
+
 
 class Attribution:
     """The search for causes in one limb's evidence."""
@@ -55,7 +60,8 @@ class Attribution:
         zeros = np.zeros(len(self.fitter.nuisances))
         self.before = self._ranked((), Fit(effects=(), deviations=zeros, cost=0.0))
         self.nominal = self._ranked((), self.fitter.nominal())
-        self.singles = self._rank(self.before)
+        plausible = self.nominal.strain < STRAINED * len(zeros)
+        self.singles = self._rank(self.nominal if plausible else self.before)
 
     def second(self, first: Ranked) -> list[Ranked]:
         """The best pairs that hold `first`."""
@@ -108,11 +114,3 @@ class Attribution:
         )
         return Ranked(names=names, fit=fit, judged=judged, plain=plain)
 
-
-def advantage(better: Array, worse: Array) -> float:
-    """How sure one candidate beats another: z of the mean difference over blocks of samples."""
-    difference = worse - better
-    count = len(difference) // BLOCK
-    blocks = difference[: count * BLOCK].reshape(count, BLOCK).mean(axis=1)
-    spread = blocks.std(ddof=1) / np.sqrt(count)
-    return float(blocks.mean() / max(spread, 1e-12))

@@ -10,7 +10,6 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
-from backends.state import Array
 from diagnosis.attribute import Attribution, Ranked
 from diagnosis.evidence import Evidence
 
@@ -81,7 +80,7 @@ def judge(
     if gain < rule.accuse_nats:
         name = NONE if nominal.gap <= rule.settled_gap else UNKNOWN
         return _verdict((name,), nominal, found, (), rule.accuse_nats - gain)
-    if best.gap > rule.settled_gap or _implausible(best) > rule.pair_nats:
+    if best.gap > rule.settled_gap or best.strain > rule.pair_nats:
         pairs = sorted(found.second(best), key=lambda r: r.fit.cost)
         if pairs and _adds(best, pairs[0], rule) and _explains(nominal, pairs[0], rule):
             lead = best.fit.cost - pairs[0].fit.cost
@@ -120,16 +119,6 @@ def _adds(first: Ranked, pair: Ranked, rule: Rules) -> bool:
     """Whether a second effect is needed: by held-out samples, or by what it asks of the nominal."""
     gain = first.fit.cost - pair.fit.cost
     by_data = _excess(pair.gap) <= (1 - rule.pair_share) * _excess(first.gap)
-    by_prior = _implausible(first) - _implausible(pair) >= 0.5 * rule.pair_nats
+    by_prior = first.strain - pair.strain >= 0.5 * rule.pair_nats
     return gain >= rule.pair_nats and (by_data or by_prior)
 
-
-def _implausible(ranked: Ranked) -> float:
-    """Nats that a fit's nominal parameters cost."""
-    return float(ranked.fit.deviations @ ranked.fit.deviations / 2)
-
-
-def block_means(values: Array, block: int) -> Array:
-    """Means over blocks of neighbouring samples."""
-    count = len(values) // block
-    return values[: count * block].reshape(count, block).mean(axis=1)

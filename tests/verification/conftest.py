@@ -1,0 +1,16 @@
+"""What the verification suites share: every engine."""
+
+import pytest
+
+from backends.engine import Engine
+from benchmark import registry
+from benchmark.errors import CommandError
+
+
+@pytest.fixture(params=registry.names("backend"))
+def engine(request: pytest.FixtureRequest) -> type[Engine]:
+    """Every engine that is installed."""
+    try:
+        return registry.load("backend", request.param)
+    except CommandError as error:
+        pytest.skip(str(error))
