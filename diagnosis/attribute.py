@@ -101,9 +101,10 @@ class Attribution:
 
     def _true(self, around: Fit, guess: Fit) -> Fit:
         """A linear guess with its real cost, or its effects alone where these do better."""
+        free = self.fitter.free(guess.effects)
         tries = (
             Fit(effects=guess.effects, deviations=d, cost=self.fitter.cost(guess.effects, d))
-            for d in (guess.deviations, around.deviations, np.zeros_like(around.deviations))
+            for d in (guess.deviations, around.deviations * free, 0.0 * around.deviations)
         )
         return min(tries, key=lambda fit: fit.cost)
 
@@ -113,4 +114,3 @@ class Attribution:
             for compress in (True, False)
         )
         return Ranked(names=names, fit=fit, judged=judged, plain=plain)
-

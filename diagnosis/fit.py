@@ -88,6 +88,17 @@ class Fitter:
         r = self.residual(effects, deviations)
         return float(r @ r / CORRELATED + deviations @ deviations) / 2
 
+    def free(self, effects: Iterable[Effect]) -> Array:
+        """Nominal parameters beside these effects (K,): not those that an effect itself changes."""
+        taken = [(type(e), e.joint) for e in effects]
+        return np.array(
+            [
+                not any(n.kind is k and j in (None, n.joint) for k, j in taken)
+                for n in self.nuisances
+            ],
+            dtype=bool,
+        )
+
     def nominal(self) -> Fit:
         """The nominal parameters refitted alone: what a calibration would reach."""
         zeros = np.zeros(len(self.nuisances))
@@ -147,13 +158,16 @@ class Profile:
 
     def at(self, fit: Fit) -> Fit:
         """A candidate's effects with their best nominal parameters and linear cost."""
-        base = self._fitter.residual(fit.effects, self._start)
-        pull = self._slopes.T @ base / CORRELATED + self._start
-        best = self._start - np.linalg.solve(self._normal, pull)
-        move = np.clip(best, -FARTHEST, FARTHEST) - self._start
-        cost = base @ base / CORRELATED + self._start @ self._start
-        cost += 2 * pull @ move + move @ self._normal @ move
-        return Fit(effects=fit.effects, deviations=self._start + move, cost=float(cost / 2))
+        free = self._fitter.free(fit.effects)
+        start, slopes = self._start * free, self._slopes * free
+        base = self._fitter.residual(fit.effects, start)
+        pull = slopes.T @ base / CORRELATED + start
+        normal = np.where(np.outer(free, free), self._normal, np.eye(len(free)))
+        best = start - np.linalg.solve(normal, pull)
+        move = np.clip(best, -FARTHEST, FARTHEST) - start
+        cost = base @ base / CORRELATED + start @ start
+        cost += 2 * pull @ move + move @ normal @ move
+        return Fit(effects=fit.effects, deviations=start + move, cost=float(cost / 2))
 
     def search(self, fit: Fit, index: int, reach: float) -> Fit:
         """The best magnitude of one effect within a factor `reach` of the one it has."""
