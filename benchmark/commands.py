@@ -2,7 +2,6 @@
 
 import dataclasses
 import json
-import shutil
 import time
 from pathlib import Path
 
@@ -30,6 +29,8 @@ def changes(**options: object) -> dict:
 def settings(**options: object) -> RunSpec:
     """The RunSpec that the options of `bench run` ask for; raises UsageError."""
     given = changes(**options)
+    if "calibration" in given:
+        given |= _calibrated(given)
     if given.get("steps") == 0 and given["algo"] not in _SCRIPTED:
         raise UsageError("--steps is 0; allowed: from 1, or --algo hold-still or random")
     if given["algo"] in _SCRIPTED:
@@ -38,6 +39,16 @@ def settings(**options: object) -> RunSpec:
         given["worlds"] = SMOKE_WORLDS
         given["steps"] = min(given.get("steps", SMOKE_STEPS), SMOKE_STEPS)
     return RunSpec(**given)
+
+
+def _calibrated(given: dict) -> dict:
+    """Effects and spread of the calibration that is given; raises UsageError."""
+    from benchmark.calibrate import world_of
+
+    path = given.pop("calibration")
+    if "effects" in given:
+        raise UsageError("--calibration and --effects both say which world; leave one of them out")
+    return world_of(path, RunSpec.hand)
 
 
 def run(spec: RunSpec, out: Path | None, workers: int | None, resume: bool, force: bool) -> dict:
@@ -104,10 +115,11 @@ def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None)
     return row
 
 
-def leaderboard(sources: list[Path], out: Path | None, add: bool) -> dict:
+def leaderboard(sources: list[Path], out: Path | None, add: bool, html: bool) -> dict:
     """Write the leaderboard's files; what was written and what could not be read."""
+    from leaderboard.files import write
     from leaderboard.rows import read_rows
-    from leaderboard.tables import table, write_csv, write_markdown
+    from leaderboard.tables import board
 
     out = out or LEADERBOARD
     results = out / "results"
@@ -119,21 +131,27 @@ def leaderboard(sources: list[Path], out: Path | None, add: bool) -> dict:
         found = "; ".join(problems) or "no run.json was found"
         where = ", ".join(map(str, sources))
         raise CommandError(f"nothing to rank in {where}: {found}")
-    out.mkdir(parents=True, exist_ok=True)
     if add:
         _keep(sources, results)
-    frame = table(rows)
-    write_csv(frame, out / "leaderboard.csv")
-    write_markdown(frame, rows, problems, out / "leaderboard.md")
-    files = [str(out / "leaderboard.csv"), str(out / "leaderboard.md")]
+    files = [str(file) for file in write(board(rows, problems), out, html)]
     return {"rows": len(rows), "written": files, "problems": problems}
 
 
 def _keep(sources: list[Path], results: Path) -> None:
-    """Copy the run.json of every finished, real run into the folder of kept rows."""
+    """Copy the row of every finished, real run with its details into the folder of kept rows."""
+    from leaderboard.details import DetailsError, kept_text, read_details
+    from leaderboard.row import without_place
+
     results.mkdir(parents=True, exist_ok=True)
     for source in sources:
         for file in sorted(source.rglob(run_folder.RUN_FILE)):
             found = run_folder.read_run(file.parent)
             if found["status"] == "done" and not found["spec"]["smoke"]:
-                shutil.copy(file, results / f"{run_folder.run_spec(found).name}.json")
+                try:
+                    details = read_details(file.parent)
+                except DetailsError as error:
+                    raise CommandError(str(error)) from error
+                command = without_place(found["provenance"]["command"])
+                found["provenance"] |= {"command": command}
+                kept = results / f"{run_folder.run_spec(found).name}.json"
+                run_folder.write_atomically(kept, kept_text(found, details))

@@ -37,14 +37,16 @@ def evaluate(
     env: BatchEnv,
     act: Callable[[Array], Array],
     on_step: Callable[[BatchEnv, Step], None] = lambda env, step: None,
+    seed: int = EVALUATION_SEED,
 ) -> Episodes:
     """One episode per world of `env`, from the fixed initial states, acting with `act`.
 
-    A world whose stick has fallen steps on to keep the batch together, and counts no more.
+    Another `seed` gives another list of initial states and headings. A world whose stick has
+    fallen steps on to keep the batch together, and counts no more.
     """
-    rng = np.random.default_rng(EVALUATION_SEED)
+    rng = np.random.default_rng(seed)
     start = sample_initial_states(env.simulator.specs, rng)
-    env.seed(EVALUATION_SEED)
+    env.seed(seed)
     observation = env.reset(start=start)
     held = np.ones(env.worlds, dtype=bool)
     steps_held, tracked, end, axis = (np.zeros(env.worlds) for _ in range(4))

@@ -6,6 +6,7 @@ import re
 from benchmark.errors import UsageError
 
 _LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+_TIMES_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)"
 
 
@@ -14,7 +15,16 @@ def length_m(text: str, flag: str) -> float:
     match = re.fullmatch(_NUMBER + r"\s*(m|cm|mm)", text.strip(), re.IGNORECASE)
     if match is None:
         raise UsageError(f"{flag} is '{text}'; allowed: a length with m, cm or mm, such as 3cm")
-    return float(match.group(1)) * _LENGTHS_M[match.group(2)]
+    return float(match.group(1)) * _LENGTHS_M[match.group(2).lower()]
+
+
+def duration_s(text: str, flag: str) -> float:
+    """A time above 0 such as '90min' in seconds; raises UsageError otherwise."""
+    match = re.fullmatch(_NUMBER + r"\s*(s|min|h)", text.strip(), re.IGNORECASE)
+    value = float(match.group(1)) * _TIMES_S[match.group(2).lower()] if match else math.nan
+    if not (math.isfinite(value) and value > 0):
+        raise UsageError(f"{flag} is '{text}'; allowed: a time above 0 in s, min or h, such as 2h")
+    return value
 
 
 def count(text: str, flag: str) -> int:

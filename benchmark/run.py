@@ -15,7 +15,7 @@ from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy, file_sha256
 from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
-from benchmark.evaluate import EPISODES, SMOKE_EPISODES, Episodes, evaluate
+from benchmark.evaluate import EPISODES, EVALUATION_SEED, SMOKE_EPISODES, Episodes, evaluate
 from benchmark.run_folder import EPISODES_FILE, RunFolder
 from benchmark.run_spec import RunSpec, make_env
 from benchmark.train import Training
@@ -88,11 +88,12 @@ def evaluate_run(
     workers: int,
     episodes: int | None = None,
     watch: Callable[[BatchEnv, Step], None] = lambda env, step: None,
+    seed: int = EVALUATION_SEED,
 ) -> Episodes:
     """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`.
 
-    `episodes` takes the first so many of the fixed ones; `watch` sees every step. Raises
-    UsageError where policy, observation, stick and hand do not fit.
+    `episodes` takes the first so many of the fixed ones, `seed` another list of them; `watch` sees
+    every step. Raises UsageError where policy, observation, stick and hand do not fit.
     """
     count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
     env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
@@ -105,7 +106,7 @@ def evaluate_run(
                 bar.update(next(done))
                 watch(env, step)
 
-            return evaluate(env, act, on_step)
+            return evaluate(env, act, on_step, seed)
     except PolicyError as error:
         raise UsageError(str(error)) from error
     except ValueError as error:

@@ -62,6 +62,19 @@ class Attribution:
         self.nominal = self._ranked((), self.fitter.nominal())
         plausible = self.nominal.strain < STRAINED * len(zeros)
         self.singles = self._rank(self.nominal if plausible else self.before)
+        self.nominal = self._settled()
+
+    def _settled(self) -> Ranked:
+        """The nominal refit, again from where the best single effect has taken the parameters.
+
+        A refit that stopped early would make any effect look needed.
+        """
+        best = min(self.singles, key=lambda one: one.fit.cost)
+        deviations = best.fit.deviations
+        start = Fit(effects=(), deviations=deviations, cost=self.fitter.cost((), deviations))
+        again = self.fitter.refit(start)
+        better = again.cost < self.nominal.fit.cost
+        return self._ranked((), again) if better else self.nominal
 
     def second(self, first: Ranked) -> list[Ranked]:
         """The best pairs that hold `first`."""

@@ -35,6 +35,8 @@ class Rules(BaseModel):
     """A verdict must explain this share of the held-out gap, else it is `unknown`."""
     settled_gap: float
     """Held-out gap that counts as explained whatever it was before."""
+    nominal_stds: float
+    """A nominal parameter is accused beyond so many of its standard deviations."""
     tie_nats: float
     """Effects whose cost is this near the best are not told apart."""
     confidence: tuple[float, float]
@@ -74,10 +76,11 @@ def judge(
 ) -> LimbVerdict:
     """The verdict on one limb."""
     found, rule = Attribution(evidence, catalogue, uncertainty), rules()
-    singles = sorted(found.singles, key=lambda r: r.fit.cost)
+    beyond = [r for r in found.singles if _beyond_nominal(found, r, rule)]
+    singles = sorted(beyond or found.singles, key=lambda r: r.fit.cost)
     best, nominal = singles[0], found.nominal
     gain = nominal.fit.cost - best.fit.cost
-    if gain < rule.accuse_nats:
+    if gain < rule.accuse_nats or not beyond:
         name = NONE if nominal.gap <= rule.settled_gap else UNKNOWN
         return _verdict((name,), nominal, found, (), rule.accuse_nats - gain)
     if best.gap > rule.settled_gap or best.strain > rule.pair_nats:
@@ -104,6 +107,13 @@ def _verdict(
     )
 
 
+def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
+    """Whether an effect is more than a nominal parameter within its uncertainty."""
+    effect = ranked.fit.effects[-1]
+    stds = [n.std for n in found.fitter.nuisances if n.kind is type(effect)]
+    return not stds or abs(effect.magnitude) > rule.nominal_stds * min(stds)
+
+
 def _excess(gap: float) -> float:
     """What a gap has above the floor, squared."""
     return max(gap**2 - 1.0, 0.0)
@@ -121,4 +131,3 @@ def _adds(first: Ranked, pair: Ranked, rule: Rules) -> bool:
     by_data = _excess(pair.gap) <= (1 - rule.pair_share) * _excess(first.gap)
     by_prior = first.strain - pair.strain >= 0.5 * rule.pair_nats
     return gain >= rule.pair_nats and (by_data or by_prior)
-

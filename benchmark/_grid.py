@@ -1,0 +1,187 @@
+"""A sweep's YAML file: checked field by field, then multiplied out to cells.
+
+A cell is given by the options of `bench run`, written as they are typed there.
+"""
+
+import difflib
+import itertools
+import reprlib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import yaml
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+
+from benchmark import commands, quantities
+from benchmark.errors import CommandError, UsageError
+from benchmark.run_spec import RunSpec
+
+
+def _text(value: object) -> object:
+    """A number as text, for options that are typed as text."""
+    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _path(value: object) -> object:
+    return Path(value) if isinstance(value, str) and value else value
+
+
+Text = Annotated[str, Field(min_length=1)]
+Typed = Annotated[str, BeforeValidator(_text)]
+File = Annotated[Path, BeforeValidator(_path)]
+
+
+class _Part(BaseModel):
+    """A piece of the file; fields it does not name are refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class Settings(_Part):
+    """Options of `bench run`; what is not given has the default it has there."""
+
+    backend: Text | None = None
+    task: Text | None = None
+    observation: Text | None = None
+    algo: Text | None = None
+    stick: Text | None = None
+    effects: Text | None = None
+    calibration: File | None = None
+    """A file that stands for effects and spread."""
+    radius: Typed | None = None
+    """A length, such as 3cm."""
+    speed: float | None = None
+    steps: Typed | None = None
+    """Training budget in environment steps, such as 2e6."""
+    seed: int | None = None
+    randomize: bool | None = None
+    smoke: bool | None = None
+
+
+class Slurm(_Part):
+    """What a cluster's scheduler is asked for, per cell."""
+
+    partition: Text | None = None
+    account: Text | None = None
+    cpus: Annotated[int, Field(ge=1)] = 1
+    """Cores; they change no result."""
+    memory_gb: Annotated[float, Field(gt=0)] = 8.0
+    setup: list[Text] = []
+    """Shell lines before the cell, such as 'module load python/3.11'."""
+    options: dict[str, str | int | bool] = {}
+    """Any other option of sbatch, without its dashes."""
+
+
+_Lists: Any = create_model(
+    "_Lists",
+    __base__=_Part,
+    **{
+        name: (Annotated[list[field.annotation], Field(min_length=1)] | None, None)  # type: ignore
+        for name, field in Settings.model_fields.items()
+    },
+)
+"""The same options, each with a list of values."""
+
+
+class _File(_Part):
+    defaults: Settings = Settings()
+    grid: _Lists = _Lists()
+    cells: list[Settings] = []
+    time_limit: Text = "24h"
+    slurm: Slurm = Slurm()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Choice:
+    """One cell as chosen: its options and the run they ask for."""
+
+    options: dict[str, Any]
+    """Options of `bench run`, by name."""
+    spec: RunSpec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grid:
+    """A sweep."""
+
+    choices: tuple[Choice, ...]
+    """The cells, none of them twice."""
+    time_limit_s: float
+    """A cell that takes longer is stopped [s]."""
+    slurm: Slurm
+
+
+def read_grid(path: Path) -> Grid:
+    """The sweep that a file describes; raises UsageError naming field, value and what is allowed.
+
+    The cells are `defaults` with every combination of the `grid`, then with each of the `cells`.
+    """
+    file = _checked(path)
+    lists = _given(file.grid)
+    if not lists and not file.cells:
+        raise UsageError(f"{path} has no cell; allowed: 'grid', 'cells' or both")
+    combinations = itertools.product(*lists.values()) if lists else ()
+    chosen = [dict(zip(lists, values, strict=True)) for values in combinations]
+    chosen += [_given(cell) for cell in file.cells]
+    choices = [_choice(path, {**_given(file.defaults), **options}) for options in chosen]
+    once: dict[str, Choice] = {}
+    for choice in choices:
+        once.setdefault(choice.spec.digest, choice)
+    return Grid(
+        choices=tuple(once.values()),
+        time_limit_s=quantities.duration_s(file.time_limit, f"{path}: time_limit"),
+        slurm=file.slurm,
+    )
+
+
+def _choice(path: Path, options: dict[str, Any]) -> Choice:
+    typed = ", ".join(f"{name}={value}" for name, value in options.items())
+    for name in ("backend", "task"):
+        if name not in options:
+            raise UsageError(f"{path}, cell ({typed}): {name} is missing (required)")
+    try:
+        defaults = {"algo": RunSpec.algo, "smoke": RunSpec.smoke}
+        spec = commands.settings(**{**defaults, **options})
+    except UsageError as error:
+        raise UsageError(f"{path}, cell ({typed}): {error}") from error
+    return Choice(options=options, spec=spec)
+
+
+def _given(part: BaseModel) -> dict[str, Any]:
+    return {name: value for name, value in part if value is not None}
+
+
+def _checked(path: Path) -> _File:
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return _File.model_validate({} if content is None else content)
+    except FileNotFoundError:
+        raise UsageError(f"no sweep file at {path}") from None
+    except OSError as error:
+        raise CommandError(f"{path} cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise UsageError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    except ValidationError as error:
+        raise UsageError(f"{path}: {'; '.join(_complaints(error))}") from error
+
+
+def _complaints(error: ValidationError) -> list[str]:
+    """What is wrong with the file: the field, its value, what is allowed."""
+    texts = []
+    for item in error.errors(include_url=False):
+        field = ".".join(map(str, item["loc"])) or "the file"
+        if item["type"] == "extra_forbidden":
+            texts.append(f"{field} is no setting; allowed: {_siblings(item['loc'])}")
+        else:
+            allowed = item["msg"].removeprefix("Input should be ")
+            texts.append(f"{field} is {reprlib.repr(item['input'])}; allowed: {allowed}")
+    return texts
+
+
+def _siblings(place: tuple[int | str, ...]) -> str:
+    """The names allowed at a place of the file, and the near one."""
+    model = Slurm if "slurm" in place[:-1] else Settings if len(place) > 1 else _File
+    names = sorted(model.model_fields)
+    near = difflib.get_close_matches(str(place[-1]), names, n=1, cutoff=0.5)
+    return ", ".join(names) + (f". Did you mean '{near[0]}'?" if near else "")

@@ -1,0 +1,245 @@
+"""`bench transfer`: finished policies evaluated in other worlds, one file per policy and world.
+
+What is evaluated here is turned into matrix, intervals and pictures by `leaderboard.transfer`,
+which needs the files alone.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from rich.table import Table
+
+from benchmark import registry, run, run_folder
+from benchmark.console import ERR
+from benchmark.effects import parse_effects
+from benchmark.errors import CommandError, UsageError
+from benchmark.evaluate import EVALUATION_SEED
+from benchmark.provenance import provenance, usable_cores
+from benchmark.run_spec import HANDS, RunSpec, within
+from leaderboard.transfer import COLUMNS, IDENTITY, agreement, matrix
+from leaderboard.transfer_files import write_transfer
+from leaderboard.transfer_text import FLOOR, interval, title
+
+REFERENCE = ("mujoco", "built")
+"""The stand-in for reality: its engine and effects."""
+FLOOR_SEED = EVALUATION_SEED + 1
+"""Decides the other initial states and headings that the noise floor starts from."""
+EPISODES_RANGE = (2, 10_000)
+EVALUATIONS = "evaluations"
+"""Folder of the single evaluations, in the output folder."""
+SUMMARY_FILE = "transfer.json"
+Worlds = Sequence[tuple[str, str]]
+"""Engines and effects of the worlds deployed in."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Policy:
+    """A finished run."""
+
+    folder: Path
+    spec: RunSpec
+    """The run that trained it, or the scripted baseline that it is."""
+    sha256: str
+    """Of the policy file; empty for a scripted baseline."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluation:
+    """One policy in one world."""
+
+    policy: Policy
+    train: str
+    """Name of the policy's own world."""
+    deploy: str
+    """Name of the world it is evaluated in."""
+    spec: RunSpec
+    """The policy's run, moved to that world."""
+    floor: bool
+    """Whether it starts from other initial states."""
+    episodes: int
+
+    @property
+    def seed(self) -> int:
+        """Decides the initial states."""
+        return FLOOR_SEED if self.floor else EVALUATION_SEED
+
+    @property
+    def file(self) -> str:
+        """A file name that no other evaluation has."""
+        world = [self.spec.backend, self.spec.world().digest]
+        policy = [self.policy.spec.digest, self.policy.sha256]
+        text = json.dumps([*policy, *world, self.seed, self.episodes])
+        key = hashlib.sha256(text.encode()).hexdigest()[:8]
+        floor = "-floor" if self.floor else ""
+        return f"{self.policy.spec.name}--{self.spec.backend}{floor}-{key}.parquet"
+
+
+def transfer(
+    sources: Sequence[Path],
+    deploy: str,
+    effects: Sequence[str],
+    out: Path,
+    episodes: int,
+    smoke_too: bool,
+    workers: int | None,
+) -> tuple[dict, Table]:
+    """Evaluate every policy in every world and write the matrix; what was found.
+
+    Evaluations that `out` holds already are read. One that fails leaves a gap and a reason.
+    """
+    within("--episodes", episodes, *EPISODES_RANGE)
+    worlds = _worlds(deploy, effects)
+    policies, left_out = _policies(sources, smoke_too)
+    plan = [item for policy in policies for item in _evaluations(policy, worlds, episodes)]
+    frames, problems = [], []
+    for number, item in enumerate(plan, 1):
+        try:
+            frames.append(_scores(item, out, workers or usable_cores(), f"{number}/{len(plan)}"))
+        except CommandError as error:
+            problems.append(f"{item.policy.spec.name} in {item.deploy}: {error}")
+            ERR.print(f"{number}/{len(plan)} {problems[-1]}", markup=False)
+    if all(frame["floor"].all() for frame in frames):
+        raise CommandError(f"no policy could be evaluated: {'; '.join(dict.fromkeys(problems))}")
+    scores = pd.concat(frames, ignore_index=True)
+    files = write_transfer(scores, " ".join(REFERENCE), [*left_out, *problems], out)
+    result, table = _summary(scores, [*files, out / SUMMARY_FILE], left_out, problems)
+    run_folder.write_atomically(out / SUMMARY_FILE, json.dumps(result, indent=2) + "\n")
+    return result, table
+
+
+def _worlds(deploy: str, effects: Sequence[str]) -> Worlds:
+    """The worlds to deploy in; raises UsageError for whatever is no engine or no effect."""
+    backends = [registry.check("backend", name.strip()) for name in deploy.split(",")]
+    sets = [text for given in effects for text in _sets(given)]
+    for text in sets:
+        parse_effects(text, HANDS[RunSpec.hand].HAND)
+    return list(dict.fromkeys((backend, text) for text in sets for backend in backends))
+
+
+def _sets(text: str) -> list[str]:
+    """The sets of effects in one option: 'built,none' names two, all else is one."""
+    items = [item.strip() for item in text.split(",")]
+    return items if set(items) <= {"built", "none"} else [text]
+
+
+def _policies(sources: Sequence[Path], smoke_too: bool) -> tuple[list[Policy], list[str]]:
+    """The policies in the sources, each once, and why others are left out."""
+    found: dict[str, Policy] = {}
+    left_out = []
+    for folder in _folders(sources):
+        try:
+            policy = _policy(folder, smoke_too)
+            found.setdefault(policy.spec.digest, policy)
+        except CommandError as error:
+            left_out.append(str(error))
+    if not found:
+        raise UsageError(f"no policy to deploy: {'; '.join(left_out)}")
+    return list(found.values()), left_out
+
+
+def _folders(sources: Sequence[Path]) -> Iterator[Path]:
+    for source in sources:
+        found = sorted(file.parent for file in source.rglob(run_folder.RUN_FILE))
+        yield from found or [source]
+
+
+def _policy(folder: Path, smoke_too: bool) -> Policy:
+    """The policy in a run folder; raises CommandError where there is none to be used."""
+    found = run_folder.read_run(folder)
+    if found["status"] != "done":
+        raise UsageError(f"{folder} is {found['status']}: {found['reason']}")
+    run_folder.check_policy(folder, found)
+    spec = run_folder.run_spec(found)
+    if spec.smoke and not smoke_too:
+        raise UsageError(f"{folder} is a smoke run; --smoke-too takes it")
+    return Policy(folder=folder, spec=spec, sha256=found["policy_sha256"] or "")
+
+
+def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluation]:
+    """A policy in every world and in its own, and again in its own and in the reference."""
+    moved = {f"{b} {e}": replace(policy.spec, backend=b, effects=e) for b, e in worlds}
+    home = _same(policy.spec, moved) or f"{policy.spec.backend} {policy.spec.effects}"
+    moved.setdefault(home, policy.spec)
+    again = dict.fromkeys(name for name in (home, " ".join(REFERENCE)) if name in moved)
+    places = [(name, False) for name in moved] + [(name, True) for name in again]
+    return [
+        Evaluation(
+            policy=policy,
+            train=home,
+            deploy=name,
+            spec=moved[name],
+            floor=floor,
+            episodes=episodes,
+        )
+        for name, floor in places
+    ]
+
+
+def _same(spec: RunSpec, moved: dict[str, RunSpec]) -> str | None:
+    """The name of the world that equals a run's own, whatever its effects are called."""
+    digest = spec.world().digest
+    equal = (
+        n for n, m in moved.items() if m.backend == spec.backend and m.world().digest == digest
+    )
+    return next(equal, None)
+
+
+def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFrame:
+    """The episodes of one evaluation with what identifies them; evaluated unless on disk."""
+    path = out / EVALUATIONS / item.file
+    if not path.exists():
+        floor = ", other initial states" if item.floor else ""
+        ERR.print(f"{number} {item.policy.spec.name} in {item.deploy}{floor}", markup=False)
+        options = {"episodes": item.episodes, "seed": item.seed}
+        found = run.deploy(item.spec, item.policy.folder, workers, **options)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        run.write_episodes(found, path)
+    spec = asdict(item.policy.spec)
+    shared = {name: spec[name] for name in (*IDENTITY, "seed")}
+    shared |= {"policy": item.policy.spec.name, "train": item.train}
+    shared |= {"deploy": item.deploy, "floor": item.floor}
+    return _read(path).assign(**shared)[list(COLUMNS)]
+
+
+def _read(path: Path) -> pd.DataFrame:
+    try:
+        return pd.read_parquet(path)
+    except (OSError, ValueError) as error:
+        raise CommandError(
+            f"{path} cannot be read ({error}); remove it to evaluate again"
+        ) from error
+
+
+def _summary(
+    episodes: pd.DataFrame, files: Sequence[Path], left_out: list[str], problems: list[str]
+) -> tuple[dict, Table]:
+    lines = matrix(episodes).to_dict("records")
+    table = Table(header_style="bold")
+    for column in ("policy", "trained in", "deployed in", "seeds", "tracked", "retention", FLOOR):
+        table.add_column(column, overflow="fold")
+    for line in lines:
+        scores = (interval(line, "tracked", 2), interval(line, "retention", 2))
+        where = (line["train"], line["deploy"], str(line["seeds"]))
+        table.add_row(title(line), *where, *scores, interval(line, "floor", 2))
+    return {
+        "status": "failed" if problems else "done",
+        "written": [str(file) for file in files],
+        "reference": " ".join(REFERENCE),
+        "matrix": _plain(lines),
+        "agreement": _plain(agreement(episodes, " ".join(REFERENCE)).to_dict("records")),
+        "left_out": left_out,
+        "problems": problems,
+        "provenance": provenance(),
+    }, table
+
+
+def _plain(lines: Iterable[dict]) -> list[dict[str, Any]]:
+    """The lines with None for what is not known."""
+    return [
+        {name: None if pd.isna(value) else value for name, value in line.items()} for line in lines
+    ]
