@@ -32,6 +32,8 @@ class Ranked:
     """Squared residuals on held-out samples, compressed, shape (n,)."""
     plain: Array
     """The same as they are."""
+    unrest: float
+    """See `Evidence.unrest`."""
 
     @property
     def joints(self) -> tuple[str | None, ...]:
@@ -55,7 +57,7 @@ class Attribution:
     def __init__(
         self, evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
     ) -> None:
-        self.fitter = Fitter(evidence, nuisances(catalogue, evidence.nominal, uncertainty))
+        self.fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
         self._candidates = candidates(catalogue, evidence)
         zeros = np.zeros(len(self.fitter.nuisances))
         self.before = self._ranked((), Fit(effects=(), deviations=zeros, cost=0.0))
@@ -126,4 +128,5 @@ class Attribution:
             self.fitter.residual(fit.effects, fit.deviations, True, compress) ** 2
             for compress in (True, False)
         )
-        return Ranked(names=names, fit=fit, judged=judged, plain=plain)
+        unrest = self.fitter.unrest(fit)
+        return Ranked(names=names, fit=fit, judged=judged, plain=plain, unrest=unrest)

@@ -10,19 +10,29 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.effect import Effect, NumberEffect
+from backends.effects import (
+    coulomb_friction,
+    gear_damping,
+    kd_scale,
+    kp_scale,
+    link_mass,
+    rotor_inertia,
+    series_elasticity,
+    viscous_friction,
+)
 from backends.spec import Spec
 from diagnosis.evidence import Evidence
 from diagnosis.fit import Nuisance
 
-NOMINAL = (
-    "kp-scale",
-    "kd-scale",
-    "coulomb-friction",
-    "viscous-friction",
-    "rotor-inertia",
-    "link-mass",
-    "series-elasticity",
-    "gear-damping",
+NOMINAL: tuple[type[NumberEffect], ...] = (
+    kp_scale.Effect,
+    kd_scale.Effect,
+    coulomb_friction.Effect,
+    viscous_friction.Effect,
+    rotor_inertia.Effect,
+    link_mass.Effect,
+    series_elasticity.Effect,
+    gear_damping.Effect,
 )
 """Effects whose numbers are nominal parameters: known, but only so well."""
 RANDOM = ("command-dropout", "encoder-noise", "encoder-resolution")
@@ -30,7 +40,7 @@ RANDOM = ("command-dropout", "encoder-noise", "encoder-resolution")
 LEVELS: dict[str, tuple[float, ...]] = {
     "share": (0.1, 0.3, 0.8, 2.5),
     "torque": (0.01, 0.04, 0.15, 0.6),
-    "damping": (0.1, 0.4, 1.5),
+    "damping": (0.025, 0.1, 0.4, 1.5),
     "inertia": (0.2, 0.8, 3.0),
     "angle": (0.005, 0.02, 0.08, 0.25),
     "time": (0.002, 0.006, 0.02, 0.05),
@@ -49,15 +59,12 @@ class Candidate:
     levels: tuple[float, ...]
 
 
-def nuisances(catalogue: Mapping[str, type[Effect]], nominal: Spec, share: float) -> list[Nuisance]:
+def nuisances(nominal: Spec, share: float) -> list[Nuisance]:
     """The nominal parameters of every joint, each uncertain by `share` of its value."""
     found = []
-    for name in NOMINAL:
-        kind = catalogue.get(name)
-        if kind is None or not issubclass(kind, NumberEffect):
-            continue
-        values = nominal.values(kind.number)
-        for joint, value in zip(nominal.hand.joint_names, _driven(nominal, values), strict=True):
+    for kind in NOMINAL:
+        values = _driven(nominal, nominal.values(kind.number))
+        for joint, value in zip(nominal.hand.joint_names, values, strict=True):
             std = share if kind.dimension == "share" else share * value
             if std > 0 and value != 0:
                 found.append(Nuisance(kind=kind, joint=joint, std=std))

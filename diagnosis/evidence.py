@@ -4,6 +4,7 @@ A limb is a part of the mechanism that moves by itself in free air, such as a fi
 is a vector of residuals over their standard deviations, position, motor and torque alike.
 """
 
+import dataclasses
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,6 +26,8 @@ LEAST_SAMPLES = 100
 """An episode shorter than this is left out."""
 FAR = 1e4
 """Residuals end here: a candidate that is unstable is merely very bad."""
+NUDGE_RAD = 1e-5
+"""A shift of the start that no sensor shows [rad]."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
 REST_SAMPLES = 3
@@ -82,6 +85,25 @@ class Evidence:
                 parts.append(((recording.measured - shown) / self.sigma)[mask])
         flat = np.clip(np.nan_to_num(np.concatenate(parts), nan=FAR), -FAR, FAR)
         return CORE * np.arcsinh(flat / CORE) if compress else flat
+
+    def unrest(self, effects: Sequence[Effect]) -> float:
+        """How far a candidate strays from itself when it starts by `NUDGE_RAD` elsewhere.
+
+        Root mean square on the samples for judging, compressed like residuals. Play rattles: from
+        starts that no sensor tells apart, a joint takes other ways, so no world fits better.
+        """
+        spec = self.world(effects)
+        rows = [CHANNELS.index(name) for name in USED]
+        parts = []
+        for recording, mask in zip(self.recordings, self._masks[True], strict=True):
+            if mask.any():
+                moved = dataclasses.replace(
+                    recording.commands, start=recording.commands.start + NUDGE_RAD
+                )
+                ways = [replay(spec, c)[rows] for c in (recording.commands, moved)]
+                parts.append(((ways[0] - ways[1]) / self.sigma)[mask])
+        apart = CORE * np.arcsinh(np.concatenate(parts) / CORE)
+        return float(np.sqrt(np.mean(np.nan_to_num(apart, nan=FAR) ** 2)))
 
     @cached_property
     def _masks(self) -> dict[bool | None, list[Array]]:

@@ -80,8 +80,15 @@ class Fitter:
     ) -> Array:
         """Residuals of a candidate, see `Evidence.residual`; by default of the fitting samples."""
         self.replays += 1
-        shifted = [n.at(d) for n, d in zip(self.nuisances, deviations, strict=True) if d != 0.0]
-        return self.evidence.residual([*shifted, *effects], judged, compress)
+        return self.evidence.residual(self._all(effects, deviations), judged, compress)
+
+    def unrest(self, fit: Fit) -> float:
+        """See `Evidence.unrest`."""
+        return self.evidence.unrest(self._all(fit.effects, fit.deviations))
+
+    def _all(self, effects: Iterable[Effect], deviations: Array) -> list[Effect]:
+        pairs = zip(self.nuisances, deviations, strict=True)
+        return [*(n.at(d) for n, d in pairs if d != 0.0), *effects]
 
     def cost(self, effects: Iterable[Effect], deviations: Array) -> float:
         """See `Fit.cost`."""

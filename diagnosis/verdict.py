@@ -122,7 +122,8 @@ def _excess(gap: float) -> float:
 def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
     if candidate.gap <= rule.settled_gap:
         return True
-    return _excess(candidate.gap) <= (1 - rule.explained_share) * _excess(nominal.gap)
+    allowed = (1 - rule.explained_share) * _excess(nominal.gap) + candidate.unrest**2
+    return _excess(candidate.gap) <= allowed
 
 
 def _adds(first: Ranked, pair: Ranked, rule: Rules) -> bool:
