@@ -87,7 +87,8 @@ class Attribution:
     ) -> list[Ranked]:
         around = base.fit
         profile = Profile(self.fitter, around)
-        tried = [self._coarse(profile, around, c) for c in self._candidates]
+        fresh = [c for c in self._candidates if not _there(c, around)]
+        tried = [self._coarse(profile, around, c) for c in fresh]
         tried.sort(key=lambda pair: pair[1].cost)
         last = len(around.effects)
         searched = [(c, profile.search(fit, last, 3.0)) for c, fit in tried[:refined]]
@@ -130,3 +131,9 @@ class Attribution:
         )
         unrest = self.fitter.unrest(fit)
         return Ranked(names=names, fit=fit, judged=judged, plain=plain, unrest=unrest)
+
+
+def _there(candidate: Candidate, fit: Fit) -> bool:
+    """Whether a fit has the candidate's effect on the same joints, or on some of them."""
+    same = [e.joint for e in fit.effects if type(e) is candidate.kind]
+    return any(joint == candidate.joint or None in (joint, candidate.joint) for joint in same)
