@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from benchmark import errors
+from benchmark import blind_cli, errors
 from benchmark.console import ERR, divert_stdout, emit, row_table
 
 app = typer.Typer(
@@ -22,6 +22,7 @@ app = typer.Typer(
     rich_markup_mode="rich",
     pretty_exceptions_enable=False,
 )
+app.add_typer(blind_cli.app, name="blind")
 
 Backend = Annotated[str, typer.Option(help="Physics engine: mujoco, bullet or sapien.")]
 TaskName = Annotated[str, typer.Option(help="Figure to draw: line, circle, spiral or eight.")]
@@ -53,6 +54,10 @@ def run(
     algo: Annotated[str, typer.Option(help="sb3-ppo, rsl-ppo, hold-still or random.")] = "sb3-ppo",
     stick: Stick = None,
     effects: Effects = None,
+    calibration: Annotated[
+        Path | None,
+        typer.Option(help="A calibration.yaml: its world and spread instead of --effects."),
+    ] = None,
     radius: Radius = None,
     speed: Speed = None,
     steps: Annotated[
@@ -87,6 +92,7 @@ def run(
         algo=algo,
         stick=stick,
         effects=effects,
+        calibration=calibration,
         radius=radius,
         speed=speed,
         steps=steps,
@@ -138,12 +144,20 @@ def evaluate(
 
 @app.command()
 def view(
-    run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
-    out: Annotated[Path, typer.Option(help="Picture to write, such as view.png.")],
+    run_folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN", help="Folder of a run; curve takes several.")
+    ],
+    out: Annotated[Path, typer.Option(help="File to write: .png, or .mp4 or .gif for a video.")],
     kind: Annotated[
-        str, typer.Option(help="figure: the drawn paths; hand: the grasp at one moment.")
-    ] = "figure",
-    episodes: Annotated[int, typer.Option(help="Fixed episodes to replay, 1 to 100.")] = 10,
+        str | None,
+        typer.Option(
+            help="figure: drawn paths; joints: targets and positions over a lap; touch: contact "
+            "positions and taxels; hand: the grasp; curve: learning. (figure; hand for a video)"
+        ),
+    ] = None,
+    episodes: Annotated[
+        int | None, typer.Option(help="Fixed episodes to replay, 1 to 100. (figure 10, else 1)")
+    ] = None,
     time: Annotated[
         float | None, typer.Option(help="Second of episode 0 that `hand` shows, 0.02 to 6. (2)")
     ] = None,
@@ -154,15 +168,85 @@ def view(
     workers: Workers = None,
     as_json: Json = False,
 ) -> None:
-    """Replay a run's policy and draw it: the paths of the stick's lower end, or the hand.
+    """Draw a run: the paper's figures, the hand at a moment, a video, or learning curves.
 
-    Example: [bold]bench view runs/NAME --kind hand --time 3 --out hand.png[/bold]
+    Example: [bold]bench view runs/NAME --out video.mp4[/bold]
     """
     from benchmark import commands
     from benchmark.view import view
 
     changes = commands.changes(backend=backend, effects=effects)
-    emit(view(run_folder, out, kind, changes, episodes, time, workers), as_json)
+    emit(view(run_folders, out, kind, changes, episodes, time, workers), as_json)
+
+
+@app.command()
+def sweep(
+    file: Annotated[
+        Path, typer.Argument(metavar="FILE.yaml", help="The grid; see docs/sweeps.md.")
+    ],
+    out: Out = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", help="Cells at a time, one core each. (all cores)", min=1),
+    ] = None,
+    slurm: Annotated[
+        bool, typer.Option("--slurm", help="Submit the cells to a Slurm cluster and wait.")
+    ] = False,
+    partition: Annotated[
+        str | None, typer.Option(help="Partition of the cluster. (the file's)")
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", help="Name the cells and the time they will take.")
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Run every cell of a grid that is not finished yet; a cell that fails leaves the others alone.
+
+    Example: [bold]bench sweep sweeps/smoke.yaml -j 2[/bold]
+    """
+    from benchmark import sweep as sweeps
+
+    if dry_run:
+        plan, table = sweeps.preview(file, out, jobs)
+        emit(plan, as_json, table)
+        return
+    result, table = sweeps.sweep(file, out, jobs, slurm, partition)
+    emit(result, as_json, table)
+    if result["status"] != "done":
+        raise typer.Exit(1)
+
+
+@app.command()
+def transfer(
+    runs: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Finished runs, or folders of them.")
+    ],
+    out: Annotated[Path, typer.Option(help="Folder to write to; what it holds is not redone.")],
+    deploy: Annotated[
+        str, typer.Option(help="Engines to deploy in, between commas.")
+    ] = "mujoco,bullet,sapien",
+    effects: Annotated[
+        list[str] | None,
+        typer.Option(help="Effects to deploy with; give it once per set. (built,none: each alone)"),
+    ] = None,
+    episodes: Annotated[int, typer.Option(help="Episodes per policy and world, 2 to 10000.")] = 100,
+    smoke_too: Annotated[
+        bool, typer.Option("--smoke-too", help="Take smoke runs as well.")
+    ] = False,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Evaluate policies in other worlds: train x deploy matrix, retention, rank agreement.
+
+    Example: [bold]bench transfer runs --deploy mujoco,bullet --out transfer[/bold]
+    """
+    from benchmark import transfer as transfers
+
+    sets = effects or ["built,none"]
+    result, table = transfers.transfer(runs, deploy, sets, out, episodes, smoke_too, workers)
+    emit(result, as_json, table)
+    if result["status"] != "done":
+        raise typer.Exit(1)
 
 
 @app.command()
@@ -175,15 +259,192 @@ def leaderboard(
     add: Annotated[
         bool, typer.Option("--add", help="Copy the rows into OUT/results, to keep them.")
     ] = False,
+    html: Annotated[
+        bool, typer.Option(help="Write leaderboard.html too; it shows OUT/figures/*.png.")
+    ] = True,
     as_json: Json = False,
 ) -> None:
-    """Write leaderboard.csv and leaderboard.md from run folders or kept result rows.
+    """Write leaderboard.csv, .md and .html from run folders or kept result rows.
 
     Example: [bold]bench leaderboard runs --out leaderboard[/bold]
     """
     from benchmark import commands
 
-    emit(commands.leaderboard(sources or [], out, add), as_json)
+    emit(commands.leaderboard(sources or [], out, add, html), as_json)
+
+
+@app.command()
+def record(
+    backend: Backend,
+    out: Annotated[Path, typer.Option(help="Folder of the log; must not exist yet.")],
+    protocol: Annotated[
+        str,
+        typer.Option(help="all, or some of steps,triangle,multisine,push,grasp,policy."),
+    ] = "all",
+    effects: Effects = None,
+    known_effects: Annotated[
+        str, typer.Option(help="Effects that the log names as known; all others it keeps secret.")
+    ] = "none",
+    stick: Stick = None,
+    policy: Annotated[
+        Path | None, typer.Option(help="Run folder of the policy that the protocol 'policy' plays.")
+    ] = None,
+    channels: Annotated[
+        str,
+        typer.Option(
+            help="all, or some of motor,torque,velocity,push,touch,stick, or contact for touch as "
+            "yes or no; command and position are always there."
+        ),
+    ] = "all",
+    rate: Annotated[float, typer.Option(help="Samples per second.")] = 200.0,
+    variants: Annotated[
+        int, typer.Option(help="Episodes per protocol, each with other phases and grips.", min=1)
+    ] = 1,
+    repeats: Annotated[
+        int, typer.Option(help="Times that each is repeated with other sensor noise.", min=1)
+    ] = 1,
+    seed: Annotated[int, typer.Option(help="Decides every phase, grip and noise.")] = 0,
+    form: Annotated[str, typer.Option(help="Form of the samples: parquet or csv.")] = "parquet",
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Put an engine through the excitation protocols and write a log as a robot's would be.
+
+    The log names hand and stick; the effects stand in its provenance.json, which nothing reads.
+
+    Example: [bold]bench record --backend mujoco --effects backlash=1.5deg@J3 --out logs/one[/bold]
+    """
+    from benchmark import record as records
+
+    world = records.world(backend, effects, known_effects, stick, policy, workers)
+    plan = records.plan(world, protocol, channels, rate, variants, repeats, seed)
+    emit(records.record(world, plan, out, form), as_json)
+
+
+@app.command()
+def excite(
+    out: Annotated[Path, typer.Option(help="CSV file to write, such as commands.csv.")],
+    protocol: Annotated[
+        str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
+    ] = "all",
+    joints: Annotated[
+        str | None, typer.Option(help="Names of your joints between commas. (the TRX hand's)")
+    ] = None,
+    ranges: Annotated[
+        str | None,
+        typer.Option("--range", help="Where they may move: -60:60deg, 0:0.2m; one, or one each."),
+    ] = None,
+    limit: Annotated[
+        float | None, typer.Option(help="Largest drive torque [Nm] or force [N]; for the push.")
+    ] = None,
+    rate: Annotated[float, typer.Option(help="Samples per second, 20 to 1000.")] = 200.0,
+    one_at_a_time: Annotated[
+        bool, typer.Option("--one-at-a-time", help="An episode for each joint, the others held.")
+    ] = False,
+    seed: Annotated[int, typer.Option(help="Decides orders, signs and phases.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Write commands that tell effects apart, for your own robot to play and log.
+
+    Example: [bold]bench excite --joints shoulder,elbow --range=-60:60deg --out commands.csv[/bold]
+    """
+    from benchmark import logs
+
+    result = logs.excite(out, protocol, joints, ranges, limit, rate, seed, one_at_a_time)
+    emit(result, as_json)
+
+
+@app.command("import")
+def import_logs(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="emps, bam or play-test.")],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="Recorded file or folder of them.")],
+    out: Annotated[Path, typer.Option(help="Folder of the log, or of several.")],
+    form: Annotated[str, typer.Option(help="Form of the samples: parquet or csv.")] = "parquet",
+    as_json: Json = False,
+) -> None:
+    """Bring a known recording of real hardware into the log format, with its mechanism.
+
+    Example: [bold]bench import emps DATA_EMPS.mat --out logs/emps[/bold]
+    """
+    from benchmark import logs
+
+    emit(logs.import_logs(kind, path, out, form), as_json)
+
+
+@app.command()
+def calibrate(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")],
+    backend: Annotated[
+        str, typer.Option(help="Physics engine that stands for the nominal world.")
+    ] = "mujoco",
+    nominal_effects: Annotated[
+        str | None,
+        typer.Option(help="Effects of the nominal world, as for --effects. (those the log names)"),
+    ] = None,
+    threshold: Annotated[
+        str | None,
+        typer.Option(help="Pressed depth that counts as contact, such as 0.3mm. (from the noise)"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Decides every draw of the search.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. (calibrations/LOG)")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Calibrate the nominal world to a log: gains by CMA-ES, play by the push test, and the skin.
+
+    Writes calibration.yaml, which `bench run --calibration` takes, and a picture per joint.
+
+    Example: [bold]bench calibrate logs/one --out calibrations/one[/bold]
+    """
+    from benchmark import calibrate as calibrations
+
+    settings = calibrations.Settings(
+        path=log,
+        backend=backend,
+        nominal_effects=nominal_effects,
+        threshold=threshold,
+        seed=seed,
+        workers=workers,
+    )
+    result, table = calibrations.run(settings, out, force)
+    emit(result, as_json, table)
+
+
+@app.command()
+def diagnose(
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")],
+    nominal: Annotated[
+        str,
+        typer.Option(
+            help="Engine of the nominal world. Replays are compiled, for any engine alike; the "
+            "nominal one is held against this engine, and a difference that matters is a warning."
+        ),
+    ] = "mujoco",
+    effects_known: Annotated[
+        str | None,
+        typer.Option(help="Effects of the nominal world, as for --effects. (those the log names)"),
+    ] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. (diagnoses/LOG)")] = None,
+    force: Annotated[bool, typer.Option("--force", help="Replace what is in the folder.")] = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Cores to judge fingers on; changes no result. (all)", min=1)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say where a log departs from the nominal world, which effect explains it, and how well.
+
+    Writes diagnosis.json and report.html.
+
+    Example: [bold]bench diagnose logs/one --effects-known built[/bold]
+    """
+    from benchmark import diagnose as diagnoses
+
+    settings = diagnoses.Settings(
+        path=log, nominal=nominal, effects_known=effects_known, workers=workers
+    )
+    result, summary = diagnoses.run(settings, out, force)
+    emit(result, as_json, summary)
 
 
 @app.command("list")
@@ -204,14 +465,28 @@ def list_parts(
 
 
 @app.command()
-def doctor(as_json: Json = False) -> None:
+def doctor(
+    physics: Annotated[
+        bool,
+        typer.Option("--physics", help="Hold engines to closed forms and to one another (1 min)."),
+    ] = False,
+    backend: Annotated[
+        str | None, typer.Option(help="With --physics: the one engine to check. (all)")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="With --physics: Markdown file for tables and reasons.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
     """Check every engine and learner: version, whether it works, and what would mend it.
 
-    Example: [bold]bench doctor[/bold]
+    Example: [bold]bench doctor[/bold], or [bold]bench doctor --physics --backend bullet[/bold]
     """
-    from benchmark.doctor import examine
+    from benchmark.doctor import examine, examine_physics
 
-    result, table = examine()
+    if not physics and (backend or out):
+        raise errors.UsageError("--backend and --out belong to --physics: add it or leave them out")
+    result, table = examine_physics(backend, out) if physics else examine()
     emit(result, as_json, table)
     if not result["ok"]:
         raise typer.Exit(1)

@@ -18,6 +18,7 @@ _KINDS = {
     "observation": ("tasks/observations", "Observation"),
     "algorithm": ("baselines", "Baseline"),
     "effect": ("backends/effects", "Effect"),
+    "importer": ("diagnosis/importers", "Importer"),
 }
 _INSTALL = "pip install -c constraints.txt -e ."
 KINDS = tuple(_KINDS)

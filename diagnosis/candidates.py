@@ -115,9 +115,9 @@ def scale_of(kind: type[Effect], evidence: Evidence, joint: str | None) -> float
 
 def _levels(kind: type[Effect], scale: float) -> tuple[float, ...]:
     sizes = [scale * level for level in LEVELS[kind.dimension]]
-    both = [-m for m in reversed(sizes)] + sizes
     low, high = kind.bounds
-    return tuple(m for m in both if low <= m <= high)
+    inside = {min(max(m, low), high) for size in sizes for m in (-size, size)}
+    return tuple(sorted(inside - {0.0}))
 
 
 def _mechanical(kind: type[Effect]) -> bool:

@@ -1,9 +1,10 @@
 """The diagnosis of a log: where the gap lies, which effect causes it, how far it shrinks."""
 
 import math
-import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -12,35 +13,20 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribute import Ranked
 from diagnosis.evidence import Evidence, gather
+from diagnosis.excitation import FREE
+from diagnosis.experiments import Trials, tie, told_of
 from diagnosis.locate import Place, locate
-from diagnosis.log import Log
+from diagnosis.log import Log, LogError
+from diagnosis.magnitudes import Magnitude, magnitudes, merge
 from diagnosis.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
 
-Z90 = 1.645
-"""Half width of a 90 % interval in standard deviations."""
 BLOCK, RESAMPLES = 50, 400
 """Samples that are resampled together, and how often, for intervals over held-out samples."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Magnitude:
-    """A fitted effect."""
-
-    effect: str
-    joint: str | None
-    """None: every joint that the effect concerns."""
-    value: float
-    """In `unit`."""
-    unit: str
-    interval: tuple[float, float]
-    """90 % interval in `unit`."""
-    joints: tuple[str, ...] = ()
-    """Joints that it was found on."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Share:
-    """A share with its 90 % interval."""
+    """A share, or a gap, with its 90 % interval."""
 
     value: float
     interval: tuple[float, float]
@@ -58,6 +44,8 @@ class Diagnosis:
     """Per limb, what was tried: effects, joints, magnitudes, cost in nats and held-out gap."""
     indistinguishable: tuple[dict, ...]
     """Effects that this log cannot tell apart, and the experiment that would."""
+    unseen: tuple[str, ...]
+    """Joints of which this log tells nothing."""
     where: tuple[Place, ...]
     gap_before: float
     gap_nominal: float
@@ -68,23 +56,52 @@ class Diagnosis:
     """Of the squared gap above the floor, by the verdict."""
     shrinkage_nominal: Share
     """The same by the refit of nominal parameters alone."""
+    gaps: Mapping[str, Share]
+    """The gaps before, nominal and after with their intervals."""
     cpu_s: float
+    """Of this process and those that it waited for [s]."""
     limbs: tuple[LimbVerdict, ...] = field(repr=False)
     """The verdicts behind, per limb, with everything that was fitted."""
+
+    def row(self) -> dict:
+        """As plain data, without the fits."""
+        said = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "limbs"}
+        return said | {
+            "verdict": list(self.verdict),
+            "joints": list(self.joints),
+            "unseen": list(self.unseen),
+            "magnitudes": [asdict(m) for m in self.magnitudes],
+            "where": [place.row() for place in self.where],
+            "shrinkage": asdict(self.shrinkage),
+            "shrinkage_nominal": asdict(self.shrinkage_nominal),
+            "gaps": {name: asdict(gap) for name, gap in self.gaps.items()},
+        }
+
+
+@dataclass(frozen=True, kw_only=True)
+class Judged:
+    """One limb's verdict, and what its evidence cannot tell from it."""
+
+    verdict: LimbVerdict
+    ties: tuple[dict, ...]
+
+
+Judge = Callable[[Evidence], Judged]
+SideBySide = Callable[[Judge, Sequence[Evidence]], Iterable[Judged]]
+"""Like `map`, maybe on several cores: the judge of each limb in order."""
 
 
 def diagnose(
     log: Log,
     nominal: Spec,
     catalogue: Mapping[str, type[Effect]],
-    judge_all: Callable[[list[Evidence]], list[LimbVerdict]] | None = None,
+    side_by_side: SideBySide = map,
 ) -> Diagnosis:
-    """The diagnosis of `log` against the nominal world.
+    """The diagnosis of `log` against the nominal world; limbs are judged by `side_by_side`.
 
-    `judge_all` may judge limbs side by side; by default one after the other. Raises LogError where
-    nothing can be said.
+    Raises LogError where nothing can be said.
     """
-    began = time.process_time()
+    began_s = _cpu_s()
     rule = rules()
     floor = {
         "position": rule.floor_position_rad,
@@ -92,19 +109,47 @@ def diagnose(
         "torque": rule.floor_torque_share,
     }
     parts = gather(log, nominal, floor)
+    told = [told_of(part, catalogue) for part in parts]
+    if not any(told):
+        raise LogError(
+            "not identifiable from this log: no joint moves or is pushed enough to show a change "
+            f"of any nominal parameter; record {', '.join(FREE)}"
+        )
     uncertainty = log.meta.nominal_uncertainty
-    if judge_all is None:
-        limbs = [judge(part, catalogue, uncertainty) for part in parts]
-    else:
-        limbs = judge_all(list(parts))
-    return _assemble(parts, limbs, time.process_time() - began)
+    judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
+    clear = [part for part, joints in zip(parts, told, strict=True) if joints]
+    limbs = list(side_by_side(judge_one, clear))
+    seen = {joint for joints in told for joint in joints}
+    unseen = tuple(joint for part in parts for joint in part.joints if joint not in seen)
+    return _assemble(parts, limbs, unseen, began_s)
 
 
-def _assemble(parts: Sequence[Evidence], limbs: Sequence[LimbVerdict], cpu_s: float) -> Diagnosis:
+def judge_limb(
+    evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+) -> Judged:
+    """The verdict on one limb and its ties, each with the experiment that would break it."""
+    limb = judge(evidence, catalogue, uncertainty)
+    trials = Trials(limb) if limb.tied else None
+    ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)
+    return Judged(verdict=limb, ties=ties)
+
+
+def _cpu_s() -> float:
+    """CPU time of this process and of the children it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+def _assemble(
+    parts: Sequence[Evidence],
+    judged: Sequence[Judged],
+    unseen: tuple[str, ...],
+    began_s: float,
+) -> Diagnosis:
+    limbs = [one.verdict for one in judged]
     guilty = [limb for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
-    magnitudes = _merge([m for limb in guilty for m in _magnitudes(limb)])
+    found = merge([m for limb in guilty for m in magnitudes(limb)])
     unknown = [limb for limb in limbs if limb.names == (UNKNOWN,)]
-    verdict = tuple(dict.fromkeys(m.effect for m in magnitudes))
+    verdict = tuple(dict.fromkeys(m.effect for m in found))
     verdict += (UNKNOWN,) if unknown else ()
     before, nominal, after = (
         np.concatenate([of(limb) for limb in limbs])
@@ -114,100 +159,55 @@ def _assemble(parts: Sequence[Evidence], limbs: Sequence[LimbVerdict], cpu_s: fl
             lambda limb: limb.chosen.plain,
         )
     )
-    accused = {joint for m in magnitudes for joint in m.joints}
+    gaps = {"before": gap(before), "nominal": gap(nominal), "after": gap(after)}
+    accused = {joint for m in found for joint in m.joints}
     strange = {joint for limb in unknown for joint in _worst(limb)}
     return Diagnosis(
         verdict=verdict or (NONE,),
         joints=tuple(j for p in parts for j in p.joints if j in accused | strange),
-        magnitudes=magnitudes,
+        magnitudes=found,
         confidence=math.prod(limb.confidence for limb in (guilty or limbs)),
         ranking=tuple(row for limb in limbs for row in _ranking(limb)),
-        indistinguishable=tuple(row for limb in limbs for row in _ties(limb)),
+        indistinguishable=tuple(row for one in judged for row in one.ties),
+        unseen=unseen,
         where=tuple(locate(parts)),
-        gap_before=_rms(before),
-        gap_nominal=_rms(nominal),
-        gap_after=_rms(after),
+        gap_before=gaps["before"].value,
+        gap_nominal=gaps["nominal"].value,
+        gap_after=gaps["after"].value,
         noise_floor=1.0,
         shrinkage=shrinkage(before, after),
         shrinkage_nominal=shrinkage(before, nominal),
-        cpu_s=cpu_s,
+        gaps=gaps,
+        cpu_s=_cpu_s() - began_s,
         limbs=tuple(limbs),
     )
 
 
 def shrinkage(before: Array, after: Array, seed: int = 0) -> Share:
     """How much of the squared gap above the noise is gone, from squared held-out residuals."""
-    count = len(before) // BLOCK
-    blocks = [v[: count * BLOCK].reshape(count, BLOCK).mean(axis=1) for v in (before, after)]
+    return _resampled(_gone, (before, after), seed)
+
+
+def gap(squares: Array, seed: int = 0) -> Share:
+    """Root mean square over the noise, from squared held-out residuals."""
+    return _resampled(np.sqrt, (squares,), seed)
+
+
+def _resampled(of: Callable[..., float], squares: tuple[Array, ...], seed: int) -> Share:
+    """A function of the means of squares, with the interval that resampled blocks give."""
+    size = min(BLOCK, len(squares[0]))
+    count = len(squares[0]) // size
+    blocks = [v[: count * size].reshape(count, size).mean(axis=1) for v in squares]
     draws = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
-    resampled = [_gone(blocks[0][d].mean(), blocks[1][d].mean()) for d in draws]
+    resampled = [of(*(b[d].mean() for b in blocks)) for d in draws]
     low, high = np.percentile(resampled, [5, 95])
-    return Share(value=_gone(before.mean(), after.mean()), interval=(float(low), float(high)))
+    value = of(*(v.mean() for v in squares))
+    return Share(value=float(value), interval=(float(low), float(high)))
 
 
 def _gone(before: float, after: float) -> float:
     excess = before - 1.0
     return float(1 - max(after - 1.0, 0.0) / excess) if excess > 1e-9 else 0.0
-
-
-def _rms(squares: Array) -> float:
-    return float(np.sqrt(squares.mean()))
-
-
-def _magnitudes(limb: LimbVerdict) -> list[Magnitude]:
-    fitter, fit = limb.attribution.fitter, limb.chosen.fit
-    found = []
-    for index, (name, effect) in enumerate(zip(limb.names, fit.effects, strict=True)):
-        size = UNITS[effect.unit][1]
-        width = np.exp(min(Z90 * fitter.spread(fit, index), 50.0))
-        ends = sorted((effect.magnitude / width / size, effect.magnitude * width / size))
-        found.append(
-            Magnitude(
-                effect=name,
-                joint=effect.joint,
-                value=effect.magnitude / size,
-                unit=effect.unit,
-                interval=(ends[0], ends[1]),
-                joints=_concerned(effect, fitter.evidence),
-            )
-        )
-    return found
-
-
-def _concerned(effect: Effect, evidence: Evidence) -> tuple[str, ...]:
-    """Joints of a limb that an effect acts on."""
-    if effect.joint is not None:
-        return (effect.joint,)
-    changed = zip(evidence.nominal.hand.driven, evidence.world((effect,)).hand.driven, strict=True)
-    moved = tuple(a.joint.name for a, b in changed if a != b)
-    return moved or evidence.joints
-
-
-def _merge(found: list[Magnitude]) -> tuple[Magnitude, ...]:
-    """One effect that limbs agree on is one finding on all its joints."""
-    merged: list[Magnitude] = []
-    for one in found:
-        twin = next((m for m in merged if m.effect == one.effect and _agree(m, one)), None)
-        if twin is None:
-            merged.append(one)
-            continue
-        weights = [1 / max(m.interval[1] - m.interval[0], 1e-12) ** 2 for m in (twin, one)]
-        value = float(np.average([twin.value, one.value], weights=weights))
-        half = (1 / sum(weights)) ** 0.5 / 2
-        merged[merged.index(twin)] = Magnitude(
-            effect=one.effect,
-            joint=None,
-            value=value,
-            unit=one.unit,
-            interval=(value - half, value + half),
-            joints=(*twin.joints, *one.joints),
-        )
-    return tuple(merged)
-
-
-def _agree(a: Magnitude, b: Magnitude) -> bool:
-    overlap = a.interval[0] <= b.interval[1] and b.interval[0] <= a.interval[1]
-    return overlap or abs(a.value - b.value) < 0.1 * max(abs(a.value), abs(b.value))
 
 
 def _worst(limb: LimbVerdict) -> tuple[str, ...]:
@@ -235,14 +235,3 @@ def _ranking(limb: LimbVerdict) -> list[dict]:
     if len(limb.chosen.names) > 1:
         tried.append(limb.chosen)
     return [_row(limb, r) for r in sorted(tried, key=lambda r: r.fit.cost)]
-
-
-def _ties(limb: LimbVerdict) -> list[dict]:
-    return [
-        {
-            "effects": [limb.names[0], rival.names[0]],
-            "joints": [limb.chosen.joints[0], rival.joints[0]],
-            "apart_nats": rival.fit.cost - limb.chosen.fit.cost,
-        }
-        for rival in limb.tied
-    ]

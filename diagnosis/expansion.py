@@ -1,15 +1,16 @@
-"""The dynamics of one or two hinges in closed form, ten times faster than the recursion.
+"""The dynamics of one or two joints in closed form, ten times faster than the recursion.
 
 For hinges in a chain the mass matrix is a trigonometric polynomial of degree two in the second
 angle, and gravity's torques are of degree one in each angle. Sampling `dynamics` at a few angles
 gives their coefficients exactly; the other velocity terms follow from the mass matrix (Christoffel
-symbols: Spong, Hutchinson and Vidyasagar, Robot Modeling and Control, 2006, chapter 7).
+symbols: Spong, Hutchinson and Vidyasagar, Robot Modeling and Control, 2006, chapter 7). Of slides
+alone masses and gravity are constant.
 """
 
 import numba
 import numpy as np
 
-from diagnosis.chain import dynamics, workspace
+from diagnosis.chain import SLIDE, dynamics, workspace
 
 _POINTS = 5
 """Angles at which a polynomial of degree two is sampled."""
@@ -19,15 +20,21 @@ _POINTS = 5
 def expand(chain):
     """Coefficients: mass (3, 5) of m11, m12, m22 in (1, c, s, c2, s2) and gravity (2, 9).
 
-    Empty arrays where the closed form does not hold: slides, or more than two joints.
+    Empty arrays where the closed form does not hold: more than two joints, a slide and a hinge.
     """
     joints = chain[2].max() + 1
-    if joints > 2 or (chain[1] == 1).any():
+    slides = (chain[1] == SLIDE).sum()
+    if joints > 2 or 0 < slides < joints:
         return np.zeros((0, 5)), np.zeros((0, 9))
     work = workspace(len(chain[0]), joints)
     q, still = np.zeros(joints), np.zeros(joints)
     m, bias = np.zeros((joints, joints)), np.zeros(joints)
     mass, gravity = np.zeros((3, 5)), np.zeros((2, 9))
+    if slides == joints:
+        dynamics(q, still, chain, work, m, bias)
+        mass[0, 0], mass[1, 0], mass[2, 0] = m[0, 0], m[0, joints - 1], m[joints - 1, joints - 1]
+        gravity[:joints, 0] = bias
+        return mass, gravity
     for k in range(_POINTS):
         angle = 2 * np.pi * k / _POINTS
         q[joints - 1] = angle

@@ -138,7 +138,8 @@ class Fitter:
             return math.inf
         r = self.residual(fit.effects, fit.deviations)
         blocks = r[: len(r) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
-        return math.sqrt(max(1.0, BLOCK * float(np.mean(blocks**2))) / CORRELATED / curvature)
+        alike = max(1.0, BLOCK * float(np.mean(blocks**2))) * (1 + self.unrest(fit) ** 2)
+        return math.sqrt(alike / CORRELATED / curvature)
 
     def _checked(self, fit: Fit, guess: Fit) -> Fit:
         """The guess, or half its move of nominal parameters, where that is really better."""

@@ -38,6 +38,13 @@ class Commands:
 
 
 @numba.njit(cache=True)
+def _sense(at_motor, motor, joint, angle):
+    """Write the angles (1, J) where the sensors sit."""
+    for j in range(len(joint)):
+        angle[0, j] = motor[j] if at_motor[j] else joint[j]
+
+
+@numba.njit(cache=True)
 def _replay(ticks, target, load, start, chain_, drive, path, encoder, at_motor, dt, rings, out):
     samples, joints = target.shape
     q, qd = start.copy(), np.zeros(joints)
@@ -51,26 +58,24 @@ def _replay(ticks, target, load, start, chain_, drive, path, encoder, at_motor, 
     closed = len(weights[0]) > 0
     late, read_late = path.any(), encoder.any()
     for k in range(samples):
-        angle[0] = np.where(at_motor, motor, q)
+        _sense(at_motor, motor, q, angle)
         if read_late:
             note(angle, age, rings[1])
             read(age, seed, encoder, dt, rings[1], reading)
-            out[k, 0] = reading[0]
-        else:
-            out[k, 0] = angle[0]
-        out[k, 1], out[k, 2], out[k, 3] = motor, qd, pd
+        for j in range(joints):
+            out[k, 0, j] = reading[0, j] if read_late else angle[0, j]
+            out[k, 1, j], out[k, 2, j], out[k, 3, j] = motor[j], qd[j], pd[j]
+            if not late:
+                wanted[0, j] = target[k, j]
         if k + 1 == samples:
             break
         for _ in range(ticks[k + 1] - ticks[k]):
             if late:
                 follow(target[k : k + 1], age, 1, seed, path, dt, kept, rings[0], wanted)
-            else:
-                wanted[0] = target[k]
             for j in range(joints):
                 motor[j], speed[j], pd[j], torque[j] = motor_tick(
                     wanted[0, j], q[j], qd[j], motor[j], speed[j], drive[j], dt
                 )
-            for j in range(joints):
                 torque[j] += load[k, j]
             if closed:
                 accelerate(q, qd, torque, weights[0], weights[1], acceleration)
@@ -82,7 +87,7 @@ def _replay(ticks, target, load, start, chain_, drive, path, encoder, at_motor, 
                 q[j] += dt * qd[j]
             age[0] += 1
             if read_late:
-                angle[0] = np.where(at_motor, motor, q)
+                _sense(at_motor, motor, q, angle)
                 note(angle, age, rings[1])
 
 

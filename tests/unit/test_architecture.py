@@ -16,14 +16,14 @@ FLOORS = {
     "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends"},
 }
 HOMES = {
-    "mujoco": {"backends/mujoco.py", "benchmark/_scene.py"},
+    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"},
     "pybullet": {"backends/bullet.py"},
     "sapien": {"backends/sapien.py"},
     "stable_baselines3": {"baselines/sb3_ppo.py"},
     "rsl_rl": {"baselines/rsl_ppo.py"},
     "tensordict": {"baselines/rsl_ppo.py"},
     "torch": {"baselines/ppo.py", "baselines/sb3_ppo.py", "baselines/rsl_ppo.py"},
-    "typer": {"benchmark/cli.py"},
+    "typer": {"benchmark/cli.py", "benchmark/blind_cli.py"},
 }
 """Who may import a library; the picture of the hand is drawn by one engine's renderer."""
 

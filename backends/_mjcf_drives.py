@@ -1,0 +1,131 @@
+"""Drives for a user's mechanism: the gains of its log, and gears that its MJCF does not have.
+
+A gear gets no play and is as stiff as the drive period dt allows: k = (STIFFNESS / dt)^2 J, with J
+the inertia that the spring between motor and link sees. Steps of a spring and a damper,
+x'' = -(k x + c x') / J, are stable while k dt^2 / J + 2 c dt / J < 4 (the Jury criterion for
+semi-implicit Euler), so neither is a gear nor a PD law beyond its share of that.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from backends.spec import Drive
+from backends.state import Array
+
+PERIODS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
+"""Drive periods; the longest at which all gears are rigid and all drives stable is taken."""
+RIGID = 10.0
+"""A gear is rigid when it is so many times as stiff as the drive's proportional gain."""
+STIFFNESS, DAMPING = 0.8, 0.6
+"""Natural frequency of a gear times the period, and its damping ratio: teeth hardly bounce."""
+PD_SHARE = 1.2
+"""Largest (kp dt^2 + 2 kd dt) over a motor's inertia that a PD law may take of the limit of 4.
+
+The gear takes STIFFNESS^2 + 4 DAMPING STIFFNESS = 2.6.
+"""
+
+
+class MjcfError(ValueError):
+    """A mechanism cannot be had; the message says what was given, what is allowed, what to do."""
+
+
+class Servo(Protocol):
+    """Settings of one joint's drive, PD on the motor's side [Nm, rad, s]; of a slide [N, m, s]."""
+
+    @property
+    def kp(self) -> float:
+        """Proportional gain."""
+        ...
+
+    @property
+    def kd(self) -> float:
+        """Derivative gain."""
+        ...
+
+    @property
+    def limit(self) -> float | None:
+        """Largest torque."""
+        ...
+
+    @property
+    def sensor(self) -> str:
+        """Side of the gear with the position sensor: 'joint' or 'motor'."""
+        ...
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inertias:
+    """What the drives move, and the friction of their motors; J joints."""
+
+    motor_kgm2: Array
+    """Inertias on the motors' side of the gears [kg m^2], shape (J,)."""
+    link_kgm2: Array
+    """Mass matrices of the links alone in P poses [kg m^2], shape (P, J, J)."""
+    coulomb_nm: Array
+    """Coulomb friction [Nm], shape (J,)."""
+    viscous_nms_rad: Array
+    """Viscous friction [Nms/rad], shape (J,)."""
+
+    @property
+    def gears_kgm2(self) -> Array:
+        """Inertias (J,) [kg m^2] that the gears' springs see.
+
+        With motor inertias A, link masses M and R = min 1 / diag(A^-1 + M^-1), the eigenvalues of
+        R^1/2 (A^-1 + M^-1) R^1/2 say how much faster the gears swing together than one by one: R
+        over the largest of them.
+        """
+        yielding = np.linalg.inv(self.link_kgm2) + np.diag(1.0 / self.motor_kgm2)
+        alone = 1.0 / np.einsum("pjj->pj", yielding).max(axis=0)
+        together = np.sqrt(alone[:, None] * alone) * yielding
+        return alone / np.linalg.eigvalsh(together).max()
+
+
+def drives(
+    names: Sequence[str], servos: Sequence[Servo], inertias: Inertias
+) -> tuple[tuple[Drive, ...], float]:
+    """The drives of J joints and their period [s]; raises MjcfError."""
+    period_s = _period_s(names, servos, inertias)
+    gears = inertias.gears_kgm2
+    return tuple(
+        Drive(
+            kp_nm_rad=servo.kp,
+            kd_nms_rad=servo.kd,
+            torque_limit_nm=_limit(name, servo),
+            rotor_inertia_kgm2=float(inertias.motor_kgm2[j]),
+            coulomb_nm=float(inertias.coulomb_nm[j]),
+            viscous_nms_rad=float(inertias.viscous_nms_rad[j]),
+            gear_stiffness_nm_rad=float(gears[j] * (STIFFNESS / period_s) ** 2),
+            gear_damping_nms_rad=float(2 * DAMPING * STIFFNESS * gears[j] / period_s),
+            play_rad=0.0,
+            lock_nm=0.0,
+        )
+        for j, (name, servo) in enumerate(zip(names, servos, strict=True))
+    ), period_s
+
+
+def _period_s(names: Sequence[str], servos: Sequence[Servo], inertias: Inertias) -> float:
+    """The longest drive period [s] that suits all joints; raises MjcfError where none does."""
+    kp, kd = (np.array([getattr(s, gain) for s in servos]) for gain in ("kp", "kd"))
+    damped = kd + inertias.viscous_nms_rad
+    for period_s in PERIODS_S:
+        rigid = inertias.gears_kgm2 * (STIFFNESS / period_s) ** 2 >= RIGID * kp
+        pd = (kp * period_s**2 + 2 * damped * period_s) / inertias.motor_kgm2
+        if rigid.all() and (pd <= PD_SHARE).all():
+            return period_s
+    worst = int(np.argmin(rigid)) if not rigid.all() else int(np.argmax(pd))
+    largest = inertias.gears_kgm2[worst] * (STIFFNESS / PERIODS_S[-1]) ** 2 / RIGID
+    raise MjcfError(
+        f"joint '{names[worst]}' has kp {kp[worst]:g} and kd {kd[worst]:g} on an armature of "
+        f"{inertias.motor_kgm2[worst]:.3g}: too stiff or too damped for a drive period of "
+        f"{1e3 * PERIODS_S[-1]:g} ms (kp up to {largest:.3g}); check that they are in Nm/rad, "
+        "Nms/rad and kg m^2, of a slide in N/m, Ns/m and kg"
+    )
+
+
+def _limit(name: str, servo: Servo) -> float:
+    if servo.limit is None:
+        raise MjcfError(f"the drive of '{name}' has no limit; give its largest torque or force")
+    return servo.limit

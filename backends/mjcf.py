@@ -1,0 +1,182 @@
+"""A user's mechanism: from an MJCF file and the settings of its drives to a spec.
+
+What MuJoCo's compiler makes of the file is expressed at the zero pose, where every joint reads 0,
+in frames parallel to the world's. In this project `armature` is the inertia on the motor's side of
+the gear, `damping` and `frictionloss` are the friction there. Knows nothing of logs.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import mujoco
+import numpy as np
+
+from backends import sticks, trx
+from backends._mjcf_checks import problems
+from backends._mjcf_drives import Inertias, MjcfError, Servo, drives
+from backends.spec import Body, Drive, Joint, Spec, Timing, Vec3
+from backends.state import Array
+
+__all__ = ["MjcfError", "Servo", "left_out", "mechanism"]
+
+POSES = 32
+"""Poses at which the links' inertias are looked up, drawn from the joints' ranges."""
+ROOM = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
+"""Range of a joint without limits, either way [rad or m]."""
+FROM_FILES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
+"""Geoms of which an MJCF holds a file name only."""
+
+
+def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
+    """The mechanism of an MJCF text with a drive on each of its joints.
+
+    Palm, taxels and grip are the default hand's and touch nothing. Raises MjcfError.
+    """
+    model, name = _compiled(xml)
+    wrong = problems(model, servos)
+    if wrong:
+        raise MjcfError("; ".join(wrong))
+    data = mujoco.MjData(model)
+    data.qpos[:] = 0.0
+    mujoco.mj_kinematics(model, data)
+    names = [model.joint(j).name for j in range(model.njnt)]
+    chosen = [servos[name] for name in names]
+    bank, period_s = drives(names, chosen, _inertias(model))
+    weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    hand = dataclasses.replace(
+        trx.HAND,
+        name=name,
+        bodies=tuple(_bodies(model, data, chosen, bank)),
+        fingertips=(),
+        grasp_rad=(0.0,) * model.njnt,
+        preload_rad=(0.0,) * model.njnt,
+    )
+    return Spec(
+        hand=hand,
+        stick=sticks.STICKS["reference"],
+        contact=trx.CONTACT,
+        timing=Timing(drive_s=period_s),
+        gravity_m_s2=_vec(np.zeros(3) if weightless else model.opt.gravity),
+    )
+
+
+def left_out(xml: str) -> tuple[str, ...]:
+    """What an MJCF text has and a mechanism has not, in words; raises MjcfError."""
+    model, _ = _compiled(xml)
+    touching = ((model.geom_contype != 0) & (model.geom_conaffinity != 0)).sum()
+    limited = [model.joint(j).name for j in np.flatnonzero(model.jnt_limited)]
+    said = {
+        f"contacts of {touching} geoms: the mechanism moves in free air": touching > 1,
+        f"end stops of {', '.join(limited)}": bool(limited),
+        f"{model.nu} actuators: drives stand in log.yaml": model.nu > 0,
+    }
+    return tuple(text for text, applies in said.items() if applies)
+
+
+def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:
+    """The compiled model without its meshes, and its name."""
+    try:
+        model = mujoco.MjSpec.from_string(xml)
+        for part in (*model.geoms, *model.meshes, *model.hfields, *model.textures):
+            if not isinstance(part, mujoco.MjsGeom) or part.type in FROM_FILES:
+                model.delete(part)
+        return model.compile(), model.modelname
+    except (ValueError, RuntimeError) as error:
+        said = " ".join(str(error).split())
+        hint = "; no other file is read: write it out" if "file" in said else ""
+        raise MjcfError(f"MuJoCo cannot compile it: {said}{hint}") from None
+
+
+def _inertias(model: mujoco.MjModel) -> Inertias:
+    """The links' mass matrices at random poses, and what stands on the motors' side."""
+    room = np.array([ROOM[int(kind)] for kind in model.jnt_type])
+    ends = np.stack([-room, room], axis=1)
+    ends = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, ends)
+    data, found = mujoco.MjData(model), np.zeros((POSES, model.nv, model.nv))
+    for k, share in enumerate(np.random.default_rng(0).uniform(size=(POSES, model.nv))):
+        data.qpos[:] = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_fullM(model, data, found[k])
+    return Inertias(
+        motor_kgm2=model.dof_armature.copy(),
+        link_kgm2=found - np.diag(model.dof_armature),
+        coulomb_nm=model.dof_frictionloss.copy(),
+        viscous_nms_rad=np.array(model.dof_damping, dtype=float),
+    )
+
+
+def _bodies(
+    model: mujoco.MjModel, data: mujoco.MjData, servos: Sequence[Servo], bank: Sequence[Drive]
+) -> list[Body]:
+    """The moving bodies in kinematic order; a body with several joints becomes several."""
+    carriers: dict[int, tuple[str | None, Array]] = {}
+    found: list[Body] = []
+    for b in range(model.nbody):
+        if model.body_weldid[b] == 0:  # it stands still: what it carries, the world carries
+            carriers[b] = (None, np.zeros(3))
+            continue
+        parent, at_m = carriers[model.body_parentid[b]]
+        name, first = model.body(b).name or f"body{b}", model.body_jntadr[b]
+        axes = [
+            (_joint(model, data, j, servos[j], bank[j]), data.xanchor[j])
+            for j in range(first, first + model.body_jntnum[b])
+        ]
+        for joint, anchor_m in axes[:-1]:
+            found.append(_empty(f"{name}.{joint.name}", parent, anchor_m - at_m, joint))
+            parent, at_m = found[-1].name, anchor_m
+        joint, anchor_m = axes[-1] if axes else (_fixed(name), data.xpos[b])
+        found.append(_filled(_empty(name, parent, anchor_m - at_m, joint), model, data, b))
+        carriers[b] = (name, anchor_m)
+    return found
+
+
+def _empty(name: str, parent: str | None, origin_m: Array, joint: Joint) -> Body:
+    """A body without mass."""
+    return Body(
+        name=name,
+        parent=parent,
+        origin_m=_vec(origin_m),
+        joint=joint,
+        mass_kg=0.0,
+        com_m=(0.0, 0.0, 0.0),
+        inertia_kgm2=(0.0, 0.0, 0.0),
+    )
+
+
+def _filled(empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int) -> Body:
+    """A body with the mass and inertia of the model's body `b`, axes parallel to the world's."""
+    first, count = model.body_jntadr[b], model.body_jntnum[b]
+    anchor_m = data.xanchor[first + count - 1] if count else data.xpos[b]
+    turn = data.ximat[b].reshape(3, 3)
+    inertia = turn @ np.diag(model.body_inertia[b]) @ turn.T
+    return dataclasses.replace(
+        empty,
+        mass_kg=float(model.body_mass[b]),
+        com_m=_vec(data.xipos[b] - anchor_m),
+        inertia_kgm2=_vec(np.diag(inertia)),
+        products_kgm2=_vec(inertia[[0, 0, 1], [1, 2, 2]]),
+    )
+
+
+def _fixed(body: str) -> Joint:
+    return Joint(name=f"{body}_fixed", axis=(0.0, 0.0, 1.0), range_rad=(-1.0, 1.0), drive=None)
+
+
+def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int, servo: Servo, drive: Drive) -> Joint:
+    kind = int(model.jnt_type[j])
+    low, high = model.jnt_range[j] if model.jnt_limited[j] else (-ROOM[kind], ROOM[kind])
+    return Joint(
+        name=model.joint(j).name,
+        axis=_vec(data.xaxis[j]),
+        range_rad=(float(low), float(high)),
+        drive=drive,
+        sensor=servo.sensor,
+        slides=kind == int(mujoco.mjtJoint.mjJNT_SLIDE),
+    )
+
+
+def _vec(values: Array) -> Vec3:
+    x, y, z = (float(v) for v in values)
+    return (x, y, z)

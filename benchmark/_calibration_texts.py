@@ -1,0 +1,117 @@
+"""What a calibration says in words and effects: the calibrated world, its spread, a table."""
+
+from collections.abc import Iterator
+
+import numpy as np
+from rich.table import Table
+
+from backends.effect import UNITS
+from backends.spec import Spec
+from benchmark.effects import BUILT, PAPER_SPREAD, effect_name
+from diagnosis.calibration.calibrate import Calibration, JointGains
+from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
+from diagnosis.calibration.spread import Confusion
+from diagnosis.calibration.tactile import Skin
+
+SET_ANEW = ("backlash", "self-lock", "kp-scale", "kd-scale", "taxel-dropout", "taxel-drift")
+"""Effects that a calibration says itself, whatever the nominal world has."""
+_GAINS = ("kp-scale", "kd-scale")
+
+
+def effects_text(found: Calibration, ideal: Spec, nominal_effects: str) -> str:
+    """The calibrated world as effects on the ideal hand."""
+    kept = [item for item in _items(nominal_effects) if _name(item) not in SET_ANEW]
+    joints = [item for name in ideal.hand.joint_names for item in _joint(found, ideal, name)]
+    return ",".join([*kept, *joints, *_skin(found)]) or "none"
+
+
+def spread_text(found: Calibration) -> str:
+    """Domain randomisation: gains as sure as they are, all else as in the paper."""
+    paper = dict(item.split("=") for item in PAPER_SPREAD.split(","))
+    items = []
+    for name, joint in found.joints.items():
+        for k, gain in enumerate(_GAINS):
+            size = paper[gain]
+            if isinstance(joint, JointGains):
+                size = f"{100 * joint.spread.std[k]:.3g}%"
+            items.append(f"{gain}={size}@{name}")
+    return ",".join([*items, *(f"{k}={v}" for k, v in paper.items() if k not in _GAINS)])
+
+
+def confusion_text(found: Confusion) -> str:
+    """What gains are confounded with, and by how much."""
+    size = UNITS[found.effect.unit][1]
+    kp, kd = 100 * found.reads_as
+    return (
+        f"{effect_name(found.effect)}: {found.effect.magnitude / size:g} {found.effect.unit} "
+        f"would read as kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * found.share:.1f} % alike)"
+    )
+
+
+def table(content: CalibrationFile) -> Table:
+    """A row per joint: gains, errors, play; reasons below."""
+    shown = Table(header_style="bold")
+    for column in (
+        "joint",
+        "kp, Nm/rad",
+        "kd, Nms/rad",
+        "error, mrad",
+        "backlash, deg",
+        "lock",
+    ):
+        shown.add_column(column, overflow="fold")
+    for name, joint in content.joints.items():
+        gains, play = joint.gains, joint.backlash
+        row = [name]
+        if isinstance(gains, Gains):
+            row += [
+                f"{g.mean:.4g} +- {g.std:.2g} ({100 * g.relative:+.1f} %)"
+                for g in (gains.kp_nm_rad, gains.kd_nms_rad)
+            ]
+            row += [f"{gains.error_nominal_mrad:.3g} -> {gains.error_calibrated_mrad:.3g}"]
+        else:
+            row += [gains, "-", "-"]
+        if isinstance(play, Backlash):
+            row += [f"{play.half_deg:.3f} +- {play.std_deg:.2g}", "yes" if play.self_lock else "no"]
+        else:
+            row += [play, "-"]
+        shown.add_row(*row)
+    return shown
+
+
+def _items(text: str) -> list[str]:
+    """The effects in a text, each by itself."""
+    if text in ("none", ""):
+        return []
+    items = [item.strip() for item in text.split(",")]
+    return [part for item in items for part in (BUILT if item == "built" else item).split(",")]
+
+
+def _name(item: str) -> str:
+    return item.split("=")[0]
+
+
+def _joint(found: Calibration, ideal: Spec, name: str) -> Iterator[str]:
+    """Effects of one joint, where it differs from the ideal one."""
+    j = ideal.hand.joint_names.index(name)
+    drive, plain = found.calibrated.drives[j], ideal.drives[j]
+    if drive.play_rad > 0:
+        yield f"backlash={np.degrees(drive.play_rad):.3f}deg@{name}"
+    if drive.lock_nm > 0:
+        yield f"self-lock={drive.lock_nm:g}Nm@{name}"
+    ratios = (drive.kp_nm_rad / plain.kp_nm_rad, drive.kd_nms_rad / plain.kd_nms_rad)
+    for gain, ratio in zip(_GAINS, ratios, strict=True):
+        if abs(ratio - 1) > 1e-9:
+            yield f"{gain}={100 * (ratio - 1):+.2f}%@{name}"
+
+
+def _skin(found: Calibration) -> Iterator[str]:
+    if isinstance(found.touch, str) or not found.touch:
+        return
+    skins: list[Skin] = list(found.touch.values())
+    touched, dead = sum(s.touched for s in skins), sum(len(s.dead) for s in skins)
+    fastest = max(s.fastest_drift_s for s in skins)
+    if dead:
+        yield f"taxel-dropout={100 * dead / touched:.3g}%"
+    if fastest > 0 and found.touch_unit == "m":
+        yield f"taxel-drift={1e3 * fastest:.3g}mm/s"

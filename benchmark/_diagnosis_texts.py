@@ -1,0 +1,107 @@
+"""What a diagnosis says on the command line: the effects to add, and a summary."""
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from backends.effect import UNITS, Effect, NumberEffect
+from backends.spec import Spec
+from benchmark import registry
+from benchmark.effects import effect_name, parse_effects
+from diagnosis import wording
+from diagnosis.diagnose import Diagnosis
+from diagnosis.magnitudes import Magnitude
+from diagnosis.verdict import NONE, LimbVerdict
+
+SHOWN, SHOWN_OF_NONE = 4, 2
+"""Candidates per limb in the summary, and where no limb shows an effect."""
+
+
+def effects_text(known: str, found: Sequence[Magnitude], ideal: Spec) -> str:
+    """The corrected world as effects on the ideal hand: what is known and what was found.
+
+    Raises UsageError where a sum is out of an effect's range.
+    """
+    fresh = [effect for magnitude in found for effect in _effects(magnitude, ideal)]
+    have = parse_effects(known, ideal.hand)
+    places = {(type(e), e.joint) for e in have}
+    if not any((type(e), e.joint) in places for e in fresh):
+        text = ",".join([*([] if known == NONE else [known]), *map(_item, fresh)]) or NONE
+    else:
+        text = ",".join(map(_item, _together([*have, *fresh])))
+    parse_effects(text, ideal.hand)
+    return text
+
+
+def _effects(found: Magnitude, ideal: Spec) -> Iterator[Effect]:
+    """A finding as effects: on all joints that it may be on, or on each that it was found on."""
+    kind: type[Effect] = registry.load("effect", found.effect)
+    size = found.value * UNITS[found.unit][1]
+    everywhere = kind(magnitude=size)
+    if not kind.per_joint or everywhere.joints(ideal) == found.joints:
+        yield everywhere
+    else:
+        yield from (kind(magnitude=size, joint=joint) for joint in found.joints)
+
+
+def _together(effects: Sequence[Effect]) -> list[Effect]:
+    """The same world with each effect once for a joint."""
+    sums: dict[tuple[type[Effect], str | None], Effect] = {}
+    for effect in effects:
+        place = (type(effect), effect.joint)
+        have = sums[place].magnitude if place in sums else 0.0
+        relative = isinstance(effect, NumberEffect) and effect.relative
+        both = have * effect.magnitude if relative else 0.0
+        sums[place] = type(effect)(magnitude=have + effect.magnitude + both, joint=effect.joint)
+    return list(sums.values())
+
+
+def _item(effect: Effect) -> str:
+    joint = f"@{effect.joint}" if effect.joint else ""
+    return (
+        f"{effect_name(effect)}={effect.magnitude / UNITS[effect.unit][1]:.4g}{effect.unit}{joint}"
+    )
+
+
+def summary(found: Diagnosis, result: dict) -> RenderableType:
+    """What people read: the verdict, the gap, the best candidates, ties, and where to go on."""
+    lines = [f"{wording.sentence(found)} Confidence {wording.confidence(found)}."]
+    lines += [wording.shrinkage(found)]
+    if found.gap_before > found.noise_floor:
+        lines.append(_where(found))
+    lines += [f"Not settled: {wording.tie(row)}." for row in found.indistinguishable]
+    if found.unseen:
+        lines.append(f"Of {wording.listed(found.unseen)} this log tells nothing.")
+    lines += [f"Warning: {warning}" for warning in result["warnings"]]
+    end = [f"Next: {command}  ({what})" for command, what in result["next"].items()]
+    end.append(f"Written: {', '.join(result['written'])} ({found.cpu_s:.0f} s of CPU)")
+    accused = [limb for limb in found.limbs if limb.names != (NONE,)]
+    table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
+    return Group(*map(Text, lines), table, *map(Text, end))
+
+
+def _where(found: Diagnosis) -> str:
+    place = found.where[0]
+    return (
+        f"Most of it: {place.joint}, {place.channel}, {place.protocol}, {place.phase}: "
+        f"{100 * place.share:.0f} % of the squared gap."
+    )
+
+
+def _candidates(limbs: Sequence[LimbVerdict], shown: int) -> Table:
+    table = Table(header_style="bold")
+    for column in ("limb", "candidate", "magnitude", "behind, nats", "held-out gap"):
+        table.add_column(column, overflow="fold")
+    for limb in limbs:
+        tried = wording.tried(limb)
+        for one in tried[:shown]:
+            table.add_row(
+                ", ".join(limb.attribution.fitter.evidence.joints),
+                wording.candidate(one),
+                wording.amounts(one),
+                f"{one.fit.cost - tried[0].fit.cost:.1f}",
+                f"{one.gap:.2f}",
+            )
+    return table

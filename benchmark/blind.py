@@ -1,0 +1,204 @@
+"""`bench blind`: hidden cases are made, solved from their logs alone, and scored."""
+
+import secrets
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import joblib
+from rich.table import Table
+
+from backends.effect import Effect
+from backends.engine import Simulator
+from backends.shard import simulate
+from backends.spec import Spec
+from benchmark import registry
+from benchmark.console import Bar
+from benchmark.errors import UsageError, unknown
+from benchmark.run_folder import write_atomically
+from benchmark.run_spec import within
+from diagnosis.blind import draw, files, frozen, motion, rigs
+from diagnosis.blind.files import BlindError, BlindSet
+from diagnosis.blind.make import PLANT, write_case
+
+MOST_CASES = 999
+FEWEST_EFFECTS = 3
+"""A pair, and another one to take out of the catalogue."""
+SECRET_BITS = 128
+
+
+def settings(
+    cases: int, real: str, rig: str, modes: str, effects: str, protocols: str
+) -> draw.Settings:
+    """What options ask for; raises UsageError."""
+    within("--cases", cases, 1, MOST_CASES)
+    chosen = _words("effect", effects, draw.EFFECTS)
+    if len(chosen) < FEWEST_EFFECTS:
+        raise UsageError(f"--effects names {len(chosen)}; allowed: {FEWEST_EFFECTS} or more, 'all'")
+    return draw.Settings(
+        cases=cases,
+        reals=_words("real side", real, (*registry.names("backend"), PLANT)),
+        rigs=_words("rig", rig, rigs.RIGS),
+        modes=_words("mode", modes, tuple(draw.SHARES)),
+        effects=chosen,
+        protocols=_words("protocol", protocols, motion.PROTOCOLS),
+    )
+
+
+def make(
+    wanted: draw.Settings, seed: int | None, out: Path, answers: Path, jobs: int
+) -> dict[str, Any]:
+    """Draw the cases, write their logs to `out` and what is hidden to `answers`."""
+    _check_places(out, answers)
+    if seed is not None:
+        within("--seed", seed, 0, 2**SECRET_BITS)
+    seed = secrets.randbits(SECRET_BITS) if seed is None else seed
+    for real in wanted.reals:
+        if real != PLANT:
+            registry.load("backend", real)
+    cases = draw.draw(wanted, _catalogue(), seed)
+    blind = BlindSet(path=out)
+    _each("make", _make_one, [(blind, case, seed) for case in cases], jobs)
+    text = files.seal(wanted, seed, cases)
+    answers.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(answers, text)
+    promised = frozen.commitment(text, len(cases))
+    blind.commit(promised)
+    return {
+        "status": "done",
+        "dir": str(out),
+        "answers": str(answers),
+        "cases": len(cases),
+        "answers_sha256": promised.answers_sha256,
+        "rules_version": promised.rules_version,
+        "solver_sha256": promised.solver_sha256,
+    }
+
+
+def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
+    """Solve the cases that this solver has not solved yet; what became of them."""
+    blind = BlindSet(path=folder)
+    promised = _told(blind.commitment)
+    changed = frozen.changed(promised)
+    if changed and not anyway:
+        raise UsageError(
+            f"the solver is not the one that {folder} was committed to: {', '.join(changed[:5])}"
+            f"{' and more' if len(changed) > 5 else ''} changed; go back to it, or say --anyway: "
+            "the score then says that the set was tuned on"
+        )
+    solver = frozen.solver()
+    blind.note_try(**solver)
+    waiting = [n for n in blind.numbers if not _is_done(blind, n, solver)]
+    _each("solve", _solve_one, [(blind, number, solver) for number in waiting], jobs)
+    said = {f"{n:03d}": blind.read_result(n) or {} for n in blind.numbers}
+    refused = {number: one["refused"] for number, one in said.items() if one.get("refused")}
+    return {
+        "status": "done",
+        "dir": str(folder),
+        "cases": len(blind.numbers),
+        "was_done": len(blind.numbers) - len(waiting),
+        "solved": len(waiting),
+        "refused": refused,
+        "frozen": not changed,
+        **solver,
+    }
+
+
+def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dict, Table]:
+    """Open the answers and score; writes the tables to `out` if it is given."""
+    from diagnosis.blind import score as scoring
+
+    blind = BlindSet(path=folder)
+
+    def consult(cases: list[draw.Case]) -> list:
+        return _each("oracle", _consult_one, [(blind, case) for case in cases], jobs)
+
+    found = _told(lambda: scoring.score(blind, answers, _catalogue(), consult))
+    written = scoring.write(found, out) if out is not None else []
+    table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
+    for row in scoring.headline(found).to_dict("records"):
+        ends = f"{row['low']:.3g} to {row['high']:.3g}" if row["count"] else ""
+        value = f"{row['value']:.3g}" if row["count"] else "-"
+        table.add_row(row["figure"], value, ends, str(row["count"]), row["meaning"])
+    return {"status": "done", **found.plain(), "written": [str(file) for file in written]}, table
+
+
+def _make_one(blind: BlindSet, case: draw.Case, seed: int) -> None:
+    write_case(blind, case, _catalogue(), _start, seed)
+
+
+def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
+    """Solve a case and write what was said; a solver that breaks has refused."""
+    from diagnosis.blind.solve import solve
+
+    excluded = blind.excluded(number)
+    try:
+        said = solve(blind.log(number), excluded, _catalogue())
+    except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
+        left = sorted(set(_catalogue()) - set(excluded))
+        said = {"refused": f"broke: {type(error).__name__}: {error}", "catalogue": left}
+    files.write_json(blind.result(number), {"number": number, **said, **solver})
+
+
+def _consult_one(blind: BlindSet, case: draw.Case) -> Any:
+    from diagnosis.blind.oracle import consult
+
+    return consult(case, blind.log(case.number), _catalogue())
+
+
+def _start(engine: str, specs: Sequence[Spec]) -> Simulator:
+    return simulate(registry.load("backend", engine), specs, 1)
+
+
+@cache
+def _catalogue() -> dict[str, type[Effect]]:
+    return {name: registry.load("effect", name) for name in registry.names("effect")}
+
+
+def _each(what: str, work: Callable, tasks: Sequence[tuple], jobs: int) -> list:
+    """The work's results in order, one core per task; tasks that were done stay done."""
+    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    found = []
+    with Bar(what, len(tasks)) as bar:
+        results: Iterable = parallel(joblib.delayed(work)(*task) for task in tasks)
+        for done, result in enumerate(results):
+            found.append(result)
+            bar.update(done + 1)
+    return found
+
+
+def _is_done(blind: BlindSet, number: int, solver: dict) -> bool:
+    """Whether this very solver has solved a case."""
+    said = _told(lambda: blind.read_result(number))
+    return said is not None and said.get("solver_sha256") == solver["solver_sha256"]
+
+
+def _told(ask: Callable) -> Any:
+    """What `ask` gives; a set that cannot be used is the user's to mend."""
+    try:
+        return ask()
+    except BlindError as error:
+        raise UsageError(str(error)) from error
+
+
+def _check_places(out: Path, answers: Path) -> None:
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise UsageError(f"{out} exists and is not empty; choose another folder or remove it first")
+    if out.resolve() in answers.resolve().parents or out.resolve() == answers.resolve():
+        raise UsageError(f"--answers {answers} lies in --out {out}; put it where no solver sees it")
+    if answers.exists():
+        raise UsageError(f"{answers} exists; choose another file, a seal is never replaced")
+
+
+def _words(kind: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
+    """Names between commas, 'all' being all of them; raises UsageError."""
+    if text == "all":
+        return known
+    names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    for name in names:
+        if name not in known:
+            raise unknown(kind, name, known)
+    if not names:
+        raise UsageError(f"no {kind} is named; known: {', '.join(known)}, or all")
+    return names

@@ -1,0 +1,94 @@
+"""The options of `bench blind make`, `run` and `score`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmark.console import emit
+
+app = typer.Typer(
+    help="Test the diagnosis blind: hidden cases, sealed answers, a score.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
+Answers = Annotated[
+    Path, typer.Option(help="File of the sealed answers, outside the set's folder.")
+]
+Jobs = Annotated[
+    int, typer.Option("--jobs", "-j", help="Cases at a time, one core each.", min=1, max=256)
+]
+Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
+
+
+@app.command()
+def make(
+    out: Annotated[Path, typer.Option(help="Folder to write the set to; must be new.")],
+    answers: Answers,
+    cases: Annotated[int, typer.Option(help="Number of cases, 1 to 999.")] = 40,
+    real: Annotated[
+        str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
+    ] = "all",
+    rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "finger",
+    modes: Annotated[str, typer.Option(help="all, or some of single,pair,none,unknown.")] = "all",
+    effects: Annotated[
+        str, typer.Option(help="Effects to draw from: all that show in free air, or some.")
+    ] = "all",
+    protocols: Annotated[
+        str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
+    ] = "all",
+    seed: Annotated[
+        int | None, typer.Option(help="Decides every draw; a small one can be guessed. (secret)")
+    ] = None,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Draw hidden cases: logs for the solver, and answers under a hash that is published first.
+
+    Example: [bold]bench blind make --out blind/a --answers sealed/a.json --cases 100[/bold]
+    """
+    from benchmark import blind
+
+    wanted = blind.settings(cases, real, rig, modes, effects, protocols)
+    emit(blind.make(wanted, seed, out, answers, jobs), as_json)
+
+
+@app.command()
+def run(
+    folder: Folder,
+    jobs: Jobs = 1,
+    anyway: Annotated[
+        bool,
+        typer.Option("--anyway", help="Solve although rules or code changed since the draw."),
+    ] = False,
+    as_json: Json = False,
+) -> None:
+    """Diagnose every case from its log alone; cases that this solver has solved are skipped.
+
+    Example: [bold]bench blind run blind/a -j 2[/bold]
+    """
+    from benchmark import blind
+
+    emit(blind.run(folder, jobs, anyway), as_json)
+
+
+@app.command()
+def score(
+    folder: Folder,
+    answers: Answers,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for score.md, score.json and the tables as CSV.")
+    ] = None,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Check the answers against their hash, open them and score the results.
+
+    Example: [bold]bench blind score blind/a --answers sealed/a.json --out scores/a[/bold]
+    """
+    from benchmark import blind
+
+    result, table = blind.score(folder, answers, out, jobs)
+    emit(result, as_json, table)

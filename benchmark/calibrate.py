@@ -1,0 +1,173 @@
+"""`bench calibrate`: from a log to calibration.yaml, a picture per joint and a table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import RenderableType
+
+from backends.engine import Simulator
+from backends.shard import WorkerError, simulate
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark import _calibration_texts as texts
+from benchmark import quantities, registry
+from benchmark.console import Bar
+from benchmark.effects import parse_effects, parse_spread
+from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.provenance import usable_cores
+from benchmark.run_spec import HANDS, within
+from diagnosis.calibration import plot
+from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
+from diagnosis.calibration.result import (
+    SCHEMA,
+    CalibrationError,
+    CalibrationFile,
+    joints_of,
+    read_calibration,
+    touch_of,
+    write_calibration,
+)
+from diagnosis.log import HandMechanism, Log, LogError, read_log
+
+FILE = "calibration.yaml"
+OUT = Path("calibrations")
+THRESHOLD_MM = 10.0
+"""Deepest threshold of a taxel that makes sense."""
+PROBES = (
+    "viscous-friction=10mNms,coulomb-friction=10mNm,rotor-inertia=200gcm2,link-mass=20%,"
+    "command-delay=2ms,series-elasticity=20%,torque-limit=-20%"
+)
+"""What gains may be confounded with, in sizes that a real drive may differ by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What `bench calibrate` is asked for."""
+
+    path: Path
+    """Folder of the log."""
+    backend: str
+    nominal_effects: str | None
+    """Effects of the nominal world; None: those that the log's mechanism names."""
+    threshold: str | None
+    """Of the taxels, as pressed depth; None: from their noise."""
+    seed: int
+    workers: int | None
+
+
+def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+    """Calibrate, write calibration.yaml and a picture per joint; the result and its table.
+
+    Raises UsageError for a log or setting that cannot be used, CommandError when an engine stops.
+    """
+    within("--seed", settings.seed, 0, 2**32 - 1)
+    given = settings.threshold
+    threshold_m = None if given is None else quantities.length_m(given, "--threshold")
+    if threshold_m is not None:
+        within("--threshold in mm", 1e3 * threshold_m, 0, THRESHOLD_MM)
+    folder = out or OUT / settings.path.resolve().name
+    _refuse_taken(folder, force)
+    engine = registry.load("backend", settings.backend)
+    cores = settings.workers or usable_cores()
+
+    def start(specs: Sequence[Spec]) -> Simulator:
+        return simulate(engine, specs, cores)
+
+    try:
+        log = read_log(settings.path)
+        effects, nominal = _nominal(log, settings)
+        with Bar(f"calibrate {settings.path.name}", TOTAL) as bar:
+            found = calibrate(
+                start,
+                nominal,
+                log,
+                parse_effects(PROBES, nominal.hand),
+                threshold_m,
+                np.random.default_rng(settings.seed),
+                bar.update,
+            )
+            content = _content(found, log, effects, settings)
+            folder.mkdir(parents=True, exist_ok=True)
+            pictures = plot.draw(start, found, folder)
+        write_calibration(folder / FILE, content)
+    except LogError as error:
+        raise UsageError(str(error)) from error
+    except WorkerError as error:
+        raise CommandError(f"the simulation on {settings.backend} stopped: {error}") from error
+    result = {
+        "status": "done",
+        "dir": str(folder),
+        "written": [str(folder / FILE), *map(str, pictures)],
+        "warnings": list(log.warnings),
+        **content.model_dump(mode="json", by_alias=True),
+    }
+    return result, texts.table(content)
+
+
+def world_of(path: Path, hand: str) -> dict[str, str]:
+    """Effects and spread of a calibration, as fields of a RunSpec for `hand`; UsageError."""
+    try:
+        found = read_calibration(path)
+        spec = HANDS[hand].HAND
+        parse_effects(found.effects, spec)
+        parse_spread(found.spread, spec)
+    except (CalibrationError, UsageError) as error:
+        raise UsageError(f"--calibration {path}: {error}") from error
+    if found.hand != hand:
+        raise UsageError(f"--calibration {path} is of the hand '{found.hand}'; this is '{hand}'")
+    return {"effects": found.effects, "spread": found.spread}
+
+
+def _refuse_taken(folder: Path, force: bool) -> None:
+    if (folder / FILE).exists() and not force:
+        raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
+
+
+def _nominal(log: Log, settings: Settings) -> tuple[str, Spec]:
+    """The effects of the nominal world as text, and the world itself."""
+    mechanism = log.meta.mechanism
+    if not isinstance(mechanism, HandMechanism):
+        raise UsageError(
+            f"{settings.path} is of the mechanism '{mechanism.mjcf}'; `bench calibrate` takes a "
+            f"hand that it knows by name: {', '.join(HANDS)}; `bench diagnose` takes any"
+        )
+    if mechanism.hand not in HANDS:
+        raise unknown("hand", mechanism.hand, HANDS)
+    if mechanism.stick not in STICKS:
+        raise unknown("stick", mechanism.stick, STICKS)
+    hand = HANDS[mechanism.hand]
+    text = mechanism.effects if settings.nominal_effects is None else settings.nominal_effects
+    spec: Spec = hand.spec(STICKS[mechanism.stick])
+    for effect in parse_effects(text, hand.HAND):
+        spec = effect.on_spec(spec)
+    return text, spec
+
+
+def _content(found: Calibration, log: Log, effects: str, settings: Settings) -> CalibrationFile:
+    mechanism = log.meta.mechanism
+    assert isinstance(mechanism, HandMechanism)
+    ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+    confounded = {
+        name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
+        for name, joint in found.joints.items()
+        if isinstance(joint, JointGains)
+    }
+    content = CalibrationFile(
+        schema=SCHEMA,
+        log=str(settings.path),
+        source=log.meta.source,
+        backend=settings.backend,
+        hand=mechanism.hand,
+        stick=mechanism.stick,
+        nominal_effects=effects,
+        seed=settings.seed,
+        effects=texts.effects_text(found, ideal, effects),
+        spread=texts.spread_text(found),
+        joints=joints_of(found, confounded),
+        tactile=touch_of(found),
+    )
+    parse_effects(content.effects, ideal.hand)
+    parse_spread(content.spread, ideal.hand)
+    return content

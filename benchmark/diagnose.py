@@ -1,0 +1,232 @@
+"""`bench diagnose`: from a log to diagnosis.json, report.html and a summary."""
+
+import dataclasses
+import json
+from collections.abc import Iterator, Sequence
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+from pathlib import Path
+
+import joblib
+from joblib.externals.loky import get_reusable_executor
+from rich.console import RenderableType
+
+from backends.effect import Effect
+from backends.engine import Engine
+from backends.shard import WorkerError, simulate
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark import registry
+from benchmark._diagnosis_texts import effects_text, summary
+from benchmark.console import Bar
+from benchmark.effects import parse_effects
+from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.provenance import provenance, usable_cores
+from benchmark.run_folder import write_atomically
+from benchmark.run_spec import HANDS
+from diagnosis.agreement import apart_rad
+from diagnosis.diagnose import Diagnosis, Judge, Judged, SideBySide, diagnose
+from diagnosis.evidence import Evidence
+from diagnosis.log import HandMechanism, Log, LogError, read_log
+from diagnosis.nominal import left_out, mjcf_world, own_catalogue
+from diagnosis.report import page
+from diagnosis.verdict import NONE, rules
+from diagnosis.wording import sentence
+
+FILE, REPORT = "diagnosis.json", "report.html"
+OUT = Path("diagnoses")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What `bench diagnose` is asked for."""
+
+    path: Path
+    """Folder of the log."""
+    nominal: str
+    """Engine that the replays of the nominal world are held against."""
+    effects_known: str | None
+    """Effects of the nominal world; None: those that the log's mechanism names."""
+    workers: int | None
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """The nominal world."""
+
+    spec: Spec
+    ideal: Spec
+    """The same without its effects."""
+    known: str
+    """Its effects."""
+
+
+def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+    """Diagnose, write diagnosis.json and report.html; the result and its summary.
+
+    Raises UsageError for a log or setting that cannot be used, CommandError when a process stops.
+    """
+    folder = out or OUT / settings.path.resolve().name
+    if (folder / FILE).exists() and not force:
+        raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
+    engine = registry.load("backend", settings.nominal)
+    workers = settings.workers or usable_cores()
+    try:
+        log = read_log(settings.path)
+        world = _world(log, settings)
+        catalogue = own_catalogue(_catalogue(), world.spec)
+        found = diagnose(log, world.spec, catalogue, _side_by_side(settings.path.name, workers))
+        apart = _apart_rad(log, world, settings.nominal, engine, workers)
+    except LogError as error:
+        raise UsageError(str(error)) from error
+    except (WorkerError, BrokenProcessPool) as error:
+        raise CommandError(f"a process of the diagnosis stopped: {error}") from error
+    log = dataclasses.replace(log, warnings=(*log.warnings, *_warnings(log, world, apart)))
+    result = _result(folder, found, log, world, settings, apart)
+    folder.mkdir(parents=True, exist_ok=True)
+    whole = result | {"rules": rules().model_dump(mode="json"), "provenance": provenance()}
+    text = page(found, log, _facts(result, log, settings), result["next"])
+    write_atomically(folder / REPORT, text)
+    write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
+    return result, summary(found, result)
+
+
+def _catalogue() -> dict[str, type[Effect]]:
+    return {name: registry.load("effect", name) for name in registry.names("effect")}
+
+
+def _world(log: Log, settings: Settings) -> World:
+    """The nominal world: the mechanism that the log names, with its known effects.
+
+    Raises UsageError or LogError.
+    """
+    mechanism = log.meta.mechanism
+    if isinstance(mechanism, HandMechanism):
+        if mechanism.hand not in HANDS:
+            raise unknown("hand", mechanism.hand, HANDS)
+        if mechanism.stick not in STICKS:
+            raise unknown("stick", mechanism.stick, STICKS)
+        ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+        named = mechanism.effects
+    else:
+        ideal, named = mjcf_world(log), NONE
+    known = named if settings.effects_known is None else settings.effects_known
+    spec = ideal
+    for effect in parse_effects(known, spec.hand):
+        spec = effect.on_spec(spec)
+    return World(spec=spec, ideal=ideal, known=known)
+
+
+def _side_by_side(name: str, workers: int) -> SideBySide:
+    """Limbs on several cores, with a progress bar; the processes end with the last limb."""
+
+    def judged(judge: Judge, parts: Sequence[Evidence]) -> Iterator[Judged]:
+        jobs = min(workers, len(parts))
+        with Bar(f"diagnose {name}", len(parts)) as bar:
+            bar.update(0, f"fitting {', '.join(j for part in parts for j in part.joints)}")
+            for done, one in enumerate(_results(judge, parts, jobs), start=1):
+                bar.update(done, f"{', '.join(parts[done - 1].joints)}: {one.verdict.names[0]}")
+                yield one
+
+    return judged
+
+
+def _results(judge: Judge, parts: Sequence[Evidence], jobs: int) -> Iterator[Judged]:
+    if jobs == 1:
+        yield from map(judge, parts)
+        return
+    try:
+        parallel = joblib.Parallel(n_jobs=jobs, return_as="generator", max_nbytes=None)
+        yield from parallel(joblib.delayed(judge)(part) for part in parts)
+    finally:  # their CPU time counts as ours once they have ended
+        get_reusable_executor().shutdown(wait=True, kill_workers=True)
+
+
+def _apart_rad(log: Log, world: World, name: str, engine: type[Engine], workers: int) -> float:
+    """How far replays are from the engine; raises UsageError where it refuses the world."""
+    try:
+        return apart_rad(lambda specs: simulate(engine, specs, workers), world.spec, log)
+    except ValueError as error:
+        raise UsageError(f"--nominal {name}: {error}; choose another engine") from error
+
+
+def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
+    known, floor_rad = world.spec.hand.joint_names, rules().floor_position_rad
+    if strange := [joint for joint in log.joints if joint not in known]:
+        yield f"{', '.join(strange)}: no joint of this hand; left out"
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        yield from (f"left out of the MJCF: {text}" for text in left_out(log))
+    if apart_rad > floor_rad:
+        yield (
+            f"the engine's nominal world is up to {1e3 * apart_rad:.2g} mrad (of slides: mm) from "
+            f"its replay; the diagnosis takes {1e3 * floor_rad:g} as nothing"
+        )
+
+
+def _result(
+    folder: Path,
+    found: Diagnosis,
+    log: Log,
+    world: World,
+    settings: Settings,
+    apart_rad: float,
+) -> dict:
+    """The JSON object."""
+    row, effects = found.row(), _corrected(found, world)
+    return {
+        "status": "done",
+        "dir": str(folder),
+        "written": [str(folder / FILE), str(folder / REPORT)],
+        "log": str(settings.path),
+        "nominal": {
+            "backend": settings.nominal,
+            "hand": world.spec.hand.name,
+            "effects": world.known,
+            "replay_apart_rad": apart_rad,
+        },
+        "verdict": row.pop("verdict"),
+        "effects": effects,
+        "next": _commands(effects, log, settings),
+        "sentence": sentence(found),
+        "warnings": list(log.warnings),
+        **row,
+    }
+
+
+def _corrected(found: Diagnosis, world: World) -> str | None:
+    """The corrected world as effects; None where there is nothing to add, or it cannot be."""
+    if not found.magnitudes:
+        return None
+    try:
+        return effects_text(world.known, found.magnitudes, world.ideal)
+    except UsageError:
+        return None
+
+
+def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
+    """What the page says of log and nominal world."""
+    nominal = result["nominal"]
+    apart_mrad = 1e3 * nominal["replay_apart_rad"]
+    return {
+        "log": settings.path.resolve().name,
+        "source": log.meta.source,
+        "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
+        "replay": (
+            f"compiled; within {apart_mrad:.2g} mrad of {nominal['backend']} in the nominal world"
+        ),
+        "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal parameter",
+        "made by": provenance()["command"],
+    }
+
+
+def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
+    """Commands that go on with the effects of a corrected world, and what each does."""
+    if text is None:
+        return {}
+    further = {f"bench diagnose {settings.path} --effects-known {text}": "asks what remains"}
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        return further
+    return {
+        f"bench run --backend mujoco --task circle --effects {text}": "trains in that world",
+        f"bench eval RUN --effects {text}": "shows how a policy does in it",
+    } | further

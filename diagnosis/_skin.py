@@ -1,0 +1,117 @@
+"""The likelihood of skin readings: what taxels should answer, and what may be wrong with them.
+
+The geometry says how deep every taxel is pressed. On top of it come the candidates' faults:
+
+    reading = depth + slope t,   0 if dead
+    active  = reading > 0.2 mm + threshold,  or a living neighbour within the halo of one that is
+
+An answer as yes or no is a Bernoulli draw at a margin blurred by the geometry's own error; a depth
+has that error. Both allow for a few wild answers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.special import ndtr
+
+from backends.state import Array
+from backends.touch import THRESHOLD_M
+
+WILD, ANYWHERE_M = 1e-3, 1e-3
+"""Share of answers that nothing explains, and how far a wild depth may be from what it should be."""
+MISSED = 0.02
+"""Share of wrong answers that is no gap, beside those that the blur foretells."""
+ALIKE = 10.0
+"""Samples that tell as much as one: a grasp moves slowly."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pressed:
+    """S samples of F tips with K taxels, thinned in time."""
+
+    time_s: Array
+    """Since the start of the episode, shape (S,)."""
+    depth_m: Array
+    """How deep the geometry presses every taxel, shape (S, F, K)."""
+    reading: Array
+    """Depths [m], or 1 and 0, shape (S, F, K)."""
+    touched: Array
+    """Whether the finger is touched at all, shape (S, F), bool."""
+    binary: bool
+
+    def some(self, rows: Array) -> "Pressed":
+        """A part of the samples."""
+        names = ("time_s", "depth_m", "reading", "touched")
+        return replace(self, **{k: getattr(self, k)[rows] for k in names})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Faults:
+    """What is wrong with a skin, and how blurred the geometry is."""
+
+    threshold_m: float = 0.0
+    """Beyond 0.2 mm."""
+    halo_m: float = 0.0
+    slope_m_s: Array = field(default_factory=lambda: np.zeros(()))
+    """Drift of every taxel, shape (F, K) or ()."""
+    dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))
+    """Taxels that never answer, shape (F, K) or ()."""
+    blur_m: float
+    """Standard deviation of the depth: the geometry's own error."""
+
+
+def expected(data: Pressed, faults: Faults, near: list[Array] | None = None) -> Array:
+    """Readings [m], or probabilities of an answer, shape (S, F, K).
+
+    `near` holds each tip's neighbours within the halo, bool (K, K).
+    """
+    alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
+    drifted = data.time_s[:, None, None] * faults.slope_m_s
+    reading = (np.where(data.touched[..., None], data.depth_m, 0.0) + drifted) * alive
+    if not data.binary:
+        return reading
+    chance = ndtr((reading - THRESHOLD_M - faults.threshold_m) / faults.blur_m)
+    if near is not None:
+        chance = np.stack(
+            [
+                np.stack([chance[:, f, around].max(axis=1) for around in near[f]], axis=1)
+                for f in range(chance.shape[1])
+            ],
+            axis=1,
+        )
+    return WILD + (1 - 2 * WILD) * chance * alive
+
+
+def nats(data: Pressed, faults: Faults, near: list[Array] | None = None) -> Array:
+    """Log-likelihood of every answer over `ALIKE`, shape (S, F, K)."""
+    shown = expected(data, faults, near)
+    if data.binary:
+        return np.log(np.where(data.reading > 0.5, shown, 1 - shown)) / ALIKE
+    off = (data.reading - shown) / faults.blur_m
+    density = np.exp(-0.5 * np.minimum(off**2, 500.0)) / (np.sqrt(2 * np.pi) * faults.blur_m)
+    likely = np.where(data.reading > 0, density, ndtr(-shown / faults.blur_m))
+    wild = np.where(data.reading > 0, WILD / ANYWHERE_M, WILD)
+    return np.log((1 - WILD) * likely + wild) / ALIKE
+
+
+def gap(data: Pressed, faults: Faults, near: list[Array] | None = None) -> float:
+    """Root mean square of what answers otherwise than expected, over what is allowed.
+
+    Of yes and no, wrong answers are counted among what is active or should be; of depths, errors
+    where anything is pressed.
+    """
+    shown = expected(data, faults, near)
+    some = (shown > WILD) | (data.reading > 0)
+    if not some.any():
+        return 0.0
+    if data.binary:
+        wrong = np.where(data.reading > 0.5, shown < 0.5, shown >= 0.5)[some].mean()
+        return float(np.sqrt(wrong / (MISSED + np.minimum(shown, 1 - shown)[some].mean())))
+    return float(np.sqrt(np.mean(((data.reading - shown)[some] / faults.blur_m) ** 2)))
+
+
+def joined(parts: Sequence[Pressed]) -> Pressed:
+    """Samples of several episodes."""
+    names = ("time_s", "depth_m", "reading", "touched")
+    return replace(parts[0], **{k: np.concatenate([getattr(p, k) for p in parts]) for k in names})

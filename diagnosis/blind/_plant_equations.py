@@ -1,0 +1,135 @@
+"""A real side of other equations than every engine's and the solver's; shares no code with them.
+
+    J w' = sat(kp band(target - motor) - kd w) + cogging - gear - viscous w - F tanh(w / W)
+    gear = k band(motor - joint) (1 + s band^2) + c (w - joint speed) band'
+    F    = coulomb + stiction exp(-(w / V)^2) + load |gear| + worm
+
+`band` is a dead band with rounded corners, `sat` a limit with rounded corners, the worm a friction
+that rises with the share of the motion that the load drives. Joints are plane two-link chains in
+closed form. Semi-implicit Euler at 0.1 ms, the rotor's friction implicit.
+
+On top of the ideal mechanism there is always a little play, friction, cogging and stiffening.
+"""
+
+import numba
+import numpy as np
+
+TICK_S = 1e-4
+CREEP_RAD_S = 2e-3
+"""W: speed at which friction has grown to three quarters."""
+STRIBECK_RAD_S = 0.05
+"""V: speed at which stiction has faded to a third."""
+CORNER = 0.05
+"""Width of a dead zone's corners, as a share of it."""
+
+
+@numba.njit(cache=True)
+def _softplus(x):
+    return max(x, 0.0) + np.log1p(np.exp(-abs(x)))
+
+
+@numba.njit(cache=True)
+def _band(x, half, corner):
+    """A dead band of half width `half`; exactly x where that is zero."""
+    return corner * (_softplus((x - half) / corner) - _softplus((-x - half) / corner))
+
+
+@numba.njit(cache=True)
+def _slope(x, half, corner):
+    """Derivative of `_band`."""
+    return 0.5 * (2 + np.tanh((x - half) / corner / 2) + np.tanh((-x - half) / corner / 2))
+
+
+@numba.njit(cache=True)
+def _slowed(speed, decay, friction):
+    """The speed w of decay w + friction tanh(w / W) = speed: Newton, which climbs from below."""
+    size = abs(speed)
+    w = max(0.0, (size - friction) / decay)
+    for _ in range(50):
+        t = np.tanh(w / CREEP_RAD_S)
+        step = (size - decay * w - friction * t) / (decay + friction * (1 - t * t) / CREEP_RAD_S)
+        w += step
+        if step <= 1e-12 * (w + 1e-9):
+            break
+    return np.copysign(w, speed)
+
+
+@numba.njit(cache=True)
+def _fall(q, qd, torque, links, pull, out):
+    """Write the accelerations of a plane chain of one or two links."""
+    m1, m2 = links[0, 0], links[1, 0]
+    c1, l1, c2 = links[0, 1:3], links[0, 3:5], links[1, 1:3]
+    a, b = np.cos(q[0]), np.sin(q[0])
+    g0, g1 = a * pull[0] + b * pull[1], a * pull[1] - b * pull[0]  # gravity seen from link 1
+    own = links[0, 5] + m1 * (c1[0] ** 2 + c1[1] ** 2)
+    weight1 = m1 * (c1[0] * g1 - c1[1] * g0)
+    if len(q) == 1:
+        out[0] = (torque[0] + weight1) / own
+        return
+    c, s = np.cos(q[1]), np.sin(q[1])
+    x, y = c * c2[0] - s * c2[1], s * c2[0] + c * c2[1]
+    m22 = links[1, 5] + m2 * (c2[0] ** 2 + c2[1] ** 2)
+    m12 = m22 + m2 * (l1[0] * x + l1[1] * y)
+    m11 = own + m2 * (l1[0] ** 2 + l1[1] ** 2) + 2 * m12 - m22
+    h = m2 * (l1[1] * x - l1[0] * y)
+    weight2 = m2 * (x * g1 - y * g0)
+    weight1 += weight2 + m2 * (l1[0] * g1 - l1[1] * g0)
+    t1 = torque[0] + weight1 - h * qd[1] * (2 * qd[0] + qd[1])
+    t2 = torque[1] + weight2 + h * qd[0] ** 2
+    det = m11 * m22 - m12 * m12
+    out[0] = (m22 * t1 - m12 * t2) / det
+    out[1] = (m11 * t2 - m12 * t1) / det
+
+
+@numba.njit(cache=True)
+def run(target, push, drives, links, pull, baseline, sample_s, steps):
+    """Angles at every tick, motor angles and torques at every sample, of one limb."""
+    corner, per_rad, stiffening = baseline[1], baseline[4], baseline[5]
+    samples, joints = target.shape
+    q, qd, motor, speed = target[0].copy(), np.zeros(joints), target[0].copy(), np.zeros(joints)
+    wanted, torque, acceleration = target[0].copy(), np.zeros(joints), np.zeros(joints)
+    angle = np.zeros(((samples - 1) * steps + 1, joints))
+    motor_out, torque_out = np.zeros((samples, joints)), np.zeros((samples, joints))
+    pd = np.zeros(joints)
+    angle[0] = q
+    for k in range(samples):
+        motor_out[k], torque_out[k] = motor, pd
+        if k + 1 == samples:
+            break
+        for i in range(steps):
+            now_s = k * sample_s + i * TICK_S
+            for j in range(joints):
+                kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
+                lock, stiction, load, dead, delay, slowness, cogging, friction = drives[j, 9:]
+                row = int(np.floor((now_s - delay) / sample_s + 1e-6))
+                move = target[max(row, 0), j] - wanted[j]
+                if slowness > 0.0:
+                    move = min(max(move, -TICK_S / slowness), TICK_S / slowness)
+                wanted[j] += move
+                error = wanted[j] - motor[j]
+                if dead > 0.0:
+                    error = _band(error, dead, CORNER * dead)
+                asked = kp * error - kd * speed[j]
+                pd[j] = asked / (1 + (asked / limit) ** 8) ** 0.125
+                bend = motor[j] - q[j]
+                pressed = _band(bend, play, corner)
+                gear = stiff * pressed * (1 + stiffening * pressed * pressed)
+                gear += damping * (speed[j] - qd[j]) * _slope(bend, play, corner)
+                free = speed[j] + TICK_S / rotor * (
+                    pd[j] - gear - cogging * np.sin(per_rad * motor[j])
+                )
+                way = np.sign(free)
+                driven, driving = max(0.0, -gear * way), max(0.0, pd[j] * way)
+                worm = lock * driven / (driven + driving + 1e-3 * limit)
+                dry = coulomb + friction + stiction * np.exp(-((speed[j] / STRIBECK_RAD_S) ** 2))
+                dry += load * abs(gear) + worm
+                decay = 1 + TICK_S / rotor * viscous
+                speed[j] = _slowed(free, decay, TICK_S / rotor * dry)
+                motor[j] += TICK_S * speed[j]
+                torque[j] = gear + push[k, j]
+            _fall(q, qd, torque, links, pull, acceleration)
+            for j in range(joints):
+                qd[j] += TICK_S * acceleration[j]
+                q[j] += TICK_S * qd[j]
+            angle[k * steps + i + 1] = q
+    return angle, motor_out, torque_out

@@ -1,0 +1,253 @@
+"""What is hidden in a set of cases: a pure function of settings and seed. Knows no solver.
+
+Sides, rigs, effects and levels are dealt from shuffled decks, so that a small set is even and no
+number of a case says what is in it.
+"""
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from diagnosis.blind import motion, rigs
+
+T = TypeVar("T")
+SHARES = {"single": 6, "pair": 2, "none": 2, "unknown": 3}
+"""How many cases of each mode there are among all, in proportion."""
+LEVELS = ("small", "medium", "large")
+JITTER = 0.2
+"""Magnitudes lie within this of their level, as a logarithm."""
+EVERYWHERE = 0.25
+"""How often an effect is on all joints that it concerns instead of on one."""
+NOMINAL_STD, NOMINAL_CLIP = 0.05, 2.0
+"""Spread of the hidden nominal errors, relative, and where it ends in standard deviations."""
+NOMINAL = {
+    "kp-scale": None,
+    "kd-scale": None,
+    "coulomb-friction": "coulomb_nm",
+    "viscous-friction": "viscous_nms_rad",
+    "rotor-inertia": "rotor_inertia_kgm2",
+    "link-mass": None,
+    "series-elasticity": None,
+    "gear-damping": None,
+}
+"""Nominal parameters that are off, by the effect that changes them, and what a share is of."""
+CHANNELS = (("position",), ("position", "torque"), ("position", "motor"))
+"""What is logged, one of these."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Size:
+    """The three magnitudes of an effect."""
+
+    levels: tuple[float, float, float]
+    """Zeros: it only falls."""
+    of: str | None = None
+    """Drive number that they are shares of; None: they are in SI units or shares."""
+    falls: tuple[float, float, float] | None = None
+    """Magnitudes to the other side, where it may be either; also positive numbers."""
+
+
+_SHARE_EITHER = ((0.1, 0.25, 0.6), (0.1, 0.25, 0.5))
+SIZES = {
+    "backlash": Size(levels=(0.003, 0.009, 0.026)),
+    "self-lock": Size(levels=(0.02, 0.08, 0.3), of="torque_limit_nm"),
+    "coulomb-friction": Size(levels=(0.01, 0.04, 0.12), of="torque_limit_nm"),
+    "stiction": Size(levels=(0.01, 0.04, 0.12), of="torque_limit_nm"),
+    "viscous-friction": Size(levels=(0.1, 0.3, 0.8), of="kd_nms_rad"),
+    "load-friction": Size(levels=(0.05, 0.15, 0.4)),
+    "series-elasticity": Size(levels=(0.2, 0.6, 2.0)),
+    "rotor-inertia": Size(levels=(0.2, 0.6, 2.0), of="rotor_inertia_kgm2"),
+    "link-mass": Size(levels=(0.3, 0.8, 2.0)),
+    "gravity-tilt": Size(levels=(0.03, 0.1, 0.3), falls=(0.03, 0.1, 0.3)),
+    "kp-scale": Size(levels=_SHARE_EITHER[0], falls=_SHARE_EITHER[1]),
+    "kd-scale": Size(levels=_SHARE_EITHER[0], falls=_SHARE_EITHER[1]),
+    "gear-damping": Size(levels=(0.2, 0.4, 0.8), falls=(0.2, 0.4, 0.7)),
+    "torque-limit": Size(levels=(0.0, 0.0, 0.0), falls=(0.15, 0.3, 0.5)),
+    "command-delay": Size(levels=(0.002, 0.006, 0.02)),
+    "command-rate-limit": Size(levels=(0.1, 0.3, 1.0)),
+    "command-dropout": Size(levels=(0.05, 0.15, 0.4)),
+    "dead-zone": Size(levels=(0.002, 0.006, 0.02)),
+    "encoder-bias": Size(levels=(0.002, 0.007, 0.025), falls=(0.002, 0.007, 0.025)),
+    "encoder-scale": Size(levels=(0.01, 0.03, 0.1), falls=(0.01, 0.03, 0.1)),
+    "encoder-resolution": Size(levels=(0.002, 0.006, 0.02)),
+    "encoder-noise": Size(levels=(5e-4, 1.5e-3, 5e-3)),
+    "sensor-delay": Size(levels=(0.002, 0.006, 0.02)),
+}
+"""By effect; those of touch, stick and contact show nothing in free air and are not drawn."""
+EFFECTS = tuple(SIZES)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """An effect on the real side."""
+
+    effect: str
+    joint: str | None
+    """None: all joints that it concerns."""
+    magnitude: float
+    """In SI units or as a share."""
+    level: str = ""
+    """One of LEVELS; empty for a nominal error."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One case with its answer."""
+
+    number: int
+    mode: str
+    """single, pair, none or unknown."""
+    real: str
+    """What stands for reality: an engine, or the plant."""
+    rig: str
+    channels: tuple[str, ...]
+    protocols: tuple[str, ...]
+    variants: int
+    """Episodes per protocol."""
+    faults: tuple[Fault, ...]
+    """What is to be found."""
+    nominal: tuple[Fault, ...]
+    """Errors of the nominal parameters, within their uncertainty."""
+    excluded: tuple[str, ...]
+    """Effects that the solver's catalogue lacks; in `unknown` the true one, else any other."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """What set is drawn."""
+
+    cases: int
+    reals: tuple[str, ...]
+    rigs: tuple[str, ...] = ("finger",)
+    modes: tuple[str, ...] = tuple(SHARES)
+    effects: tuple[str, ...] = EFFECTS
+    protocols: tuple[str, ...] = motion.PROTOCOLS
+    channels: tuple[tuple[str, ...], ...] = CHANNELS
+    variants: int = 2
+
+
+def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -> tuple[Case, ...]:
+    """The cases of a set; the same seed draws the same."""
+    rng = np.random.default_rng([seed, 0])
+    modes = [m for m, count in _counts(settings).items() for _ in range(count)]
+    sides = itertools.islice(_deck(settings.reals, rng), settings.cases)
+    rigs_ = itertools.islice(_deck(settings.rigs, rng), settings.cases)
+    channels = itertools.islice(_deck(settings.channels, rng), settings.cases)
+    decks = {mode: _effects(settings.effects, rng) for mode in settings.modes}
+    rows = list(zip(modes, sides, rigs_, channels, strict=True))
+    dealt = [_deal(decks[mode], {"pair": 2, "none": 0}.get(mode, 1)) for mode, *_ in rows]
+    places = rng.permutation(settings.cases)
+    cases = []
+    for number, place in enumerate(places):
+        mode, real, rig, logged = rows[place]
+        hidden = _hidden(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
+        cases.append(
+            Case(
+                number=number,
+                mode=mode,
+                real=real,
+                rig=rig,
+                channels=logged,
+                protocols=settings.protocols,
+                variants=settings.variants,
+                **hidden,
+            )
+        )
+    return tuple(cases)
+
+
+def _counts(settings: Settings) -> dict[str, int]:
+    """Cases per mode, in proportion to SHARES, largest remainders first."""
+    whole = sum(SHARES[m] for m in settings.modes)
+    exact = {m: settings.cases * SHARES[m] / whole for m in settings.modes}
+    counts = {m: int(share) for m, share in exact.items()}
+    rest = sorted(settings.modes, key=lambda m: counts[m] - exact[m])
+    for mode in rest[: settings.cases - sum(counts.values())]:
+        counts[mode] += 1
+    return counts
+
+
+def _deck(cards: Sequence[T], rng: np.random.Generator) -> Iterator[T]:
+    """Cards in random order, all of them before any comes again."""
+    while True:
+        yield from (cards[k] for k in rng.permutation(len(cards)))
+
+
+def _effects(names: Sequence[str], rng: np.random.Generator) -> Iterator[tuple[str, str]]:
+    """Effects in random order, every one before any comes again, then at another level."""
+    first = rng.integers(len(LEVELS), size=len(names))
+    for turn in itertools.count():
+        for k in rng.permutation(len(names)):
+            yield names[k], LEVELS[(first[k] + turn) % len(LEVELS)]
+
+
+def _deal(deck: Iterator[tuple[str, str]], count: int) -> list[tuple[str, str]]:
+    """Effects with their levels, each effect once."""
+    dealt: list[tuple[str, str]] = []
+    while len(dealt) < count:
+        card = next(deck)
+        if card[0] not in [effect for effect, _ in dealt]:
+            dealt.append(card)
+    return dealt
+
+
+def _hidden(
+    mode: str,
+    rig: str,
+    dealt: list[tuple[str, str]],
+    settings: Settings,
+    catalogue: Mapping[str, type[Effect]],
+    seed: list[int],
+) -> dict:
+    """The faults of a case, its nominal errors and what the solver's catalogue lacks."""
+    rng, spec = np.random.default_rng(seed), rigs.nominal(rig)
+    faults = tuple(_fault(name, level, catalogue[name], spec, rng) for name, level in dealt)
+    others = [name for name in settings.effects if name not in [f.effect for f in faults]]
+    excluded = faults[0].effect if mode == "unknown" else others[rng.integers(len(others))]
+    nominal = tuple(_nominal(spec, faults, rng))
+    return {"faults": faults, "nominal": nominal, "excluded": (excluded,)}
+
+
+def _fault(
+    name: str, level: str, kind: type[Effect], spec: Spec, rng: np.random.Generator
+) -> Fault:
+    size, index = SIZES[name], LEVELS.index(level)
+    joint = _joint(kind, spec, rng)
+    rises = size.falls is None or (size.levels[index] > 0 and bool(rng.integers(2)))
+    amount = size.levels[index] if rises or size.falls is None else -size.falls[index]
+    amount *= np.exp(rng.uniform(-JITTER, JITTER))
+    if size.of is not None:
+        amount *= min(
+            getattr(b.joint.drive, size.of)
+            for b in spec.hand.driven
+            if joint in (None, b.joint.name)
+        )
+    magnitude = float(np.clip(amount, *kind.bounds))
+    return Fault(effect=name, joint=joint, magnitude=magnitude, level=level)
+
+
+def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | None:
+    """One joint at random; None for all of those that an effect concerns, if there are more."""
+    if not kind.per_joint:
+        return None
+    concerned = [b for b in spec.hand.driven if kind.gear in (None, b.joint.gear)]
+    everywhere = rng.uniform() < EVERYWHERE and len(concerned) > 1
+    names = spec.hand.joint_names
+    return None if everywhere else names[rng.integers(len(names))]
+
+
+def _nominal(spec: Spec, faults: Sequence[Fault], rng: np.random.Generator) -> Iterator[Fault]:
+    """An error of every nominal parameter that no fault changes: there the truth is the fault's."""
+    for name, number in NOMINAL.items():
+        for body in spec.hand.driven:
+            share = NOMINAL_STD * np.clip(rng.normal(), -NOMINAL_CLIP, NOMINAL_CLIP)
+            size = 1.0 if number is None else getattr(body.joint.drive, number)
+            joint = body.joint.name
+            taken = any(f.effect == name and f.joint in (None, joint) for f in faults)
+            if size != 0.0 and not taken:
+                yield Fault(effect=name, joint=joint, magnitude=float(share * size))

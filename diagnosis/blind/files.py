@@ -1,0 +1,155 @@
+"""A blind set as files: what anybody may see, and the sealed answers.
+
+    DIR/commitment.json        hash of the answers, hashes of rules and solver, before any is solved
+    DIR/cases/NNN/             one log each, and case.json: what the solver's catalogue lacks
+    DIR/results/NNN.json       what the solver said
+    DIR/tried.json             every version of the solver that was run on this set
+
+Answers are a file of their own, outside DIR.
+"""
+
+import hashlib
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from diagnosis.blind.draw import Case, Fault, Settings
+
+SCHEMA = 1
+
+
+class BlindError(ValueError):
+    """A blind set or its answers cannot be used; the message says why and what to do."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Commitment:
+    """What is published before anything is solved."""
+
+    answers_sha256: str
+    rules_version: int
+    solver_sha256: str
+    """Of all files below together."""
+    files: dict[str, str]
+    """SHA-256 of every file of the solver, its rules among them."""
+    cases: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class BlindSet:
+    """The folder of a set."""
+
+    path: Path
+
+    @property
+    def numbers(self) -> range:
+        """Numbers of the cases."""
+        return range(self.commitment().cases)
+
+    def log(self, number: int) -> Path:
+        """Folder of a case's log."""
+        return self.path / "cases" / f"{number:03d}"
+
+    def result(self, number: int) -> Path:
+        """File of a case's result."""
+        return self.path / "results" / f"{number:03d}.json"
+
+    def excluded(self, number: int) -> tuple[str, ...]:
+        """Effects that the solver's catalogue lacks in a case."""
+        return tuple(read_json(self.log(number) / "case.json")["excluded"])
+
+    def commitment(self) -> Commitment:
+        """What was committed to; raises BlindError where there is none."""
+        file = self.path / "commitment.json"
+        if not file.exists():
+            raise BlindError(
+                f"no {file.name} in {self.path}; give a folder that `bench blind make` finished"
+            )
+        data = read_json(file)
+        if data.pop("schema", None) != SCHEMA or set(data) != set(Commitment.__annotations__):
+            raise BlindError(f"{file} is of another version; make the set again")
+        return Commitment(**data)
+
+    def commit(self, commitment: Commitment) -> None:
+        """Write the commitment; with it the set is whole."""
+        write_json(self.path / "commitment.json", {"schema": SCHEMA, **asdict(commitment)})
+
+    def read_result(self, number: int) -> dict | None:
+        """What the solver said of a case; None where it has not spoken."""
+        file = self.result(number)
+        return read_json(file) if file.exists() else None
+
+    def tried(self) -> list[dict]:
+        """Every version of the solver that was run on this set, in order."""
+        file = self.path / "tried.json"
+        return read_json(file)["solvers"] if file.exists() else []
+
+    def note_try(self, rules_version: int, solver_sha256: str) -> None:
+        """Note that a version of the solver is run on this set."""
+        found = self.tried()
+        if solver_sha256 not in [one["solver_sha256"] for one in found]:
+            found.append({"rules_version": rules_version, "solver_sha256": solver_sha256})
+            write_json(self.path / "tried.json", {"solvers": found})
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answers:
+    """The sealed answers."""
+
+    settings: dict
+    seed: int
+    cases: tuple[Case, ...]
+
+
+def seal(settings: Settings, seed: int, cases: tuple[Case, ...]) -> str:
+    """The text of the answers; a nonce keeps their hash from being guessed from likely answers."""
+    nonce = hashlib.sha256(f"stickbench blind {seed}".encode()).hexdigest()
+    said = {"schema": SCHEMA, "nonce": nonce, "seed": str(seed), "settings": asdict(settings)}
+    return dumps(said | {"cases": [asdict(case) for case in cases]})
+
+
+def open_answers(path: Path, commitment: Commitment) -> Answers:
+    """The answers, if they are those that were committed to; raises BlindError."""
+    if not path.is_file():
+        raise BlindError(f"no answers at {path}; give the file that `bench blind make` wrote")
+    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    if found != commitment.answers_sha256:
+        raise BlindError(
+            f"the SHA-256 of {path} is {found}, but {commitment.answers_sha256} was committed to; "
+            "these are other answers, or they were changed: give those of this set"
+        )
+    data = read_json(path)
+    cases = tuple(_case(row) for row in data["cases"])
+    return Answers(settings=data["settings"], seed=int(data["seed"]), cases=cases)
+
+
+def _case(row: dict) -> Case:
+    hidden = {key: tuple(Fault(**fault) for fault in row[key]) for key in ("faults", "nominal")}
+    lists = {key: tuple(row[key]) for key in ("channels", "protocols", "excluded")}
+    return Case(**{**row, **lists, **hidden})
+
+
+def dumps(data: Any) -> str:
+    """JSON text with a line end."""
+    return json.dumps(data, indent=1) + "\n"
+
+
+def write_json(path: Path, data: Any) -> None:
+    """Write a JSON file under a temporary name, then rename it."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(dumps(data))
+    os.replace(temporary, path)
+
+
+def read_json(path: Path) -> dict:
+    """A JSON object; raises BlindError."""
+    try:
+        data = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise BlindError(f"{path} cannot be read as JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise BlindError(f"{path} holds no JSON object; make the set again")
+    return data

@@ -1,0 +1,234 @@
+"""Figures of a score: each a share or a median over some cases, with its count and interval."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from scipy import stats
+
+from diagnosis.blind.oracle import DETECTABLE_NATS
+
+LEVEL = 0.95
+"""Coverage of the intervals: Wilson's of shares, order statistics of medians."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Figure:
+    """One figure."""
+
+    value: float | None
+    """None: nothing to count."""
+    low: float | None
+    high: float | None
+    count: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Measure:
+    """How a figure comes about."""
+
+    name: str
+    meaning: str
+    column: str
+    of: Callable[[pd.DataFrame], pd.Series]
+    """Which rows count."""
+    median: bool = False
+    faults: bool = False
+    """Over true effects instead of cases."""
+
+
+def share(hits: pd.Series) -> Figure:
+    """Share of hits among what is not empty."""
+    hits = hits.dropna().astype(bool)
+    if hits.empty:
+        return Figure(value=None, low=None, high=None, count=0)
+    found = stats.binomtest(int(hits.sum()), len(hits))
+    interval = found.proportion_ci(LEVEL, method="wilson")
+    return Figure(
+        value=float(hits.mean()),
+        low=float(interval.low),
+        high=float(interval.high),
+        count=len(hits),
+    )
+
+
+def median(values: pd.Series) -> Figure:
+    """Median of what is not empty; the interval is between two order statistics."""
+    numbers = np.sort(values.dropna().to_numpy(dtype=float))
+    if not len(numbers):
+        return Figure(value=None, low=None, high=None, count=0)
+    first = int(stats.binom.ppf((1 - LEVEL) / 2, len(numbers), 0.5))
+    ends = numbers[max(first - 1, 0)], numbers[min(len(numbers) - first, len(numbers) - 1)]
+    return Figure(
+        value=float(np.median(numbers)), low=float(ends[0]), high=float(ends[1]), count=len(numbers)
+    )
+
+
+def _mode(name: str) -> Callable[[pd.DataFrame], pd.Series]:
+    return lambda t: (t["mode"] == name) & t["detectable"]
+
+
+def _weak(t: pd.DataFrame) -> pd.Series:
+    return _mode("unknown")(t) & ~t["strong"]
+
+
+def _strong(t: pd.DataFrame) -> pd.Series:
+    return _mode("unknown")(t) & t["strong"]
+
+
+def _apart(t: pd.DataFrame) -> pd.Series:
+    return _mode("unknown")(t) & (pd.to_numeric(t["left_nats"]) >= DETECTABLE_NATS)
+
+
+def _named(t: pd.DataFrame) -> pd.Series:
+    return _mode("single")(t) & t["one_of"]
+
+
+def _faulty(t: pd.DataFrame) -> pd.Series:
+    return t["mode"].isin(["single", "pair"]) & t["detectable"]
+
+
+def _below(t: pd.DataFrame) -> pd.Series:
+    return t["mode"].isin(["single", "unknown"]) & ~t["detectable"]
+
+
+def _none(t: pd.DataFrame) -> pd.Series:
+    return t["mode"] == "none"
+
+
+MEASURES = (
+    Measure(
+        name="top1",
+        meaning="single effects named, and nothing else",
+        column="right",
+        of=_mode("single"),
+    ),
+    Measure(
+        name="top1_or_tied",
+        meaning="the same, or named one that the solver says it cannot tell from it",
+        column="right_or_tied",
+        of=_mode("single"),
+    ),
+    Measure(
+        name="search_missed",
+        meaning="single effects that fit better than the best fit found, by the limit",
+        column="missed",
+        of=_mode("single"),
+    ),
+    Measure(
+        name="top3",
+        meaning="single effects among the first three of the ranking",
+        column="in_top",
+        of=_mode("single"),
+    ),
+    Measure(
+        name="joint_right",
+        meaning="of single effects named: on just its joints",
+        column="joints_right",
+        of=_named,
+    ),
+    Measure(
+        name="none_false_alarm",
+        meaning="cases of `none` not called `none`",
+        column="wrong",
+        of=_none,
+    ),
+    Measure(
+        name="none_accused",
+        meaning="cases of `none` in which an effect is named",
+        column="accuses",
+        of=_none,
+    ),
+    Measure(
+        name="unknown_recall",
+        meaning="effects outside of the catalogue called `unknown`",
+        column="right",
+        of=_mode("unknown"),
+    ),
+    Measure(name="unknown_recall_weak", meaning="of these the weak ones", column="right", of=_weak),
+    Measure(
+        name="unknown_recall_strong", meaning="of these the strong ones", column="right", of=_strong
+    ),
+    Measure(
+        name="unknown_recall_apart",
+        meaning="of these: no fit found comes within the limit of the true effect",
+        column="right",
+        of=_apart,
+    ),
+    Measure(
+        name="pairs_exact",
+        meaning="pairs of which both are named, and nothing else",
+        column="right",
+        of=_mode("pair"),
+    ),
+    Measure(
+        name="pairs_one",
+        meaning="pairs of which at least one is named",
+        column="one_of",
+        of=_mode("pair"),
+    ),
+    Measure(
+        name="spurious_second",
+        meaning="single effects named beside another that is not there",
+        column="spurious",
+        of=_mode("single"),
+    ),
+    Measure(
+        name="magnitude_error_median",
+        meaning="relative error of magnitudes of effects found",
+        column="error",
+        of=_faulty,
+        median=True,
+        faults=True,
+    ),
+    Measure(
+        name="interval_coverage",
+        meaning="of these: 90 % interval holds the true magnitude",
+        column="covered",
+        of=_faulty,
+        faults=True,
+    ),
+    Measure(
+        name="shrinkage_vs_oracle",
+        meaning="gap closed over what the true effects close",
+        column="shrinkage_ratio",
+        of=_faulty,
+        median=True,
+    ),
+    Measure(
+        name="below_named",
+        meaning="effects too small to detect: called right all the same",
+        column="right",
+        of=_below,
+    ),
+    Measure(name="below_none", meaning="of these: called `none`", column="says_none", of=_below),
+    Measure(
+        name="cpu_s_median",
+        meaning="CPU seconds per case",
+        column="cpu_s",
+        of=lambda t: t["number"] >= 0,
+        median=True,
+    ),
+)
+
+
+def enriched(cases: pd.DataFrame) -> pd.DataFrame:
+    """The cases with what follows from their columns."""
+    oracle = pd.to_numeric(cases["shrinkage_oracle"]).where(lambda s: s > 0)
+    return cases.assign(
+        wrong=~cases["right"],
+        missed=pd.to_numeric(cases["left_nats"]) >= DETECTABLE_NATS,
+        says_none=cases["verdict"] == "none",
+        shrinkage_ratio=pd.to_numeric(cases["shrinkage"]) / oracle,
+    )
+
+
+def figures(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, Figure]:
+    """All figures of some cases and the true effects in them."""
+    found = {}
+    for measure in MEASURES:
+        table = faults if measure.faults else cases
+        column = table[measure.column][measure.of(table)] if len(table) else pd.Series(dtype=float)
+        found[measure.name] = median(column) if measure.median else share(column)
+    return found

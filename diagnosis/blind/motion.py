@@ -1,0 +1,116 @@
+"""What a blind case commands: short random motions of its own, not those the solver was tuned on.
+
+Every joint moves at once, each in its own rhythm, from rest in the centre of its range.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+
+RATE_HZ = 200.0
+LENGTH_S = 3.0
+REST_S = 0.15
+"""Rest before the first motion [s]."""
+STEP_S, STEP_SHARES = (0.2, 0.5), (0.02, 0.45)
+"""How long a level is held, and how high it is as a share of the room."""
+TRIANGLE_SHARE, TRIANGLE_HZ = (0.15, 0.35), (0.4, 0.9)
+SINES, SINE_HZ, SINE_SHARE = 7, (0.4, 10.0), (0.12, 0.25)
+PUSH_SHARES = (0.12, 0.35)
+"""Known pushes, as shares of the torque limit."""
+HOLD_SHARE = 0.3
+"""Where a joint is held under a push, at most, as a share of the room."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """One episode of T samples."""
+
+    protocol: str
+    target_rad: Array
+    """Targets from each sample on [rad], shape (T, J)."""
+    push_nm: Array
+    """External torques from each sample on [Nm], shape (T, J)."""
+
+
+def times_s() -> Array:
+    """Times of the samples [s], shape (T,)."""
+    return np.arange(round(LENGTH_S * RATE_HZ) + 1) / RATE_HZ
+
+
+def center_rad(spec: Spec) -> Array:
+    """Where every episode starts [rad], shape (J,)."""
+    return np.array([np.mean(b.joint.range_rad) for b in spec.hand.driven])
+
+
+def motion(protocol: str, spec: Spec, rng: np.random.Generator) -> Motion:
+    """A random episode of a protocol for every joint of a rig."""
+    inside = np.maximum(times_s() - REST_S, 0.0)
+    room = np.array([np.ptp(b.joint.range_rad) / 2 for b in spec.hand.driven])
+    limit = np.array([drive.torque_limit_nm for drive in spec.drives])
+    pairs = [MOTIONS[protocol](inside, rng) for _ in room]
+    moved, pushed = (np.stack(rows, axis=1) for rows in zip(*pairs, strict=True))
+    return Motion(
+        protocol=protocol,
+        target_rad=center_rad(spec) + room * moved,
+        push_nm=limit * pushed,
+    )
+
+
+def _steps(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Levels of random height, small and large alike, each held for a random time."""
+    count = int(LENGTH_S / STEP_S[0]) + 1
+    ends = np.cumsum(rng.uniform(*STEP_S, count))
+    levels = rng.choice([-1.0, 1.0], count) * _evenly(rng, STEP_SHARES, count)
+    moved = levels[np.searchsorted(ends, inside_s, side="right")] * (inside_s > 0)
+    return moved, 0.0 * moved
+
+
+def _triangle(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Strokes at constant speed between reversals."""
+    size = rng.choice([-1.0, 1.0]) * rng.uniform(*TRIANGLE_SHARE)
+    wave = np.arcsin(np.sin(2 * np.pi * rng.uniform(*TRIANGLE_HZ) * inside_s)) * 2 / np.pi
+    return size * wave, 0.0 * wave
+
+
+def _multisine(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Sines of random frequency and equal speed."""
+    moved = 0.0 * inside_s
+    for hz in _evenly(rng, SINE_HZ, SINES):
+        phase = rng.uniform(0, 2 * np.pi)
+        moved += (np.sin(2 * np.pi * hz * inside_s + phase) - np.sin(phase)) / hz
+    return moved * rng.uniform(*SINE_SHARE) / np.abs(moved).max(), 0.0 * moved
+
+
+def _push(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Hold a position; a known torque comes and goes, one way and then the other."""
+    held = rng.uniform(-HOLD_SHARE, HOLD_SHARE) * np.clip(inside_s / 0.3, 0, 1)
+    start = 0.45 + rng.uniform(0, 0.2)
+    pushed = sum(
+        sign * rng.uniform(*PUSH_SHARES) * _trapezoid(inside_s - start - 1.1 * k)
+        for k, sign in enumerate(rng.permutation([-1.0, 1.0]))
+    )
+    return held, pushed + 0.0 * held
+
+
+def _evenly(rng: np.random.Generator, ends: tuple[float, float], count: int) -> Array:
+    """Numbers between two ends, even in their logarithm."""
+    return np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]), count))
+
+
+def _trapezoid(since_s: Array) -> Array:
+    """Up in 0.3 s, on for 0.3 s, down in 0.3 s."""
+    return np.clip(np.minimum(since_s, 0.9 - since_s) / 0.3, 0, 1)
+
+
+MOTIONS: dict[str, Callable[[Array, np.random.Generator], tuple[Array, Array]]] = {
+    "steps": _steps,
+    "triangle": _triangle,
+    "multisine": _multisine,
+    "push": _push,
+}
+PROTOCOLS = tuple(MOTIONS)

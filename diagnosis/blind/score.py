@@ -1,0 +1,176 @@
+"""Scores a blind set: opens the answers, holds the results against them, writes the tables."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+
+from backends.effect import Effect
+from diagnosis.blind import judged, tables
+from diagnosis.blind.draw import Case
+from diagnosis.blind.files import BlindError, BlindSet, open_answers, write_json
+from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
+from diagnosis.blind.oracle import DETECTABLE_NATS, STRONG_NATS, Oracle
+
+Consult = Callable[[list[Case]], list[Oracle]]
+"""Asks the oracle about cases, in order, maybe on several cores."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Score:
+    """A scored set."""
+
+    figures: dict[str, Figure]
+    frozen: bool
+    """Whether all results come from the solver that was committed to."""
+    rules_versions: tuple[int, ...]
+    """Versions of the rules behind the results."""
+    solvers_tried: int
+    """Versions of the solver that were ever run on this set."""
+    tables: dict[str, pd.DataFrame]
+
+    def plain(self) -> dict:
+        """As JSON: figures as plain numbers, then counts and intervals, then tables."""
+        return {
+            "cases": len(self.tables["cases"]),
+            **{name: figure.value for name, figure in self.figures.items()},
+            "frozen": self.frozen,
+            "rules_versions": list(self.rules_versions),
+            "solvers_tried": self.solvers_tried,
+            "detectable_nats": DETECTABLE_NATS,
+            "strong_nats": STRONG_NATS,
+            "intervals": {
+                name: {"low": f.low, "high": f.high, "count": f.count}
+                for name, f in self.figures.items()
+            },
+            "tables": {name: _records(table) for name, table in self.tables.items()},
+        }
+
+
+def score(
+    blind: BlindSet, answers: Path, catalogue: Mapping[str, type[Effect]], consult: Consult
+) -> Score:
+    """The score of a set; raises BlindError for wrong answers or unfinished results."""
+    promised = blind.commitment()
+    cases = list(open_answers(answers, promised).cases)
+    results = {case.number: blind.read_result(case.number) for case in cases}
+    missing = [number for number, said in results.items() if said is None]
+    if missing:
+        raise BlindError(
+            f"{len(missing)} of {len(cases)} cases have no result, case {missing[0]:03d} first; "
+            f"solve them with: bench blind run {blind.path}"
+        )
+    rows, faults = [], []
+    for case, oracle in zip(cases, consult(cases), strict=True):
+        said = results[case.number] or {}
+        rows.append(judged.case_row(case, said, oracle, catalogue))
+        faults += judged.fault_rows(case, said, oracle, catalogue)
+    by_case, by_fault = judged.frames(rows, faults)
+    by_case = enriched(by_case)
+    return Score(
+        figures=figures(by_case, by_fault),
+        frozen=set(by_case["solver_sha256"]) == {promised.solver_sha256},
+        rules_versions=tuple(sorted(set(by_case["rules_version"]))),
+        solvers_tried=len(blind.tried()),
+        tables={
+            "cases": by_case.drop(columns=["wrong", "says_none", "missed", "solver_sha256"]),
+            "groups": tables.by_group(by_case, by_fault),
+            "confusion": tables.confusion(by_case),
+            "effects": tables.by_effect(by_fault),
+            "reliability": tables.reliability(by_case),
+            "baselines": tables.baselines(by_case, by_fault),
+        },
+    )
+
+
+def write(found: Score, folder: Path) -> list[Path]:
+    """Write score.json, score.md and one CSV per table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / "score.json", found.plain())
+    (folder / "score.md").write_text(markdown(found))
+    headline(found).to_csv(folder / "headline.csv", index=False)
+    for name, table in found.tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    files = ["score.json", "score.md", "headline.csv", *(f"{n}.csv" for n in found.tables)]
+    return [folder / name for name in files]
+
+
+def headline(found: Score) -> pd.DataFrame:
+    """A row per figure."""
+    rows = [
+        {"figure": m.name, **vars(found.figures[m.name]), "meaning": m.meaning} for m in MEASURES
+    ]
+    return pd.DataFrame(rows)
+
+
+_TITLES = {
+    "groups": "By real side, rig, channels and protocols",
+    "baselines": "Baselines on the same cases",
+    "confusion": "Confusion: truth by row, verdict by column; detectable cases without pairs",
+    "effects": "Per effect: found of cases by level, smallest magnitude found by at least half",
+    "reliability": "Confidence against share right",
+    "cases": "Cases",
+}
+_CASE_COLUMNS = ["number", "mode", "real", "rig", "channels", "hidden", "excluded", "oracle_nats"]
+_CASE_COLUMNS += ["left_nats", "verdict", "right", "confidence", "shrinkage", "shrinkage_oracle"]
+
+
+def markdown(found: Score) -> str:
+    """The score to read."""
+    when = (
+        "by the solver that was committed to before the cases were drawn"
+        if found.frozen
+        else "**not** by the solver that was committed to: a tuning set, no blind result"
+    )
+    versions = ", ".join(map(str, found.rules_versions))
+    parts = [
+        "# Blind score\n",
+        f"{len(found.tables['cases'])} cases, solved {when}; rules version {versions}; "
+        f"{found.solvers_tried} versions of the solver were run on this set. Intervals: "
+        "Wilson 95 % of shares, order statistics of medians. Headline figures are over cases "
+        f"whose true effects lower the cost by {DETECTABLE_NATS:g} nats or more; weaker ones "
+        f"stand apart (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
+        _table(headline(found)),
+    ]
+    for name, title in _TITLES.items():
+        table = found.tables[name]
+        table = {"cases": _shown_cases, "groups": _turned}.get(name, lambda t: t)(table)
+        parts += [f"\n## {title}\n", _table(table)]
+    return "\n".join(parts) + "\n"
+
+
+def _shown_cases(table: pd.DataFrame) -> pd.DataFrame:
+    return table[_CASE_COLUMNS]
+
+
+def _turned(table: pd.DataFrame) -> pd.DataFrame:
+    """Groups as columns, figures with their counts as rows."""
+    rows = []
+    for measure in MEASURES:
+        values = zip(table[measure.name], table[f"{measure.name}_n"], strict=True)
+        rows.append([measure.name, *(f"{_cell(v)} ({n})" if n else "" for v, n in values)])
+    head = [f"{of} ({count})" for of, count in zip(table["of"], table["cases"], strict=True)]
+    return pd.DataFrame(rows, columns=["figure (count)", *head])
+
+
+def _table(table: pd.DataFrame) -> str:
+    head = [str(column) for column in table.columns]
+    lines = [head, ["---"] * len(head)]
+    lines += [[_cell(value) for value in row] for row in table.itertuples(index=False)]
+    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and pd.isna(value)):
+        return ""
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _records(table: pd.DataFrame) -> list[dict]:
+    """Rows as plain data, empty cells as None."""
+    plain = table.astype(object).where(table.notna(), None)
+    return [
+        {str(k): v.item() if hasattr(v, "item") else v for k, v in row.items()}
+        for row in plain.to_dict("records")
+    ]

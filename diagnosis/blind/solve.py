@@ -1,0 +1,72 @@
+"""Solves one blind case from its log alone."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from backends.effect import UNITS, Effect
+from diagnosis.blind import rigs
+from diagnosis.diagnose import Diagnosis, diagnose, shrinkage
+from diagnosis.log import HandMechanism, LogError, read_log
+
+
+def solve(folder: Path, excluded: tuple[str, ...], catalogue: Mapping[str, type[Effect]]) -> dict:
+    """What the solver says of a log without the excluded effects; magnitudes in SI units.
+
+    A log that it refuses gives its reason as `refused`, and is no answer.
+    """
+    known = {name: kind for name, kind in catalogue.items() if name not in excluded}
+    log = read_log(folder)
+    mechanism = log.meta.mechanism
+    assert isinstance(mechanism, HandMechanism)
+    try:
+        found = diagnose(log, rigs.nominal(mechanism.hand), known)
+    except LogError as error:
+        return {"refused": str(error), "catalogue": sorted(known)}
+    return {"refused": None, "catalogue": sorted(known), **_said(found)}
+
+
+def _said(found: Diagnosis) -> dict:
+    return {
+        "verdict": list(found.verdict),
+        "joints": list(found.joints),
+        "magnitudes": [
+            {
+                "effect": m.effect,
+                "joints": list(m.joints),
+                "magnitude": m.value * UNITS[m.unit][1],
+                "interval": [end * UNITS[m.unit][1] for end in m.interval],
+            }
+            for m in found.magnitudes
+        ],
+        "confidence": found.confidence,
+        "ranking": list(found.ranking),
+        "indistinguishable": [row["effects"] for row in found.indistinguishable],
+        "gap_before": found.gap_before,
+        "gap_nominal": found.gap_nominal,
+        "gap_after": found.gap_after,
+        "shrinkage": found.shrinkage.value,
+        "shrinkage_nominal": found.shrinkage_nominal.value,
+        "greedy": _greedy(found),
+        "cpu_s": found.cpu_s,
+    }
+
+
+def _greedy(found: Diagnosis) -> dict:
+    """The single largest improvement on training samples, whatever it is: a baseline."""
+    leads = []
+    for limb in found.limbs:
+        best = min(limb.attribution.singles, key=lambda one: one.fit.cost)
+        leads.append((limb.attribution.nominal.fit.cost - best.fit.cost, limb, best))
+    _, guilty, best = max(leads, key=lambda lead: lead[0])
+    before = np.concatenate([limb.attribution.before.plain for limb in found.limbs])
+    after = np.concatenate(
+        [best.plain if limb is guilty else limb.attribution.nominal.plain for limb in found.limbs]
+    )
+    joint = best.joints[0]
+    return {
+        "effect": best.names[0],
+        "joints": list(guilty.attribution.fitter.evidence.joints) if joint is None else [joint],
+        "shrinkage": shrinkage(before, after).value,
+    }

@@ -1,0 +1,150 @@
+"""Tables of a score: by side, confusion, per effect, calibration, baselines."""
+
+from collections.abc import Callable
+
+import pandas as pd
+
+from diagnosis.blind.draw import LEVELS
+from diagnosis.blind.measures import Figure, figures, share
+
+GROUPS = ("real", "rig", "channels", "protocols")
+CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
+"""Ends of the bins of the reliability table."""
+FOUND_SHARE = 0.5
+"""An effect counts as found at a level that so many of its cases are found at."""
+COMPARED = (
+    "top1",
+    "top1_or_tied",
+    "top3",
+    "joint_right",
+    "none_false_alarm",
+    "unknown_recall",
+    "pairs_exact",
+    "pairs_one",
+    "spurious_second",
+    "shrinkage_vs_oracle",
+)
+"""Figures that a baseline has."""
+
+
+def by_group(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
+    """All figures for every real side, rig, set of channels and set of protocols."""
+    rows = []
+    for group in GROUPS:
+        for name in sorted(cases[group].unique()):
+            part = cases[cases[group] == name]
+            inside = faults[faults["number"].isin(part["number"])]
+            rows.append({"by": group, "of": name, "cases": len(part), **flat(part, inside)})
+    return pd.DataFrame(rows)
+
+
+def flat(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, float | int | None]:
+    """Figures with their counts."""
+    found: dict[str, float | int | None] = {}
+    for name, figure in figures(cases, faults).items():
+        found |= {name: figure.value, f"{name}_n": figure.count}
+    return found
+
+
+def confusion(cases: pd.DataFrame) -> pd.DataFrame:
+    """Counts of verdicts (columns) by truth (rows), over detectable cases without pairs."""
+    told = cases[(cases["mode"] == "none") | (cases["detectable"] & (cases["mode"] != "pair"))]
+    return pd.crosstab(told["truth"], told["verdict"]).reset_index()
+
+
+def by_effect(faults: pd.DataFrame) -> pd.DataFrame:
+    """Per effect and protocols: found per level, and the smallest magnitude found."""
+    rows = []
+    single = faults[faults["mode"] == "single"]
+    for (effect, unit, protocols), part in single.groupby(["effect", "unit", "protocols"]):
+        row = {"effect": effect, "protocols": protocols, "unit": unit, "smallest": None}
+        for level in reversed(LEVELS):
+            tried = part[part["level"] == level]
+            row |= {f"{level}_found": int(tried["found"].sum()), f"{level}_cases": len(tried)}
+            if len(tried) and tried["found"].mean() >= FOUND_SHARE:
+                row["smallest"] = float(tried["magnitude"].median())
+        rows.append(row)
+    columns = ["effect", "protocols", "unit", "smallest"]
+    columns += [f"{level}_{what}" for level in LEVELS for what in ("found", "cases")]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def reliability(cases: pd.DataFrame) -> pd.DataFrame:
+    """How often verdicts of a confidence are right, over `none` and detectable cases."""
+    told = cases[(cases["mode"] == "none") | cases["detectable"]]
+    confidence = pd.to_numeric(told["confidence"])
+    rows = []
+    for low, high in zip(CONFIDENCES[:-1], CONFIDENCES[1:], strict=True):
+        last = high == CONFIDENCES[-1]
+        inside = (confidence >= low) & ((confidence < high) | (last & (confidence <= high)))
+        right = share(told["right"][inside])
+        mean = float(confidence[inside].mean()) if inside.any() else None
+        rows.append({"from": low, "to": high, "confidence": mean, **vars(right)})
+    return pd.DataFrame(rows)
+
+
+def baselines(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
+    """The solver beside simpler ones on the same cases."""
+    rows: list[dict[str, object]] = [{"method": "this solver", **_values(figures(cases, faults))}]
+    rows.append({"method": "chance: an effect of the catalogue at random", **_chance(cases)})
+    for method, restated in _RIVALS.items():
+        found = figures(restated(cases), faults)
+        known = {k: v for k, v in _values(found).items() if k != "joint_right"}
+        rows.append({"method": method, **known})
+    return pd.DataFrame(rows, columns=["method", *COMPARED])
+
+
+def _values(found: dict[str, Figure]) -> dict[str, float | None]:
+    return {name: found[name].value for name in COMPARED}
+
+
+def _chance(cases: pd.DataFrame) -> dict[str, float]:
+    """Expected figures of naming one effect at random."""
+    one = float((1 / cases["catalogue"]).mean())
+    return {
+        "top1": one,
+        "top1_or_tied": one,
+        "top3": 3 * one,
+        "none_false_alarm": 1.0,
+        "unknown_recall": 0.0,
+        "pairs_exact": 0.0,
+        "pairs_one": 2 * one,
+        "spurious_second": 0.0,
+    }
+
+
+def _nominal_alone(cases: pd.DataFrame) -> pd.DataFrame:
+    """Verdicts of refitting the nominal parameters and naming nothing."""
+    return _restated(cases, pd.Series("none", index=cases.index), "shrinkage_nominal")
+
+
+def _greedy(cases: pd.DataFrame) -> pd.DataFrame:
+    """Verdicts of always naming the effect that improves most on the fitting samples."""
+    return _restated(cases, cases["greedy"].fillna("none"), "shrinkage_greedy")
+
+
+_RIVALS: dict[str, Callable[[pd.DataFrame], pd.DataFrame]] = {
+    "nominal parameters refitted alone": _nominal_alone,
+    "largest improvement on training samples": _greedy,
+}
+"""Baselines by what they say of the same cases; another one is another line here."""
+
+
+def _restated(cases: pd.DataFrame, verdict: pd.Series, shrinkage: str) -> pd.DataFrame:
+    """The cases with another verdict of one word."""
+    truths = cases["truth"].str.split(" + ", regex=False)
+    named = pd.Series([v in t for v, t in zip(verdict, truths, strict=True)], index=cases.index)
+    right = verdict == cases["truth"]
+    oracle = pd.to_numeric(cases["shrinkage_oracle"]).where(lambda s: s > 0)
+    return cases.assign(
+        verdict=verdict,
+        right=right,
+        right_or_tied=right,
+        wrong=~right,
+        one_of=named & (verdict != "none"),
+        in_top=named & (verdict != "none"),
+        spurious=False,
+        joints_right=None,
+        accuses=verdict != "none",
+        shrinkage_ratio=pd.to_numeric(cases[shrinkage]) / oracle,
+    )

@@ -1,0 +1,187 @@
+"""Backlash by the push test: hold a joint, push it both ways, see where it goes.
+
+As in the paper, the joint rests at q_a and is pushed to its extremes q_b and q_c; the play is
+[q_c - q_a, q_b - q_a], averaged over the positions held. What gives besides the play is taken off:
+the motor's own motion (logged, else replayed in the nominal world), and the elastic give of the
+teeth, which is in proportion to the push. While the teeth touch,
+
+    position - motor = end of the play on that side + give * push
+
+A worm that holds its motor yields otherwise than a gear that does not, so the replay is made with
+and without a lock; the one that leaves less unexplained is the joint's.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.calibration.worlds import Motion, Simulate, replay
+
+PUSHED_SHARE = 0.3
+"""Samples with less of a press's largest push are left out: the joint may be between its teeth."""
+VARIED_SHARE = 0.05
+"""A push that varies less than this, over its largest, cannot tell give from play."""
+SAME_HOLD_RAD = 1e-3
+"""Presses whose commands differ by less are at one position."""
+LOCK_NM = 10.0
+"""A lock that holds whatever a push test pushes."""
+SMALLEST_RAD = {"logged": np.radians(0.02), "replayed": np.radians(0.05)}
+"""Half plays under this are none [rad]; a replayed motor has nominal friction, not its own."""
+REST_SAMPLES = 3
+"""The rest before a press is the mean of so many samples."""
+NO_PUSH = "not identifiable from this log: nothing pushes it both ways while it is held"
+MOTOR_SIDE = (
+    "not identifiable from this log: its position sensor sits on the motor side of the gear, and "
+    "the play lies behind it; log the link's angle"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Play:
+    """What the push test says of one joint at P positions."""
+
+    held_rad: Array
+    """Commands that were held [rad], shape (P,)."""
+    rest_rad: Array
+    """q_a: where the joint rested before it was pushed, about the motor [rad], shape (P,)."""
+    ends_rad: Array
+    """q_c and q_b: the ends of the play, about the motor [rad], shape (P, 2)."""
+    give_rad_nm: float
+    """Elastic give of the teeth [rad/Nm]."""
+    residual_rad: float
+    """Standard deviation of what neither play nor give explains [rad]."""
+    reference: str
+    """Where the motor's angle comes from: 'logged' or 'replayed'."""
+    locks: bool = False
+    """Whether the motor stays where it is under the push."""
+
+    @property
+    def half_rad(self) -> Array:
+        """Half of the play at each position [rad], shape (P,)."""
+        return (self.ends_rad[:, 1] - self.ends_rad[:, 0]) / 2
+
+    @property
+    def mean_rad(self) -> float:
+        """Half of the play, mean over the positions [rad]; never negative."""
+        return max(float(self.half_rad.mean()), 0.0)
+
+    @property
+    def has_play(self) -> bool:
+        """Whether this is play at all, and not what the test mistakes for it."""
+        error_rad = self.std_rad / np.sqrt(len(self.half_rad))
+        return self.mean_rad > max(SMALLEST_RAD[self.reference], 2 * error_rad)
+
+    @property
+    def std_rad(self) -> float:
+        """Its standard deviation over the positions [rad]; 0 of a single one."""
+        return float(self.half_rad.std(ddof=1)) if len(self.half_rad) > 1 else 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Press:
+    """A joint pushed one way, from no push to no push, while its command stands still."""
+
+    held_rad: float
+    rest_rad: float
+    """Its angle about the motor before [rad]."""
+    side: int
+    """Way of the push: 0 down, 1 up."""
+    load_nm: Array
+    beyond_rad: Array
+    """Its angle about the motor while it is pushed hard [rad]."""
+
+
+def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> dict[str, Play | str]:
+    """Per joint its play, or why this log does not tell it."""
+    names = nominal.hand.joint_names
+    if not pushes:
+        return dict.fromkeys(names, NO_PUSH)
+    free, locked = (_locking(nominal, lock_nm) for lock_nm in (0.0, LOCK_NM))
+    shown = replay(simulate, [free, locked], pushes)
+    return {name: _test(nominal, pushes, shown, j) for j, name in enumerate(names)}
+
+
+def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -> Play | str:
+    """The play of joint `j`; `shown` is a replay of two worlds, without and with a lock."""
+    if nominal.hand.driven[j].joint.sensor == "motor":
+        return MOTOR_SIDE
+    nominal_give = 1.0 / nominal.drives[j].gear_stiffness_nm_rad
+    replayed = [[s[world, 1, :, j] for s in shown] for world in (0, 1)]
+    logged = [motion.read_rad[1, :, j] for motion in pushes]
+    free, locked = (
+        _fit(pushes, motor, j, nominal_give, reference="replayed") for motor in replayed
+    )
+    if free is None or locked is None:
+        return NO_PUSH
+    locks = locked.residual_rad < free.residual_rad
+    best = locked if locks else free
+    if all(np.isfinite(motor).all() for motor in logged):
+        best = _fit(pushes, logged, j, nominal_give, reference="logged") or best
+    return dataclasses.replace(best, locks=locks)
+
+
+def _fit(
+    pushes: Sequence[Motion], motor_rad: list[Array], j: int, nominal_give: float, reference: str
+) -> Play | None:
+    """Least squares: an end of the play per position and side, and one give for all."""
+    pairs = zip(pushes, motor_rad, strict=True)
+    places = _places([p for m, motor in pairs for p in _presses(m, motor, j)])
+    if not places:
+        return None
+    ends_of = [(2 * k + press.side, press) for k, place in enumerate(places) for press in place]
+    load = np.concatenate([press.load_nm for _, press in ends_of])
+    beyond = np.concatenate([press.beyond_rad for _, press in ends_of])
+    end = np.concatenate([np.full(len(press.load_nm), k) for k, press in ends_of])
+    at_end = np.eye(2 * len(places))[end]
+    counts = at_end.sum(axis=0)
+    varied_nm = load - at_end @ (at_end.T @ load / counts)
+    varies = np.std(varied_nm) > VARIED_SHARE * np.abs(load).max()
+    give = float(varied_nm @ beyond / (varied_nm @ varied_nm)) if varies else nominal_give
+    ends = at_end.T @ (beyond - give * load) / counts
+    return Play(
+        held_rad=np.array([place[0].held_rad for place in places]),
+        rest_rad=np.array([place[0].rest_rad for place in places]),
+        ends_rad=ends.reshape(-1, 2),
+        give_rad_nm=give,
+        residual_rad=float(np.std(beyond - give * load - at_end @ ends)),
+        reference=reference,
+    )
+
+
+def _presses(motion: Motion, motor_rad: Array, j: int) -> Iterator[_Press]:
+    """The presses of joint `j` in one episode, in order."""
+    load, relative = motion.push_nm[:, j], motion.read_rad[0, :, j] - motor_rad
+    sign = np.sign(load)
+    edges = np.flatnonzero(np.diff(sign, prepend=0.0, append=0.0))
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        held = motion.command_rad[start:stop, j]
+        if sign[start] == 0.0 or np.ptp(held) > SAME_HOLD_RAD:
+            continue
+        part = load[start:stop]
+        hard = np.abs(part) >= PUSHED_SHARE * np.abs(part).max()
+        yield _Press(
+            held_rad=float(held[0]),
+            rest_rad=float(relative[max(start - REST_SAMPLES, 0) : start + 1].mean()),
+            side=int(sign[start] > 0),
+            load_nm=part[hard],
+            beyond_rad=relative[start:stop][hard],
+        )
+
+
+def _places(presses: Sequence[_Press]) -> list[list[_Press]]:
+    """Presses by the position that was held, where it was pushed both ways."""
+    places: list[list[_Press]] = []
+    for press in sorted(presses, key=lambda p: p.held_rad):
+        if not places or press.held_rad - places[-1][0].held_rad > SAME_HOLD_RAD:
+            places.append([])
+        places[-1].append(press)
+    return [place for place in places if {p.side for p in place} == {0, 1}]
+
+
+def _locking(spec: Spec, lock_nm: float) -> Spec:
+    """The world with this lock in every gear."""
+    return spec.with_drives(dataclasses.replace(d, lock_nm=lock_nm) for d in spec.drives)

@@ -1,0 +1,228 @@
+"""The whole calibration of a log: play, then gains with that play, then play with those gains.
+
+The push test takes off the motor's own motion, which is replayed where no encoder logs it and then
+depends on the gains; the gains' replay needs the play. So play is measured anew whenever the gains
+are better known: after the search, and at the end.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.calibration import gains
+from diagnosis.calibration.backlash import LOCK_NM, Play, push_test
+from diagnosis.calibration.refine import ROUNDS, refine
+from diagnosis.calibration.spread import Spread, spreads
+from diagnosis.calibration.tactile import Skin, calibrate_touch
+from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
+from diagnosis.log import Log, LogError
+
+FREE_AIR = ("steps", "multisine", "triangle", "free")
+"""Protocols that gains are fitted to, and the push where its torque is known."""
+SEARCH_S, REFINE_S, LEAST_S = 24.0, 72.0, 4.0
+"""Motion that a candidate replays in the search and after it, shared by the episodes, each from its
+start; and the least that an episode gets [s]."""
+YES = 0.5
+"""Threshold of readings that are 0 or 1."""
+TOTAL = gains.GENERATIONS + ROUNDS
+"""Steps that are reported."""
+FLOATS = (
+    "not identifiable from this log: it floats between its teeth nearly all the time; log its "
+    "motor's angle, or move it faster"
+)
+LARGEST_STD = 0.3
+"""A gain that is left open by more than this is not identified."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointGains:
+    """The gains of one joint."""
+
+    scale: Array
+    """kp and kd over nominal, shape (2,)."""
+    search: gains.Found
+    """Where CMA-ES ended, from which the linearised replays went on."""
+    spread: Spread
+    trace: gains.Trace
+    error_rad: tuple[float, float]
+    """Mean absolute error of the samples that count, in the nominal and the calibrated world."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """What a log says; where it does not, the reason stands instead of a number."""
+
+    nominal: Spec
+    calibrated: Spec
+    """The nominal world with the gains, play and locks that were identified."""
+    joints: Mapping[str, JointGains | str]
+    plays: Mapping[str, Play | str]
+    touch: Mapping[str, Skin] | str
+    touch_unit: str
+    """Unit of the taxels' readings: m, or 1 for contact or none."""
+    motions: tuple[Motion, ...]
+    """Episodes, or their beginnings, that gains were fitted to."""
+    pushes: tuple[Motion, ...]
+
+
+def calibrate(
+    simulate: Simulate,
+    nominal: Spec,
+    log: Log,
+    probes: Sequence[Effect],
+    threshold_m: float | None,
+    rng: np.random.Generator,
+    progress: gains.Progress = lambda generations: None,
+) -> Calibration:
+    """Calibrate `nominal` to a log; `probes` are effects that gains may be confounded with.
+
+    Raises LogError where the log is of another mechanism, ValueError where the engine refuses one.
+    """
+    names = nominal.hand.joint_names
+    _same_joints(log, names)
+    drive_s = nominal.timing.drive_s
+    pushes = motions(log, names, drive_s, ("push",))
+    known = [push for push in pushes if push.push_nm.any()]
+    free = _telling([*motions(log, names, drive_s, FREE_AIR), *known])
+    free = _shortened(free, REFINE_S / drive_s, LEAST_S / drive_s)
+    fitted, world = _gains(simulate, nominal, free, pushes, probes, rng, progress)
+    plays = push_test(simulate, world, pushes)
+    taxels, unit = nominal.hand.taxels, _touch_unit(log)
+    level = threshold_m if unit == "m" else YES
+    return Calibration(
+        nominal=nominal,
+        calibrated=_with_plays(world, plays),
+        joints=fitted,
+        plays=plays,
+        touch=calibrate_touch(log, (taxels.rows, taxels.columns), level),
+        touch_unit=unit,
+        motions=tuple(free),
+        pushes=tuple(pushes),
+    )
+
+
+def _gains(
+    simulate: Simulate,
+    nominal: Spec,
+    free: Sequence[Motion],
+    pushes: Sequence[Motion],
+    probes: Sequence[Effect],
+    rng: np.random.Generator,
+    progress: gains.Progress,
+) -> tuple[dict[str, JointGains | str], Spec]:
+    """The gains by joint, and the nominal world with play and those that were identified."""
+    names, drive_s = nominal.hand.joint_names, nominal.timing.drive_s
+    world = _with_plays(nominal, push_test(simulate, nominal, pushes))
+    against = {j: gains.reason_against(free, j) for j in range(len(names))}
+    fitted: dict[str, JointGains | str] = {names[j]: r for j, r in against.items() if r}
+    open_ = [j for j, reason in against.items() if not reason]
+    if not open_:
+        return fitted, world
+    short = _shortened(free, SEARCH_S / drive_s, LEAST_S / drive_s)
+    found = gains.search(simulate, world, short, open_, rng, progress)
+    scale = _scale(nominal, found)
+    plays = push_test(simulate, gains.with_gains(world, scale), pushes)
+    world = _with_plays(nominal, plays)
+    scale, linear = refine(
+        simulate,
+        world,
+        scale,
+        free,
+        open_,
+        rng,
+        lambda rounds: progress(gains.GENERATIONS + rounds),
+    )
+    best = gains.with_gains(world, scale)
+    spread = spreads(simulate, best, free, linear, probes, rng)
+    shown = replay(simulate, [nominal, best], free)
+    for j in open_:
+        reason = _open(scale[j], spread[j]) if j in linear else FLOATS
+        if reason is not None:
+            fitted[names[j]], scale[j] = reason, 1.0
+            continue
+        before, after = gains.errors(shown, free, linear[j].trace, j)
+        fitted[names[j]] = JointGains(
+            scale=scale[j],
+            search=found[j],
+            spread=spread[j],
+            trace=linear[j].trace,
+            error_rad=(float(before), float(after)),
+        )
+    return {name: fitted[name] for name in names}, gains.with_gains(world, scale)
+
+
+def _open(scale: Array, spread: Spread) -> str | None:
+    """Why a fit that was made is none, if so."""
+    both = zip(("kp", "kd"), scale, spread.std, gains.SCALES, strict=True)
+    for name, ratio, std, (low, high) in both:
+        if not low < ratio < high:
+            return (
+                f"not identifiable from this log: its {name} runs to the end of what is tried, "
+                f"{low:g} to {high:g} times the nominal one"
+            )
+        if not std < LARGEST_STD:
+            return (
+                f"not identifiable from this log: its motion leaves {name} open by "
+                f"{100 * std:.0f} %; allowed: {100 * LARGEST_STD:.0f} %"
+            )
+    return None
+
+
+def _scale(spec: Spec, found: Mapping[int, gains.Found]) -> Array:
+    scale = np.ones((len(spec.drives), 2))
+    for j, gain in found.items():
+        scale[j] = gain.scale
+    return scale
+
+
+def _with_plays(spec: Spec, plays: Mapping[str, Play | str]) -> Spec:
+    """The world with the play and the lock of every joint that the push test shows."""
+    drives = []
+    for name, drive in zip(spec.hand.joint_names, spec.drives, strict=True):
+        play = plays[name]
+        if isinstance(play, Play):
+            lock_nm = max(drive.lock_nm, LOCK_NM) if play.locks else 0.0
+            half_rad = play.mean_rad if play.has_play else 0.0
+            drive = dataclasses.replace(drive, play_rad=half_rad, lock_nm=lock_nm)
+        drives.append(drive)
+    return spec.with_drives(drives)
+
+
+def _same_joints(log: Log, names: Sequence[str]) -> None:
+    missing = [name for name in names if name not in log.joints]
+    strange = [name for name in log.joints if name not in names]
+    if missing:
+        raise LogError(f"this log has no columns for {', '.join(missing)}; record every joint")
+    if strange:
+        raise LogError(
+            f"this log has joints that its mechanism lacks: {', '.join(strange)}; known: "
+            f"{', '.join(names)}; drop their columns"
+        )
+
+
+def _telling(found: Sequence[Motion]) -> list[Motion]:
+    """The first motion of each protocol, and later ones that move joints those do not."""
+    kept: list[Motion] = []
+    seen: set[tuple[str, int]] = set()
+    for motion in found:
+        moved = np.flatnonzero(np.ptp(motion.command_rad, axis=0) > gains.LEAST_MOTION_RAD)
+        places = {(motion.protocol, int(j)) for j in moved}
+        if places - seen or motion.protocol not in {k.protocol for k in kept}:
+            kept.append(motion)
+        seen |= places
+    return kept
+
+
+def _shortened(found: Sequence[Motion], ticks: float, least: float) -> list[Motion]:
+    """Their beginnings, of so many drive periods together."""
+    return [motion.first(round(max(ticks / len(found), least))) for motion in found]
+
+
+def _touch_unit(log: Log) -> str:
+    channel = log.meta.channels.get("touch")
+    return channel.unit if channel else "m"

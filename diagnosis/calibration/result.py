@@ -1,0 +1,225 @@
+"""calibration.yaml: what a calibration found, as plain data that is checked when it is read."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic_core import ErrorDetails
+
+from diagnosis.calibration.backlash import Play
+from diagnosis.calibration.calibrate import Calibration, JointGains
+from diagnosis.calibration.tactile import Skin
+
+SCHEMA: Literal[1] = 1
+Size = Annotated[FiniteFloat, Field(ge=0)]
+
+
+class CalibrationError(ValueError):
+    """A calibration file cannot be used; the message names field, value and what is allowed."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Gain(_Part):
+    """A gain of the PD law."""
+
+    mean: Annotated[FiniteFloat, Field(gt=0)]
+    """In Nm/rad or Nms/rad."""
+    std: Size
+    """Standard deviation, by bootstrap, in the same unit."""
+    relative: FiniteFloat
+    """Over the nominal gain, less 1."""
+    cma_mean: Size
+    cma_std: Size
+    """Mean and standard deviation of the last CMA-ES distribution, in the same unit."""
+
+
+class Gains(_Part):
+    """The gains of one joint."""
+
+    kp_nm_rad: Gain
+    kd_nms_rad: Gain
+    correlation: Annotated[FiniteFloat, Field(ge=-1, le=1)]
+    compared: Literal["position", "motor"]
+    """Angle that the objective compares."""
+    samples: Annotated[int, Field(gt=0)]
+    error_nominal_mrad: Size
+    error_calibrated_mrad: Size
+    """Mean absolute errors, what the objective makes small."""
+    confounded: tuple[str, ...]
+    """What this log cannot tell from other gains, and what it would read as."""
+
+
+class Backlash(_Part):
+    """The play of one joint."""
+
+    half_deg: Size
+    """Half of the play about the motor, mean over the positions."""
+    std_deg: Size
+    """Standard deviation over the positions."""
+    range_deg: tuple[FiniteFloat, FiniteFloat]
+    """The paper's [q_c - q_a, q_b - q_a], mean over the positions."""
+    positions: Annotated[int, Field(gt=0)]
+    stiffness_nm_rad: FiniteFloat | None
+    """Of the teeth, from the give under the push; None: they do not give."""
+    residual_mrad: Size
+    motor: Literal["logged", "replayed"]
+    """Where the motor's own motion, which is taken off, comes from."""
+    self_lock: bool
+
+
+class Joint(_Part):
+    """One joint; a text says why a number cannot be had from this log."""
+
+    gains: Gains | str
+    backlash: Backlash | str
+
+
+class Touch(_Part):
+    """One finger, in the unit of its readings; lists are in the order of the taxels."""
+
+    threshold: Size
+    false_share: Annotated[FiniteFloat, Field(ge=0, le=1)]
+    fastest_drift_s: Size
+    dead: tuple[int, ...]
+    touched: int
+    offset: tuple[FiniteFloat, ...]
+    noise: tuple[Size, ...]
+    drift_s: tuple[FiniteFloat, ...]
+    drift_std_s: tuple[Size, ...]
+
+
+class CalibrationFile(_Part):
+    """The contents of calibration.yaml."""
+
+    schema_version: Literal[1] = Field(alias="schema")
+    log: str
+    source: str
+    backend: str
+    hand: str
+    stick: str
+    nominal_effects: str
+    seed: int
+    effects: str
+    """The calibrated world, as `--effects` takes it."""
+    spread: str
+    """Domain randomisation around it: standard deviations, half widths for stick and contact."""
+    joints: dict[str, Joint]
+    tactile: dict[str, Touch] | str
+
+
+def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> dict[str, Joint]:
+    """The joints of a calibration as plain data; texts of what is confounded come from above."""
+    drives = dict(zip(found.nominal.hand.joint_names, found.nominal.drives, strict=True))
+    return {
+        name: Joint(
+            gains=gains
+            if isinstance(gains, str)
+            else _gains(gains, (drive.kp_nm_rad, drive.kd_nms_rad), confounded[name]),
+            backlash=_backlash(found.plays[name]),
+        )
+        for (name, gains), drive in zip(found.joints.items(), drives.values(), strict=True)
+    }
+
+
+def touch_of(found: Calibration) -> dict[str, Touch] | str:
+    """The skin of a calibration as plain data."""
+    if isinstance(found.touch, str):
+        return found.touch
+    return {finger: _touch(skin) for finger, skin in found.touch.items()}
+
+
+def write_calibration(path: Path, content: CalibrationFile) -> None:
+    """Write calibration.yaml under a temporary name, then rename it."""
+    data = content.model_dump(mode="json", by_alias=True)
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(yaml.safe_dump(data, sort_keys=False, width=100, default_flow_style=None))
+    temporary.replace(path)
+
+
+def read_calibration(path: Path) -> CalibrationFile:
+    """A calibration.yaml, checked; raises CalibrationError."""
+    try:
+        data = yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise CalibrationError(f"no calibration at {path}; `bench calibrate` writes one") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        what = " ".join(str(error).split())
+        raise CalibrationError(f"{path} cannot be read as YAML: {what}") from None
+    try:
+        return CalibrationFile.model_validate(data)
+    except ValidationError as error:
+        wrong = "; ".join(_problem(e) for e in error.errors()[:3])
+        raise CalibrationError(f"{path}: {wrong}; calibrate anew or mend it") from None
+
+
+def _problem(error: ErrorDetails) -> str:
+    where = ".".join(map(str, error["loc"])) or "the file"
+    given = "" if error["type"] == "missing" else f" (given: {str(error['input'])[:60]!r})"
+    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}{given}"
+
+
+def _gains(gains: JointGains, nominal: tuple[float, float], confounded: tuple[str, ...]) -> Gains:
+    kp, kd = (
+        Gain(
+            mean=_round(nominal[k] * gains.scale[k]),
+            std=_round(nominal[k] * gains.scale[k] * gains.spread.std[k]),
+            relative=_round(gains.scale[k] - 1),
+            cma_mean=_round(nominal[k] * gains.search.scale[k]),
+            cma_std=_round(nominal[k] * gains.search.scale[k] * gains.search.std[k]),
+        )
+        for k in (0, 1)
+    )
+    return Gains(
+        kp_nm_rad=kp,
+        kd_nms_rad=kd,
+        correlation=_round(gains.spread.correlation),
+        compared="motor" if gains.trace.channel else "position",
+        samples=gains.trace.samples,
+        error_nominal_mrad=_round(1e3 * gains.error_rad[0]),
+        error_calibrated_mrad=_round(1e3 * gains.error_rad[1]),
+        confounded=confounded,
+    )
+
+
+def _backlash(play: Play | str) -> Backlash | str:
+    if isinstance(play, str):
+        return play
+    low, high = np.degrees(play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
+    return Backlash(
+        half_deg=_round(np.degrees(play.mean_rad)),
+        std_deg=_round(np.degrees(play.std_rad)),
+        range_deg=(_round(low), _round(high)),
+        positions=len(play.held_rad),
+        stiffness_nm_rad=_round(1 / play.give_rad_nm) if play.give_rad_nm > 0 else None,
+        residual_mrad=_round(1e3 * play.residual_rad),
+        motor="logged" if play.reference == "logged" else "replayed",
+        self_lock=bool(play.locks),
+    )
+
+
+def _touch(skin: Skin) -> Touch:
+    def rounded(values: np.ndarray) -> tuple[float, ...]:
+        return tuple(_round(v) for v in values)
+
+    return Touch(
+        threshold=_round(skin.threshold),
+        false_share=_round(skin.false_share),
+        fastest_drift_s=_round(skin.fastest_drift_s),
+        dead=skin.dead,
+        touched=skin.touched,
+        offset=rounded(skin.offset),
+        noise=rounded(skin.noise),
+        drift_s=rounded(skin.drift_s),
+        drift_std_s=rounded(skin.drift_std_s),
+    )
+
+
+def _round(value: float) -> float:
+    """Five digits."""
+    return float(f"{float(value):.5g}")

@@ -1,0 +1,104 @@
+"""How sure the gains are, and what else would look like them.
+
+Standard deviations come from a block bootstrap (Kuensch, Annals of Statistics 17, 1989): half
+seconds of the log are drawn again with replacement, and the sum of absolute errors is minimised
+anew on the linearised replay, each time in another of the worlds that differ by a little. So they
+hold measurement noise, what the model does not explain as far as that differs from one half second
+to the next, and where between its teeth a joint may be. CMA-ES's own say how far it converged.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.calibration.refine import Linear, least_absolute, used
+from diagnosis.calibration.worlds import Motion, Simulate, replay
+
+BLOCK_S = 0.5
+DRAWS = 100
+CONFOUNDED_SHARE = 0.9
+"""What gains explain more than this share of is confounded with them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confusion:
+    """Something else whose trace looks like other gains."""
+
+    effect: Effect
+    share: float
+    """Share of its trace (sum of squares) that gains explain."""
+    reads_as: Array
+    """Relative change of kp and kd that it would be taken for, shape (2,)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spread:
+    """How sure the gains of one joint are."""
+
+    std: Array
+    """Relative standard deviations of kp and kd, shape (2,)."""
+    correlation: float
+    """Of kp with kd."""
+    confused: tuple[Confusion, ...]
+
+
+def spreads(
+    simulate: Simulate,
+    world: Spec,
+    motions: Sequence[Motion],
+    linear: Mapping[int, Linear],
+    probes: Sequence[Effect],
+    rng: np.random.Generator,
+) -> dict[int, Spread]:
+    """The spread of the joints in `linear`, whose replays are about the gains of `world`."""
+    names = world.hand.joint_names
+    effects = [dataclasses.replace(p, joint=names[j]) for j in linear for p in probes]
+    shown = replay(simulate, [e.on_spec(world) for e in effects], motions) if effects else []
+    found = {}
+    for i, (j, about) in enumerate(linear.items()):
+        drawn = bootstrap(about.miss_rad, about.columns, _blocks(world, motions, about), rng)
+        moved = used(shown, about.trace, j) - about.path_rad if effects else ()
+        mine = slice(i * len(probes), (i + 1) * len(probes))
+        found[j] = Spread(
+            std=drawn.std(axis=0, ddof=1),
+            correlation=float(np.corrcoef(drawn.T)[0, 1]),
+            confused=tuple(_confusions(about.columns, moved[mine], effects[mine])),
+        )
+    return found
+
+
+def bootstrap(miss: Array, columns: Array, block: Array, rng: np.random.Generator) -> Array:
+    """Refitted changes of the gains' logarithms, shape (DRAWS, 2).
+
+    `miss` is (W, T), `columns` (T, 2); `block` (T,) numbers the blocks from 0 without gaps.
+    """
+    count = int(block.max()) + 1
+    draws = rng.multinomial(count, np.full(count, 1 / count), size=DRAWS)
+    pairs = zip(rng.integers(len(miss), size=DRAWS), draws, strict=True)
+    return np.stack([least_absolute(miss[w], columns, times[block]) for w, times in pairs])
+
+
+def _blocks(world: Spec, motions: Sequence[Motion], about: Linear) -> Array:
+    """Number of the half second that each sample belongs to."""
+    ticks = round(BLOCK_S / world.timing.drive_s)
+    last, numbers = 0, []
+    for motion, rows in zip(motions, about.trace.used, strict=True):
+        numbers.append(last + motion.tick[rows] // ticks)
+        last += motion.tick[-1] // ticks + 1
+    return np.unique(np.concatenate(numbers), return_inverse=True)[1]
+
+
+def _confusions(columns: Array, moved: Array, effects: Sequence[Effect]) -> list[Confusion]:
+    found = []
+    for effect, path in zip(effects, moved, strict=True):
+        x = np.linalg.lstsq(columns, path, rcond=None)[0]
+        total = float(path @ path)
+        share = 1 - float(np.sum((path - columns @ x) ** 2)) / total if total > 0 else 0.0
+        if share > CONFOUNDED_SHARE:
+            found.append(Confusion(effect=effect, share=share, reads_as=x))
+    return found

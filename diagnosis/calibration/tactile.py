@@ -1,0 +1,162 @@
+"""Tactile calibration from readings without contact: offset, threshold, drift, dead taxels.
+
+As in the paper, the offset of a taxel is the mean of its readings without contact, and what counts
+is how far a reading lies above it, against one fixed threshold:
+
+    s(t) = max(s_raw(t) - offset, 0),        in contact where s(t) > threshold
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.log import Log
+
+NO_CONTACT = ("steps", "triangle", "multisine", "push", "free")
+"""Protocols in which nothing is touched."""
+CONTACT = ("grasp", "policy")
+NOISES = 5.0
+"""The threshold lies so many standard deviations of the noise above the offset."""
+PIECES = 20
+"""Drift is fitted to means over so many pieces of an episode: samples in a row are alike."""
+LEAST_SAMPLES = 50
+SURE = 3.0
+"""Standard deviations from which on a drift is taken for one."""
+SURROUNDED, WITNESSES = 0.75, 5
+"""A taxel is dead that is silent in so many samples with this share of its neighbours in contact,
+and never answers."""
+NO_READINGS = (
+    "not identifiable from this log: no episode in free air has touch readings; log some seconds "
+    "of touch without contact"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Skin:
+    """The taxels of one finger (T), in the unit of their readings: m, or 1 for contact or none."""
+
+    offset: Array
+    """Mean reading without contact, shape (T,)."""
+    noise: Array
+    """Standard deviation about offset and drift, shape (T,)."""
+    drift_s: Array
+    """Slope of the readings without contact [unit/s], shape (T,)."""
+    drift_std_s: Array
+    """Its standard deviation [unit/s], shape (T,)."""
+    threshold: float
+    """Contact is what lies further above the offset than this."""
+    false_share: float
+    """Share of the readings without contact that this takes for contact [1]."""
+    dead: tuple[int, ...] = ()
+    """Taxels that stay silent among neighbours in contact."""
+    touched: int = 0
+    """Taxels that were in contact or are dead; of the others nothing is known but their rest."""
+
+    @property
+    def fastest_drift_s(self) -> float:
+        """Largest upward slope that surely is one [unit/s]; 0 if there is none."""
+        sure = self.drift_s > SURE * self.drift_std_s
+        return float(self.drift_s[sure].max(initial=0.0))
+
+
+def binarise(reading: Array, offset: Array, threshold: float) -> Array:
+    """Whether taxels (..., T) are in contact."""
+    return np.maximum(reading - offset, 0.0) > threshold
+
+
+def calibrate_touch(
+    log: Log, grid: tuple[int, int] | None, threshold: float | None = None
+) -> dict[str, Skin] | str:
+    """The skin of every finger, or why this log does not tell it.
+
+    `grid` holds the rows and columns of the taxels, without which none is found dead. `threshold`
+    replaces the one from the noise.
+    """
+    quiet = _episodes(log, NO_CONTACT)
+    if sum(len(time_s) for time_s, _ in quiet) < LEAST_SAMPLES:
+        return NO_READINGS
+    pressed = _episodes(log, CONTACT)
+    found = {}
+    for f, finger in enumerate(log.fingers):
+        rest = [(time_s, touch[:, f]) for time_s, touch in quiet]
+        press = [touch[:, f] for _, touch in pressed]
+        found[finger] = _finger(rest, press, grid, threshold)
+    return found
+
+
+def _episodes(log: Log, protocols: Sequence[str]) -> list[tuple[Array, Array]]:
+    """Times (T,) and readings (T, F, taxels) of the episodes that have them."""
+    numbers = [e.episode for e in log.episodes if e.protocol in protocols]
+    pairs = [(log.episode(k)["t_s"].to_numpy(dtype=float), log.touch(k)) for k in numbers]
+    return [(time_s, touch) for time_s, touch in pairs if touch is not None]
+
+
+def _finger(
+    rest: Sequence[tuple[Array, Array]],
+    press: Sequence[Array],
+    grid: tuple[int, int] | None,
+    threshold: float | None,
+) -> Skin:
+    readings = np.concatenate([touch for _, touch in rest])
+    offset = readings.mean(axis=0)
+    drift, drift_std, noise = _drift(rest)
+    level = NOISES * float(noise.max()) if threshold is None else threshold
+    active = [binarise(touch, offset, level) for touch in press]
+    dead, touched = _dead(active, grid)
+    return Skin(
+        offset=offset,
+        noise=noise,
+        drift_s=drift,
+        drift_std_s=drift_std,
+        threshold=level,
+        false_share=float(binarise(readings, offset, level).mean()),
+        dead=dead,
+        touched=touched,
+    )
+
+
+def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
+    """Slopes, their standard deviations and the noise about them, each (T,)."""
+    pieces = [_pieces(time_s, touch) for time_s, touch in rest]
+    time_s = np.concatenate([t - t.mean() for t, _ in pieces])
+    means = np.concatenate([m - m.mean(axis=0) for _, m in pieces])
+    squares = float(time_s @ time_s)
+    slope = time_s @ means / squares
+    free = max(len(time_s) - len(pieces) - 1, 1)
+    left = ((means - np.outer(time_s, slope)) ** 2).sum(axis=0) / free
+    level = [touch - touch.mean(axis=0) - np.outer(t - t.mean(), slope) for t, touch in rest]
+    return slope, np.sqrt(left / squares), np.concatenate(level).std(axis=0)
+
+
+def _pieces(time_s: Array, touch: Array) -> tuple[Array, Array]:
+    """Means over the pieces of an episode: times (P,) and readings (P, T)."""
+    parts = np.array_split(np.arange(len(time_s)), PIECES)
+    return (
+        np.array([time_s[p].mean() for p in parts]),
+        np.stack([touch[p].mean(axis=0) for p in parts]),
+    )
+
+
+def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[int, ...], int]:
+    """Dead taxels, and how many taxels were judged at all."""
+    if not active or grid is None or active[0].shape[1] != grid[0] * grid[1]:
+        return (), 0
+    ever = np.any([a.any(axis=0) for a in active], axis=0)
+    silent = np.zeros(active[0].shape[1], dtype=int)
+    for contact in active:
+        around = _around(contact.reshape(len(contact), *grid)).reshape(contact.shape)
+        silent += ((around >= SURROUNDED) & ~contact).sum(axis=0)
+    dead = ~ever & (silent >= WITNESSES)
+    return tuple(int(k) for k in np.flatnonzero(dead)), int((ever | dead).sum())
+
+
+def _around(contact: Array) -> Array:
+    """Share of each taxel's neighbours, up to eight, that are in contact: shape (N, rows, cols)."""
+    padded = np.pad(contact.astype(float), ((0, 0), (1, 1), (1, 1)))
+    there = np.pad(np.ones(contact.shape[1:]), 1)
+    rows, columns = contact.shape[1:]
+    shifts = [(a, b) for a in range(3) for b in range(3) if (a, b) != (1, 1)]
+    near = np.sum([padded[:, a : a + rows, b : b + columns] for a, b in shifts], axis=0)
+    return near / np.sum([there[a : a + rows, b : b + columns] for a, b in shifts], axis=0)

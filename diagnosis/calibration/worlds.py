@@ -1,0 +1,153 @@
+"""Candidate worlds put through a log's commands, all side by side on one engine.
+
+Refitting is the engines' one mechanism: a batch of worlds that differ in numbers. The engine comes
+in from above, so that any of them may stand for the nominal world.
+"""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.engine import Simulator
+from backends.spec import Spec
+from backends.state import Array, InitialState
+from diagnosis.log import EpisodeMeta, Log
+
+Simulate = Callable[[Sequence[Spec]], Simulator]
+"""Puts worlds on an engine."""
+READINGS = ("position", "motor")
+"""What a replay gives: the position sensor's readings and the motor's angles."""
+ASIDE_M = (5.0, 0.0, 0.0)
+"""Where the stick floats without weight [m]."""
+REST_SAMPLES = 3
+"""Episodes start at rest: the start is the mean of so many readings, of the motor if logged."""
+_FOREVER_S = 1e6
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """One episode, or its beginning, as it was commanded and read."""
+
+    episode: int
+    protocol: str
+    tick: Array
+    """Drive periods from the start to each sample, shape (T,)."""
+    command_rad: Array
+    """Targets from each sample on [rad], shape (T, J)."""
+    push_nm: Array
+    """Known torques on the joints from each sample on [Nm], shape (T, J); 0 where none is known."""
+    read_rad: Array
+    """Readings [rad], shape (2, T, J) in the order of `READINGS`; NaN where none were logged."""
+
+    def first(self, ticks: int) -> "Motion":
+        """The beginning, up to so many drive periods."""
+        keep = self.tick <= ticks
+        cut = {f: getattr(self, f)[keep] for f in ("tick", "command_rad", "push_nm")}
+        return dataclasses.replace(self, **cut, read_rad=self.read_rad[:, keep])
+
+
+def motions(
+    log: Log, joints: Sequence[str], drive_s: float, protocols: Iterable[str]
+) -> list[Motion]:
+    """The episodes of some protocols; joints in the order given, those of the spec."""
+    wanted = set(protocols)
+    return [_motion(log, joints, drive_s, e) for e in log.episodes if e.protocol in wanted]
+
+
+def _motion(log: Log, joints: Sequence[str], drive_s: float, episode: EpisodeMeta) -> Motion:
+    frame = log.episode(episode.episode)
+    time_s = frame["t_s"].to_numpy(dtype=float)
+
+    def read(kind: str) -> Array:
+        blank = np.full(len(frame), np.nan)
+        there = [log.has(kind, joint, episode.episode) for joint in joints]
+        pairs = zip(joints, there, strict=True)
+        columns = [frame[log.column(kind, j)].to_numpy(float) if t else blank for j, t in pairs]
+        return np.stack(columns, axis=1)
+
+    return Motion(
+        episode=episode.episode,
+        protocol=episode.protocol,
+        tick=np.round((time_s - time_s[0]) / drive_s).astype(np.int64),
+        command_rad=read("command"),
+        push_nm=np.nan_to_num(read("push")),
+        read_rad=np.stack([read(kind) for kind in READINGS]),
+    )
+
+
+def replay(
+    simulate: Simulate,
+    specs: Sequence[Spec],
+    motions: Sequence[Motion],
+    offset_rad: Array | None = None,
+) -> list[Array]:
+    """What every world would have shown: per motion, shape (W, 2, T, J), `READINGS` second.
+
+    Joints start where the log has them, plus `offset_rad` (W, J).
+    """
+    steps = [np.diff(m.tick) for m in motions]
+    stride = int(np.gcd.reduce(np.concatenate(steps)))
+    pairs = [(_aside(spec, stride), _Path(motion, stride)) for spec in specs for motion in motions]
+    start = np.stack([path.start_rad for _, path in pairs])
+    e = len(motions)
+    if offset_rad is not None:
+        start += np.repeat(offset_rad, e, axis=0)
+    simulator = simulate([world for world, _ in pairs])
+    try:
+        shown = _run(simulator, start, [path for _, path in pairs])
+    finally:
+        simulator.close()
+    rows = [m.tick // stride for m in motions]
+    return [shown[rows[k]][:, :, k::e].transpose(2, 1, 0, 3) for k in range(e)]
+
+
+class _Path:
+    """A motion on the even grid of a batch: what holds from each step to the next."""
+
+    def __init__(self, motion: Motion, stride: int) -> None:
+        row = motion.tick // stride
+        held = np.searchsorted(row, np.arange(row[-1] + 1), side="right") - 1
+        joint_rad, motor_rad = motion.read_rad[:, :REST_SAMPLES].mean(axis=1)
+        self.start_rad = np.where(np.isfinite(motor_rad), motor_rad, joint_rad)
+        self.command_rad, self.push_nm = motion.command_rad[held], motion.push_nm[held]
+
+
+def _run(simulator: Simulator, start: Array, paths: Sequence[_Path]) -> Array:
+    """Readings at every step of the grid, shape (steps, 2, N, J)."""
+    steps = max(len(path.command_rad) for path in paths)
+    target, load = (
+        np.stack([_padded(getattr(p, name), steps) for p in paths], axis=1)
+        for name in ("command_rad", "push_nm")
+    )
+    pushed = bool(load.any())
+    shown = np.empty((steps, len(READINGS), *start.shape))
+    state = simulator.reset(_at_rest(start), np.ones(len(start), dtype=bool))
+    for k in range(steps):
+        shown[k, 0], shown[k, 1] = state.measured_rad, state.motor_rad
+        if k + 1 < steps:
+            state = simulator.advance(target[k], load[k] if pushed else None)
+    return shown
+
+
+def _padded(rows: Array, length: int) -> Array:
+    """Rows with the last one repeated."""
+    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])
+
+
+def _aside(spec: Spec, stride: int) -> Spec:
+    """The world stepped by `stride` drive periods, its stick out of the way."""
+    timing = dataclasses.replace(
+        spec.timing, policy_s=stride * spec.timing.drive_s, weightless_s=_FOREVER_S
+    )
+    return dataclasses.replace(spec, timing=timing)
+
+
+def _at_rest(start_rad: Array) -> InitialState:
+    n = len(start_rad)
+    return InitialState(
+        joint_rad=start_rad,
+        stick_pos_m=np.tile(ASIDE_M, (n, 1)),
+        stick_quat_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+    )

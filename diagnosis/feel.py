@@ -1,0 +1,279 @@
+"""What is wrong with a skin: threshold, drift, dead taxels, a halo; told without any dynamics.
+
+Where stick and joints are known, geometry says what every taxel should answer. Faults are added one
+after the other, each the one that later samples or other episodes bear out most.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from backends.touch import taxel_grid
+from diagnosis._skin import Faults, Pressed, gap, joined, nats
+from diagnosis.finding import Finding, Report, confidence, share
+from diagnosis.held import Held, blur_m, gaps_m, held, pressed_m
+from diagnosis.log import Log
+from diagnosis.verdict import UNKNOWN, rules
+
+EFFECTS = ("taxel-threshold", "taxel-drift", "taxel-dropout", "taxel-halo")
+ANSWERS = ("taxel-threshold", "taxel-halo")
+"""Effects that change what counts and no depth."""
+PERIOD_S = 0.05
+"""Samples are thinned to this."""
+LATER = 0.6
+"""Of a single episode, what comes after this share of it judges."""
+YIELD_M = 0.4e-3
+"""Contacts yield up to this; a tip further from the stick, or deeper in it, is misplaced."""
+OUT_M = 0.02e-3
+"""A tip further outside than this is misplaced: it is touched."""
+ACCUSE_NATS = 6.0
+"""A fault must raise the likelihood of the judging samples by this."""
+CLOSE_NATS = 1.35
+"""Half of the 90 % point of a squared normal number: ends of an interval."""
+BLUR_M = 1e-5
+"""The geometry is at least so uncertain."""
+THRESHOLDS_M = np.arange(-0.19e-3, 1.001e-3, 0.01e-3)
+HALO_M = 0.02
+"""The widest halo."""
+DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1e-3, 49)])
+DEAD_SHARES = np.linspace(0.0, 1.0, 101)
+NEXT_M = 1e-5
+"""Distances between taxels that differ by less are one."""
+GRASP = "not identifiable from this log: record --protocol grasp with the channels {}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guess:
+    """A fault of the size that fits best."""
+
+    effect: str
+    value: float
+    interval: tuple[float, float]
+    faults: Faults
+    """The skin with it."""
+    evidence: str
+
+
+def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Report:
+    """The touch effects that a log shows, and which of them it cannot show."""
+    sought = [name for name in EFFECTS if name in catalogue]
+    parts = [part for part in held(log, nominal) if part.touch is not None]
+    if not sought:
+        return Report()
+    if not parts:
+        return Report(missing=(f"{', '.join(sought)}: {GRASP.format('stick and contact')}",))
+    grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
+    if parts[0].taxels != grid.shape[:2]:
+        why = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
+        return Report(missing=(f"{', '.join(sought)}: {why}",))
+    binary = log.meta.channels["touch"].unit == "1"
+    mute = [] if binary else [name for name in sought if name in ANSWERS]
+    missing = (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
+    fit, judge = _split([_pressed(nominal, part, binary) for part in parts])
+    start = Faults(
+        threshold_m=nominal.hand.taxels.threshold_m,
+        blur_m=max(BLUR_M, *(blur_m(nominal, part) for part in parts)),
+    )
+    skin = Fitting(fit, judge, grid)
+    return Report(
+        findings=_search(skin, start, [n for n in sought if n not in mute]), missing=missing
+    )
+
+
+def _pressed(nominal: Spec, part: Held, binary: bool) -> Pressed:
+    step = max(round(PERIOD_S / float(np.median(np.diff(part.time_s)))), 1)
+    part = part.every(np.arange(step, len(part.time_s), step))
+    gap_m, touch = gaps_m(nominal, part), part.touch
+    assert touch is not None
+    depth, touched = pressed_m(nominal, part), touch.any(axis=2) | (gap_m < OUT_M)
+    for f in range(gap_m.shape[1]):
+        off = float(np.median(gap_m[:, f]))
+        if not -YIELD_M <= off <= OUT_M:
+            radius_m = max(nominal.stick.radius_m + off, 1e-4)
+            moved = replace(nominal, stick=replace(nominal.stick, radius_m=radius_m))
+            depth[:, f] = pressed_m(moved, part)[:, f]
+    return Pressed(
+        time_s=part.time_s, depth_m=depth, reading=touch, touched=touched, binary=binary
+    )
+
+
+def _split(parts: Sequence[Pressed]) -> tuple[Pressed, Pressed]:
+    """Samples to fit and to judge: every second episode, or the later part of the only one."""
+    if len(parts) > 1:
+        return joined(parts[::2]), joined(parts[1::2])
+    rows = np.arange(len(parts[0].time_s))
+    late = rows >= LATER * len(rows)
+    return parts[0].some(rows[~late]), parts[0].some(rows[late])
+
+
+def _search(skin: "Fitting", start: Faults, sought: list[str]) -> tuple[Finding, ...]:
+    """Faults one after the other, the clearest first, while samples for judging ask for one."""
+    found: list[tuple[Guess, float, tuple[str, ...]]] = []
+    faults = start
+    while sought:
+        guesses = [guess for name in sought if (guess := skin.guess(name, faults)) is not None]
+        leads = {g.effect: skin.judged(g.faults) - skin.judged(faults) for g in guesses}
+        best = max(guesses, key=lambda g: leads[g.effect], default=None)
+        if best is None or leads[best.effect] < ACCUSE_NATS:
+            break
+        lead = leads.pop(best.effect)
+        near = tuple(n for n, other in leads.items() if lead - other < rules().tie_nats)
+        found.append((best, min([lead, *(lead - other for other in leads.values())]), near))
+        faults, sought = best.faults, [name for name in sought if name != best.effect]
+    before, after = skin.gap(start), skin.gap(faults)
+    explained = share(before, after) >= rules().explained_share
+    if after > rules().settled_gap and not explained:
+        return (_unknown(before, after, [g.effect for g, _, _ in found]),)
+    return tuple(
+        Finding(
+            effect=guess.effect,
+            joint=None,
+            value=guess.value,
+            interval=guess.interval,
+            share=share(before, after),
+            gap_before=before,
+            gap_after=after,
+            confidence=confidence(lead),
+            ties=near,
+            evidence=guess.evidence,
+        )
+        for guess, lead, near in found
+    )
+
+
+def _unknown(before: float, after: float, tried: list[str]) -> Finding:
+    return Finding(
+        effect=UNKNOWN,
+        joint=None,
+        value=0.0,
+        interval=(0.0, 0.0),
+        share=share(before, after),
+        gap_before=before,
+        gap_after=after,
+        confidence=confidence(after**2 - 1),
+        ties=tuple(tried),
+        evidence="taxels answer elsewhere than where stick and joints say that they are pressed",
+    )
+
+
+class Fitting:
+    """Fits of one fault at a time beside those that are there already."""
+
+    def __init__(self, fit: Pressed, judge: Pressed, grid: Array) -> None:
+        self._fit, self._judge = fit, judge
+        self._apart = np.linalg.norm(grid[:, :, None] - grid[:, None], axis=-1)
+
+    def guess(self, effect: str, faults: Faults) -> Guess | None:
+        """The best size of an effect; None where it is none."""
+        return {
+            "taxel-threshold": self._threshold,
+            "taxel-drift": self._drift,
+            "taxel-dropout": self._dead,
+            "taxel-halo": self._halo,
+        }[effect](faults)
+
+    def judged(self, faults: Faults) -> float:
+        """Log-likelihood of the samples for judging [nats]."""
+        return float(nats(self._judge, faults, self._near(faults)).sum())
+
+    def gap(self, faults: Faults) -> float:
+        """See `_skin.gap`, of the samples for judging."""
+        return gap(self._judge, faults, self._near(faults))
+
+    def _near(self, faults: Faults) -> list[Array] | None:
+        return [d < faults.halo_m for d in self._apart] if faults.halo_m > 0 else None
+
+    def _fitted(self, faults: Faults) -> float:
+        return float(nats(self._fit, faults, self._near(faults)).sum())
+
+    def _threshold(self, faults: Faults) -> Guess | None:
+        tries = [replace(faults, threshold_m=float(t)) for t in THRESHOLDS_M]
+        best, low, high = profile(THRESHOLDS_M, np.array([self._fitted(t) for t in tries]))
+        if abs(best - faults.threshold_m) < THRESHOLDS_M[1] - THRESHOLDS_M[0]:
+            return None
+        size, ends = best - faults.threshold_m, np.array([low, high]) - faults.threshold_m
+        return Guess(
+            effect="taxel-threshold",
+            value=size,
+            interval=(float(ends[0]), float(ends[1])),
+            faults=replace(faults, threshold_m=best),
+            evidence=f"taxels answer from {1e3 * size:+.2f} mm of press beyond the nominal on",
+        )
+
+    def _halo(self, faults: Faults) -> Guess | None:
+        steps = np.unique(np.round(self._apart / NEXT_M)) * NEXT_M
+        ends = np.append(steps[steps <= HALO_M], HALO_M)
+        middles = (ends[:-1] + ends[1:]) / 2
+        tries = [replace(faults, halo_m=float(m)) for m in middles]
+        scores = np.array([self._fitted(t) for t in tries])
+        best = int(np.argmax(scores))
+        if best == 0:
+            return None
+        good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+        return Guess(
+            effect="taxel-halo",
+            value=float(middles[best]),
+            interval=(float(ends[good[0]]), float(ends[good[-1] + 1])),
+            faults=tries[best],
+            evidence=f"taxels answer within {1e3 * middles[best]:.1f} mm of a pressed one",
+        )
+
+    def _drift(self, faults: Faults) -> Guess | None:
+        """Slopes are spread evenly up to the fastest, which is asked for."""
+        by_slope = np.stack(
+            [
+                nats(self._fit, replace(faults, slope_m_s=np.array(a)), self._near(faults)).sum(0)
+                for a in DRIFTS_M_S
+            ]
+        )
+        likely = np.exp(by_slope - by_slope.max(axis=0))
+        width = np.diff(DRIFTS_M_S)[:, None, None]
+        area = np.cumsum(width * (likely[1:] + likely[:-1]) / 2, axis=0)
+        moment = (likely * DRIFTS_M_S[:, None, None])[1:] + (likely * DRIFTS_M_S[:, None, None])[:-1]
+        fastest = DRIFTS_M_S[1:]
+        scores = np.log(area / fastest[:, None, None]).sum(axis=(1, 2))
+        best, low, high = profile(fastest, scores)
+        k = int(np.searchsorted(fastest, best))
+        if k == 0:
+            return None
+        mean = np.cumsum(width * moment / 2, axis=0)[k] / area[k]
+        return Guess(
+            effect="taxel-drift",
+            value=best,
+            interval=(low, high),
+            faults=replace(faults, slope_m_s=mean),
+            evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
+        )
+
+    def _dead(self, faults: Faults) -> Guess | None:
+        none = np.zeros(self._apart.shape[:2], dtype=bool)
+        alive, dead = (
+            nats(self._fit, replace(faults, dead=d), self._near(faults)).sum(axis=0)
+            for d in (none, ~none)
+        )
+        shares = DEAD_SHARES[:, None, None]
+        with np.errstate(divide="ignore"):
+            each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
+        best, low, high = profile(DEAD_SHARES, each.sum(axis=(1, 2)))
+        silent = dead - alive > np.log(1 / max(best, 1e-9))
+        if best == 0.0 or not silent.any():
+            return None
+        known = int((np.abs(dead - alive) > 1.0).sum())
+        return Guess(
+            effect="taxel-dropout",
+            value=best,
+            interval=(low, high),
+            faults=replace(faults, dead=silent),
+            evidence=f"{int(silent.sum())} of {known} pressed taxels never answer",
+        )
+
+
+def profile(values: Array, scores: Array) -> tuple[float, float, float]:
+    """The best of some values and its 90 % interval."""
+    best = int(np.argmax(scores))
+    good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+    return float(values[best]), float(values[good[0]]), float(values[good[-1]])
