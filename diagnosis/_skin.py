@@ -22,7 +22,7 @@ WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far a wild depth may be from what it should be."""
 MISSED = 0.02
 """Share of wrong answers that is no gap, beside those that the blur foretells."""
-ALIKE = 10.0
+ALIKE = 5.0
 """Samples that tell as much as one: a grasp moves slowly."""
 
 
@@ -102,7 +102,7 @@ def gap(data: Pressed, faults: Faults, near: list[Array] | None = None) -> float
     where anything is pressed.
     """
     shown = expected(data, faults, near)
-    some = (shown > WILD) | (data.reading > 0)
+    some = (shown > (WILD if data.binary else 0.0)) | (data.reading > 0)
     if not some.any():
         return 0.0
     if data.binary:

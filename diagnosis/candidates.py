@@ -38,7 +38,7 @@ NOMINAL: tuple[type[NumberEffect], ...] = (
 RANDOM = ("command-dropout", "encoder-noise", "encoder-resolution")
 """Effects that a replay cannot show; they leave fingerprints of their own."""
 LEVELS: dict[str, tuple[float, ...]] = {
-    "share": (0.1, 0.3, 0.8, 2.5),
+    "share": (0.01, 0.03, 0.1, 0.3, 0.8, 2.5),
     "torque": (0.01, 0.04, 0.15, 0.6),
     "damping": (0.025, 0.1, 0.4, 1.5),
     "inertia": (0.2, 0.8, 3.0),

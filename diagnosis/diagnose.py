@@ -18,6 +18,7 @@ from diagnosis.experiments import Trials, tie, told_of
 from diagnosis.locate import Place, locate
 from diagnosis.log import Log, LogError
 from diagnosis.magnitudes import Magnitude, magnitudes, merge
+from diagnosis.triage import refuse_bugs
 from diagnosis.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
 
 BLOCK, RESAMPLES = 50, 400
@@ -109,6 +110,7 @@ def diagnose(
         "torque": rule.floor_torque_share,
     }
     parts = gather(log, nominal, floor)
+    refuse_bugs(parts)
     told = [told_of(part, catalogue) for part in parts]
     if not any(told):
         raise LogError(

@@ -15,14 +15,14 @@ from backends.state import Array
 from backends.touch import taxel_grid
 from diagnosis._skin import Faults, Pressed, gap, joined, nats
 from diagnosis.finding import Finding, Report, confidence, share
-from diagnosis.held import Held, blur_m, gaps_m, held, pressed_m
+from diagnosis.held import CALMER, Held, blur_m, gaps_m, held, pressed_m, smoothed
 from diagnosis.log import Log
 from diagnosis.verdict import UNKNOWN, rules
 
 EFFECTS = ("taxel-threshold", "taxel-drift", "taxel-dropout", "taxel-halo")
 ANSWERS = ("taxel-threshold", "taxel-halo")
 """Effects that change what counts and no depth."""
-PERIOD_S = 0.05
+PERIOD_S = 0.1
 """Samples are thinned to this."""
 LATER = 0.6
 """Of a single episode, what comes after this share of it judges."""
@@ -36,14 +36,22 @@ CLOSE_NATS = 1.35
 """Half of the 90 % point of a squared normal number: ends of an interval."""
 BLUR_M = 1e-5
 """The geometry is at least so uncertain."""
-THRESHOLDS_M = np.arange(-0.19e-3, 1.001e-3, 0.01e-3)
+THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
+FINER = np.arange(-5, 6) / 5
+"""Steps around the best threshold, in steps of the first grid."""
 HALO_M = 0.02
 """The widest halo."""
-DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1e-3, 49)])
+DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1e-3, 97)])
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
+MOVED_M = 5e-5
+"""Blur while a misplaced tip is moved."""
 NEXT_M = 1e-5
 """Distances between taxels that differ by less are one."""
 GRASP = "not identifiable from this log: record --protocol grasp with the channels {}"
+MISPLACED = (
+    "not identifiable from this log: stick and joints put {} elsewhere than where they touch; mend "
+    "the stick's radius, the joints' zero or the contact's softness first"
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,32 +81,57 @@ def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Repo
     binary = log.meta.channels["touch"].unit == "1"
     mute = [] if binary else [name for name in sought if name in ANSWERS]
     missing = (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
-    fit, judge = _split([_pressed(nominal, part, binary) for part in parts])
-    start = Faults(
-        threshold_m=nominal.hand.taxels.threshold_m,
-        blur_m=max(BLUR_M, *(blur_m(nominal, part) for part in parts)),
-    )
+    blur = max(blur_m(nominal, part) for part in parts)
+    if blur > BLUR_M:
+        parts, blur = [smoothed(part) for part in parts], blur * CALMER
+    pressed = [_pressed(nominal, part, binary) for part in parts]
+    fit, judge = _split([data for data, _ in pressed])
+    wrong = sorted({nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers})
+    if wrong and binary and "taxel-threshold" in sought:
+        mute.append("taxel-threshold")
+        missing += (f"taxel-threshold: {MISPLACED.format(', '.join(wrong))}",)
+    start = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=max(BLUR_M, blur))
     skin = Fitting(fit, judge, grid)
     return Report(
         findings=_search(skin, start, [n for n in sought if n not in mute]), missing=missing
     )
 
 
-def _pressed(nominal: Spec, part: Held, binary: bool) -> Pressed:
+def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int]]:
+    """Thinned samples, and the fingers that the geometry puts elsewhere than they are."""
     step = max(round(PERIOD_S / float(np.median(np.diff(part.time_s)))), 1)
     part = part.every(np.arange(step, len(part.time_s), step))
     gap_m, touch = gaps_m(nominal, part), part.touch
     assert touch is not None
-    depth, touched = pressed_m(nominal, part), touch.any(axis=2) | (gap_m < OUT_M)
-    for f in range(gap_m.shape[1]):
-        off = float(np.median(gap_m[:, f]))
-        if not -YIELD_M <= off <= OUT_M:
-            radius_m = max(nominal.stick.radius_m + off, 1e-4)
-            moved = replace(nominal, stick=replace(nominal.stick, radius_m=radius_m))
-            depth[:, f] = pressed_m(moved, part)[:, f]
-    return Pressed(
-        time_s=part.time_s, depth_m=depth, reading=touch, touched=touched, binary=binary
+    data = Pressed(
+        time_s=part.time_s,
+        depth_m=pressed_m(nominal, part),
+        reading=touch,
+        touched=touch.any(axis=2) | (gap_m < OUT_M),
+        binary=binary,
     )
+    off = np.median(gap_m, axis=0)
+    wrong = [f for f in range(len(off)) if not -YIELD_M <= off[f] <= OUT_M]
+    for f in wrong:
+        data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
+    return data, wrong
+
+
+def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) -> Array:
+    """Depths of one finger (S, K), the tip moved along its normal to where it fits best."""
+    faults = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=MOVED_M)
+    best_m, width_m = off_m / 2, abs(off_m) / 2 + YIELD_M
+    for _ in range(3):
+        tries = {}
+        for shift_m in best_m + width_m * np.linspace(-1, 1, 13):
+            radius_m = max(nominal.stick.radius_m + shift_m, 1e-4)
+            world = replace(nominal, stick=replace(nominal.stick, radius_m=radius_m))
+            depth = data.depth_m.copy()
+            depth[:, finger] = pressed_m(world, part)[:, finger]
+            score = float(nats(replace(data, depth_m=depth), faults)[:, finger].sum())
+            tries[float(shift_m)] = score, depth[:, finger]
+        best_m, width_m = max(tries, key=lambda shift: tries[shift][0]), width_m / 6
+    return tries[best_m][1]
 
 
 def _split(parts: Sequence[Pressed]) -> tuple[Pressed, Pressed]:
@@ -191,9 +224,10 @@ class Fitting:
         return float(nats(self._fit, faults, self._near(faults)).sum())
 
     def _threshold(self, faults: Faults) -> Guess | None:
-        tries = [replace(faults, threshold_m=float(t)) for t in THRESHOLDS_M]
-        best, low, high = profile(THRESHOLDS_M, np.array([self._fitted(t) for t in tries]))
-        if abs(best - faults.threshold_m) < THRESHOLDS_M[1] - THRESHOLDS_M[0]:
+        best, low, high = self._best_threshold(faults, THRESHOLDS_M)
+        finer = best + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
+        best, low, high = self._best_threshold(faults, finer)
+        if low <= faults.threshold_m <= high:
             return None
         size, ends = best - faults.threshold_m, np.array([low, high]) - faults.threshold_m
         return Guess(
@@ -203,6 +237,10 @@ class Fitting:
             faults=replace(faults, threshold_m=best),
             evidence=f"taxels answer from {1e3 * size:+.2f} mm of press beyond the nominal on",
         )
+
+    def _best_threshold(self, faults: Faults, values: Array) -> tuple[float, float, float]:
+        tries = [self._fitted(replace(faults, threshold_m=float(t))) for t in values]
+        return profile(values, np.array(tries))
 
     def _halo(self, faults: Faults) -> Guess | None:
         steps = np.unique(np.round(self._apart / NEXT_M)) * NEXT_M
@@ -244,7 +282,7 @@ class Fitting:
         return Guess(
             effect="taxel-drift",
             value=best,
-            interval=(low, high),
+            interval=(low, high * fastest[1] / fastest[0]),
             faults=replace(faults, slope_m_s=mean),
             evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
         )
@@ -266,7 +304,7 @@ class Fitting:
         return Guess(
             effect="taxel-dropout",
             value=best,
-            interval=(low, high),
+            interval=(max(low, 0.0), min(high, 1.0)),
             faults=replace(faults, dead=silent),
             evidence=f"{int(silent.sum())} of {known} pressed taxels never answer",
         )
@@ -276,4 +314,5 @@ def profile(values: Array, scores: Array) -> tuple[float, float, float]:
     """The best of some values and its 90 % interval."""
     best = int(np.argmax(scores))
     good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
-    return float(values[best]), float(values[good[0]]), float(values[good[-1]])
+    half = (values[1] - values[0]) / 2
+    return float(values[best]), float(values[good[0]] - half), float(values[good[-1]] + half)

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from backends.kinematics import tip_frames
 from backends.spec import Spec
@@ -17,6 +18,10 @@ POINTS = 64
 """Points on a tip's axis of which the nearest to the stick is sought: 0.2 mm apart, which is
 0.0002 mm in the distance."""
 
+SMOOTH, CUBIC = 21, 3
+"""Samples and degree of the cubics that noise is smoothed by."""
+CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
+"""Noise that they leave [1]."""
 STEP_RAD = 1e-4
 """Turn of a joint for the arm it moves a tip by."""
 
@@ -110,6 +115,14 @@ def blur_m(spec: Spec, part: Held) -> float:
         for v in (part.joint_rad, part.stick[:, :3])
     )
     return float(np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max()))
+
+
+def smoothed(part: Held) -> Held:
+    """With joints and stick as cubics through `SMOOTH` samples around each: less noise, no lag."""
+    window = min(SMOOTH, len(part.time_s) - 1 + len(part.time_s) % 2)
+    joints, stick = (savgol_filter(v, window, CUBIC, axis=0) for v in (part.joint_rad, part.stick))
+    stick[:, 3:] /= np.linalg.norm(stick[:, 3:], axis=1, keepdims=True)
+    return replace(part, joint_rad=joints, stick=stick)
 
 
 @numba.njit(cache=True)

@@ -12,7 +12,7 @@ FREE_LIMIT = 2.0
 """A drive without a limit gets so many times the torque that the log's largest error asks for."""
 OWN_BOUNDS = {
     "torque": ("torque_limit_nm", 0.8),
-    "damping": ("kd_nms_rad", 1.6),
+    "damping": ("kd_nms_rad", 0.9),
     "inertia": ("rotor_inertia_kgm2", 10.0),
 }
 """By dimension, the drive's number that bounds an effect, and the share of it: a hand's bounds."""

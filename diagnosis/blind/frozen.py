@@ -2,6 +2,7 @@
 
 import ast
 import hashlib
+from functools import cache
 from pathlib import Path
 
 import yaml
@@ -37,8 +38,9 @@ def _named(tree: ast.AST) -> list[str]:
     return names
 
 
+@cache
 def solver_files() -> dict[str, str]:
-    """SHA-256 of every file that decides what the solver says."""
+    """SHA-256 of every file that decides what the solver says, as this process first saw them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
     names = sorted({*imported(ENTRY), *effects, RULES})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}

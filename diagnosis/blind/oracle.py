@@ -80,11 +80,11 @@ def consult(case: Case, folder: Path, catalogue: Mapping[str, type[Effect]]) -> 
 
 
 def _fitted(fitter: Fitter, effects: tuple[Effect, ...], starts: Sequence[Array]) -> Fit:
-    """Effects refitted from their magnitudes, with nominal parameters free from the best start."""
+    """Effects refitted from their magnitudes, with nominal parameters free from several starts."""
     free = fitter.free(effects)
     tries = [Fit(effects=effects, deviations=d * free, cost=np.inf) for d in starts]
     tries = [replace(fit, cost=fitter.cost(effects, fit.deviations)) for fit in tries]
-    return fitter.refit(min(tries, key=lambda fit: fit.cost))
+    return min((fitter.refit(fit) for fit in tries), key=lambda fit: fit.cost)
 
 
 def _here(

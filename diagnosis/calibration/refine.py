@@ -17,6 +17,7 @@ from diagnosis.calibration.gains import LEAST_SAMPLES, SCALES, Progress, Trace, 
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 ROUNDS = 4
+BENT_RAD = 1e-3
 STEP = 0.05
 """Change of a gain's logarithm for the differences."""
 LARGEST_STEP = 0.1
@@ -80,13 +81,16 @@ def linearise(
         if trace.samples < LEAST_SAMPLES:
             continue
         paths = used(shown, trace, j)
-        up_down = paths[1 + 4 * i : 5 + 4 * i]
+        up, down = paths[1 + 4 * i : 5 + 4 * i : 2], paths[2 + 4 * i : 5 + 4 * i : 2]
+        bent = np.abs(up + down - 2 * paths[0]).max(axis=0)
+        straight = bent < BENT_RAD
         recorded = used([m.read_rad[None] for m in motions], trace, j)
+        print(j, len(straight), straight.mean())
         found[j] = Linear(
             trace=trace,
-            columns=(up_down[::2] - up_down[1::2]).T / (2 * STEP),
-            path_rad=paths[0],
-            miss_rad=recorded - used(alike, trace, j),
+            columns=((up - down).T / (2 * STEP))[straight],
+            path_rad=paths[0][straight],
+            miss_rad=(recorded - used(alike, trace, j))[:, straight],
         )
     return found
 

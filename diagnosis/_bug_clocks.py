@@ -6,12 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
+from diagnosis._bugs import BETTER, CLEAR
 from diagnosis._tracks import Track, line
 
 FINE = 0.01
 """Misfit under which no clock can be wrong: the motion is the nominal world's."""
-CLEAR = 0.9
-"""Correlation from which on two signals are the same motion."""
 EARLY_S, EARLY_SAMPLES = 0.005, 1.5
 """A position that is ahead of its command by more than the larger of these was logged too late."""
 LATE_S = 0.5
@@ -26,7 +25,11 @@ EXACT = 0.02
 RIVAL = 2.0
 """A pace must fit better by this factor than a delay or other damping, which look like it."""
 SEARCH_S = (-1.0, 3.0)
-COARSE = 161
+COARSE, FINER = 161, 26
+"""Lags that are tried, and those around the best of them."""
+COARSE_S = 0.02
+"""Samples are so far apart for the first [s]."""
+WINDOWS, WINDOW_LAGS = 5, 101
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,17 +42,14 @@ class Clock:
     remedy: str
 
 
-def wrong(track: Track, better: float) -> Clock | None:
-    """What is wrong with the clock of a joint; None: nothing that is sure.
-
-    What is said must lower the misfit by the factor `better`.
-    """
+def wrong(track: Track) -> Clock | None:
+    """What is wrong with the clock of a joint; None: nothing that is sure."""
     if track.travel == 0.0 or track.misfit < FINE:
         return None
-    return _drifting(track, better) or _shifted(track, better) or _paced(track, better)
+    return _drifting(track) or _shifted(track) or _paced(track)
 
 
-def _shifted(track: Track, better: float) -> Clock | None:
+def _shifted(track: Track) -> Clock | None:
     """A position ahead of its command, or later than any mechanism is."""
     ahead_s = -_lag_s(track, track.command)
     if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.dt_s):
@@ -59,7 +59,7 @@ def _shifted(track: Track, better: float) -> Clock | None:
             remedy="put command and position on one clock; a row holds the command from then on",
         )
     late_s = _lag_s(track, track.shown)
-    if late_s > LATE_S and _misfit(track, late_s) * better < track.misfit:
+    if late_s > LATE_S and _misfit(track, late_s) * BETTER < track.misfit:
         return Clock(
             shared=False,
             evidence=f"the position follows {late_s:.2f} s later than in the nominal world; "
@@ -69,7 +69,7 @@ def _shifted(track: Track, better: float) -> Clock | None:
     return None
 
 
-def _drifting(track: Track, better: float) -> Clock | None:
+def _drifting(track: Track) -> Clock | None:
     """A lag that grows with time: command and position run on two clocks."""
     longest = max(range(len(track.time_s)), key=lambda k: float(track.time_s[k][-1]))
     t = track.time_s[longest]
@@ -84,7 +84,7 @@ def _drifting(track: Track, better: float) -> Clock | None:
     before = _rms(track.position[longest] - track.shown[longest])
     constant = np.interp(t - np.median(late_s), t, track.shown[longest])
     left = _rms(track.position[longest] - moved)
-    if left * better > min(before, _rms(track.position[longest] - constant)):
+    if left * BETTER > min(before, _rms(track.position[longest] - constant)):
         return None
     return Clock(
         shared=False,
@@ -95,11 +95,11 @@ def _drifting(track: Track, better: float) -> Clock | None:
     )
 
 
-def _paced(track: Track, better: float) -> Clock | None:
+def _paced(track: Track) -> Clock | None:
     """Time stamps of another rate: the motion is the nominal world's at another pace."""
     tried = {pace: track.replayed(paced=pace).misfit for pace in PACES}
     pace = min(tried, key=lambda p: tried[p])
-    if not tried[pace] * better < track.misfit or tried[pace] > EXACT:
+    if not tried[pace] * BETTER < track.misfit or tried[pace] > EXACT:
         return None
     delayed = _misfit(track, _lag_s(track, track.shown))
     if tried[pace] * RIVAL > min(delayed, _damped(track, 1 / pace).misfit):
@@ -125,24 +125,23 @@ def _damped(track: Track, factor: float) -> Track:
 
 def _lag_s(track: Track, cause: list[Array]) -> float:
     """How much later than `cause` the position moves [s]; 0 where they are not the same motion."""
-    steps = np.linspace(*SEARCH_S, COARSE)
-    best = max(steps, key=lambda lag: _alike(track, cause, lag))
-    width = steps[1] - steps[0]
-    fine = best + np.linspace(-width, width, 41)
-    best = max(fine, key=lambda lag: _alike(track, cause, lag))
-    if _alike(track, cause, best) < CLEAR:
-        return 0.0
-    return float(best)
+    coarse = np.linspace(*SEARCH_S, COARSE)
+    width, every = coarse[1] - coarse[0], max(1, round(COARSE_S / track.dt_s))
+    best = max(coarse, key=lambda lag: _alike(track, cause, lag, every))
+    fine = best + np.linspace(-width, width, FINER)
+    fits = [_alike(track, cause, lag) for lag in fine]
+    return float(fine[int(np.argmax(fits))]) if max(fits) >= CLEAR else 0.0
 
 
-def _alike(track: Track, cause: list[Array], lag_s: float) -> float:
-    """Correlation of position and a cause that is made later, where both are known."""
+def _alike(track: Track, cause: list[Array], lag_s: float, every: int = 1) -> float:
+    """Correlation of position and a cause that is made later, of every so many samples."""
     moved, positions = [], []
     for t, c, p in zip(track.time_s, cause, track.position, strict=True):
-        inside = (t - lag_s >= t[0]) & (t - lag_s <= t[-1])
-        if inside.sum() > len(t) // 2:
-            moved.append(np.interp(t[inside] - lag_s, t, c))
-            positions.append(p[inside])
+        late = t[::every] - lag_s
+        inside = (late >= t[0]) & (late <= t[-1])
+        if 2 * inside.sum() > len(late):
+            moved.append(np.interp(late[inside], t, c))
+            positions.append(p[::every][inside])
     return line(moved, positions).correlation if moved else 0.0
 
 
@@ -154,9 +153,9 @@ def _misfit(track: Track, lag_s: float) -> float:
 
 
 def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array] | None:
-    """Middles and lags of five windows of an episode [s]; None where they are unsure."""
-    edges = np.linspace(0, len(t), 6).astype(int)
-    lags = np.linspace(-0.5, 0.5, 201)
+    """Middles and lags of windows of an episode [s]; None where they are unsure."""
+    edges = np.linspace(0, len(t), WINDOWS + 1).astype(int)
+    lags = np.linspace(-LATE_S, LATE_S, WINDOW_LAGS)
     middles, found = [], []
     for start, stop in zip(edges[:-1], edges[1:], strict=True):
         part = slice(start, stop)

@@ -1,0 +1,378 @@
+"""The blind check: sealed answers, a maker that shares nothing with the solver, honest figures."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backends.shard import simulate
+from backends.spec import Encoder, Spec
+from benchmark import blind, cli, registry
+from benchmark.errors import UsageError
+from diagnosis.blind import draw, files, frozen, make, motion, rigs
+from diagnosis.blind.files import BlindSet
+from diagnosis.blind.measures import median, share
+from diagnosis.blind.plant import CHANGES, NUMBERS, Baseline, Plant
+
+SEED = 5
+WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
+"""Effects that a small set draws from."""
+NO_BASELINE = Baseline(play_rad=0.0, friction_share=0.0, cogging_share=0.0, stiffening_rad2=0.0)
+SOLVER_MODULES = ("candidates", "fit", "attribute", "verdict", "replay", "evidence", "diagnose")
+
+
+def small(**changes) -> draw.Settings:
+    """A small set of one finger, two protocols and both kinds of real side."""
+    wanted = {
+        "cases": 5,
+        "reals": ("mujoco", "plant"),
+        "effects": WORDS,
+        "protocols": ("steps", "push"),
+    }
+    return draw.Settings(**(wanted | changes))
+
+
+def catalogue() -> dict:
+    return {name: registry.load("effect", name) for name in registry.names("effect")}
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory) -> tuple[Path, Path]:
+    """A small set, solved: its folder and its answers."""
+    root = tmp_path_factory.mktemp("blind")
+    folder, answers = root / "set", root / "sealed" / "answers.json"
+    blind.make(small(), SEED, folder, answers, 1)
+    blind.run(folder, 1, False)
+    return folder, answers
+
+
+def test_score_counts_every_case(solved, tmp_path):
+    """Make, run and score a small set, and write all tables."""
+    folder, answers = solved
+    result, _ = blind.score(folder, answers, tmp_path, 1)
+    rows = result["tables"]["cases"]
+    assert result["cases"] == 5 and [row["number"] for row in rows] == list(range(5))
+    assert result["frozen"] and result["solvers_tried"] == 1
+    modes = [row["mode"] for row in rows]
+    assert {mode: modes.count(mode) for mode in draw.SHARES} == {
+        "single": 2, "pair": 1, "none": 1, "unknown": 1,
+    }  # fmt: skip
+    detectable = [r for r in rows if r["mode"] == "single" and r["detectable"]]
+    assert result["intervals"]["top1"]["count"] == len(detectable) > 0
+    assert result["top1"] == np.mean([r["verdict"] == r["truth"] for r in detectable])
+    assert result["cpu_s_median"] == np.median([r["cpu_s"] for r in rows])
+    assert json.loads((tmp_path / "score.json").read_text())["top1"] == result["top1"]
+    for name in ("headline", "cases", "groups", "confusion", "effects", "baselines"):
+        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 0
+    assert "# Blind score" in (tmp_path / "score.md").read_text()
+
+
+def test_score_prints_one_object(solved, capfd):
+    """Print one JSON object with plain figures."""
+    folder, answers = solved
+    assert cli._run(["blind", "score", str(folder), "--answers", str(answers), "--json"]) == 0
+    printed = json.loads(capfd.readouterr().out)
+    named = "top1 top3 joint_right none_false_alarm unknown_recall pairs_exact spurious_second "
+    named += "magnitude_error_median interval_coverage shrinkage_vs_oracle cpu_s_median"
+    assert all(printed[name] is None or 0 <= printed[name] < 60 for name in named.split())
+    assert printed["status"] == "done" and printed["cases"] == 5
+
+
+def test_a_case_that_breaks_the_solver_is_wrong(tmp_path):
+    """Count a case on which the solver breaks as a wrong answer, and say why."""
+    folder, answers = tmp_path / "set", tmp_path / "answers.json"
+    wanted = small(cases=1, reals=("plant",), modes=("none",), protocols=("push",))
+    blind.make(wanted, 1, folder, answers, 1)
+    (folder / "cases" / "000" / "samples.parquet").unlink()
+    assert "samples.parquet" in blind.run(folder, 1, False)["refused"]["000"]
+    result, _ = blind.score(folder, answers, None, 1)
+    assert result["none_false_alarm"] == 1.0 and result["none_accused"] == 0.0
+
+
+def test_refitting_nominal_parameters_names_nothing(solved):
+    """Hold the baseline that only refits to its definition: no effect, no false alarm."""
+    result, _ = blind.score(*solved, None, 1)
+    rows = {row["method"]: row for row in result["tables"]["baselines"]}
+    nominal = rows["nominal parameters refitted alone"]
+    assert nominal["top1"] == 0.0 and nominal["none_false_alarm"] == 0.0
+    greedy = rows["largest improvement on training samples"]
+    assert greedy["none_false_alarm"] == 1.0 and greedy["unknown_recall"] in (0.0, None)
+    assert rows["this solver"]["top1"] == result["top1"]
+
+
+def test_the_true_effect_closes_the_gap(solved):
+    """Let the oracle explain strong effects of an engine down to the noise."""
+    folder, answers = solved
+    result, _ = blind.score(folder, answers, None, 1)
+    strong = [
+        row
+        for row in result["tables"]["cases"]
+        if row["mode"] == "single" and row["strong"] and row["real"] == "mujoco"
+    ]
+    assert all(row["shrinkage_oracle"] > 0.95 for row in strong)
+
+
+def test_answers_stay_out_of_the_set(solved):
+    """Leave no effect, joint, level, side or seed of the answers in the set's folder."""
+    folder, answers = solved
+    kept = json.loads(answers.read_text())
+    for file in folder.rglob("*"):
+        if file.is_file() and file.parts[-2] not in ("results",) and file.suffix != ".parquet":
+            text = file.read_text()
+            assert kept["nonce"] not in text and '"faults"' not in text, file
+            if file.name in ("log.yaml", "case.json"):
+                case = kept["cases"][int(file.parent.name)]
+                hidden = {case["real"], case["mode"], *(f["level"] for f in case["faults"])}
+                assert not [word for word in hidden if word in text], file
+    with pytest.raises(UsageError, match="put it where no solver sees it"):
+        blind.make(small(), SEED, folder.parent / "b", folder.parent / "b" / "a.json", 1)
+
+
+def test_every_case_excludes_one_effect(solved):
+    """Take the true effect out of the catalogue of unknowns, and another one out of all others."""
+    folder, answers = solved
+    for case in files.open_answers(answers, BlindSet(path=folder).commitment()).cases:
+        hidden = [fault.effect for fault in case.faults]
+        assert len(case.excluded) == 1
+        assert (list(case.excluded) == hidden) == (case.mode == "unknown")
+        assert case.mode == "unknown" or case.excluded[0] not in hidden
+        said = BlindSet(path=folder).read_result(case.number)
+        assert case.excluded[0] not in said["catalogue"]
+
+
+def test_changed_answers_are_refused(solved, tmp_path):
+    """Refuse answers whose hash is not the one committed to."""
+    folder, answers = solved
+    forged = tmp_path / "forged.json"
+    forged.write_text(answers.read_text().replace("0.", "0.0", 1))
+    with pytest.raises(UsageError, match="was committed to"):
+        blind.score(folder, forged, None, 1)
+
+
+def test_solved_cases_are_skipped(solved):
+    """Solve only what has no result of this solver."""
+    folder, _ = solved
+    kept = BlindSet(path=folder).result(1).stat().st_mtime_ns
+    BlindSet(path=folder).result(3).unlink()
+    with pytest.raises(UsageError, match="case 003"):
+        blind.score(*solved, None, 1)
+    again = blind.run(folder, 1, False)
+    assert (again["solved"], again["was_done"]) == (1, 4)
+    assert BlindSet(path=folder).result(1).stat().st_mtime_ns == kept
+
+
+def test_a_changed_solver_is_refused(solved, monkeypatch, tmp_path):
+    """Refuse to solve with other code or rules than were committed to, and say which."""
+    folder, _ = solved
+    files_now = frozen.solver_files()
+    changed = {**files_now, "diagnosis/verdict.py": "0" * 64}
+    monkeypatch.setattr(frozen, "solver_files", lambda: changed)
+    with pytest.raises(UsageError, match="diagnosis/verdict.py changed"):
+        blind.run(folder, 1, False)
+    assert frozen.changed(BlindSet(path=folder).commitment()) == ["diagnosis/verdict.py"]
+    assert {"diagnosis/rules.yaml", "diagnosis/fit.py", "backends/drive.py"} <= set(files_now)
+    assert "backends/effects/backlash.py" in files_now
+
+
+def test_equal_seeds_give_equal_bytes(tmp_path):
+    """Draw the same cases, byte by byte, from one seed, and others from another."""
+    wanted = small(cases=3, reals=("plant", "mujoco"))
+    texts = []
+    for name, seed in (("a", 1), ("b", 1), ("c", 2)):
+        folder, answers = tmp_path / name, tmp_path / f"{name}.json"
+        blind.make(wanted, seed, folder, answers, 1)
+        found = sorted(f for f in folder.rglob("*") if f.is_file())
+        texts.append([answers.read_bytes(), *(f.read_bytes() for f in found)])
+    assert texts[0] == texts[1]
+    assert texts[0][0] != texts[2][0]
+
+
+def test_secret_seeds_differ(tmp_path):
+    """Seal different answers when no seed is given."""
+    hashes = set()
+    for name in ("a", "b"):
+        wanted = small(cases=1, reals=("plant",), modes=("none",), protocols=("push",))
+        made = blind.make(wanted, None, tmp_path / name, tmp_path / f"{name}.json", 1)
+        hashes.add(made["answers_sha256"])
+    assert len(hashes) == 2
+
+
+def test_maker_and_solver_share_no_code():
+    """Reach no solver from the maker, no maker from the solver, no drive law from the plant."""
+    maker = frozen.imported("diagnosis.blind.make")
+    assert not maker & {f"diagnosis/{name}.py" for name in SOLVER_MODULES}
+    assert not [name for name in frozen.imported("diagnosis.diagnose") if "blind" in name]
+    plant = frozen.imported("diagnosis.blind.plant")
+    assert plant <= {
+        "diagnosis/blind/plant.py",
+        "diagnosis/blind/_plant_equations.py",
+        "backends/spec.py",
+        "backends/state.py",
+    }
+
+
+def test_effects_are_dealt_evenly():
+    """Draw every effect once before any again, at all levels in turn, on every side alike."""
+    count = 3 * len(draw.EFFECTS)
+    reals = ("mujoco", "bullet", "plant")
+    settings = draw.Settings(cases=count, reals=reals, modes=("single",), rigs=("hand",))
+    cases = draw.draw(settings, catalogue(), 0)
+    cards = [(case.faults[0].effect, case.faults[0].level) for case in cases]
+    assert len(set(cards)) == count
+    assert {r: [c.real for c in cases].count(r) for r in reals} == dict.fromkeys(reals, count // 3)
+
+
+@pytest.mark.parametrize("rig", rigs.RIGS)
+def test_drawn_magnitudes_are_allowed(rig):
+    """Draw magnitudes that an effect may have, on joints of the rig, none of them zero."""
+    kinds = catalogue()
+    settings = draw.Settings(cases=200, reals=("plant",), rigs=(rig,))
+    names = rigs.nominal(rig).hand.joint_names
+    for fault in (f for case in draw.draw(settings, kinds, 1) for f in case.faults):
+        low, high = kinds[fault.effect].bounds
+        assert low <= fault.magnitude <= high and fault.magnitude != 0.0
+        assert fault.joint is None or fault.joint in names
+
+
+def test_nominal_errors_spare_what_is_hidden():
+    """Draw no nominal error where an effect changes the same number: the truth is one number."""
+    settings = draw.Settings(cases=60, reals=("plant",), effects=(*draw.NOMINAL, "backlash"))
+    for case in draw.draw(settings, catalogue(), 2):
+        hidden = [(f.effect, f.joint) for f in case.faults]
+        for error in case.nominal:
+            assert (error.effect, error.joint) not in hidden
+            assert (error.effect, None) not in hidden
+
+
+def bare(rig: str, drive_s: float) -> Spec:
+    """A rig without friction and sensor noise, at another drive period."""
+    spec = rigs.nominal(rig)
+    spec = spec.with_drives(dataclasses.replace(d, coulomb_nm=0.0) for d in spec.drives)
+    spec = spec.with_driven(
+        dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=Encoder()))
+        for b in spec.hand.driven
+    )
+    return dataclasses.replace(spec, timing=dataclasses.replace(spec.timing, drive_s=drive_s))
+
+
+@pytest.mark.parametrize(("rig", "tilt_rad"), [("finger", 0.0), ("finger", 1.2), ("joint", 0.0)])
+def test_plant_agrees_with_engines_in_the_limit(rig, tilt_rad):
+    """Meet the engines' drive law without friction and play, to first order in its period.
+
+    Both integrate semi-implicitly, at `dt` and at 0.1 ms: their distance goes as dt - 0.1 ms.
+    """
+    rng = np.random.default_rng(3)
+    protocols = ("triangle", "multisine", "push")  # none reaches the torque limit
+    motions = [motion.motion(p, rigs.nominal(rig), rng) for p in protocols]
+    plant = Plant(bare(rig, 1e-3), NO_BASELINE)
+    plant.add("gravity-tilt", tilt_rad, None)
+    tilt = registry.load("effect", "gravity-tilt")(magnitude=tilt_rad)
+    ours = [plant.run(m.target_rad, m.push_nm, 1 / motion.RATE_HZ, rng) for m in motions]
+    engine = registry.load("backend", "mujoco")
+    apart = []
+    for drive_s in (1e-3, 5e-4):
+        world = tilt.on_spec(bare(rig, drive_s))
+        theirs = make._on_engine(lambda specs: simulate(engine, specs, 1), world, motions, rng)
+        pairs = zip(ours, theirs, strict=True)
+        apart.append([np.abs(a["position"] - b["position"]).max() for a, b in pairs])
+    expected = (1e-3 - 1e-4) / (5e-4 - 1e-4)
+    assert np.divide(apart[0], apart[1]) == pytest.approx(expected, rel=0.15)
+
+
+@pytest.mark.parametrize("effect", draw.EFFECTS)
+def test_plant_effects_act(effect):
+    """Change what the plant shows by every effect, nothing by its zero, on the named joint."""
+    spec = rigs.nominal("finger")
+    rng = np.random.default_rng(4)
+    motions = [motion.motion(p, spec, rng) for p in ("steps", "push")]
+
+    def read(magnitude: float) -> list[np.ndarray]:
+        plant = Plant(spec)
+        plant.add(effect, magnitude, None if effect == "gravity-tilt" else "J0")
+        runs = [
+            plant.run(m.target_rad, m.push_nm, 1 / motion.RATE_HZ, np.random.default_rng(0))
+            for m in motions
+        ]
+        return [run["position"] for run in runs]
+
+    size = draw.SIZES[effect]
+    scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
+    magnitude = scale * (size.levels[2] or -size.falls[2])
+    apart = max(np.abs(a - b).max() for a, b in zip(read(magnitude), read(0.0), strict=True))
+    plain = Plant(spec)
+    untouched = plain.run(
+        motions[0].target_rad, motions[0].push_nm, 1 / motion.RATE_HZ, np.random.default_rng(0)
+    )
+    assert np.array_equal(read(0.0)[0], untouched["position"])
+    assert apart > rigs.NOISE_RAD
+
+
+def test_plant_knows_what_engines_know():
+    """Have an equation on the plant for every effect that is drawn."""
+    assert set(CHANGES) | {"gravity-tilt"} == set(draw.EFFECTS)
+    assert {number for number, _ in CHANGES.values()} <= set(NUMBERS)
+
+
+def test_motions_stay_in_range():
+    """Command targets within the range, from the centre, and push within the drive's torque."""
+    for rig in rigs.RIGS:
+        spec = rigs.nominal(rig)
+        ranges = np.array([b.joint.range_rad for b in spec.hand.driven])
+        limit = np.array([d.torque_limit_nm for d in spec.drives])
+        for number, protocol in enumerate(motion.PROTOCOLS):
+            one = motion.motion(protocol, spec, np.random.default_rng(number))
+            assert (one.target_rad >= ranges[:, 0]).all() and (one.target_rad <= ranges[:, 1]).all()
+            assert np.array_equal(one.target_rad[0], ranges.mean(axis=1))
+            assert (np.abs(one.push_nm) < 0.5 * limit).all()
+            assert (protocol == "push") == bool(one.push_nm.any())
+
+
+def test_shares_have_wilson_intervals():
+    """Give Wilson's interval: 8 of 10 is 0.490 to 0.943 at 95 % (Wilson, 1927)."""
+    found = share(pd.Series([True] * 8 + [False] * 2 + [None]))
+    z, n, p = 1.959964, 10, 0.8
+    center = (p + z**2 / (2 * n)) / (1 + z**2 / n)
+    half = z / (1 + z**2 / n) * math.sqrt(p * (1 - p) / n + z**2 / (4 * n**2))
+    assert (found.low, found.high) == pytest.approx((center - half, center + half), abs=1e-6)
+    assert (found.value, found.count) == (0.8, 10)
+    assert share(pd.Series([None])).value is None
+
+
+def test_medians_lie_between_order_statistics():
+    """Cover the true median of skewed samples in at least 95 % of draws, less three deviations."""
+    rng, hits = np.random.default_rng(0), 0
+    for _ in range(400):
+        found = median(pd.Series(rng.exponential(size=15)))
+        hits += found.low <= math.log(2) <= found.high
+    assert hits / 400 > 0.95 - 3 * math.sqrt(0.95 * 0.05 / 400)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        (["--cases", "0"], "--cases is 0"),
+        (["--real", "havok"], "no real side named 'havok'"),
+        (["--rig", "fingr"], "Did you mean 'finger'?"),
+        (["--modes", "double"], "no mode named 'double'"),
+        (["--effects", "backlash"], "3 or more"),
+        (["--effects", "taxel-drift,backlash,stiction"], "no effect named 'taxel-drift'"),
+        (["--seed", "-1"], "--seed is -1"),
+    ],
+)
+def test_wrong_options_are_refused(options, text, tmp_path, capfd):
+    """Refuse options that cannot be drawn, saying what may be."""
+    places = ["--out", str(tmp_path / "o"), "--answers", str(tmp_path / "a.json")]
+    assert cli._run(["blind", "make", *places, *options]) == 2
+    assert text in " ".join(capfd.readouterr().err.split())
+    assert not (tmp_path / "a.json").exists()
+
+
+def test_folders_that_are_no_set_are_refused(tmp_path, capfd):
+    """Refuse to run or score what `bench blind make` did not finish."""
+    assert cli._run(["blind", "run", str(tmp_path)]) == 2
+    assert cli._run(["blind", "score", str(tmp_path), "--answers", str(tmp_path / "a")]) == 2
+    assert "no commitment.json" in capfd.readouterr().err
