@@ -7,13 +7,15 @@ import importlib
 import math
 import os
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
-from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends._bullet_calls import coast, drive, pointer
+from backends._errand import Errand
+from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
 
@@ -135,6 +137,8 @@ class _World:
         info = [p.getJointInfo(self.hand, i, self.client) for i in links]
         at = {row[1].decode(): i for i, row in enumerate(info)}
         self.joints = [at[name] for name in spec.hand.joint_names]
+        self.places = [info[joint][3:5] for joint in self.joints]
+        """Where each joint stands among Bullet's coordinates and speeds."""
         link_at = {row[12].decode(): i for i, row in enumerate(info)}
         self.tips = {link_at[tip.body]: f for f, tip in enumerate(spec.hand.fingertips)}
         """Fingertip number by link number."""
@@ -198,10 +202,18 @@ class _World:
         center, _ = p.getBasePositionAndOrientation(self.stick, self.client)
         p.applyExternalForce(self.stick, -1, force_n, center, p.WORLD_FRAME, self.client)
 
+    def contacts(self) -> Iterator[tuple[float, ...]]:
+        """Fingertip, load, load times point and force of every contact, for `_pool_contacts`."""
+        for c in p.getContactPoints(self.hand, self.stick, physicsClientId=self.client):
+            (ax, ay, az), (bx, by, bz), (nx, ny, nz), load = c[5], c[6], c[7], c[9]
+            point = load * (ax + bx) / 2, load * (ay + by) / 2, load * (az + bz) / 2
+            yield self.tips[c[3]], load, *point, load * nx, load * ny, load * nz
+
 
 class Backend(Engine):
     """N Bullet worlds in one process; pybullet keeps the interpreter lock, threads gain nothing."""
 
+    worlds_in_cache = 8
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
@@ -222,7 +234,12 @@ class Backend(Engine):
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         super().__init__(specs)
-        self._worlds = [_World(spec) for spec in specs]
+        self._worlds = worlds = [_World(spec) for spec in specs]
+        pointers = np.array([pointer(world.client) for world in worlds], dtype=np.uintp)
+        hands = np.array([world.hand for world in worlds], dtype=np.int32)
+        places = np.array([world.places for world in worlds]).swapaxes(1, 2).copy()
+        self._addresses = pointers, hands, places
+        self._errands = {team: Errand(team.drives) for team in self._teams}
 
     def close(self) -> None:
         """Disconnect the clients."""
@@ -238,42 +255,37 @@ class Backend(Engine):
                 initial.stick_quat_wxyz[n].tolist(),
             )
 
-    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
-        forces = stick_force_n.tolist() if stick_force_n.any() else None
-        angles_and_speeds = []
-        for n, torque in enumerate(torque_nm.tolist()):
-            world = self._worlds[n]
-            client, hand, joints = world.client, world.hand, world.joints
-            p.setJointMotorControlArray(
-                hand, joints, p.TORQUE_CONTROL, forces=torque, physicsClientId=client
-            )
-            if forces is not None and any(forces[n]):
-                world.push(forces[n])
-            p.stepSimulation(client)
-            angles_and_speeds.append([s[:2] for s in p.getJointStates(hand, joints, client)])
-        read = np.array(angles_and_speeds)
-        self.state.joint_rad[:] = read[:, :, 0]
-        self.state.joint_rad_s[:] = read[:, :, 1]
+    def _tick(
+        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
+    ) -> None:
+        if stick_force_n is not None:
+            for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
+                if any(force):
+                    world.push(force)
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        pointers, hands, places = self._addresses
+        coast(pointers[rows], hands[rows], places[rows], torque_nm, ticks, angle, speed)
 
-    def _observe(self) -> None:
-        state = self.state
-        state.contact_force_n[:] = 0.0
-        state.contact_point_m[:] = 0.0
-        for n, world in enumerate(self._worlds):
+    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
+        rows, ticks, errand = team.rows, self._timing.substeps, self._errands[team]
+        age = self._age_steps[rows]
+        if load_nm is not None or not team.plain or team.lifted_ticks(age).any():
+            super()._period(team, target_rad, load_nm)
+            return
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        errand.target_rad[:] = target_rad
+        pointers, hands, places = self._addresses
+        drive(pointers[rows], hands[rows], places[rows], errand.address, ticks, angle, speed)
+        age += ticks
+
+    def _observe(self, rows: slice) -> None:
+        state, contacts = self.state.rows(rows), []
+        for n, world in enumerate(self._worlds[rows]):
             pos, (x, y, z, w) = p.getBasePositionAndOrientation(world.stick, world.client)
             state.stick_pos_m[n] = pos
             state.stick_quat_wxyz[n] = w, x, y, z
             state.stick_vel_m_s[n], state.stick_omega_rad_s[n] = p.getBaseVelocity(
                 world.stick, world.client
             )
-            self._read_contacts(n, world)
-
-    def _read_contacts(self, n: int, world: _World) -> None:
-        force, point = self.state.contact_force_n[n], self.state.contact_point_m[n]
-        press = np.zeros((len(force), 1))
-        for c in p.getContactPoints(world.hand, world.stick, physicsClientId=world.client):
-            f = world.tips[c[3]]
-            force[f] += c[9] * np.array(c[7])
-            point[f] += c[9] * (np.array(c[5]) + np.array(c[6])) / 2
-            press[f] += c[9]
-        point /= np.maximum(press, 1e-12)
+            contacts += [(n, *contact) for contact in world.contacts()]
+        self._pool_contacts(rows, contacts)

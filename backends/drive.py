@@ -28,16 +28,39 @@ from backends.state import Array
 _COLUMNS = tuple(f.name for f in fields(Drive))
 STRIBECK_RAD_S = 0.05
 """v_s: speed at which stiction has faded to a third; fits of servos give 0.1 rad/s and more."""
+_STICTION = _COLUMNS.index("stiction_nm")
 
 
 @numba.njit(cache=True)
 def _shrink(speed, loss):
     """`speed` nearer to zero by `loss`, and no further than zero; NaN stays NaN."""
-    if speed > loss:
-        return speed - loss
-    if speed < -loss:
-        return speed + loss
-    return 0.0 if speed == speed else speed
+    rest = 0.0 if speed == speed else speed
+    return speed - loss if speed > loss else (speed + loss if speed < -loss else rest)
+
+
+@numba.njit(cache=True)
+def _stiction(speed, stiction):
+    return stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _turn(target, joint, joint_speed, motor, speed, rub, dt, p):
+    """`motor_tick` once the stiction `rub` is known: choices without branches, for many at once."""
+    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead = p
+    gap = motor - joint
+    touches = (gap > play) | (gap < -play) | (play == 0.0)
+    press = gap - play if gap > 0.0 else gap + play
+    gear = k * press + c * (speed - joint_speed)
+    pulls = (play > 0.0) & (gear * press < 0.0)
+    gear = 0.0 if pulls | (not touches) else gear
+    pd = kp * _shrink(target - motor, dead) - kd * speed
+    pd = min(max(pd, -limit), limit)
+    friction = coulomb + load * abs(gear) + rub
+    speed += dt / inertia * (pd - gear - viscous * speed)
+    speed = _shrink(speed, dt / inertia * friction)
+    locked = _shrink(speed, dt / inertia * lock)
+    speed = locked if (speed * pd <= 0.0) & (speed * gear < 0.0) else speed
+    return motor + dt * speed, speed, pd, gear
 
 
 @numba.njit(cache=True)
@@ -46,39 +69,27 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
     The motor's new angle and speed, its PD torque and the torque on the joint.
     """
-    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, stiction, load, dead = p
-    gap = motor - joint
-    gear = 0.0
-    if gap > play or gap < -play or play == 0.0:
-        press = gap - play if gap > 0.0 else gap + play
-        gear = k * press + c * (speed - joint_speed)
-        if play > 0.0 and gear * press < 0.0:
-            gear = 0.0
-    pd = kp * _shrink(target - motor, dead) - kd * speed
-    pd = min(max(pd, -limit), limit)
-    friction = coulomb + load * abs(gear)
-    if stiction > 0.0:
-        friction += stiction * np.exp(-abs(speed) / STRIBECK_RAD_S)
-    speed += dt / inertia * (pd - gear - viscous * speed)
-    speed = _shrink(speed, dt / inertia * friction)
-    if speed * pd <= 0.0 and speed * gear < 0.0:
-        speed = _shrink(speed, dt / inertia * lock)
-    return motor + dt * speed, speed, pd, gear
+    rub = _stiction(speed, p[_STICTION])
+    return _turn(target, joint, joint_speed, motor, speed, rub, dt, p)
 
 
-@numba.njit(cache=True)
-def _step(target, joint, joint_speed, motor, motor_speed, p, dt, pd_out, gear_out):
-    for n in range(target.shape[0]):
-        for j in range(target.shape[1]):
-            motor[n, j], motor_speed[n, j], pd_out[n, j], gear_out[n, j] = motor_tick(
-                target[n, j],
-                joint[n, j],
-                joint_speed[n, j],
-                motor[n, j],
-                motor_speed[n, j],
-                p[n, j],
-                dt,
-            )
+@numba.njit(cache=True, error_model="numpy")
+def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
+    """`motor_tick` for contiguous arrays (N, J); the numbers `p` of all drives are (13, N, J)."""
+    target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
+    motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
+    p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
+    for i in range(len(motor)):
+        rub[i] = _stiction(motor_speed[i], p[_STICTION, i])
+    for i in range(len(motor)):
+        # A tuple of rows' elements costs nothing; a column of `p` would keep SIMD away.
+        own = (
+            *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
+            *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i]),
+        )
+        motor[i], motor_speed[i], pd[i], gear[i] = _turn(
+            target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], dt, own
+        )
 
 
 def drive_table(spec: Spec) -> Array:
@@ -91,8 +102,9 @@ class DriveBank:
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         self._dt_s = specs[0].timing.drive_s
-        self._parameters = np.array([drive_table(spec) for spec in specs])
-        shape = self._parameters.shape[:2]
+        tables = np.array([drive_table(spec) for spec in specs])
+        self._parameters = np.moveaxis(tables, -1, 0).copy()
+        shape = tables.shape[:2]
         self.motor_rad = np.zeros(shape)
         """Motor angles reflected through the gear [rad], shape (N, J)."""
         self.motor_rad_s = np.zeros(shape)
@@ -101,6 +113,15 @@ class DriveBank:
         """PD torques of the last step [Nm], shape (N, J)."""
         self.gear_nm = np.zeros(shape)
         """Torques on the joints of the last step [Nm], shape (N, J)."""
+        self.rotors = (
+            self.motor_rad,
+            self.motor_rad_s,
+            self._parameters,
+            self._dt_s,
+            self.pd_nm,
+            self.gear_nm,
+        )
+        """What `drive_step` takes after target, joint angle and joint speed."""
 
     def reset(self, joint_rad: Array, mask: Array) -> None:
         """Put the rotors of the masked worlds at rest in the middle of their play."""
@@ -110,15 +131,5 @@ class DriveBank:
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
         """Advance the rotors by one drive period; the torques on the joints [Nm], (N, J)."""
-        _step(
-            target_rad,
-            joint_rad,
-            joint_rad_s,
-            self.motor_rad,
-            self.motor_rad_s,
-            self._parameters,
-            self._dt_s,
-            self.pd_nm,
-            self.gear_nm,
-        )
+        drive_step(target_rad, joint_rad, joint_rad_s, *self.rotors)
         return self.gear_nm

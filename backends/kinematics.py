@@ -1,13 +1,14 @@
-"""Forward kinematics of a hand in numpy, for N worlds at once.
+"""Forward kinematics of a hand, for N worlds at once: plain in numpy, and compiled for touch.
 
-Touch and initial states use it; parity tests hold every engine against it.
+Initial states use the plain one, and tests hold every engine and the compiled one against it.
 """
 
 from collections.abc import Sequence
 
+import numba
 import numpy as np
 
-from backends.spec import Hand, Spec
+from backends.spec import Fingertip, Hand, Spec
 from backends.state import Array
 
 
@@ -58,7 +59,77 @@ def tip_frames(hand: Hand, joint_rad: Array) -> tuple[Array, Array]:
     origins, rotations = [], []
     for tip in hand.fingertips:
         origin, rotation = frames[tip.body]
-        local = np.array([tip.forward, tip.inward, np.cross(tip.forward, tip.inward)]).T
         origins.append(origin + rotation @ np.array(tip.center_m))
-        rotations.append(rotation @ local)
+        rotations.append(rotation @ _tip_axes(tip))
     return np.stack(origins, axis=1), np.stack(rotations, axis=1)
+
+
+def _tip_axes(tip: Fingertip) -> Array:
+    """Rotation (3, 3) from the fingertip frame to its body's."""
+    return np.array([tip.forward, tip.inward, np.cross(tip.forward, tip.inward)]).T
+
+
+class TipChains:
+    """`tip_frames` as numbers that compiled code walks along."""
+
+    def __init__(self, hand: Hand) -> None:
+        places = {body.name: i for i, body in enumerate(hand.bodies)}
+        columns = {name: j for j, name in enumerate(hand.joint_names)}
+        bodies, tips = hand.bodies, hand.fingertips
+        self._numbers = (
+            np.array([-1 if b.parent is None else places[b.parent] for b in bodies]),
+            np.array([columns.get(b.joint.name, -1) for b in bodies]),
+            np.array([b.origin_m for b in bodies]),
+            np.array([b.joint.axis for b in bodies]),
+            np.array([places[tip.body] for tip in tips]),
+            np.array([tip.center_m for tip in tips]),
+            np.array([_tip_axes(tip) for tip in tips]),
+        )
+
+    def frames(self, joint_rad: Array) -> tuple[Array, Array]:
+        """The same as `tip_frames`, to rounding."""
+        shape = len(joint_rad), len(self._numbers[-1]), 3
+        origin, rotation = np.empty(shape), np.empty((*shape, 3))
+        _walk(joint_rad, *self._numbers, origin, rotation)
+        return origin, rotation
+
+
+@numba.njit(cache=True)
+def _walk(joint, parent, column, offset, axis, tip_body, center, axes, origin, rotation):
+    at, turn = np.empty((len(parent) + 1, 3)), np.empty((len(parent) + 1, 3, 3))
+    at[-1], turn[-1], hinge = 0.0, np.eye(3), np.empty((3, 3))
+    for n in range(joint.shape[0]):
+        for b in range(len(parent)):
+            _place(at[parent[b]], turn[parent[b]], offset[b], at[b])
+            if column[b] < 0:
+                turn[b] = turn[parent[b]]
+            else:
+                _hinge(axis[b], joint[n, column[b]], hinge)
+                _multiply(turn[parent[b]], hinge, turn[b])
+        for f in range(len(tip_body)):
+            _place(at[tip_body[f]], turn[tip_body[f]], center[f], origin[n, f])
+            _multiply(turn[tip_body[f]], axes[f], rotation[n, f])
+
+
+@numba.njit(cache=True)
+def _place(at, turn, offset, out):
+    for i in range(3):
+        out[i] = at[i] + turn[i, 0] * offset[0] + turn[i, 1] * offset[1] + turn[i, 2] * offset[2]
+
+
+@numba.njit(cache=True)
+def _multiply(a, b, out):
+    for i in range(3):
+        for j in range(3):
+            out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
+
+
+@numba.njit(cache=True)
+def _hinge(axis, angle, out):
+    """Rodrigues' formula."""
+    x, y, z = axis
+    s, c = np.sin(angle), np.cos(angle)
+    v = 1.0 - c
+    out[0, 0], out[0, 1], out[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+    out[1, 0], out[1, 1], out[1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+    out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v

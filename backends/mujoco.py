@@ -1,13 +1,16 @@
 """MuJoCo: many worlds on a thread pool through `mujoco.batch.Batch`."""
 
 import math
+import operator
 from collections.abc import Sequence
 
 import mujoco
+import numba
 import numpy as np
-from mujoco.batch import Batch
+from mujoco.batch import MODEL_FIELDS, Batch
 
-from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends._mujoco_drive import USER_NUMBERS, Orders, control
+from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
 from backends.state import Array, InitialState, quat_to_matrix
 
@@ -26,6 +29,7 @@ def build(spec: Spec) -> mujoco.MjSpec:
     """The world of `spec` as an uncompiled MuJoCo model; fingers touch the stick alone."""
     model = mujoco.MjSpec()
     model.compiler.degree = False
+    model.nuserdata = USER_NUMBERS
     option = model.option
     option.timestep = spec.timing.drive_s
     option.gravity = spec.gravity_m_s2
@@ -164,8 +168,39 @@ def _soften(model: mujoco.MjModel, finger: str, contact: Contact) -> None:
     tip.priority[:] = 1  # else MuJoCo takes the mean with the stick's
 
 
+@numba.njit(cache=True)
+def _apply(torque, force, joint_at, stick_at, applied):
+    for n in range(torque.shape[0]):
+        for j in range(torque.shape[1]):
+            applied[n, joint_at[j]] = torque[n, j]
+        for i in range(3):
+            applied[n, stick_at + i] = force[n, i]
+
+
+@numba.njit(cache=True)
+def _read(values, at, out):
+    for n in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            out[n, j] = values[n, at[j]]
+
+
+def _differences(models: Sequence[mujoco.MjModel]) -> dict[str, Array]:
+    """Fields in which compiled models differ, by name, with a row per model.
+
+    What is left of a model is 1 kB; a model each would be read from slow memory at every step.
+    """
+    fields = {}
+    for name in MODEL_FIELDS:
+        field = operator.attrgetter(name)
+        if np.size(first := field(models[0])) > 0:
+            values = [np.asarray(field(model)) for model in models]
+            if any(not np.array_equal(first, value) for value in values):
+                fields[name] = np.array(values)
+    return fields
+
+
 class Backend(Engine):
-    """N MuJoCo worlds; worlds with other numbers get a compiled model each."""
+    """N MuJoCo worlds of one model; the fields in which they differ are kept for each."""
 
     steps_in_threads = True
     support = {
@@ -189,11 +224,13 @@ class Backend(Engine):
     def __init__(self, specs: Sequence[Spec], threads: int = 1) -> None:
         super().__init__(specs)
         distinct = {spec.digest: spec for spec in specs}
-        models = {digest: compiled(spec) for digest, spec in distinct.items()}
-        self._model = models[specs[0].digest]
+        order = list(distinct)
+        models = [compiled(spec) for spec in distinct.values()]
+        self._model = models[0]
         self._batch = Batch(self._model, nsim=len(specs), nthread=threads)
-        if len(models) > 1:
-            self._batch.set_models([models[s.digest] for s in specs])
+        rows = [order.index(spec.digest) for spec in specs]
+        for name, values in _differences(models).items():
+            self._batch.expand(name)[:] = values[rows]
         joints = [self._model.joint(name) for name in specs[0].hand.joint_names]
         self._qpos_at = np.array([j.qposadr[0] for j in joints])
         self._qvel_at = np.array([j.dofadr[0] for j in joints])
@@ -203,6 +240,13 @@ class Backend(Engine):
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
         self._sensors = self._batch.bind("sensordata")
+        self._user, self._no_force = self._batch.bind("userdata"), np.zeros((len(specs), 3))
+        self._orders = Orders(
+            self._teams[0],
+            (self._model.nq, self._model.nv),
+            (self._qpos_at, self._qvel_at),
+            self._stick_qvel.start,
+        )
 
     def close(self) -> None:
         """Stop the thread pool."""
@@ -210,19 +254,39 @@ class Backend(Engine):
 
     def _place(self, ids: Array, initial: InitialState) -> None:
         self._batch.reset(ids.astype(np.int32), stage=mujoco.mjtStage.mjSTAGE_NONE)
+        self._user[ids] = self._orders.user_data(ids)
         self._qpos[np.ix_(ids, self._qpos_at)] = initial.joint_rad[ids]
         self._qpos[ids, self._stick_qpos] = np.hstack(
             [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
         )
 
-    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
-        self._applied[:, self._qvel_at] = torque_nm
-        self._applied[:, self._stick_qvel.start : self._stick_qvel.start + 3] = stick_force_n
-        self._batch.step()
-        self.state.joint_rad[:] = self._qpos[:, self._qpos_at]
-        self.state.joint_rad_s[:] = self._qvel[:, self._qvel_at]
+    def _tick(
+        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
+    ) -> None:
+        force = self._no_force if stick_force_n is None else stick_force_n
+        _apply(torque_nm, force, self._qvel_at, self._stick_qvel.start, self._applied)
+        self._batch.step(nstep=ticks)
+        self._read_joints()
 
-    def _observe(self) -> None:
+    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
+        if load_nm is not None or not team.plain:
+            super()._period(team, target_rad, load_nm)
+            return
+        self._orders.errand.target_rad[:] = target_rad
+        self._orders.lifted_ticks[:] = team.lifted_ticks(self._age_steps)
+        mujoco.set_mjcb_control(control.ctypes)
+        try:
+            self._batch.step(nstep=self._timing.substeps)
+        finally:
+            mujoco.set_mjcb_control(None)
+        self._age_steps += self._timing.substeps
+        self._read_joints()
+
+    def _read_joints(self) -> None:
+        _read(self._qpos, self._qpos_at, self.state.joint_rad)
+        _read(self._qvel, self._qvel_at, self.state.joint_rad_s)
+
+    def _observe(self, rows: slice) -> None:
         state = self.state
         stick, twist = self._qpos[:, self._stick_qpos], self._qvel[:, self._stick_qvel]
         state.stick_pos_m[:] = stick[:, :3]

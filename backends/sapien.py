@@ -2,10 +2,13 @@
 
 import warnings
 from collections.abc import Sequence
+from itertools import repeat
 
+import numba
 import numpy as np
 
-from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends._errand import Errand, turn
+from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Fingertip, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
 
@@ -23,6 +26,7 @@ CONTACT_OFFSET_M = 1e-3
 UNLIMITED = 1e6
 """Speed that nothing reaches [m/s or rad/s]; SAPIEN's links are limited to 10 and 50."""
 _FINGER_BIT, _STICK_BIT = 1, 2
+_NEVER = repeat(None)
 _SINGLE = "approximate: 32-bit floats, relative error 6e-8"
 
 
@@ -142,9 +146,30 @@ class _World:
         self._scene.add_entity(entity)
 
 
+@numba.njit(cache=True)
+def _reorder(values, order, out):
+    """Write the columns of `values` in `order`; the array with fewer rows says how many."""
+    for n in range(min(values.shape[0], out.shape[0])):
+        for j in range(out.shape[1]):
+            out[n, j] = values[n, order[j]]
+
+
+@numba.njit(cache=True)
+def _turn(errand, n, qpos, qvel, place, torque_place, torque):
+    """Turn the motors of world `n` and write the torques; joints lie at their places in arrays."""
+    joints = len(place)
+    angle, speed = np.empty(joints), np.empty(joints)
+    for j in range(joints):
+        angle[j], speed[j] = qpos[place[j]], qvel[place[j]]
+    gear = turn(errand, n, angle, speed)
+    for j in range(joints):
+        torque[torque_place[j]] = gear[j]
+
+
 class Backend(Engine):
     """N SAPIEN scenes; a reset builds a new scene, see `_place`."""
 
+    worlds_in_cache = 8
     support = {
         **{name: _SINGLE for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
@@ -172,7 +197,10 @@ class Backend(Engine):
         active = [joint.name for joint in self._worlds[0].hand.active_joints]
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
-        self._qpos, self._qvel = np.zeros((2, len(specs), len(names)), dtype=np.float32)
+        team = self._teams[0].rows.stop, len(names)
+        self._torque, self._qpos, self._qvel = np.zeros((3, *team), dtype=np.float32)
+        self._in_order = np.arange(len(names))
+        self._errands = {team: Errand(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
     @staticmethod
@@ -200,43 +228,79 @@ class Backend(Engine):
                 initial.stick_pos_m[n], initial.stick_quat_wxyz[n]
             )
 
-    def _tick(self, torque_nm: Array, stick_force_n: Array) -> None:
-        torque = torque_nm[:, self._to_active].astype(np.float32)
-        pushed = np.any(stick_force_n, axis=1)
-        force = stick_force_n.astype(np.float32)
-        qpos, qvel = self._qpos, self._qvel
-        for n, (set_qf, push, step, get_qpos, get_qvel) in enumerate(self._calls):
-            set_qf(torque[n])
-            if pushed[n]:
-                push(force[n], self._no_torque)
+    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
+        rows = team.rows
+        age = self._age_steps[rows]
+        if load_nm is not None or not team.plain or team.lifted_ticks(age).any():
+            super()._period(team, target_rad, load_nm)
+            return
+        errand = self._errands[team]
+        errand.target_rad[:] = target_rad
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        for n, calls in enumerate(self._calls[rows]):
+            self._drive_world(errand.address, n, calls, angle[n], speed[n])
+        age += self._timing.substeps
+
+    def _drive_world(
+        self, errand: int, n: int, calls: tuple, angle_rad: Array, speed_rad_s: Array
+    ) -> None:
+        """One policy period of one world; its own joint angles and speeds (J,) are updated."""
+        set_qf, _, step, get_qpos, get_qvel = calls
+        torque, place = self._torque[n], self._to_spec
+        _turn(errand, n, angle_rad, speed_rad_s, self._in_order, place, torque)
+        for _ in range(self._timing.substeps - 1):
+            set_qf(torque)
             step()
+            _turn(errand, n, get_qpos(), get_qvel(), place, place, torque)
+        set_qf(torque)
+        step()
+        angle_rad[:], speed_rad_s[:] = get_qpos()[place], get_qvel()[place]
+
+    def _tick(
+        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
+    ) -> None:
+        _reorder(torque_nm, self._to_active, self._torque)
+        pushes = _NEVER if stick_force_n is None else stick_force_n.astype(np.float32)
+        qpos, qvel = self._qpos, self._qvel
+        worlds = zip(self._calls[rows], self._torque, pushes, strict=False)
+        for n, ((set_qf, push, step, get_qpos, get_qvel), torque, force) in enumerate(worlds):
+            set_qf(torque)
+            for _ in range(ticks):
+                if force is not None and force.any():
+                    push(force, self._no_torque)
+                step()
             qpos[n] = get_qpos()
             qvel[n] = get_qvel()
-        self.state.joint_rad[:] = qpos[:, self._to_spec]
-        self.state.joint_rad_s[:] = qvel[:, self._to_spec]
-
-    def _observe(self) -> None:
         state = self.state
-        for n, world in enumerate(self._worlds):
+        _reorder(qpos, self._to_spec, state.joint_rad[rows])
+        _reorder(qvel, self._to_spec, state.joint_rad_s[rows])
+
+    def _observe(self, rows: slice) -> None:
+        state = self.state.rows(rows)
+        for n, world in enumerate(self._worlds[rows]):
             pose = world.stick.entity_pose
             state.stick_pos_m[n] = pose.p
             state.stick_quat_wxyz[n] = pose.q
             state.stick_vel_m_s[n] = world.stick.linear_velocity
             state.stick_omega_rad_s[n] = world.stick.angular_velocity
-            self._observe_contacts(world, state.contact_point_m[n], state.contact_force_n[n])
+        self._observe_contacts(rows)
 
-    def _observe_contacts(self, world: _World, point_m: Array, force_n: Array) -> None:
-        """Normal forces of the last step per fingertip; PhysX's impulses act on shape 0."""
-        point_m[:], force_n[:] = 0.0, 0.0
-        total_n = np.zeros(len(force_n))
-        for contact in world.system.get_contacts():
-            first = world.tip_of_shape.get(contact.shapes[0])
-            tip = world.tip_of_shape[contact.shapes[1]] if first is None else first
-            sign = -1.0 if first is None else 1.0
-            for touch in contact.points:
-                push_n = touch.impulse / self._timing.drive_s
-                size_n = float(np.linalg.norm(push_n))
-                force_n[tip] += sign * push_n
-                point_m[tip] += size_n * touch.position
-                total_n[tip] += size_n
-        point_m /= np.maximum(total_n, 1e-12)[:, None]
+    def _observe_contacts(self, rows: slice) -> None:
+        """Normal forces of the last step; PhysX's impulses act on shape 0 of a contact."""
+        owners, impulses, points = [], [], []
+        for n, world in enumerate(self._worlds[rows]):
+            for contact in world.system.get_contacts():
+                first, second = contact.shapes
+                tip = world.tip_of_shape.get(first)
+                owner = (n, world.tip_of_shape[second], -1) if tip is None else (n, tip, 1)
+                for touch in contact.points:
+                    owners.append(owner)
+                    impulses.append(touch.impulse)
+                    points.append(touch.position)
+        if not owners:
+            return self._pool_contacts(rows, [])
+        who = np.array(owners, dtype=np.float32)
+        push_n = np.array(impulses) / self._timing.drive_s
+        load_n = np.linalg.norm(push_n, axis=1, keepdims=True)
+        table = who[:, :2], load_n, load_n * np.array(points), who[:, 2:] * push_n
+        self._pool_contacts(rows, np.hstack(table))

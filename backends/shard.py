@@ -8,7 +8,7 @@ from multiprocessing.connection import Connection
 
 import numpy as np
 
-from backends.engine import Engine, Simulator
+from backends.engine import Engine
 from backends.spec import Spec
 from backends.state import Array, InitialState, State
 
@@ -17,7 +17,7 @@ class WorkerError(RuntimeError):
     """A simulation process failed or died; the message says how."""
 
 
-def simulate(engine: type[Engine], specs: Sequence[Spec], workers: int) -> Simulator:
+def simulate(engine: type[Engine], specs: Sequence[Spec], workers: int) -> "Engine | Sharded":
     """`specs` on an engine, on up to `workers` cores: threads where it can, processes otherwise.
 
     Worlds are independent, so the number of workers changes no result.
@@ -86,8 +86,10 @@ def _work(
                 engine.reset(initial, shared.mask[rows] > 0)
             elif order == "advance":
                 engine.advance(shared.target[rows])
-            else:
+            elif order == "advance under load":
                 engine.advance(shared.target[rows], shared.load[rows])
+            else:
+                engine.coast(order)
             pipe.send(None)
         engine.close()
     except EOFError:
@@ -136,6 +138,10 @@ class Sharded:
         self._shared.load[:] = load_nm
         return self._order("advance under load")
 
+    def coast(self, ticks: int) -> None:
+        """See `Engine.coast`."""
+        self._order(ticks)
+
     def close(self) -> None:
         """Stop the processes; twice is harmless."""
         for pipe in self._pipes:
@@ -150,7 +156,8 @@ class Sharded:
                 process.terminate()
         self._pipes, self._processes = [], []
 
-    def _order(self, order: str) -> State:
+    def _order(self, order: str | int) -> State:
+        """Have all processes do it, a number being the ticks to coast; the state after it."""
         try:
             for pipe in self._pipes:
                 pipe.send(order)
@@ -163,7 +170,7 @@ class Sharded:
         for pipe in self._pipes:
             try:
                 trouble = pipe.recv()
-            except EOFError as error:
+            except (EOFError, OSError) as error:
                 raise WorkerError("a simulation process died without a word") from error
             if trouble is not None:
                 raise WorkerError(trouble)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from backends.kinematics import common_hand, tip_frames
+from backends.kinematics import TipChains, common_hand
 from backends.spec import Fingertip, Spec, Stick, Taxels
 from backends.state import Array, State, quat_to_matrix
 
@@ -64,52 +64,82 @@ def stick_shape(stick: Stick) -> tuple[float, float, float]:
 
 
 @numba.njit(cache=True)
-def surface_distance(x, y, z, shape):
-    """Signed distance [m] from a point in the stick's frame to its surface, negative inside."""
-    is_round, half, r = shape[0], shape[1], shape[2]
-    if is_round > 0.5:
-        over = max(abs(z) - half, 0.0)
-        return np.sqrt(x * x + y * y + over * over) - r
+def _to_capsule(x, y, z, half, r):
+    over = max(abs(z) - half, 0.0)
+    return np.sqrt(x * x + y * y + over * over) - r
+
+
+@numba.njit(cache=True)
+def _to_box(x, y, z, half, r):
     dx, dy, dz = abs(x) - r, abs(y) - r, abs(z) - half
     ox, oy, oz = max(dx, 0.0), max(dy, 0.0), max(dz, 0.0)
     return np.sqrt(ox * ox + oy * oy + oz * oz) + min(max(dx, max(dy, dz)), 0.0)
 
 
 @numba.njit(cache=True)
-def _press(force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, time_s, rank, reading):
-    """Write the reading of every taxel."""
-    for n in range(force.shape[0]):
-        reach, drift, dead = skin[n]
-        for f in range(force.shape[1]):
-            a = np.zeros((3, 3))
-            b = np.zeros(3)
-            fx, fy, fz = force[n, f]
-            touched = fx * fx + fy * fy + fz * fz > 0.0
-            if not touched and drift == 0.0:
-                reading[n, f, :] = 0.0
-                continue
-            for i in range(3):
-                for k in range(3):
-                    b[i] += stick_rot[n, k, i] * (origin[n, f, k] - stick_pos[n, k])
-                    for j in range(3):
-                        a[i, j] += stick_rot[n, k, i] * rotation[n, f, k, j]
-            for t in range(grid.shape[1]):
-                depth = drift * time_s[n] * rank[f, t, 1]
-                if touched:
-                    u, v, w = grid[f, t, 0], grid[f, t, 1], grid[f, t, 2]
-                    x = a[0, 0] * u + a[0, 1] * v + a[0, 2] * w + b[0]
-                    y = a[1, 0] * u + a[1, 1] * v + a[1, 2] * w + b[1]
-                    z = a[2, 0] * u + a[2, 1] * v + a[2, 2] * w + b[2]
-                    pressed = reach - surface_distance(x, y, z, shape[n])
-                    depth += max(pressed + THRESHOLD_M, 0.0)
-                if rank[f, t, 0] < dead:
-                    depth = 0.0
-                reading[n, f, t] = depth
+def surface_distance(x, y, z, shape):
+    """Signed distance [m] from a point in the stick's frame to its surface, negative inside."""
+    is_round, half, r = shape[0], shape[1], shape[2]
+    return _to_capsule(x, y, z, half, r) if is_round > 0.5 else _to_box(x, y, z, half, r)
 
 
 @numba.njit(cache=True)
-def _binarise(reading, threshold, grid, halo, skin, rank, active, center, touch):
-    for n in range(reading.shape[0]):
+def _press(
+    worlds, force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, time_s, rank, reading
+):
+    """Write the reading of every taxel of some worlds; frames and sticks are those worlds' alone.
+
+    The grid is (F, 3, T), so that many taxels are read at a time.
+    """
+    turn, offset = np.empty((3, 3)), np.empty(3)
+    for i, n in enumerate(worlds):
+        reach, drift, dead = skin[n]
+        for f in range(force.shape[1]):
+            fx, fy, fz = force[n, f]
+            if fx * fx + fy * fy + fz * fz > 0.0:
+                _to_stick(origin[i, f], rotation[i, f], stick_pos[i], stick_rot[i], turn, offset)
+                _depths(turn, offset, shape[n], grid[f], reach, reading[n, f])
+            else:
+                reading[n, f] = 0.0
+            if drift != 0.0 or dead != 0.0:
+                _spoil(drift * time_s[n], dead, rank[f], reading[n, f])
+
+
+@numba.njit(cache=True)
+def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
+    """Write rotation and offset from a fingertip's frame to the stick's."""
+    turn[:], offset[:] = 0.0, 0.0
+    for i in range(3):
+        for k in range(3):
+            offset[i] += stick_rot[k, i] * (origin[k] - stick_pos[k])
+            for j in range(3):
+                turn[i, j] += stick_rot[k, i] * rotation[k, j]
+
+
+@numba.njit(cache=True)
+def _depths(turn, offset, shape, grid, reach, reading):
+    """How deep the taxels of a grid (3, T) are pressed, with room for a negative threshold."""
+    is_round, half, r = shape[0] > 0.5, shape[1], shape[2]
+    for t in range(len(reading)):
+        u, v, w = grid[0, t], grid[1, t], grid[2, t]
+        x = turn[0, 0] * u + turn[0, 1] * v + turn[0, 2] * w + offset[0]
+        y = turn[1, 0] * u + turn[1, 1] * v + turn[1, 2] * w + offset[1]
+        z = turn[2, 0] * u + turn[2, 1] * v + turn[2, 2] * w + offset[2]
+        round_, box = _to_capsule(x, y, z, half, r), _to_box(x, y, z, half, r)
+        pressed = reach - (round_ if is_round else box)
+        reading[t] = max(pressed + THRESHOLD_M, 0.0)
+
+
+@numba.njit(cache=True)
+def _spoil(drift_m, dead, rank, reading):
+    """Let the readings drift and silence dead taxels."""
+    for t in range(len(reading)):
+        reading[t] = 0.0 if rank[t, 0] < dead else drift_m * rank[t, 1] + reading[t]
+
+
+@numba.njit(cache=True)
+def _binarise(worlds, reading, threshold, grid, halo, skin, rank, active, center, touch):
+    for n in worlds:
         for f in range(reading.shape[1]):
             count = 0
             for t in range(grid.shape[1]):
@@ -156,8 +186,9 @@ class Skin:
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         hand = common_hand(specs)
-        self._hand = hand
+        self._chains = TipChains(hand)
         self._grid = np.stack([taxel_grid(tip, hand.taxels)[0] for tip in hand.fingertips])
+        self._points = self._grid.swapaxes(1, 2).copy()
         self._shape = np.array([stick_shape(s.stick) for s in specs])
         taxels = [s.hand.taxels for s in specs]
         self._skin = np.array([[t.reach_m, t.drift_m_s, t.dead_share] for t in taxels])
@@ -165,7 +196,7 @@ class Skin:
         self._halo_m = np.array([t.halo_m for t in taxels])
         n, shape = len(specs), self._grid.shape[:2]
         self._rank = _ranks(*shape)
-        self._no_time_s = np.zeros(n)
+        self._all, self._no_time_s = np.arange(n), np.zeros(n)
         self.touch = Touch(
             reading_m=np.zeros((n, *shape)),
             active=np.zeros((n, *shape), dtype=bool),
@@ -173,24 +204,30 @@ class Skin:
             in_contact=np.zeros((n, shape[0]), dtype=bool),
         )
 
-    def feel(self, state: State, time_s: Array | None = None) -> Touch:
-        """Read every taxel in the given state, `time_s` (N,) after the start; None: then."""
-        origin, rotation = tip_frames(self._hand, state.joint_rad)
+    def feel(self, state: State, time_s: Array | None = None, worlds: Array | None = None) -> Touch:
+        """Read every taxel in the given state, `time_s` (N,) after the start; None: then.
+
+        `worlds` are the numbers of those to read, the others' readings stay; None: all.
+        """
+        worlds = self._all if worlds is None else worlds
+        origin, rotation = self._chains.frames(state.joint_rad[worlds])
         touch = self.touch
         _press(
+            worlds,
             state.contact_force_n,
             origin,
-            np.ascontiguousarray(rotation),
-            state.stick_pos_m,
-            quat_to_matrix(state.stick_quat_wxyz),
+            rotation,
+            state.stick_pos_m[worlds],
+            quat_to_matrix(state.stick_quat_wxyz[worlds]),
             self._shape,
-            self._grid,
+            self._points,
             self._skin,
             self._no_time_s if time_s is None else time_s,
             self._rank,
             touch.reading_m,
         )
         _binarise(
+            worlds,
             touch.reading_m,
             self._threshold_m,
             self._grid,

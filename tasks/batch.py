@@ -138,7 +138,7 @@ class BatchEnv:
         noise = self._noise_rng.integers(1 << 53, size=self.worlds)
         self._state = self.simulator.reset(dataclasses.replace(start, noise_seed=noise), mask)
         self._target[mask] = (start.joint_rad + self._preload)[mask]
-        return self._observe(self._state)
+        return self._observe(self._state, np.flatnonzero(mask))
 
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` in [-1, 1], shape (N, J), and advance one policy period.
@@ -174,9 +174,10 @@ class BatchEnv:
         axis = quat_z_axis(self.state.stick_quat_wxyz)
         return self.state.stick_pos_m - self._half[:, None] * axis
 
-    def _observe(self, state: State) -> Array:
+    def _observe(self, state: State, worlds: Array | None = None) -> Array:
+        """Observations of all worlds, of which `worlds` (None: all) are new since the last ones."""
         _, axis = self.reference()
-        touch = self._skin.feel(state, self.time_s)
+        touch = self._skin.feel(state, self.time_s, worlds)
         return self.observation.read(Percept(state=state, touch=touch, desired_axis=axis))
 
     def _judge(self, state: State) -> Step:

@@ -1,0 +1,128 @@
+"""Bullet's steps without Python in between: its C interface, called from compiled code.
+
+pybullet's own calls cost 3.5 us around a step of 19 us, most of it for making tuples and taking
+them apart. The same library exports the C interface below them. It keeps to itself the pointer
+that each of its functions wants first, so this is looked up in the library's symbol table.
+"""
+
+import ctypes
+from functools import cache
+
+import numba
+import numpy as np
+from numba.core import types
+
+from backends._c_library import address, find, function
+from backends._errand import array_at, turn
+from backends.state import Array
+
+_CLIENTS = "sPhysicsClients1"
+"""pybullet's table of clients, by number (examples/pybullet/pybullet.c)."""
+_SUBMIT = "b3SubmitClientCommandAndWaitStatus"
+_TORQUE_CONTROL = 1
+_MOST_NUMBERS = 128
+"""More coordinates than a hand has; Bullet's own limit."""
+_SECTION = np.dtype(
+    {
+        "names": ["type", "offset", "size", "link"],
+        "formats": ["<u4", "<u8", "<u8", "<u4"],
+        "offsets": [4, 24, 32, 40],
+        "itemsize": 64,
+    }
+)
+"""What is read of a section header of a 64-bit ELF file."""
+_SYMBOL = np.dtype(
+    {"names": ["name", "value"], "formats": ["<u4", "<u8"], "offsets": [0, 8], "itemsize": 24}
+)
+_SYMBOL_TABLE = 2
+"""Type of the section that lists all symbols, exported or not."""
+
+_library = find("pybullet", "pybullet.*.so")
+_at, _int = types.uintp, types.intc
+_submit = function(_library, _SUBMIT, _at, _at, _at)
+_control = function(_library, "b3JointControlCommandInit2", _at, _at, _int, _int)
+_set_torque = function(
+    _library, "b3JointControlSetDesiredForceTorque", _int, _at, _int, types.double
+)
+_step = function(_library, "b3InitStepSimulationCommand", _at, _at)
+_ask = function(_library, "b3RequestActualStateCommandInit", _at, _at, _int)
+_answer = function(_library, "b3GetStatusActualState", _int, *[_at] * 8)
+
+
+@numba.njit(cache=True)
+def _step_world(client, hand, places, torque):
+    """Step one world once under joint torques (J,)."""
+    command = _control(client, hand, _TORQUE_CONTROL)
+    for j in range(len(torque)):
+        _set_torque(command, places[1, j], torque[j])
+    _submit(client, command)
+    _submit(client, _step(client))
+
+
+@numba.njit(cache=True)
+def _read_world(client, hand, places, angle, speed):
+    """Read the joints of one world."""
+    answer = np.empty(2, dtype=np.uintp)
+    status = _submit(client, _ask(client, hand))
+    _answer(status, 0, 0, 0, 0, answer.ctypes.data, answer.ctypes.data + answer.itemsize, 0)
+    q = array_at(answer[0], _MOST_NUMBERS)
+    u = array_at(answer[1], _MOST_NUMBERS)
+    for j in range(len(angle)):
+        angle[j], speed[j] = q[places[0, j]], u[places[1, j]]
+
+
+@numba.njit(cache=True)
+def coast(clients, hands, places, torque, ticks, angle, speed):
+    """Step every world `ticks` times under constant torques (N, J), then read its joints.
+
+    `clients` are pointers and `hands` numbers (N,), `places` (N, 2, J) those of the joints among
+    Bullet's coordinates and speeds.
+    """
+    for n in range(len(clients)):
+        for _ in range(ticks):
+            _step_world(clients[n], hands[n], places[n], torque[n])
+        _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
+
+
+@numba.njit(cache=True)
+def drive(clients, hands, places, errand, ticks, angle, speed):
+    """Step every world `ticks` times under its drives, those of the errand at an address."""
+    for n in range(len(clients)):
+        for _ in range(ticks):
+            torque = turn(errand, n, angle[n], speed[n])
+            _step_world(clients[n], hands[n], places[n], torque)
+            _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
+
+
+@cache
+def _table() -> int:
+    """Where pybullet's table of clients is loaded."""
+    values = _symbol_values(_library, (_SUBMIT, _CLIENTS))
+    return address(_library, _SUBMIT) - values[_SUBMIT] + values[_CLIENTS]
+
+
+def pointer(client: int) -> int:
+    """Where the client of that number lives."""
+    size = ctypes.sizeof(ctypes.c_void_p)
+    found = ctypes.c_void_p.from_address(_table() + size * client).value
+    if not found:
+        raise RuntimeError(f"pybullet has no client {client}; connect one first")
+    return found
+
+
+def _symbol_values(library: str, names: tuple[str, ...]) -> dict[str, int]:
+    """Addresses of symbols within a 64-bit ELF file (System V ABI, "Object Files")."""
+    file = np.memmap(library, mode="r")
+    start, count = int(file[40:48].view("<u8")[0]), int(file[60:62].view("<u2")[0])
+    sections = file[start : start + count * _SECTION.itemsize].view(_SECTION)
+
+    def content(section: np.void) -> Array:
+        return file[int(section["offset"]) : int(section["offset"] + section["size"])]
+
+    tables = sections[sections["type"] == _SYMBOL_TABLE]
+    if len(tables) == 0:
+        raise ImportError(f"{library} was stripped of its symbols; install pybullet's own wheel")
+    symbols = content(tables[0]).view(_SYMBOL)
+    text = content(sections[tables[0]["link"]]).tobytes()
+    places = {name: text.find(f"\0{name}\0".encode()) + 1 for name in names}
+    return {name: int(symbols["value"][symbols["name"] == at][0]) for name, at in places.items()}
