@@ -60,13 +60,18 @@ def _step_world(client, hand, places, torque):
 
 
 @numba.njit(cache=True)
+def _read(client, body):
+    """Coordinates and speeds of a body; views of the client's memory until its next command."""
+    answer = np.empty(2, dtype=np.uintp)
+    status = _submit(client, _ask(client, body))
+    _answer(status, 0, 0, 0, 0, answer.ctypes.data, answer.ctypes.data + answer.itemsize, 0)
+    return array_at(answer[0], _MOST_NUMBERS), array_at(answer[1], _MOST_NUMBERS)
+
+
+@numba.njit(cache=True)
 def _read_world(client, hand, places, angle, speed):
     """Read the joints of one world."""
-    answer = np.empty(2, dtype=np.uintp)
-    status = _submit(client, _ask(client, hand))
-    _answer(status, 0, 0, 0, 0, answer.ctypes.data, answer.ctypes.data + answer.itemsize, 0)
-    q = array_at(answer[0], _MOST_NUMBERS)
-    u = array_at(answer[1], _MOST_NUMBERS)
+    q, u = _read(client, hand)
     for j in range(len(angle)):
         angle[j], speed[j] = q[places[0, j]], u[places[1, j]]
 
@@ -92,6 +97,17 @@ def drive(clients, hands, places, errand, ticks, angle, speed):
             torque = turn(errand, n, angle[n], speed[n])
             _step_world(clients[n], hands[n], places[n], torque)
             _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
+
+
+@numba.njit(cache=True)
+def read_sticks(clients, sticks, pos, quat_wxyz, vel, omega):
+    """Read the pose and twist of the stick in every world."""
+    for n in range(len(clients)):
+        q, u = _read(clients[n], sticks[n])
+        for i in range(3):
+            pos[n, i], vel[n, i], omega[n, i] = q[i], u[i], u[3 + i]
+            quat_wxyz[n, 1 + i] = q[3 + i]
+        quat_wxyz[n, 0] = q[6]
 
 
 @cache

@@ -13,7 +13,7 @@ from types import ModuleType
 
 import numpy as np
 
-from backends._bullet_calls import coast, drive, pointer
+from backends._bullet_calls import coast, drive, pointer, read_sticks
 from backends._errand import Errand
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
@@ -237,6 +237,7 @@ class Backend(Engine):
         self._worlds = worlds = [_World(spec) for spec in specs]
         pointers = np.array([pointer(world.client) for world in worlds], dtype=np.uintp)
         hands = np.array([world.hand for world in worlds], dtype=np.int32)
+        self._sticks = np.array([world.stick for world in worlds], dtype=np.int32)
         places = np.array([world.places for world in worlds]).swapaxes(1, 2).copy()
         self._addresses = pointers, hands, places
         self._errands = {team: Errand(team.drives) for team in self._teams}
@@ -258,13 +259,20 @@ class Backend(Engine):
     def _tick(
         self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
     ) -> None:
-        if stick_force_n is not None:
-            for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
-                if any(force):
-                    world.push(force)
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         pointers, hands, places = self._addresses
-        coast(pointers[rows], hands[rows], places[rows], torque_nm, ticks, angle, speed)
+        worlds = pointers[rows], hands[rows], places[rows]
+        if stick_force_n is None:
+            coast(*worlds, torque_nm, ticks, angle, speed)
+            return
+        for _ in range(ticks):  # a force lasts one step
+            self._push(rows, stick_force_n)
+            coast(*worlds, torque_nm, 1, angle, speed)
+
+    def _push(self, rows: slice, stick_force_n: Array) -> None:
+        for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
+            if any(force):
+                world.push(force)
 
     def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
         rows, ticks, errand = team.rows, self._timing.substeps, self._errands[team]
@@ -279,13 +287,15 @@ class Backend(Engine):
         age += ticks
 
     def _observe(self, rows: slice) -> None:
-        state, contacts = self.state.rows(rows), []
+        state, contacts = self.state, []
+        read_sticks(
+            self._addresses[0][rows],
+            self._sticks[rows],
+            state.stick_pos_m[rows],
+            state.stick_quat_wxyz[rows],
+            state.stick_vel_m_s[rows],
+            state.stick_omega_rad_s[rows],
+        )
         for n, world in enumerate(self._worlds[rows]):
-            pos, (x, y, z, w) = p.getBasePositionAndOrientation(world.stick, world.client)
-            state.stick_pos_m[n] = pos
-            state.stick_quat_wxyz[n] = w, x, y, z
-            state.stick_vel_m_s[n], state.stick_omega_rad_s[n] = p.getBaseVelocity(
-                world.stick, world.client
-            )
             contacts += [(n, *contact) for contact in world.contacts()]
         self._pool_contacts(rows, contacts)

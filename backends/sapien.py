@@ -278,11 +278,12 @@ class Backend(Engine):
     def _observe(self, rows: slice) -> None:
         state = self.state.rows(rows)
         for n, world in enumerate(self._worlds[rows]):
-            pose = world.stick.entity_pose
+            stick = world.stick
+            pose = stick.entity_pose
             state.stick_pos_m[n] = pose.p
             state.stick_quat_wxyz[n] = pose.q
-            state.stick_vel_m_s[n] = world.stick.linear_velocity
-            state.stick_omega_rad_s[n] = world.stick.angular_velocity
+            state.stick_vel_m_s[n] = stick.linear_velocity
+            state.stick_omega_rad_s[n] = stick.angular_velocity
         self._observe_contacts(rows)
 
     def _observe_contacts(self, rows: slice) -> None:

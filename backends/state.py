@@ -7,6 +7,7 @@ Quaternions are w, x, y, z and turn stick coordinates into world coordinates.
 from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
+import numba
 import numpy as np
 
 Array = np.ndarray
@@ -91,19 +92,36 @@ class State:
 
 def quat_z_axis(quat_wxyz: Array) -> Array:
     """World direction of the stick's long axis, shape (..., 3), from quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(quat_wxyz, -1, 0)
-    return np.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], axis=-1)
+    axis = np.empty((*quat_wxyz.shape[:-1], 3))
+    _z_axes(quat_wxyz.reshape(-1, 4), axis.reshape(-1, 3))
+    return axis
+
+
+@numba.njit(cache=True)
+def _z_axes(quat, out):
+    for n in range(len(quat)):
+        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
+        out[n, 0] = 2 * (x * z + w * y)
+        out[n, 1] = 2 * (y * z - w * x)
+        out[n, 2] = 1 - 2 * (x * x + y * y)
 
 
 def quat_to_matrix(quat_wxyz: Array) -> Array:
     """Rotation matrices, shape (..., 3, 3), from unit quaternions (..., 4)."""
-    w, x, y, z = np.moveaxis(quat_wxyz, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    matrix = np.empty((*quat_wxyz.shape[:-1], 3, 3))
+    _matrices(quat_wxyz.reshape(-1, 4), matrix.reshape(-1, 3, 3))
+    return matrix
+
+
+@numba.njit(cache=True)
+def _matrices(quat, out):
+    for n in range(len(quat)):
+        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
+        out[n, 0, 0], out[n, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)
+        out[n, 2, 2] = 1 - 2 * (x * x + y * y)
+        out[n, 0, 1], out[n, 1, 0] = 2 * (x * y - w * z), 2 * (x * y + w * z)
+        out[n, 0, 2], out[n, 2, 0] = 2 * (x * z + w * y), 2 * (x * z - w * y)
+        out[n, 1, 2], out[n, 2, 1] = 2 * (y * z - w * x), 2 * (y * z + w * x)
 
 
 def quat_from_z_axis(axis: Array) -> Array:

@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 from rich.table import Table
+from rich.text import Text
 
 from backends.effect import UNITS
 from backends.spec import Spec
@@ -49,8 +50,9 @@ def confusion_text(found: Confusion) -> str:
 
 
 def table(content: CalibrationFile) -> Table:
-    """A row per joint: gains, errors, play; reasons below."""
-    shown = Table(header_style="bold")
+    """A row per joint: gains, errors, play; below, what is confounded, and the skin."""
+    below = Text("\n".join([*_confounded(content), *_touch(content)]))
+    shown = Table(header_style="bold", caption=below, caption_justify="left")
     for column in (
         "joint",
         "kp, Nm/rad",
@@ -77,6 +79,24 @@ def table(content: CalibrationFile) -> Table:
             row += [play, "-"]
         shown.add_row(*row)
     return shown
+
+
+def _confounded(content: CalibrationFile) -> Iterator[str]:
+    for name, joint in content.joints.items():
+        if isinstance(joint.gains, Gains):
+            yield from (f"{name} cannot tell {what}" for what in joint.gains.confounded)
+
+
+def _touch(content: CalibrationFile) -> Iterator[str]:
+    if isinstance(content.tactile, str):
+        yield f"skin: {content.tactile}"
+        return
+    for finger, skin in content.tactile.items():
+        yield (
+            f"{finger}: threshold {skin.threshold:.3g}, {100 * skin.false_share:.2g} % of the "
+            f"readings at rest above it, fastest drift {skin.fastest_drift_s:.3g}/s, "
+            f"dead {len(skin.dead)} of {skin.touched} touched"
+        )
 
 
 def _items(text: str) -> list[str]:

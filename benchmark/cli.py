@@ -447,6 +447,32 @@ def diagnose(
     emit(result, as_json, summary)
 
 
+@app.command("speed")
+def measure_speed(
+    backend: Annotated[str | None, typer.Option(help="Physics engine. (all installed)")] = None,
+    worlds: Annotated[
+        str, typer.Option(help="Numbers of worlds at once, between commas.")
+    ] = "16,64,256",
+    workers: Annotated[
+        str | None, typer.Option(help="Numbers of cores, between commas. (1,2 where there are two)")
+    ] = None,
+    seconds: Annotated[float, typer.Option(help="Time for each measurement, 0.1 to 600.")] = 4.0,
+    seed: Annotated[int, typer.Option(help="Decides the worlds, drawn as for training.")] = 0,
+    out: Out = None,
+    as_json: Json = False,
+) -> None:
+    """Measure environment steps per second, beside the bare engine's in the same worlds.
+
+    With --out, writes speed.csv, speed.json and a picture; docs/speed.md says what is measured.
+
+    Example: [bold]bench speed --backend mujoco --worlds 64,256 --workers 1,2[/bold]
+    """
+    from benchmark import speed as speeds
+
+    result, table = speeds.speed(speeds.plan(backend, worlds, workers, seconds, seed), out)
+    emit(result, as_json, table)
+
+
 @app.command("list")
 def list_parts(
     support: Annotated[

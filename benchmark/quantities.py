@@ -36,3 +36,8 @@ def count(text: str, flag: str) -> int:
     if not math.isfinite(value) or value != int(value) or value < 0:
         raise UsageError(f"{flag} is '{text}'; allowed: a whole number from 0, such as 2e6")
     return int(value)
+
+
+def counts(text: str, flag: str) -> tuple[int, ...]:
+    """Whole numbers such as '16,64,256'; raises UsageError otherwise."""
+    return tuple(count(part.strip(), flag) for part in text.split(","))

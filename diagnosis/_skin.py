@@ -11,6 +11,7 @@ has that error. Both allow for a few wild answers.
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -19,7 +20,7 @@ from backends.state import Array
 from backends.touch import THRESHOLD_M
 
 WILD, ANYWHERE_M = 1e-3, 1e-3
-"""Share of answers that nothing explains, and how far a wild depth may be from what it should be."""
+"""Share of answers that nothing explains, and how far off a wild depth may be."""
 MISSED = 0.02
 """Share of wrong answers that is no gap, beside those that the blur foretells."""
 ALIKE = 5.0
@@ -55,6 +56,8 @@ class Faults:
     halo_m: float = 0.0
     slope_m_s: Array = field(default_factory=lambda: np.zeros(()))
     """Drift of every taxel, shape (F, K) or ()."""
+    fastest_m_s: float = 0.0
+    """Slopes are spread evenly up to this."""
     dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))
     """Taxels that never answer, shape (F, K) or ()."""
     blur_m: float
@@ -114,4 +117,5 @@ def gap(data: Pressed, faults: Faults, near: list[Array] | None = None) -> float
 def joined(parts: Sequence[Pressed]) -> Pressed:
     """Samples of several episodes."""
     names = ("time_s", "depth_m", "reading", "touched")
-    return replace(parts[0], **{k: np.concatenate([getattr(p, k) for p in parts]) for k in names})
+    whole: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in names}
+    return replace(parts[0], **whole)

@@ -61,7 +61,7 @@ def chain(spec: Spec) -> Chain:
             bodies.append(body)
     names, joints = [b.name for b in bodies], spec.hand.joint_names
     return Chain(
-        parent=np.array([-1 if b.parent in offset else names.index(b.parent) for b in bodies]),
+        parent=np.array([-1 if b.parent in offset else names.index(str(b.parent)) for b in bodies]),
         kind=np.array(
             [(SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED for b in bodies]
         ),

@@ -32,6 +32,11 @@ class Conditions(Evidence):
         ]
         return np.concatenate([part.residual(effects, judged, compress) for part in wanted])
 
+    def unrest(self, effects: Sequence[Effect]) -> float:
+        """See `Evidence.unrest`: root mean square over the settings that judge."""
+        wanted = [part for part in self.parts if any(r.judged.any() for r in part.recordings)]
+        return float(np.sqrt(np.mean([part.unrest(effects) ** 2 for part in wanted])))
+
 
 def join(parts: Sequence[Evidence], judging: Collection[int]) -> Conditions:
     """One limb's evidence under several settings, judged on those numbered in `judging`.

@@ -109,7 +109,7 @@ class Evidence:
     def _masks(self) -> dict[bool | None, list[Array]]:
         logged = [np.isfinite(r.measured) for r in self.recordings]
         pairs = list(zip(logged, self.recordings, strict=True))
-        split = {
+        split: dict[bool | None, list[Array]] = {
             wanted: [m & (r.judged == wanted)[None, :, None] for m, r in pairs]
             for wanted in (True, False)
         }

@@ -1,7 +1,7 @@
 """What is wrong with a skin: threshold, drift, dead taxels, a halo; told without any dynamics.
 
 Where stick and joints are known, geometry says what every taxel should answer. Faults are added one
-after the other, each the one that later samples or other episodes bear out most.
+after the other, each the one that samples held out bear out most.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,8 +24,8 @@ ANSWERS = ("taxel-threshold", "taxel-halo")
 """Effects that change what counts and no depth."""
 PERIOD_S = 0.1
 """Samples are thinned to this."""
-LATER = 0.6
-"""Of a single episode, what comes after this share of it judges."""
+BLOCK_S = 1.0
+"""Blocks that judge each other in turn."""
 YIELD_M = 0.4e-3
 """Contacts yield up to this; a tip further from the stick, or deeper in it, is misplaced."""
 OUT_M = 0.02e-3
@@ -80,21 +80,19 @@ def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Repo
         return Report(missing=(f"{', '.join(sought)}: {why}",))
     binary = log.meta.channels["touch"].unit == "1"
     mute = [] if binary else [name for name in sought if name in ANSWERS]
-    missing = (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
+    missing: tuple[str, ...] = (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
     blur = max(blur_m(nominal, part) for part in parts)
     if blur > BLUR_M:
         parts, blur = [smoothed(part) for part in parts], blur * CALMER
     pressed = [_pressed(nominal, part, binary) for part in parts]
-    fit, judge = _split([data for data, _ in pressed])
+    halves = _split([data for data, _ in pressed])
     wrong = sorted({nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers})
     if wrong and binary and "taxel-threshold" in sought:
         mute.append("taxel-threshold")
         missing += (f"taxel-threshold: {MISPLACED.format(', '.join(wrong))}",)
     start = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=max(BLUR_M, blur))
-    skin = Fitting(fit, judge, grid)
-    return Report(
-        findings=_search(skin, start, [n for n in sought if n not in mute]), missing=missing
-    )
+    found = _search(Skins(halves, grid), start, [n for n in sought if n not in mute])
+    return Report(findings=found, missing=missing)
 
 
 def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int]]:
@@ -135,28 +133,44 @@ def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) 
 
 
 def _split(parts: Sequence[Pressed]) -> tuple[Pressed, Pressed]:
-    """Samples to fit and to judge: every second episode, or the later part of the only one."""
-    if len(parts) > 1:
-        return joined(parts[::2]), joined(parts[1::2])
-    rows = np.arange(len(parts[0].time_s))
-    late = rows >= LATER * len(rows)
-    return parts[0].some(rows[~late]), parts[0].some(rows[late])
+    """Two halves that judge each other: every second block of every episode."""
+    turns = [np.floor(part.time_s / BLOCK_S) % 2 == 0 for part in parts]
+    one = [part.some(turn) for part, turn in zip(parts, turns, strict=True)]
+    other = [part.some(~turn) for part, turn in zip(parts, turns, strict=True)]
+    return joined(one), joined(other)
 
 
-def _search(skin: "Fitting", start: Faults, sought: list[str]) -> tuple[Finding, ...]:
-    """Faults one after the other, the clearest first, while samples for judging ask for one."""
+class Skins:
+    """All samples, and both halves that judge each other."""
+
+    def __init__(self, halves: tuple[Pressed, Pressed], grid: Array) -> None:
+        self._fits = [Fitting(half, grid) for half in halves]
+        self.whole = Fitting(joined(halves), grid)
+
+    def lead(self, effect: str, faults: Faults) -> float:
+        """How much better an effect fitted to one half explains the other one [nats]."""
+        gain = 0.0
+        for fit, judge in (self._fits, self._fits[::-1]):
+            guess = fit.guess(effect, faults)
+            if guess is not None:
+                gain += judge.nats(guess.faults) - judge.nats(faults)
+        return gain
+
+
+def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[Finding, ...]:
+    """Faults one after the other, the clearest first, while halves ask for one."""
     found: list[tuple[Guess, float, tuple[str, ...]]] = []
-    faults = start
+    faults, skin = start, skins.whole
     while sought:
-        guesses = [guess for name in sought if (guess := skin.guess(name, faults)) is not None]
-        leads = {g.effect: skin.judged(g.faults) - skin.judged(faults) for g in guesses}
-        best = max(guesses, key=lambda g: leads[g.effect], default=None)
-        if best is None or leads[best.effect] < ACCUSE_NATS:
+        leads = {name: skins.lead(name, faults) for name in sought}
+        best = max(leads, key=lambda name: leads[name])
+        guess = skin.guess(best, faults)
+        if guess is None or leads[best] < ACCUSE_NATS:
             break
-        lead = leads.pop(best.effect)
+        lead = leads.pop(best)
         near = tuple(n for n, other in leads.items() if lead - other < rules().tie_nats)
-        found.append((best, min([lead, *(lead - other for other in leads.values())]), near))
-        faults, sought = best.faults, [name for name in sought if name != best.effect]
+        found.append((guess, min([lead, *(lead - other for other in leads.values())]), near))
+        faults, sought = guess.faults, [name for name in sought if name != best]
     before, after = skin.gap(start), skin.gap(faults)
     explained = share(before, after) >= rules().explained_share
     if after > rules().settled_gap and not explained:
@@ -196,8 +210,8 @@ def _unknown(before: float, after: float, tried: list[str]) -> Finding:
 class Fitting:
     """Fits of one fault at a time beside those that are there already."""
 
-    def __init__(self, fit: Pressed, judge: Pressed, grid: Array) -> None:
-        self._fit, self._judge = fit, judge
+    def __init__(self, data: Pressed, grid: Array) -> None:
+        self._data = data
         self._apart = np.linalg.norm(grid[:, :, None] - grid[:, None], axis=-1)
 
     def guess(self, effect: str, faults: Faults) -> Guess | None:
@@ -209,19 +223,16 @@ class Fitting:
             "taxel-halo": self._halo,
         }[effect](faults)
 
-    def judged(self, faults: Faults) -> float:
-        """Log-likelihood of the samples for judging [nats]."""
-        return float(nats(self._judge, faults, self._near(faults)).sum())
+    def nats(self, faults: Faults) -> float:
+        """Log-likelihood of the samples [nats]."""
+        return float(nats(self._data, faults, self._near(faults)).sum())
 
     def gap(self, faults: Faults) -> float:
-        """See `_skin.gap`, of the samples for judging."""
-        return gap(self._judge, faults, self._near(faults))
+        """See `_skin.gap`."""
+        return gap(self._data, faults, self._near(faults))
 
     def _near(self, faults: Faults) -> list[Array] | None:
         return [d < faults.halo_m for d in self._apart] if faults.halo_m > 0 else None
-
-    def _fitted(self, faults: Faults) -> float:
-        return float(nats(self._fit, faults, self._near(faults)).sum())
 
     def _threshold(self, faults: Faults) -> Guess | None:
         best, low, high = self._best_threshold(faults, THRESHOLDS_M)
@@ -239,7 +250,7 @@ class Fitting:
         )
 
     def _best_threshold(self, faults: Faults, values: Array) -> tuple[float, float, float]:
-        tries = [self._fitted(replace(faults, threshold_m=float(t))) for t in values]
+        tries = [self.nats(replace(faults, threshold_m=float(t))) for t in values]
         return profile(values, np.array(tries))
 
     def _halo(self, faults: Faults) -> Guess | None:
@@ -247,7 +258,7 @@ class Fitting:
         ends = np.append(steps[steps <= HALO_M], HALO_M)
         middles = (ends[:-1] + ends[1:]) / 2
         tries = [replace(faults, halo_m=float(m)) for m in middles]
-        scores = np.array([self._fitted(t) for t in tries])
+        scores = np.array([self.nats(t) for t in tries])
         best = int(np.argmax(scores))
         if best == 0:
             return None
@@ -261,38 +272,44 @@ class Fitting:
         )
 
     def _drift(self, faults: Faults) -> Guess | None:
-        """Slopes are spread evenly up to the fastest, which is asked for."""
-        by_slope = np.stack(
-            [
-                nats(self._fit, replace(faults, slope_m_s=np.array(a)), self._near(faults)).sum(0)
-                for a in DRIFTS_M_S
-            ]
-        )
-        likely = np.exp(by_slope - by_slope.max(axis=0))
-        width = np.diff(DRIFTS_M_S)[:, None, None]
-        area = np.cumsum(width * (likely[1:] + likely[:-1]) / 2, axis=0)
-        moment = (likely * DRIFTS_M_S[:, None, None])[1:] + (likely * DRIFTS_M_S[:, None, None])[:-1]
-        fastest = DRIFTS_M_S[1:]
-        scores = np.log(area / fastest[:, None, None]).sum(axis=(1, 2))
-        best, low, high = profile(fastest, scores)
-        k = int(np.searchsorted(fastest, best))
+        evidence, mean = self._drifting(faults)
+        best, low, high = profile(DRIFTS_M_S[1:], evidence.sum(axis=(1, 2)))
+        k = int(np.searchsorted(DRIFTS_M_S[1:], best))
         if k == 0:
             return None
-        mean = np.cumsum(width * moment / 2, axis=0)[k] / area[k]
         return Guess(
             effect="taxel-drift",
             value=best,
-            interval=(low, high * fastest[1] / fastest[0]),
-            faults=replace(faults, slope_m_s=mean),
+            interval=(low, high * DRIFTS_M_S[2] / DRIFTS_M_S[1]),
+            faults=replace(faults, slope_m_s=mean[k], fastest_m_s=best),
             evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
         )
 
+    def _drifting(self, faults: Faults) -> tuple[Array, Array]:
+        """Log-evidence of every taxel and its mean slope, by the fastest drift, (D, F, K).
+
+        Slopes are spread evenly between none and the fastest.
+        """
+        near, slope = self._near(faults), DRIFTS_M_S[:, None, None]
+        each = np.stack(
+            [nats(self._data, replace(faults, slope_m_s=a), near).sum(axis=0) for a in slope]
+        )
+        top = each.max(axis=0)
+        likely, width = np.exp(each - top), np.diff(slope, axis=0)
+        area, moment = (
+            np.cumsum(width * (v[1:] + v[:-1]) / 2, axis=0) for v in (likely, likely * slope)
+        )
+        return np.log(area / slope[1:]) + top, moment / area
+
     def _dead(self, faults: Faults) -> Guess | None:
         none = np.zeros(self._apart.shape[:2], dtype=bool)
-        alive, dead = (
-            nats(self._fit, replace(faults, dead=d), self._near(faults)).sum(axis=0)
-            for d in (none, ~none)
-        )
+        near = self._near(faults)
+        dead = nats(self._data, replace(faults, dead=~none), near).sum(axis=0)
+        if faults.fastest_m_s > 0:  # a living taxel would drift
+            fastest = int(np.searchsorted(DRIFTS_M_S[1:], faults.fastest_m_s))
+            alive = self._drifting(faults)[0][fastest]
+        else:
+            alive = nats(self._data, replace(faults, dead=none), near).sum(axis=0)
         shares = DEAD_SHARES[:, None, None]
         with np.errstate(divide="ignore"):
             each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
@@ -306,7 +323,7 @@ class Fitting:
             value=best,
             interval=(max(low, 0.0), min(high, 1.0)),
             faults=replace(faults, dead=silent),
-            evidence=f"{int(silent.sum())} of {known} pressed taxels never answer",
+            evidence=f"{int(silent.sum())} of {known} taxels that should answer never do",
         )
 
 

@@ -1,4 +1,4 @@
-"""Fingerprints of random effects, which no replay can show: noise, steps of an encoder, lost packets.
+"""Fingerprints of random effects, which no replay shows: noise, encoder steps, lost packets.
 
 Noise is what third differences leave where the motion is quiet: it is there at rest as well, unlike
 anything that moves. Steps put every reading on a comb. Lost packets are decoded (`losses`).
@@ -216,7 +216,5 @@ def _gaps(residual: Array, known: Encoder, step: float, noise: float) -> tuple[f
     """Gaps with the nominal sensor's errors and with those found."""
     floor = rules().floor_position_rad
     pairs = ((known.resolution_rad, known.noise_rad), (step, noise))
-    before, after = (
-        gap(residual, float(np.sqrt(floor**2 + s**2 / 12 + n**2))) for s, n in pairs
-    )
+    before, after = (gap(residual, float(np.sqrt(floor**2 + s**2 / 12 + n**2))) for s, n in pairs)
     return before, after

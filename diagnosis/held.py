@@ -1,6 +1,7 @@
 """Episodes with the stick in the hand, as geometry: where tips and stick are, sample by sample."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numba
 import numpy as np
@@ -38,6 +39,12 @@ class Held:
     """Joint angles by the nominal sensors, shape (T, J)."""
     stick: Array
     """Pose x y z [m], qw qx qy qz, shape (T, 7)."""
+    command_rad: Array
+    """Targets from each sample on, shape (T, J)."""
+    push_nm: Array
+    """Known torques on the joints from each sample on, shape (T, J)."""
+    torque_nm: Array
+    """PD torques, shape (T, J); NaN where none were logged."""
     touch: Array | None
     """Readings of the taxels, shape (T, F, K)."""
 
@@ -48,39 +55,48 @@ class Held:
 
     def every(self, rows: Array) -> "Held":
         """Some samples of it."""
-        kept = {k: getattr(self, k)[rows] for k in ("time_s", "joint_rad", "stick")}
-        return replace(self, **kept, touch=None if self.touch is None else self.touch[rows])
+        names = ("time_s", "joint_rad", "stick", "command_rad", "push_nm", "torque_nm", "touch")
+        kept = {k: getattr(self, k) for k in names}
+        some: dict[str, Any] = {k: None if v is None else v[rows] for k, v in kept.items()}
+        return replace(self, **some)
 
 
 def held(log: Log, nominal: Spec) -> list[Held]:
     """The episodes of a log in which the stick is held and its pose was logged."""
-    joints = list(nominal.hand.joint_names)
-    if any(name not in log.joints for name in joints):
+    if any(name not in log.joints for name in nominal.hand.joint_names):
         return []
-    column = [log.joints.index(name) for name in joints]
+    return [
+        _held(log, nominal, meta.episode, meta.protocol, stick)
+        for meta in log.episodes
+        if meta.protocol in PROTOCOLS and (stick := log.stick(meta.episode)) is not None
+    ]
+
+
+def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
+    frame, names = log.episode(episode), nominal.hand.joint_names
+    time_s = frame["t_s"].to_numpy(float)
+
+    def read(kind: str) -> Array:
+        blank = np.full(len(frame), np.nan)
+        columns = [log.column(kind, n) if log.has(kind, n, episode) else None for n in names]
+        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
+
     encoders = [body.joint.encoder for body in nominal.hand.driven]
-    bias = np.array([e.bias_rad for e in encoders])
-    scale = 1 + np.array([e.scale_error for e in encoders])
-    found = []
-    for meta in log.episodes:
-        stick = log.stick(meta.episode)
-        if meta.protocol not in PROTOCOLS or stick is None:
-            continue
-        time_s = log.episode(meta.episode)["t_s"].to_numpy(float)
-        position = log.signal("position", meta.episode)[:, column]
-        touch = log.touch(meta.episode)
-        fits = touch is not None and log.fingers == tuple(t.finger for t in nominal.hand.fingertips)
-        found.append(
-            Held(
-                episode=meta.episode,
-                protocol=meta.protocol,
-                time_s=time_s - time_s[0],
-                joint_rad=(position - bias) / scale,
-                stick=stick,
-                touch=touch if fits else None,
-            )
-        )
-    return found
+    bias, scale = (
+        np.array(v) for v in zip(*((e.bias_rad, e.scale_error) for e in encoders), strict=True)
+    )
+    same = log.fingers == tuple(tip.finger for tip in nominal.hand.fingertips)
+    return Held(
+        episode=episode,
+        protocol=protocol,
+        time_s=time_s - time_s[0],
+        joint_rad=(read("position") - bias) / (1 + scale),
+        stick=stick,
+        command_rad=read("command"),
+        push_nm=np.nan_to_num(read("push")),
+        torque_nm=read("torque"),
+        touch=log.touch(episode) if same else None,
+    )
 
 
 def pressed_m(spec: Spec, part: Held) -> Array:
@@ -110,11 +126,14 @@ def blur_m(spec: Spec, part: Held) -> float:
     turned = np.concatenate([middle[None], middle + STEP_RAD * np.eye(len(middle))])
     origin, _ = tip_frames(spec.hand, turned)
     arm_m = np.linalg.norm(origin[1:] - origin[0], axis=-1) / STEP_RAD
-    joints, stick = (
-        np.median(np.abs(np.diff(v, n=3, axis=0)), axis=0) / 0.6745 / np.sqrt(20)
-        for v in (part.joint_rad, part.stick[:, :3])
-    )
+    joints, stick = white_noise(part.joint_rad), white_noise(part.stick[:, :3])
     return float(np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max()))
+
+
+def white_noise(values: Array) -> Array:
+    """White noise of columns (T, C): third differences take smooth motion away."""
+    third = np.diff(values, n=3, axis=0)
+    return np.median(np.abs(third), axis=0) / 0.6745 / np.sqrt(20)
 
 
 def smoothed(part: Held) -> Held:

@@ -48,7 +48,10 @@ class JointGains:
     search: gains.Found
     """Where CMA-ES ended, from which the linearised replays went on."""
     spread: Spread
-    trace: gains.Trace
+    channel: int
+    """Row of `READINGS` that was compared."""
+    samples: int
+    """Samples that were compared in the end."""
     error_rad: tuple[float, float]
     """Mean absolute error of the samples that count, in the nominal and the calibrated world."""
 
@@ -125,20 +128,21 @@ def _gains(
         return fitted, world
     short = _shortened(free, SEARCH_S / drive_s, LEAST_S / drive_s)
     found = gains.search(simulate, world, short, open_, rng, progress)
-    scale = _scale(nominal, found)
-    plays = push_test(simulate, gains.with_gains(world, scale), pushes)
+    start = _scale(nominal, found)
+    plays = push_test(simulate, gains.with_gains(world, start), pushes)
     world = _with_plays(nominal, plays)
-    scale, linear = refine(
+    refined = refine(
         simulate,
         world,
-        scale,
+        start,
         free,
         open_,
         rng,
         lambda rounds: progress(gains.GENERATIONS + rounds),
     )
+    scale, linear = refined.scale.copy(), refined.linear
     best = gains.with_gains(world, scale)
-    spread = spreads(simulate, best, free, linear, probes, rng)
+    spread = spreads(simulate, best, free, refined, probes, rng)
     shown = replay(simulate, [nominal, best], free)
     for j in open_:
         reason = _open(scale[j], spread[j]) if j in linear else FLOATS
@@ -150,7 +154,8 @@ def _gains(
             scale=scale[j],
             search=found[j],
             spread=spread[j],
-            trace=linear[j].trace,
+            channel=linear[j].trace.channel,
+            samples=len(linear[j].columns),
             error_rad=(float(before), float(after)),
         )
     return {name: fitted[name] for name in names}, gains.with_gains(world, scale)

@@ -23,7 +23,8 @@ _STYLES = (
 
 def draw(simulate: Simulate, found: Calibration, folder: Path) -> list[Path]:
     """Write JOINT.png into a folder for every joint; the files."""
-    shown = (*found.motions, *found.pushes[:1])
+    pushed = [] if any(m.protocol == "push" for m in found.motions) else found.pushes[:1]
+    shown = (*found.motions, *pushed)
     if not shown:
         return []
     replayed = replay(simulate, [found.nominal, found.calibrated], shown)
@@ -31,7 +32,7 @@ def draw(simulate: Simulate, found: Calibration, folder: Path) -> list[Path]:
     files = []
     for j, joint in enumerate(found.nominal.hand.joint_names):
         gains = found.joints[joint]
-        channel = gains.trace.channel if isinstance(gains, JointGains) else 0
+        channel = gains.channel if isinstance(gains, JointGains) else 0
         figure = Figure(figsize=(11, 2.1 * len(shown)), layout="constrained")
         FigureCanvasAgg(figure)
         axes = figure.subplots(len(shown), 2, squeeze=False)

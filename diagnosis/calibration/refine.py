@@ -3,7 +3,8 @@
 Objectives of joints with play are rough: a candidate a little off floats differently between its
 teeth. So the replay is linearised about the gains found, a column per gain, and the paper's sum of
 absolute errors is minimised in each of many worlds that differ by a little; their mean is the next
-point.
+point. Samples that do not go straight with the gains are left out. Rounds end up scattered about
+the least error, so the last ones are averaged, and their scatter is a part of the uncertainty.
 """
 
 from collections.abc import Sequence
@@ -16,10 +17,10 @@ from backends.state import Array
 from diagnosis.calibration.gains import LEAST_SAMPLES, SCALES, Progress, Trace, judge, with_gains
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
-ROUNDS = 4
-BENT_RAD = 1e-3
-STEP = 0.05
-"""Change of a gain's logarithm for the differences."""
+ROUNDS, AVERAGED = 5, 3
+"""Rounds, and how many of the last are averaged."""
+STEP, BENT_RAD = 0.1, 1e-3
+"""Change of a gain's logarithm for the differences, and how far off its middle the angle may be."""
 LARGEST_STEP = 0.1
 """A round moves the logarithm of a gain by no more."""
 _SWEEPS = 40
@@ -28,15 +29,29 @@ _SWEEPS = 40
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
-    """The replays of one joint about some gains, on the T samples that count."""
+    """The replays of one joint about some gains, on T samples."""
 
     trace: Trace
+    straight: Array
+    """Which of the samples that count are the T, bool."""
     columns: Array
     """Change of the angle with the logarithms of kp and kd [rad], shape (T, 2)."""
     path_rad: Array
     """Angle at these gains [rad], shape (T,)."""
     miss_rad: Array
     """Recorded less replayed angle in worlds that differ by a little [rad], shape (W, T)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Refined:
+    """Gains of the least error."""
+
+    scale: Array
+    """kp and kd over nominal, shape (J, 2)."""
+    scatter: Array
+    """Relative standard deviation of the rounds that were averaged, shape (J, 2)."""
+    linear: dict[int, Linear]
+    """The replays about these gains; joints that nearly always float between their teeth lack."""
 
 
 def refine(
@@ -47,11 +62,9 @@ def refine(
     joints: Sequence[int],
     rng: np.random.Generator,
     progress: Progress = lambda rounds: None,
-) -> tuple[Array, dict[int, Linear]]:
-    """Gains over those of `nominal`, shape (J, 2), and the replays about them.
-
-    Joints that float between their teeth nearly all the time are missing among the replays.
-    """
+) -> Refined:
+    """The gains of `joints` from `scale` on, over those of `nominal`, shape (J, 2)."""
+    ends = []
     for done in range(ROUNDS):
         linear = linearise(simulate, with_gains(nominal, scale), motions, joints, rng)
         scale = scale.copy()
@@ -60,8 +73,16 @@ def refine(
             steps = [least_absolute(miss, found.columns, every) for miss in found.miss_rad]
             step = np.clip(np.mean(steps, axis=0), -LARGEST_STEP, LARGEST_STEP)
             scale[j] = np.clip(scale[j] * np.exp(step), *SCALES.T)
+        ends.append(np.log(scale))
         progress(done + 1)
-    return scale, linearise(simulate, with_gains(nominal, scale), motions, joints, rng)
+    last = np.stack(ends[-AVERAGED:])
+    scale = np.exp(last.mean(axis=0))
+    world = with_gains(nominal, scale)
+    return Refined(
+        scale=scale,
+        scatter=last.std(axis=0, ddof=1),
+        linear=linearise(simulate, world, motions, joints, rng),
+    )
 
 
 def linearise(
@@ -78,16 +99,16 @@ def linearise(
     found = {}
     for i, j in enumerate(joints):
         trace = judged[j]
-        if trace.samples < LEAST_SAMPLES:
-            continue
         paths = used(shown, trace, j)
         up, down = paths[1 + 4 * i : 5 + 4 * i : 2], paths[2 + 4 * i : 5 + 4 * i : 2]
         bent = np.abs(up + down - 2 * paths[0]).max(axis=0)
         straight = bent < BENT_RAD
+        if straight.sum() < LEAST_SAMPLES:
+            continue
         recorded = used([m.read_rad[None] for m in motions], trace, j)
-        print(j, len(straight), straight.mean())
         found[j] = Linear(
             trace=trace,
+            straight=straight,
             columns=((up - down).T / (2 * STEP))[straight],
             path_rad=paths[0][straight],
             miss_rad=(recorded - used(alike, trace, j))[:, straight],

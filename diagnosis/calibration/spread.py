@@ -8,7 +8,7 @@ to the next, and where between its teeth a joint may be. CMA-ES's own say how fa
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.calibration.refine import Linear, least_absolute, used
+from diagnosis.calibration.refine import Linear, Refined, least_absolute, used
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 BLOCK_S = 0.5
@@ -51,21 +51,21 @@ def spreads(
     simulate: Simulate,
     world: Spec,
     motions: Sequence[Motion],
-    linear: Mapping[int, Linear],
+    refined: Refined,
     probes: Sequence[Effect],
     rng: np.random.Generator,
 ) -> dict[int, Spread]:
-    """The spread of the joints in `linear`, whose replays are about the gains of `world`."""
-    names = world.hand.joint_names
+    """The spread of the joints in `refined`, whose replays are about the gains of `world`."""
+    names, linear = world.hand.joint_names, refined.linear
     effects = [dataclasses.replace(p, joint=names[j]) for j in linear for p in probes]
     shown = replay(simulate, [e.on_spec(world) for e in effects], motions) if effects else []
     found = {}
     for i, (j, about) in enumerate(linear.items()):
         drawn = bootstrap(about.miss_rad, about.columns, _blocks(world, motions, about), rng)
-        moved = used(shown, about.trace, j) - about.path_rad if effects else ()
+        moved = _used(shown, about, j) - about.path_rad if effects else ()
         mine = slice(i * len(probes), (i + 1) * len(probes))
         found[j] = Spread(
-            std=drawn.std(axis=0, ddof=1),
+            std=np.hypot(drawn.std(axis=0, ddof=1), refined.scatter[j]),
             correlation=float(np.corrcoef(drawn.T)[0, 1]),
             confused=tuple(_confusions(about.columns, moved[mine], effects[mine])),
         )
@@ -83,6 +83,10 @@ def bootstrap(miss: Array, columns: Array, block: Array, rng: np.random.Generato
     return np.stack([least_absolute(miss[w], columns, times[block]) for w, times in pairs])
 
 
+def _used(shown: Sequence[Array], about: Linear, j: int) -> Array:
+    return used(shown, about.trace, j)[:, about.straight]
+
+
 def _blocks(world: Spec, motions: Sequence[Motion], about: Linear) -> Array:
     """Number of the half second that each sample belongs to."""
     ticks = round(BLOCK_S / world.timing.drive_s)
@@ -90,7 +94,7 @@ def _blocks(world: Spec, motions: Sequence[Motion], about: Linear) -> Array:
     for motion, rows in zip(motions, about.trace.used, strict=True):
         numbers.append(last + motion.tick[rows] // ticks)
         last += motion.tick[-1] // ticks + 1
-    return np.unique(np.concatenate(numbers), return_inverse=True)[1]
+    return np.unique(np.concatenate(numbers)[about.straight], return_inverse=True)[1]
 
 
 def _confusions(columns: Array, moved: Array, effects: Sequence[Effect]) -> list[Confusion]:

@@ -28,6 +28,8 @@ PULLERS = {"3": -1.0, "4": 1.0}
 """Servos that pull, and the sense in which they turn the tested one."""
 PULL_NM = 0.3 * 9.80665 * 0.1
 """Torque of a fully stretched band: about 0.3 kgf at 100 mm [Nm]."""
+SLACK = 0.02
+"""Share of its way within which a puller is at its near end: it holds its place to a few counts."""
 KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 1.444, 2.03, 0.0325
 """Motor (Rhoban/bam, params/feetech_sts3215_12V/m1)."""
 SUPPLY_V, FULL_DUTY, DUTY_PER_RAD = 12.0, 0.97, 32 * 0.166 * 0.975
@@ -92,7 +94,8 @@ def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
     far = target[np.argmax(np.abs(target - relaxed))]
     if far == relaxed:
         return np.zeros(len(table))
-    return np.clip((table[f"pos ({puller})"].to_numpy() - relaxed) / (far - relaxed), 0, 1)
+    share = np.clip((table[f"pos ({puller})"].to_numpy() - relaxed) / (far - relaxed), 0, 1)
+    return np.where(share < SLACK, 0.0, share)
 
 
 def _facing(target: pd.Series, first: pd.Series) -> float:

@@ -1,0 +1,64 @@
+"""What `bench speed` leaves behind: files, a picture and a table."""
+
+import csv
+import json
+from pathlib import Path
+
+from rich.table import Table
+
+from benchmark import run_folder
+
+_SHOWN = ("backend", "envs", "processes", "env_steps_per_s", "raw_physics_steps_per_s", "overhead")
+
+
+def write(result: dict, rows: list[dict], out: Path) -> None:
+    """Write the result as speed.json, its rows as speed.csv and a picture of them as speed.png."""
+    out.mkdir(parents=True, exist_ok=True)
+    run_folder.write_atomically(out / "speed.json", json.dumps(result, indent=2) + "\n")
+    flat = [{k: v for k, v in row.items() if not isinstance(v, dict | list)} for row in rows]
+    with (out / "speed.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, list(flat[0]))
+        writer.writeheader()
+        writer.writerows(flat)
+    _plot(rows, out / "speed.png")
+
+
+def _plot(rows: list[dict], path: Path) -> None:
+    """Time per environment step over the number of worlds, the bare engine's dashed."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 4), layout="constrained")
+    axes = figure.add_subplot(xscale="log", yscale="log", xlabel="worlds")
+    axes.set_ylabel("time per environment step [us]")
+    for backend, cores in dict.fromkeys((row["backend"], row["processes"]) for row in rows):
+        own = [row for row in rows if (row["backend"], row["processes"]) == (backend, cores)]
+        worlds = [row["envs"] for row in own]
+        whole = [1e6 / row["env_steps_per_s"] for row in own]
+        raw = [row["us_per_env_step"]["engine"] for row in own]
+        (line,) = axes.plot(worlds, whole, "o-", label=f"{backend}, {cores}")
+        axes.plot(worlds, raw, "--", color=line.get_color())
+    axes.legend(title="engine, cores (dashed: engine alone)", fontsize="small")
+    figure.savefig(path, dpi=150)
+
+
+def table(result: dict) -> Table:
+    """The rows, and a line on every engine and on what was skipped."""
+    shown = Table(header_style="bold")
+    for column in (*_SHOWN, "MB"):
+        shown.add_column(column, overflow="fold")
+    for row in result["rows"]:
+        numbers = (f"{row[k]:,.0f}" for k in _SHOWN[3:5])
+        name = (row["backend"], str(row["envs"]), str(row["processes"]))
+        shown.add_row(*name, *numbers, f"{row['overhead']:.1%}", f"{row['memory_mb']:,.0f}")
+    notes = [_note(engine) for engine in result["engines"].values()]
+    notes += [f"{cell['cell']}: skipped, {cell['reason']}" for cell in result["skipped"]]
+    shown.caption = "\n".join(notes)
+    return shown
+
+
+def _note(engine: dict) -> str:
+    parts = [f"best at {engine['envs']} worlds, {engine['overhead']:.1%} over the bare engine"]
+    parts += [f"{n} cores give {g:.2f} times one" for n, g in engine["gain_of_processes"].items()]
+    if (slope_mb := engine["memory_mb_per_world"]) is not None:
+        parts.append(f"{slope_mb:.2f} MB per world")
+    return f"{engine['backend']}: {'; '.join(parts)}"

@@ -1,0 +1,111 @@
+"""How long a step of an environment takes, and how long its engine alone: blocks of both in turn.
+
+Both step the same worlds with the stick in the same grasp, so a block holds what was slow or fast
+on the machine in that moment, and the ratio within a block does not.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+
+from tasks.batch import BatchEnv
+
+SETTLE_STEPS = 20
+"""Environment steps from the start of an episode until the grasp is at rest: 0.4 s."""
+ENV_STEPS = 4
+"""Environment steps in a block. They also mend the grasp, which slips away within 0.1 s under
+constant torques; the one period of these in a block moves joints by 0.1 mrad."""
+EPISODE_BLOCKS = 45
+"""Blocks until new episodes begin, each of six periods: 290 of 300 steps."""
+MIN_BLOCKS = 6
+RESTARTS = 3
+"""Restarts that are timed after each episode."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timing:
+    """Times of one policy period of all worlds [s], medians over the blocks."""
+
+    step_s: float
+    """An environment step: drives, engine, touch, observation, reward."""
+    advance_s: float
+    """Of that, drives and engine with its reading of joints, stick and contacts."""
+    raw_s: float
+    """The engine alone under constant torques."""
+    restart_s: float
+    """New episodes, per step, when each world begins one every 300 steps."""
+    overhead: tuple[float, float, float]
+    """Quartiles over the blocks of (step + restart) / raw - 1, the median in the middle."""
+    pressing: float
+    """Share of fingertips that pressed the stick, looked at in every block."""
+    blocks: int
+
+
+@dataclass(kw_only=True)
+class _Blocks:
+    """What was measured, block by block [s]."""
+
+    step_s: list[float] = field(default_factory=list)
+    advance_s: list[float] = field(default_factory=list)
+    raw_s: list[float] = field(default_factory=list)
+    restart_s: list[float] = field(default_factory=list)
+    pressing: list[float] = field(default_factory=list)
+
+
+def measure(env: BatchEnv, coast: Callable[[int], None], seconds: float) -> Timing:
+    """Time an environment and, with `coast`, its engine alone, for about `seconds`."""
+    blocks, still = _Blocks(), np.zeros((env.worlds, env.action_width))
+    began = time.perf_counter()
+    while not blocks.raw_s or time.perf_counter() - began < seconds:
+        env.reset()
+        for _ in range(SETTLE_STEPS):
+            env.step(still)
+        for _ in range(EPISODE_BLOCKS):
+            _block(env, coast, still, blocks)
+            if len(blocks.raw_s) >= MIN_BLOCKS and time.perf_counter() - began > seconds:
+                break
+        _restarts(env, blocks)
+    return _summary(blocks)
+
+
+def _block(env: BatchEnv, coast: Callable[[int], None], still: np.ndarray, blocks: _Blocks) -> None:
+    """Time single periods: on a shared machine a longer one is interrupted more often."""
+    steps = [_seconds(lambda: env.step(still)) for _ in range(ENV_STEPS)]
+    blocks.step_s.append(float(np.median(steps)))
+    blocks.pressing.append(float((env.state.contact_force_n != 0).any(axis=2).mean()))
+    blocks.advance_s.append(_seconds(lambda: env.simulator.advance(env.target_rad)))
+    substeps = env.simulator.specs[0].timing.substeps
+    blocks.raw_s.append(_seconds(lambda: coast(substeps)))
+
+
+def _seconds(action: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    action()
+    return time.perf_counter() - began
+
+
+def _restarts(env: BatchEnv, blocks: _Blocks) -> None:
+    """Begin new episodes in as many worlds as end at a time, at least one."""
+    at_once = max(1, round(env.worlds / env.horizon))
+    for k in range(RESTARTS):
+        mask = np.roll(np.arange(env.worlds) < at_once, k * at_once)
+        share = env.worlds / env.horizon / at_once
+        blocks.restart_s.append(share * _seconds(partial(env.reset, mask)))
+
+
+def _summary(blocks: _Blocks) -> Timing:
+    restart_s = float(np.median(blocks.restart_s))
+    ratios = (np.array(blocks.step_s) + restart_s) / np.array(blocks.raw_s) - 1
+    low, middle, high = np.percentile(ratios, [25, 50, 75]).tolist()
+    return Timing(
+        step_s=float(np.median(blocks.step_s)),
+        advance_s=float(np.median(blocks.advance_s)),
+        raw_s=float(np.median(blocks.raw_s)),
+        restart_s=restart_s,
+        overhead=(low, middle, high),
+        pressing=float(np.mean(blocks.pressing)),
+        blocks=len(blocks.raw_s),
+    )

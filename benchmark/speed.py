@@ -1,0 +1,185 @@
+"""`bench speed`: what a step costs beside the engine's own, as worlds and cores grow."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from backends.engine import Engine
+from backends.shard import Sharded, WorkerError
+from benchmark import _memory, quantities, registry
+from benchmark._speed_report import table, write
+from benchmark._stopwatch import Timing, measure
+from benchmark.console import Bar
+from benchmark.errors import CommandError, UsageError
+from benchmark.provenance import provenance, usable_cores
+from benchmark.run_spec import RunSpec, make_env, training_worlds, within
+from tasks.batch import SimulationDivergedError
+
+SECONDS_RANGE = (0.1, 600.0)
+MAX_WORLDS = 100_000
+PRESSING = 0.9
+"""Share of fingertips on the stick below which the two did not step the same grasp."""
+_ROOM = 0.9
+"""Share of the free memory that a measurement may take."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is measured: every engine with every number of worlds on every number of cores."""
+
+    backends: tuple[str, ...]
+    worlds: tuple[int, ...]
+    workers: tuple[int, ...]
+    seconds: float
+    """Time for each measurement [s]."""
+    seed: int
+    """Decides the worlds, which are drawn as for training."""
+
+    def __iter__(self) -> Iterator[tuple[str, int, int]]:
+        """Engine, cores and worlds of each measurement, small ones first."""
+        for backend in self.backends:
+            for cores in self.workers:
+                yield from ((backend, cores, n) for n in self.worlds if n >= cores)
+
+
+def plan(backend: str | None, worlds: str, workers: str | None, seconds: float, seed: int) -> Plan:
+    """What the options ask for; raises UsageError."""
+    known, cores = registry.names("backend"), usable_cores()
+    within("--seconds", seconds, *SECONDS_RANGE)
+    within("--seed", seed, 0, 2**32 - 1)
+    made = Plan(
+        backends=known if backend is None else (registry.check("backend", backend),),
+        worlds=_counts(worlds, "--worlds", MAX_WORLDS),
+        workers=_counts(workers or f"1,{min(2, cores)}", "--workers", cores),
+        seconds=seconds,
+        seed=seed,
+    )
+    if not list(made):
+        raise UsageError(f"--worlds is {worlds}, fewer than --workers; give each core a world")
+    return made
+
+
+def _counts(text: str, flag: str, most: int) -> tuple[int, ...]:
+    """Whole numbers from 1 between commas, sorted, each once."""
+    found = set(quantities.counts(text, flag))
+    for number in found:
+        within(flag, number, 1, most)
+    return tuple(sorted(found))
+
+
+def speed(asked: Plan, out: Path | None) -> tuple[dict, Table]:
+    """Measure, write `speed.csv`, `speed.json` and `speed.png` to `out`; the result and its table.
+
+    Raises CommandError when nothing could be measured.
+    """
+    rows, skipped = _measure_all(asked)
+    if not rows:
+        raise CommandError("nothing was measured: " + "; ".join(s["reason"] for s in skipped))
+    engines = {name: _engine(rows, name) for name in asked.backends if _of(rows, name)}
+    best = max(engines.values(), key=lambda engine: engine["env_steps_per_s"])
+    result = {"status": "done", **best, "engines": engines, "rows": rows, "skipped": skipped}
+    result["machine"] = provenance()
+    if out is not None:
+        write(result, rows, out)
+    return result, table(result)
+
+
+def _measure_all(asked: Plan) -> tuple[list[dict], list[dict]]:
+    rows: list[dict] = []
+    skipped = []
+    cells = list(asked)
+    with Bar("measuring", len(cells)) as bar:
+        for done, (backend, cores, worlds) in enumerate(cells):
+            cell = f"{backend}, {worlds} worlds, {cores} {'core' if cores == 1 else 'cores'}"
+            bar.update(done, cell)
+            try:
+                _check_memory(_of(rows, backend, cores), worlds)
+                rows.append(_measure(asked, backend, cores, worlds))
+            except (CommandError, WorkerError, SimulationDivergedError) as error:
+                skipped.append({"cell": cell, "reason": str(error)})
+        bar.update(len(cells), "done")
+    return rows, skipped
+
+
+def _measure(asked: Plan, backend: str, cores: int, worlds: int) -> dict:
+    run = RunSpec(backend=backend, task="circle", worlds=worlds, seed=asked.seed)
+    _memory.give_back()
+    began = time.perf_counter()
+    env = make_env(run, training_worlds(run, 0), asked.seed, cores)
+    built_s = time.perf_counter() - began
+    try:
+        assert isinstance(env.simulator, Engine | Sharded)
+        timing = measure(env, env.simulator.coast, asked.seconds)
+        memory_mb = _memory.held_mb()
+        substeps = env.simulator.specs[0].timing.substeps
+    finally:
+        env.close()
+    if timing.pressing < PRESSING:
+        raise CommandError(
+            f"only {timing.pressing:.0%} of the fingertips held the stick: not a grasp to compare"
+        )
+    in_threads = registry.load("backend", backend).steps_in_threads
+    return {
+        "backend": backend,
+        "envs": worlds,
+        "processes": cores,
+        "parallel_by": "threads" if in_threads else "processes",
+        **_rates(timing, worlds, substeps),
+        "memory_mb": round(memory_mb, 1),
+        "build_s": round(built_s, 2),
+    }
+
+
+def _rates(timing: Timing, worlds: int, substeps: int) -> dict:
+    step_s = timing.step_s + timing.restart_s
+    parts = {
+        "engine": timing.raw_s,
+        "drives_and_readings": timing.advance_s - timing.raw_s,
+        "touch_and_task": timing.step_s - timing.advance_s,
+        "restarts": timing.restart_s,
+    }
+    low, middle, high = timing.overhead
+    return {
+        "env_steps_per_s": round(worlds / step_s, 1),
+        "physics_steps_per_s": round(worlds * substeps / step_s, 1),
+        "raw_physics_steps_per_s": round(worlds * substeps / timing.raw_s, 1),
+        "overhead": round(middle, 4),
+        "overhead_quartiles": [round(low, 4), round(high, 4)],
+        "us_per_env_step": {name: round(1e6 * s / worlds, 2) for name, s in parts.items()},
+        "pressing": round(timing.pressing, 4),
+        "blocks": timing.blocks,
+    }
+
+
+def _of(rows: list[dict], backend: str, cores: int | None = None) -> list[dict]:
+    """The rows of an engine, and of a number of cores."""
+    return [r for r in rows if r["backend"] == backend and cores in (None, r["processes"])]
+
+
+def _engine(rows: list[dict], backend: str) -> dict:
+    """An engine's fastest row on the fewest cores, the gain of more, and its memory per world."""
+    own = _of(rows, backend)
+    few = _of(rows, backend, own[0]["processes"])
+    best = max(few, key=lambda row: row["env_steps_per_s"])
+    more = [row for row in own if row["envs"] == best["envs"] and row is not best]
+    gain = {r["processes"]: round(r["env_steps_per_s"] / best["env_steps_per_s"], 3) for r in more}
+    return {**best, "gain_of_processes": gain, "memory_mb_per_world": _slope_mb(few)}
+
+
+def _slope_mb(rows: list[dict]) -> float | None:
+    """Memory that one more world takes [MB], from the smallest to the largest batch."""
+    small, large = rows[0], rows[-1]
+    if small is large:
+        return None
+    return round((large["memory_mb"] - small["memory_mb"]) / (large["envs"] - small["envs"]), 3)
+
+
+def _check_memory(rows: list[dict], worlds: int) -> None:
+    """Raise CommandError when smaller batches say that this one does not fit."""
+    slope_mb, free_mb = _slope_mb(rows) if rows else None, _memory.free_mb()
+    if slope_mb is not None and slope_mb * worlds > _ROOM * free_mb:
+        needs, free = f"{slope_mb * worlds / 1e3:.1f} GB", f"{free_mb / 1e3:.1f} GB"
+        raise CommandError(f"{worlds} worlds need about {needs} of memory; free are {free}")

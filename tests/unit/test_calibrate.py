@@ -1,0 +1,563 @@
+"""Calibration: known gains, play and skin come back from logs that another engine wrote."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+
+from backends.shard import simulate
+from backends.touch import THRESHOLD_M
+from benchmark import _calibration_texts as texts
+from benchmark import cli, commands, registry
+from benchmark.calibrate import FILE
+from benchmark.effects import PAPER_SPREAD, parse_effects, parse_spread
+from benchmark.run_spec import RunSpec
+from diagnosis.calibration import backlash, gains, refine, spread, tactile
+from diagnosis.calibration.calibrate import Calibration, JointGains, _telling
+from diagnosis.calibration.result import (
+    CalibrationError,
+    CalibrationFile,
+    joints_of,
+    read_calibration,
+    touch_of,
+    write_calibration,
+)
+from diagnosis.calibration.worlds import Motion, motions, replay
+from diagnosis.log import EpisodeMeta, Log, write_log
+from diagnosis.record import Plan, record
+
+DRIVE_S = 1e-3
+PLAY_DEG = {"J0": 1.3, "J1": 0.0, "J3": 0.8, "J4": 0.3, "J6": 1.1, "J7": 0.0}
+GAINS = {"J0": (1.12, 0.92), "J1": (0.9, 1.15), "J3": (1.05, 1.2)}
+GAINS |= {"J4": (1.2, 0.85), "J6": (0.95, 1.05), "J7": (0.85, 0.9)}
+HIDDEN = ",".join(
+    [
+        "self-lock=10Nm,encoder-noise=0.04deg",
+        *(f"backlash={deg}deg@{joint}" for joint, deg in PLAY_DEG.items() if deg),
+        *(f"kp-scale={100 * (kp - 1):.4g}%@{joint}" for joint, (kp, _) in GAINS.items()),
+        *(f"kd-scale={100 * (kd - 1):.4g}%@{joint}" for joint, (_, kd) in GAINS.items()),
+    ]
+)
+"""The real side: gains within 20 % of nominal, play, worms that lock, sensors with noise."""
+CONSTANT = ((30, 33), (1640, 1642))
+"""Samples of the push between which neither command nor push changes."""
+GAIN_ERROR = 0.03
+PLAY_ERROR_DEG = 0.05
+"""What a calibration promises."""
+
+
+def world(effects: str = "none"):
+    """The nominal hand with effects."""
+    return RunSpec(backend="mujoco", task="line", effects=effects).world()
+
+
+def engine(name: str):
+    """Puts worlds on an engine, on one core."""
+    backend = registry.load("backend", name)
+    return lambda specs: simulate(backend, specs, 1)
+
+
+mujoco = engine("mujoco")
+
+
+def take(backend: str, effects: str, *protocols: str) -> Log:
+    """A log of an engine."""
+    pytest.importorskip({"bullet": "pybullet"}.get(backend, backend))
+    return record(engine(backend), world(effects), Plan(protocols=protocols), source="test")
+
+
+def without_motor(log: Log) -> Log:
+    """The log of a robot that has no encoder on its motors."""
+    named = [c for c in log.samples.columns if c.startswith("motor_rad")]
+    meta = log.meta.model_copy(update={"channels": {}})
+    return dataclasses.replace(log, meta=meta, samples=log.samples.drop(columns=named))
+
+
+@pytest.fixture(scope="module")
+def pushed() -> Log:
+    """The push test of the hidden hand, in Bullet."""
+    return take("bullet", HIDDEN, "push")
+
+
+@pytest.fixture(scope="module")
+def moved() -> list[Motion]:
+    """The first two seconds of steps and multisine of the hidden hand, in Bullet."""
+    log = take("bullet", HIDDEN, "steps", "multisine")
+    return [m.first(2000) for m in motions(log, log.joints, DRIVE_S, ("steps", "multisine"))]
+
+
+def plays(log: Log, effects: str = "none") -> dict:
+    spec = world(effects)
+    pushes = motions(log, spec.hand.joint_names, DRIVE_S, ("push",))
+    return backlash.push_test(mujoco, spec, pushes)
+
+
+@pytest.mark.parametrize("motor", [True, False])
+def test_the_push_test_finds_play_and_locks(pushed, motor):
+    """Find play and self-lock of another engine's hand, its gains unknown."""
+    found = plays(pushed if motor else without_motor(pushed))
+    for joint, deg in PLAY_DEG.items():
+        play = found[joint]
+        assert np.degrees(play.mean_rad) == pytest.approx(deg, abs=PLAY_ERROR_DEG)
+        assert play.has_play == (deg > 0)
+        assert play.locks == (joint in ("J0", "J3", "J6"))
+        assert play.reference == ("logged" if motor else "replayed")
+        low, high = (play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
+        assert np.degrees(high - low) / 2 == pytest.approx(deg, abs=PLAY_ERROR_DEG)
+
+
+def test_elastic_give_is_no_play(pushed):
+    """Tell give from play: stiffness as it is, and the same play under a harder push."""
+    found = plays(pushed)
+    for name, drive in zip(pushed.joints, world().drives, strict=True):
+        assert 1 / found[name].give_rad_nm == pytest.approx(drive.gear_stiffness_nm_rad, rel=0.03)
+        assert np.ptp(found[name].half_rad) < np.radians(PLAY_ERROR_DEG)
+
+
+def test_a_push_of_one_size_takes_the_nominal_give(pushed):
+    """Take the nominal stiffness where the push does not vary, and still find the play."""
+    spec = world()
+    (push,) = motions(pushed, pushed.joints, DRIVE_S, ("push",))
+    flat = np.abs(push.push_nm[:, 0]) > 0.99 * np.abs(push.push_nm[:, 0]).max()
+    one_size = dataclasses.replace(push, push_nm=np.where(flat[:, None], push.push_nm, 0.0))
+    play = backlash.push_test(mujoco, spec, [one_size])["J0"]
+    assert 1 / play.give_rad_nm == spec.drives[0].gear_stiffness_nm_rad
+    assert np.degrees(play.mean_rad) == pytest.approx(PLAY_DEG["J0"], abs=PLAY_ERROR_DEG)
+
+
+def test_play_is_not_made_up(pushed, moved):
+    """Give a reason and no number: no push, a push one way alone, a sensor on the motor's side."""
+    spec = world()
+    assert set(backlash.push_test(mujoco, spec, []).values()) == {backlash.NO_PUSH}
+    assert set(backlash.push_test(mujoco, spec, moved).values()) == {backlash.NO_PUSH}
+    (push,) = motions(pushed, pushed.joints, DRIVE_S, ("push",))
+    one_way = dataclasses.replace(push, push_nm=np.maximum(push.push_nm, 0))
+    assert set(backlash.push_test(mujoco, spec, [one_way]).values()) == {backlash.NO_PUSH}
+    blind = spec.with_driven(
+        dataclasses.replace(b, joint=dataclasses.replace(b.joint, sensor="motor"))
+        for b in spec.hand.driven
+    )
+    assert set(backlash.push_test(mujoco, blind, [push]).values()) == {backlash.MOTOR_SIDE}
+
+
+def test_the_search_finds_gains(moved):
+    """Find the gains of another engine's hand by CMA-ES."""
+    rng = np.random.default_rng(0)
+    spec = world("self-lock=10Nm," + ",".join(f"backlash={d}deg@{j}" for j, d in PLAY_DEG.items()))
+    found = gains.search(mujoco, spec, moved, range(6), rng)
+    for j, joint in enumerate(spec.hand.joint_names):
+        assert found[j].scale == pytest.approx(GAINS[joint], rel=GAIN_ERROR)
+        assert (found[j].std < GAIN_ERROR).all()
+
+
+def test_refining_ends_at_the_least_error(moved):
+    """Go from gains that are 5 % off to those of the hidden hand, with a bootstrap to match."""
+    rng = np.random.default_rng(0)
+    spec = world("self-lock=10Nm," + ",".join(f"backlash={d}deg@{j}" for j, d in PLAY_DEG.items()))
+    start = 1.05 * np.array([GAINS[joint] for joint in spec.hand.joint_names])
+    ends = refine.refine(mujoco, spec, start, moved, range(6), rng)
+    sure = spread.spreads(mujoco, gains.with_gains(spec, ends.scale), moved, ends, (), rng)
+    for j, joint in enumerate(spec.hand.joint_names):
+        assert ends.scale[j] == pytest.approx(GAINS[joint], rel=0.01)
+        assert (sure[j].std < GAIN_ERROR).all()
+
+
+def test_floating_joints_do_not_count(moved):
+    """Leave out samples of joints between their teeth, and none of joints without play."""
+    spec = world("backlash=1deg@J0")
+    blind = [dataclasses.replace(m, read_rad=m.read_rad * [[[1]], [[np.nan]]]) for m in moved]
+    judged, _ = gains.judge(mujoco, spec, blind, np.random.default_rng(0))
+    share = [t.samples / sum(len(m.tick) for m in moved) for t in judged]
+    assert [t.channel for t in judged] == [0] * 6
+    assert 0.05 < share[0] < 0.9
+    assert share[2:] == [1.0] * 4
+    logged, _ = gains.judge(mujoco, spec, moved, np.random.default_rng(0))
+    assert [t.channel for t in logged] == [1] * 6
+    assert logged[0].samples > judged[0].samples
+
+
+def test_joints_moved_one_by_one_all_count(moved):
+    """Take an episode for each joint that moves in it, and repeats of none."""
+    alone = [
+        dataclasses.replace(moved[0], command_rad=moved[0].command_rad * (np.arange(6) == j))
+        for j in range(6)
+    ]
+    assert [id(m) for m in _telling([*alone, moved[0], *alone])] == [id(m) for m in alone]
+    assert len(_telling(moved)) == len(moved)
+
+
+def test_gains_are_not_made_up(moved):
+    """Say that a joint which never moves, or a log without motion, tells no gains."""
+    still = [dataclasses.replace(m, read_rad=m.read_rad * (np.arange(6) > 0)) for m in moved]
+    assert "it moves by 0 deg" in (gains.reason_against(still, 0) or "")
+    assert gains.reason_against(still, 1) is None
+    assert "it has no steps" in (gains.reason_against([], 1) or "")
+    assert "samples; needed" in (gains.reason_against([moved[0].first(600)], 0) or "")
+
+
+def test_least_absolute_errors_ignore_outliers():
+    """Find a line through the larger part of the samples, exactly."""
+    rng = np.random.default_rng(0)
+    columns = rng.normal(size=(300, 2))
+    miss = columns @ [0.02, -0.05]
+    miss[:90] += rng.normal(size=90)
+    found = refine.least_absolute(miss, columns, np.ones(300))
+    assert found == pytest.approx([0.02, -0.05], abs=1e-4)
+
+
+def test_the_bootstrap_gives_the_standard_error():
+    """Give the standard error of least absolute errors: sigma sqrt(pi / 2 n) for normal noise."""
+    samples, sigma, found = 1000, 0.1, []
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        columns, miss = rng.normal(size=(samples, 2)), sigma * rng.normal(size=(1, samples))
+        found.append(spread.bootstrap(miss, columns, np.arange(samples) // 20, rng).std(axis=0))
+    wanted = sigma * np.sqrt(np.pi / 2 / samples)
+    # one of the 12 is off by 15 % (200 draws, one sample of the noise): their mean by 5 %
+    assert np.mean(found) == pytest.approx(wanted, rel=0.15)
+
+
+def test_viscous_friction_reads_as_damping(moved):
+    """Say that a log without torque takes viscous friction for derivative gain."""
+    spec, rng = world(), np.random.default_rng(0)
+    probes = parse_effects("viscous-friction=10mNms,command-delay=5ms", spec.hand)
+    ends = refine.Refined(
+        scale=np.ones((6, 2)),
+        scatter=np.zeros((6, 2)),
+        linear=refine.linearise(mujoco, spec, moved, [1], rng),
+    )
+    found = spread.spreads(mujoco, spec, moved, ends, probes, rng)[1]
+    assert [texts.effect_name(c.effect) for c in found.confused] == ["viscous-friction"]
+    kp, kd = found.confused[0].reads_as
+    # both slow the motor; under the torque limit alone, viscous friction comes on top of it
+    assert kd - kp == pytest.approx(0.010 / spec.drives[1].kd_nms_rad, rel=0.1)
+
+
+def test_replay_keeps_gaps_and_pushes(pushed):
+    """Replay the log of an engine in that engine: what was recorded, gaps or not."""
+    hidden = world(HIDDEN.replace("encoder-noise=0.04deg,", ""))
+    log = record(mujoco, hidden, Plan(protocols=("push",)), source="test")
+    (push,) = motions(log, log.joints, DRIVE_S, ("push",))
+    held = np.ones(len(push.tick), dtype=bool)
+    for before, after in CONSTANT:
+        held[before + 1 : after] = False
+    left_out = (push.command_rad, push.push_nm)
+    assert not any(np.ptp(x[a : b + 1], axis=0).any() for x in left_out for a, b in CONSTANT)
+    gappy = dataclasses.replace(
+        push,
+        tick=push.tick[held],
+        command_rad=push.command_rad[held],
+        push_nm=push.push_nm[held],
+        read_rad=push.read_rad[:, held],
+    )
+    (whole,), (cut,) = replay(mujoco, [hidden], [push]), replay(mujoco, [hidden], [gappy])
+    assert np.array_equal(whole[0], push.read_rad)
+    assert np.array_equal(cut[0], whole[0][:, held])
+
+
+def touched(unit: str = "m") -> tuple[Log, dict]:
+    """A log of one joint and one finger of 4 x 4 taxels: a rest without contact, and a press."""
+    rng = np.random.default_rng(0)
+    truth = {
+        "offset": rng.uniform(0, 1e-4, 16),
+        "drift": np.where(np.arange(16) == 3, 2e-5, 0.0),
+        "noise": 1e-6,
+        "dead": 5,
+    }
+    t = np.arange(800) * 5e-3
+    rest = truth["offset"] + np.outer(t, truth["drift"])
+    press = np.tile(truth["offset"], (100, 1))
+    press[50:, :12] += 5e-4
+    press[:, truth["dead"]] = truth["offset"][5]
+    readings = np.concatenate([rest, press])
+    readings += truth["noise"] * rng.normal(size=readings.shape)
+    rows = {
+        "episode": np.repeat([0, 1], [800, 100]),
+        "t_s": np.concatenate([t, t[:100]]),
+        "command_rad.J0": 0.0,
+        "position_rad.J0": 0.0,
+        "touch.finger1": list(readings),
+    }
+    log = take("mujoco", "none", "push")
+    episodes = (EpisodeMeta(episode=0, protocol="free"), EpisodeMeta(episode=1, protocol="grasp"))
+    meta = log.meta.model_copy(update={"episodes": episodes, "channels": {}})
+    return Log(meta=meta, samples=pd.DataFrame(rows)), truth
+
+
+def test_the_skin_is_calibrated():
+    """Find offset, noise, drift and dead taxels; none of the rest counts as contact."""
+    log, truth = touched()
+    skin = tactile.calibrate_touch(log, (4, 4))["finger1"]
+    centred = truth["offset"] + truth["drift"] * 2.0  # the mean time of a rest of 4 s
+    assert skin.offset == pytest.approx(centred, abs=5 * truth["noise"] / np.sqrt(800) + 5e-8)
+    assert skin.noise == pytest.approx([truth["noise"]] * 16, rel=0.15)
+    assert (np.abs(skin.drift_s - truth["drift"]) < 5 * skin.drift_std_s).all()
+    assert skin.fastest_drift_s == pytest.approx(2e-5, rel=0.02)
+    assert skin.threshold == pytest.approx(5 * truth["noise"], rel=0.15)
+    assert skin.dead == (truth["dead"],)
+    assert skin.touched == 12
+    given = tactile.calibrate_touch(log, (4, 4), THRESHOLD_M)["finger1"]
+    assert given.threshold == THRESHOLD_M
+    assert given.false_share == 0.0
+
+
+def test_binarisation_is_the_papers():
+    """Count as contact what is above offset and threshold, and nothing below the offset."""
+    reading = np.array([0.0, 1.0, 2.0, 3.1])
+    assert tactile.binarise(reading, np.ones(4), 2.0).tolist() == [False, False, False, True]
+
+
+def test_skin_without_a_rest_is_not_calibrated(pushed):
+    """Ask for touch without contact where there is none."""
+    assert tactile.calibrate_touch(pushed, (16, 8)) == tactile.NO_READINGS
+
+
+def made_up() -> Calibration:
+    """A calibration of the hand as built, with numbers for J0 alone."""
+    nominal = world("built,link-mass=10%")
+    first = dataclasses.replace(
+        nominal.drives[0], kp_nm_rad=6.6, kd_nms_rad=0.135, play_rad=np.radians(1.25)
+    )
+    joint = JointGains(
+        scale=np.array([1.1, 0.9]),
+        search=gains.Found(scale=np.array([1.1, 0.9]), std=np.array([0.01, 0.01])),
+        spread=spread.Spread(std=np.array([0.02, 0.03]), correlation=0.9, confused=()),
+        channel=0,
+        samples=300,
+        error_rad=(2e-3, 1e-3),
+    )
+    names = nominal.hand.joint_names
+    play = backlash.Play(
+        held_rad=np.zeros(2),
+        rest_rad=np.zeros(2),
+        ends_rad=np.radians([[-1.24, 1.24], [-1.26, 1.26]]),
+        give_rad_nm=0.05,
+        residual_rad=1e-4,
+        reference="logged",
+        locks=True,
+    )
+    return Calibration(
+        nominal=nominal,
+        calibrated=nominal.with_drives((first, *nominal.drives[1:])),
+        joints={**dict.fromkeys(names, "not identifiable from this log"), "J0": joint},
+        plays={**dict.fromkeys(names, backlash.NO_PUSH), "J0": play},
+        touch=tactile.NO_READINGS,
+        touch_unit="m",
+        motions=(),
+        pushes=(),
+    )
+
+
+def written(path) -> CalibrationFile:
+    """The made-up calibration as a file."""
+    found = made_up()
+    content = CalibrationFile(
+        schema=1,
+        log="log",
+        source="test",
+        backend="mujoco",
+        hand="trx",
+        stick="reference",
+        nominal_effects="built,link-mass=10%",
+        seed=0,
+        effects=texts.effects_text(found, world(), "built,link-mass=10%"),
+        spread=texts.spread_text(found),
+        joints=joints_of(found, {"J0": ()}),
+        tactile=touch_of(found),
+    )
+    write_calibration(path, content)
+    return content
+
+
+def test_the_effects_are_the_calibrated_world(tmp_path):
+    """Write effects that give the calibrated world, and keep those that were not calibrated."""
+    found = made_up()
+    text = texts.effects_text(found, world(), "built,link-mass=10%")
+    assert text.startswith("link-mass=10%,backlash=1.250deg@J0,self-lock=10Nm@J0,kp-scale=+10")
+    given = world(text)
+    for a, b in zip(given.drives, found.calibrated.drives, strict=True):
+        assert dataclasses.astuple(a) == pytest.approx(dataclasses.astuple(b), rel=1e-9)
+    assert texts.effects_text(found, found.calibrated, "none") == (
+        "backlash=1.250deg@J0,self-lock=10Nm@J0,backlash=1.000deg@J3,self-lock=10Nm@J3,"
+        "backlash=1.000deg@J6,self-lock=10Nm@J6"
+    )
+
+
+def test_the_spread_is_as_sure_as_the_gains():
+    """Draw calibrated gains by their own spread, all else by the paper's."""
+    hand = world().hand
+    drawn = {
+        (texts.effect_name(e), e.joint): e.magnitude
+        for e in parse_spread(texts.spread_text(made_up()), hand)
+    }
+    paper = {texts.effect_name(e): e.magnitude for e in parse_spread(PAPER_SPREAD, hand)}
+    assert drawn[("kp-scale", "J0")] == pytest.approx(0.02)
+    assert drawn[("kd-scale", "J0")] == pytest.approx(0.03)
+    for joint in hand.joint_names[1:]:
+        assert drawn[("kp-scale", joint)] == paper["kp-scale"]
+    for name in set(paper) - {"kp-scale", "kd-scale"}:
+        assert drawn[(name, None)] == paper[name]
+
+
+def test_a_run_takes_a_calibration(tmp_path):
+    """Run in the calibrated world and draw domains around it."""
+    content = written(tmp_path / "calibration.yaml")
+    assert read_calibration(tmp_path / "calibration.yaml") == content
+    spec = commands.settings(
+        backend="bullet", task="eight", algo="sb3-ppo", smoke=False, calibration=tmp_path / FILE
+    )
+    assert (spec.effects, spec.spread) == (content.effects, content.spread)
+
+
+RUN = ["run", "--backend", "mujoco", "--task", "line"]
+
+
+def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
+    """Refuse two worlds at once, and a file that is none."""
+    written(tmp_path / FILE)
+    both = [*RUN, "--calibration", str(tmp_path / FILE), "--effects", "none"]
+    assert cli._run(both) == 2
+    assert "leave one of them out" in capfd.readouterr().err
+    assert cli._run([*RUN, "--calibration", str(tmp_path / "absent.yaml")]) == 2
+    assert "no calibration at" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"schema": 2}, "schema: input should be 1 (given: '2')"),
+        ({"effects": None}, "effects: input should be a valid string"),
+        ({"effects": "backlsh=1deg"}, "Did you mean 'backlash'?"),
+        ({"spread": "kp-scale=-5%"}, "is negative; allowed: from 0"),
+        ({"seeds": 1}, "seeds: extra inputs are not permitted"),
+        ({"hand": "left"}, "is of the hand 'left'"),
+    ],
+)
+def test_a_bad_calibration_names_field_value_and_rule(tmp_path, change, words, capfd):
+    """Name the field, its value and what is allowed."""
+    path = tmp_path / FILE
+    written(path)
+    data = {**yaml.safe_load(path.read_text()), **change}
+    path.write_text(yaml.safe_dump(data))
+    assert cli._run([*RUN, "--calibration", str(path)]) == 2
+    err = capfd.readouterr().err
+    assert words in err
+    assert "Traceback" not in err
+
+
+def test_gains_are_above_zero_in_a_file(tmp_path):
+    """Refuse a gain that is no gain, with its place in the file."""
+    path = tmp_path / FILE
+    written(path)
+    data = yaml.safe_load(path.read_text())
+    data["joints"]["J0"]["gains"]["kp_nm_rad"]["mean"] = -1.0
+    path.write_text(yaml.safe_dump(data))
+    with pytest.raises(CalibrationError, match="joints.J0.gains.Gains.kp_nm_rad.mean"):
+        read_calibration(path)
+
+
+def csv_log(folder, mechanism: dict, rows: list[str]):
+    """A user's log: eight lines of YAML and a CSV."""
+    folder.mkdir()
+    (folder / "log.yaml").write_text(
+        yaml.safe_dump({"schema": 1, "source": "robot", "mechanism": mechanism})
+    )
+    (folder / "samples.csv").write_text("\n".join(rows) + "\n")
+    return folder
+
+
+HEADER = "t_s,command_rad.J0,position_rad.J0"
+STILL = [f"{0.005 * k:.3f},0.0,0.0" for k in range(300)]
+TRX = {"hand": "trx"}
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "rows", "words"),
+    [
+        (TRX, [HEADER, *STILL], "no columns for J1, J3, J4, J6, J7; record every joint"),
+        (TRX, [HEADER, *STILL[:5]], "allowed: from 20"),
+        (TRX, [HEADER, *STILL[:100], "0.500,0.0,nan", *STILL[101:]], "no finite number"),
+        (TRX, [HEADER, *STILL[:100], *STILL[200:]], "hole of"),
+        ({"hand": "trix"}, [HEADER, *STILL], "Did you mean 'trx'?"),
+        ({"hand": "trx", "stick": "wood"}, [HEADER, *STILL], "no stick named 'wood'"),
+        ({"hand": "trx", "effects": "backlsh=1deg"}, [HEADER, *STILL], "Did you mean 'backlash'?"),
+        (
+            {"mjcf": "arm.xml", "joints": {"J0": {"kp": 1.0, "kd": 0.1}}},
+            [HEADER, *STILL],
+            "takes a hand that it knows by name: trx",
+        ),
+    ],
+)
+def test_bad_logs_give_one_message_and_exit_code_2(tmp_path, mechanism, rows, words, capfd):
+    """Refuse a log that cannot be used and say what is wrong with it."""
+    folder = csv_log(tmp_path / "log", mechanism, rows)
+    (folder / "arm.xml").write_text("<mujoco/>")
+    assert cli._run(["calibrate", str(folder), "--out", str(tmp_path / "out")]) == 2
+    out, err = capfd.readouterr()
+    assert words in err
+    assert "Traceback" not in err and out == ""
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["absent"], "no log folder at absent"),
+        (["LOG", "--backend", "bulet"], "Did you mean 'bullet'?"),
+        (["LOG", "--nominal-effects", "backlash=1"], "has no unit"),
+        (["LOG", "--threshold", "3"], "a length with m, cm or mm"),
+        (["LOG", "--threshold", "nanmm"], "--threshold in mm is nan"),
+        (["LOG", "--seed", "-1"], "--seed is -1"),
+        (["LOG", "--out", "TAKEN"], "choose another --out, or --force"),
+    ],
+)
+def test_bad_options_give_one_message_and_exit_code_2(tmp_path, options, words, capfd):
+    """Refuse what cannot be before anything is simulated."""
+    header = ",".join(["t_s", *(f"command_rad.{j},position_rad.{j}" for j in GAINS)])
+    rows = [f"{0.005 * k:.3f}" + ",0.0" * 12 for k in range(30)]
+    places = {"LOG": str(csv_log(tmp_path / "log", TRX, [header, *rows])), "TAKEN": str(tmp_path)}
+    written(tmp_path / FILE)
+    assert cli._run(["calibrate", *(places.get(o, o) for o in options)]) == 2
+    out, err = capfd.readouterr()
+    assert words in err
+    assert "Traceback" not in err and out == ""
+
+
+def test_a_log_at_rest_gives_reasons_and_no_numbers(tmp_path, capfd):
+    """Calibrate nothing from a log in which nothing moves, say why, and keep the nominal world."""
+    header = ",".join(["t_s", *(f"command_rad.{j},position_rad.{j}" for j in GAINS)])
+    rows = [f"{0.005 * k:.3f}" + ",0.0" * 12 for k in range(300)]
+    folder = csv_log(tmp_path / "log", {**TRX, "effects": "built"}, [header, *rows])
+    out = tmp_path / "out"
+    assert cli._run(["calibrate", str(folder), "--out", str(out), "--json"]) == 0
+    result = json.loads(capfd.readouterr().out)
+    for joint in result["joints"].values():
+        assert joint["gains"].startswith("not identifiable from this log: it moves by 0 deg")
+        assert joint["backlash"] == backlash.NO_PUSH
+    assert world(result["effects"]).digest == world("built").digest
+    assert read_calibration(out / FILE).tactile == tactile.NO_READINGS
+    assert sorted(p.name for p in out.glob("*.png")) == [f"{j}.png" for j in sorted(GAINS)]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("backend", ["bullet", "sapien"])
+def test_a_robot_without_motor_encoders_is_calibrated(tmp_path, backend, capfd):
+    """Recover another engine's gains and play from its links' angles alone."""
+    log = without_motor(take(backend, HIDDEN, "steps", "triangle", "multisine", "push"))
+    write_log(log, tmp_path / "log")
+    arguments = ["calibrate", str(tmp_path / "log"), "--out", str(tmp_path / "out"), "--json"]
+    assert cli._run(arguments) == 0
+    result = json.loads(capfd.readouterr().out)
+    for joint, found in result["joints"].items():
+        assert found["backlash"]["half_deg"] == pytest.approx(PLAY_DEG[joint], abs=PLAY_ERROR_DEG)
+        drive = world().drives[list(GAINS).index(joint)]
+        nominal = (drive.kp_nm_rad, drive.kd_nms_rad)
+        names = ("kp_nm_rad", "kd_nms_rad")
+        for name, plain, scale in zip(names, nominal, GAINS[joint], strict=True):
+            gain = found["gains"][name]
+            assert gain["mean"] == pytest.approx(plain * scale, rel=0.05)
+            assert abs(gain["mean"] - plain * scale) < 3 * gain["std"]

@@ -1,0 +1,410 @@
+"""A user's MJCF as a spec: MuJoCo's own equations; what cannot be had is refused."""
+
+import dataclasses
+import math
+import pickle
+import re
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from joblib.externals.loky.backend.reduction import dumps
+
+from backends import sticks, trx
+from backends._mjcf_drives import DAMPING, PD_SHARE, PERIODS_S, RIGID, STIFFNESS
+from backends.drive import drive_table, motor_tick
+from backends.mjcf import MjcfError, left_out, mechanism
+from backends.spec import Spec
+from backends.state import Array
+from benchmark import registry
+from benchmark.effects import effect_name
+from diagnosis.chain import chain, dynamics, workspace
+from diagnosis.log import (
+    DriveSettings,
+    Log,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    make_log,
+    name_of,
+)
+from diagnosis.nominal import mjcf_world, own_catalogue
+from diagnosis.replay import CHANNELS, Commands, limbs, replay
+
+
+def servo(kp: float = 20.0, kd: float = 0.4, limit: float = 3.0, **more: str) -> DriveSettings:
+    return DriveSettings(kp=kp, kd=kd, limit=limit, **more)
+
+
+PENDULUM = """<mujoco model="pendulum"><worldbody><body name="arm" euler="20 30 40">
+  <inertial mass="0.5" pos="0.02 0.01 -0.1" fullinertia="2e-3 3e-3 2e-3 2e-4 1e-4 -3e-4"/>
+  <joint name="a" axis="1 2 0.5" pos="0.01 0.02 0.03" armature="0.01"/>
+</body></worldbody></mujoco>"""
+RAIL = """<mujoco model="rail"><worldbody><body name="cart" euler="0 25 0">
+  <inertial mass="4" pos="0 0 0.1" diaginertia="0.1 0.1 0.1"/>
+  <joint name="x" type="slide" axis="1 0 0.2" armature="2"/>
+</body></worldbody></mujoco>"""
+GANTRY = """<mujoco model="gantry"><worldbody><body name="bridge" euler="0 0 30">
+  <inertial mass="4" pos="0 0 0" diaginertia="0.1 0.1 0.1"/>
+  <joint name="x" type="slide" axis="1 0 0" armature="2"/>
+  <body name="head" pos="0 0 0.2" euler="10 0 0"><inertial mass="1" pos="0 0 0"
+    diaginertia="0.1 0.1 0.1"/><joint name="z" type="slide" axis="0.3 0 1" armature="1"/></body>
+</body></worldbody></mujoco>"""
+ARM = """<mujoco model="arm"><compiler angle="radian"/><option gravity="0.3 -1 -9.5"/><worldbody>
+  <body name="base" pos="0 0 1" quat="0.9 0.1 0.3 -0.2"><geom type="sphere" size="0.1"/>
+    <body name="turret" pos="0 0 0.1" euler="0.3 -0.5 0.7">
+      <inertial mass="1.2" pos="0.03 0.02 0.1" fullinertia="6e-3 5e-3 4e-3 1e-3 -5e-4 7e-4"/>
+      <joint name="yaw" axis="0 0.1 1" pos="0 0.02 0" armature="0.02" damping="0.05"/>
+      <body name="upper" pos="0.1 0 0.2" euler="-0.4 0.2 1.1">
+        <inertial mass="0.8" pos="0.1 -0.01 0.02" diaginertia="1e-3 4e-3 4e-3"
+          quat="0.8 0.3 -0.4 0.1"/>
+        <joint name="shoulder" axis="0.2 1 -0.3" armature="0.02" frictionloss="0.03" ref="0.4"/>
+        <joint name="roll" axis="1 0 0" pos="0.05 0 0.01" armature="0.01"/>
+        <body name="bracket" pos="0.2 0 0" euler="0.5 0.5 0">
+          <inertial mass="0.1" pos="0.01 0 0" diaginertia="1e-4 1e-4 2e-4"/>
+          <body name="lower" pos="0.02 0 0.01" euler="0 0.6 0">
+            <inertial mass="0.4" pos="0.05 0 0" diaginertia="2e-4 5e-4 5e-4"/>
+            <joint name="reach" type="slide" axis="1 0.2 0" armature="0.5"/>
+          </body></body></body></body></body>
+</worldbody></mujoco>"""
+MECHANISMS = {
+    "pendulum": (PENDULUM, {"a": servo()}),
+    "rail": (RAIL, {"x": servo(kp=4000.0, kd=120.0, limit=200.0, sensor="motor")}),
+    "gantry": (GANTRY, {"x": servo(4000.0, 120.0, 200.0), "z": servo(3000.0, 90.0, 100.0)}),
+    "arm": (
+        ARM,
+        {
+            "roll": servo(8.0, 0.1, 2.0),
+            "yaw": servo(),
+            "shoulder": servo(30.0, 0.6, 20.0),
+            "reach": servo(900.0, 20.0, 30.0),
+        },
+    ),
+}
+"""A hinge, a slide, two slides, and a chain of hinges, a slide and a fixed link, all askew."""
+SAMPLES, TICKS = 300, 5
+
+
+def worlds() -> pytest.MarkDecorator:
+    return pytest.mark.parametrize("name", MECHANISMS)
+
+
+def commands(spec: Spec) -> Commands:
+    """Targets that step and drift, and pushes, drawn at random for every joint."""
+    rng, joints = np.random.default_rng(0), len(spec.hand.joint_names)
+    steps = np.repeat(rng.uniform(-0.3, 0.3, (SAMPLES // 50, joints)), 50, axis=0)
+    limit = np.array([d.torque_limit_nm for d in spec.drives])
+    return Commands(
+        ticks=np.arange(SAMPLES) * TICKS,
+        target=steps + 0.05 * np.cumsum(rng.normal(size=steps.shape), axis=0) / 20,
+        load=0.1 * limit * rng.normal(size=steps.shape),
+        start=np.zeros(joints),
+    )
+
+
+def bare(xml: str, dt_s: float) -> mujoco.MjModel:
+    """The MJCF as MuJoCo simulates its links alone: motors and their friction are taken out."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.dof_armature[:] = 0.0
+    model.dof_damping[:] = 0.0
+    model.dof_frictionloss[:] = 0.0
+    model.opt.timestep = dt_s
+    model.opt.integrator = mujoco.mjtIntegrator.mjINT_EULER
+    return model
+
+
+def simulated(model: mujoco.MjModel, spec: Spec, asked: Commands) -> Array:
+    """Joint and motor angles (2, T, J) by MuJoCo with the project's drive law, in spec order."""
+    names, table = spec.hand.joint_names, drive_table(spec)
+    data, at = mujoco.MjData(model), [model.joint(n).qposadr[0] for n in names]
+    data.qpos[at] = asked.start
+    motor, speed, out = asked.start.copy(), np.zeros(len(names)), []
+    for k in range(len(asked.target)):
+        out.append((data.qpos[at].copy(), motor.copy()))
+        for _ in range(TICKS):
+            for j in range(len(names)):
+                motor[j], speed[j], _, gear = motor_tick(
+                    asked.target[k, j],
+                    data.qpos[at[j]],
+                    data.qvel[at[j]],
+                    motor[j],
+                    speed[j],
+                    table[j],
+                    model.opt.timestep,
+                )
+                data.qfrc_applied[at[j]] = gear + asked.load[k, j]
+            mujoco.mj_step(model, data)
+    return np.array(out).transpose(1, 0, 2)
+
+
+@worlds()
+def test_replay_is_mujocos_own_simulation(name):
+    """Move like MuJoCo's links under the same drives, up to the rounding of 1500 steps."""
+    spec = mechanism(*MECHANISMS[name])
+    asked = commands(spec)
+    expected = simulated(bare(MECHANISMS[name][0], spec.timing.drive_s), spec, asked)
+    shown = replay(spec, asked)
+    motor = [body.joint.sensor == "motor" for body in spec.hand.driven]
+    sensed = np.where(motor, expected[1], expected[0])
+    assert np.ptp(expected[0], axis=0).min() > 0.05
+    assert np.abs(shown[CHANNELS.index("position")] - sensed).max() < 1e-9
+    assert np.abs(shown[CHANNELS.index("motor")] - expected[1]).max() < 1e-9
+
+
+@worlds()
+def test_masses_and_torques_are_mujocos(name):
+    """Give MuJoCo's mass matrix and bias torques at random states, up to rounding."""
+    xml, servos = MECHANISMS[name]
+    spec = mechanism(xml, servos)
+    model, bodies = bare(xml, 1e-3), chain(spec)
+    joints = model.nv
+    order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
+    data, full = mujoco.MjData(model), np.zeros((joints, joints))
+    mass, bias = np.zeros((joints, joints)), np.zeros(joints)
+    work = workspace(len(bodies.parent), joints)
+    for state in np.random.default_rng(1).uniform(-2, 2, (20, 2, joints)):
+        data.qpos[order], data.qvel[order] = state
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        dynamics(*state, bodies.numbers, work, mass, bias)
+        assert np.allclose(mass, full[np.ix_(order, order)], rtol=1e-12, atol=1e-13)
+        assert np.allclose(bias, data.qfrc_bias[order], rtol=1e-11, atol=1e-12)
+
+
+@worlds()
+def test_gears_are_rigid_and_stable(name):
+    """Choose gears stiffer than the drives that come to rest where teeth and motor push alike."""
+    spec = mechanism(*MECHANISMS[name])
+    for drive in spec.drives:
+        assert drive.gear_stiffness_nm_rad >= RIGID * drive.kp_nm_rad
+    joints = len(spec.hand.joint_names)
+    asked = Commands(
+        ticks=np.array([0, 20000, 20001]),
+        target=np.full((3, joints), 0.1),
+        load=np.zeros((3, joints)),
+        start=np.zeros(joints),
+    )
+    shown = replay(spec, asked)
+    assert np.abs(shown[CHANNELS.index("velocity")][1:]).max() < 1e-9
+
+
+def test_gears_of_coupled_joints_stay_below_the_bound():
+    """Keep the fastest mode of all gears and drives together below 4, where steps turn unstable."""
+    spec = mechanism(*MECHANISMS["arm"])
+    xml, dt_s = MECHANISMS["arm"][0], spec.timing.drive_s
+    model = bare(xml, dt_s)
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
+    k, c, a, kp, kd = (
+        np.diag([getattr(d, number) for d in spec.drives])
+        for number in (
+            "gear_stiffness_nm_rad",
+            "gear_damping_nms_rad",
+            "rotor_inertia_kgm2",
+            "kp_nm_rad",
+            "kd_nms_rad",
+        )
+    )
+    stiff = np.block([[k + kp, -k], [-k, k]]) * dt_s**2
+    stiff += 2 * dt_s * np.block([[c + kd, -c], [-c, c]])
+    worst = 0.0
+    for pose in np.random.default_rng(3).uniform(-1, 1, (200, model.nv)) * [np.pi, np.pi, np.pi, 1]:
+        data.qpos[order] = pose
+        mujoco.mj_forward(model, data)
+        mujoco.mj_fullM(model, data, full)
+        inertia = np.block([[a, 0 * a], [0 * a, full[np.ix_(order, order)]]])
+        worst = max(worst, float(np.abs(np.linalg.eigvals(np.linalg.solve(inertia, stiff))).max()))
+    assert 1.0 < worst < 4.0
+    assert STIFFNESS**2 + 4 * DAMPING * STIFFNESS + PD_SHARE < 4.0
+
+
+def test_armature_and_friction_are_the_motors():
+    """Read armature, damping and frictionloss as the motor's, in the order of the MJCF."""
+    spec = mechanism(*MECHANISMS["arm"])
+    assert spec.hand.joint_names == ("yaw", "shoulder", "roll", "reach")
+    assert [d.rotor_inertia_kgm2 for d in spec.drives] == [0.02, 0.02, 0.01, 0.5]
+    assert [d.viscous_nms_rad for d in spec.drives] == [0.05, 0.0, 0.0, 0.0]
+    assert [d.coulomb_nm for d in spec.drives] == [0.0, 0.03, 0.0, 0.0]
+    assert spec.drives[1].kp_nm_rad == 30.0 and spec.drives[1].torque_limit_nm == 20.0
+    assert [b.joint.slides for b in spec.hand.driven] == [False, False, False, True]
+
+
+def test_arms_on_one_base_are_limbs_of_their_own():
+    """Split what a standing base carries: its arms move independently of each other."""
+    arm = """<body name="{0}" pos="0 {1} 0"><inertial mass="1" pos="0.1 0 0"
+      diaginertia="1e-3 1e-3 1e-3"/><joint name="{0}" axis="0 1 0" armature="0.01"/></body>"""
+    xml = f"""<mujoco><worldbody><body name="base" pos="0 0 1"><inertial mass="9" pos="0 0 0"
+      diaginertia="1 1 1"/>{arm.format("left", 1)}{arm.format("right", -1)}
+      </body></worldbody></mujoco>"""
+    spec = mechanism(xml, {"left": servo(), "right": servo()})
+    assert [part.hand.joint_names for part in limbs(spec)] == [("left",), ("right",)]
+    assert [body.origin_m for body in spec.hand.bodies] == [(0, 1, 1), (0, -1, 1)]
+
+
+def test_weightless_worlds_weigh_nothing():
+    """Honour the flag that switches gravity off."""
+    flagged = PENDULUM.replace(
+        "<worldbody>", '<option><flag gravity="disable"/></option><worldbody>', 1
+    )
+    assert mechanism(flagged, {"a": servo()}).gravity_m_s2 == (0.0, 0.0, 0.0)
+
+
+def test_meshes_are_not_needed():
+    """Take a body with a mesh from its inertial, without the mesh's file."""
+    asset = '<asset><mesh name="m" file="arm.stl"/></asset><worldbody>'
+    with_mesh = PENDULUM.replace("<worldbody>", asset, 1).replace(
+        '<joint name="a"', '<geom type="mesh" mesh="m"/><joint name="a"'
+    )
+    servos = {"a": servo()}
+    assert mechanism(with_mesh, servos).digest == mechanism(PENDULUM, servos).digest
+
+
+def test_what_is_left_out_is_said():
+    """Name end stops, actuators and contacts, which the mechanism does not have."""
+    more = (
+        PENDULUM.replace('armature="0.01"/>', 'armature="0.01" range="-30 30"/>')
+        .replace("</body>", '<geom size="0.1"/></body><geom type="plane" size="1 1 1"/>')
+        .replace("</mujoco>", '<actuator><motor joint="a"/></actuator></mujoco>')
+    )
+    assert left_out(PENDULUM) == ()
+    said = " ".join(left_out(more))
+    assert "contacts of 2 geoms" in said and "end stops of a" in said and "1 actuators" in said
+
+
+LINK = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<joint", '<freejoint name="a"/><!-- <joint', "is a free joint; allowed: slide and hinge"),
+        ('axis="1 2 0.5"', 'type="ball"', "is a ball joint"),
+        ('name="a" axis', 'name="b" axis', "joint 'b' has no drive"),
+        ('name="a" axis', 'name="ab" axis', "did you mean 'ab'"),
+        ('name="a" axis', "axis", "a joint has no name"),
+        (' armature="0.01"', "", "has no armature: the inertia on the motor's side"),
+        ('armature="0.01"', 'armature="0.01" stiffness="3"', "has a spring"),
+        ("</worldbody>", "</worldbody><equality><joint joint1='a'/></equality>", "equality"),
+        (
+            "</worldbody>",
+            "</worldbody><tendon><fixed><joint joint='a' coef='1'/></fixed></tendon>",
+            "tendons",
+        ),
+        ('<body name="arm"', '<body name="arm" gravcomp="1"', "gravity compensation"),
+        ("<worldbody>", '<option density="1.2"/><worldbody>', "air or water"),
+        ("<worldbody>", "<worldbod>", "MuJoCo cannot compile"),
+        ('mass="0.5"', 'mass="-1"', "MuJoCo cannot compile"),
+        ("</body>", f'<body name="c">{LINK}<joint name="z" armature="1"/></body></body>', "'z'"),
+    ],
+)
+def test_what_cannot_be_honoured_is_refused(old, new, words):
+    """Say which part of an MJCF cannot be had, and what to do."""
+    xml = PENDULUM.replace(old, new, 1)
+    if "<!--" in new:
+        xml = xml.replace('armature="0.01"/>', 'armature="0.01"/> -->', 1)
+    assert xml != PENDULUM
+    with pytest.raises(MjcfError, match=words):
+        mechanism(xml, {"a": servo()})
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kp": 1e9}, "too stiff or too damped"),
+        ({"kd": 1e5}, "too stiff or too damped"),
+        ({"limit": None}, "has no limit"),
+    ],
+)
+def test_impossible_drives_are_refused(changes, words):
+    """Refuse gains that no drive period suits, and a drive without a limit."""
+    with pytest.raises(MjcfError, match=words):
+        mechanism(PENDULUM, {"a": servo().model_copy(update=changes)})
+
+
+def test_stiff_drives_get_a_shorter_period():
+    """Halve the drive period until the gear is rigid and the law stable."""
+    periods = [
+        mechanism(PENDULUM, {"a": servo(kp=kp)}).timing.drive_s for kp in (20.0, 800.0, 5000.0)
+    ]
+    assert periods[0] == 1e-3 and periods[0] > periods[1] > periods[2]
+
+
+def test_slides_replay_in_closed_form():
+    """Replay slides alike with and without the closed form: a hinge without use asks for none."""
+    spec = mechanism(*MECHANISMS["rail"])
+    asked = commands(spec)
+    dead = mechanism(*MECHANISMS["pendulum"]).hand.bodies[0]
+    both = dataclasses.replace(
+        spec, hand=dataclasses.replace(spec.hand, bodies=(*spec.hand.bodies, dead))
+    )
+    wide = Commands(
+        ticks=asked.ticks,
+        target=np.hstack([asked.target, np.zeros((SAMPLES, 1))]),
+        load=np.hstack([asked.load, np.zeros((SAMPLES, 1))]),
+        start=np.zeros(2),
+    )
+    difference = replay(both, wide)[:, :, :1] - replay(spec, asked)
+    assert np.abs(difference).max() < 1e-9 * math.sqrt(SAMPLES * TICKS)
+
+
+def robot_log(xml: str, joints: dict[str, DriveSettings], linear: bool = False) -> Log:
+    """A log of joints that step by 0.2 and answer with 0.15."""
+    time_s = np.arange(200) * 5e-3
+    samples = pd.DataFrame({"t_s": time_s})
+    for name in joints:
+        samples[name_of("command", name, linear)] = 0.2 * (time_s > 0.1)
+        samples[name_of("position", name, linear)] = 0.15 * (time_s > 0.2)
+    mechanism_ = MjcfMechanism(mjcf="robot.xml", joints=joints)
+    meta = LogMeta(schema=1, source="test", mechanism=mechanism_)
+    return make_log(meta, samples, xml)
+
+
+def test_a_drive_without_a_limit_gets_one_that_never_matters():
+    """Give it twice the torque that the largest error of the log asks for."""
+    world = mjcf_world(robot_log(PENDULUM, {"a": DriveSettings(kp=20.0, kd=0.4)}))
+    assert world.drives[0].torque_limit_nm == pytest.approx(2 * 20.0 * 0.2)
+
+
+@pytest.mark.parametrize(
+    ("log", "words"),
+    [
+        (lambda: robot_log(PENDULUM, {"a": servo()}, linear=True), "'a' turns in the MJCF"),
+        (lambda: robot_log(RAIL, MECHANISMS["rail"][1]), "'x' slides in the MJCF"),
+        (lambda: robot_log(ARM, {"yaw": servo()}), "robot.xml: joint 'shoulder' has no drive"),
+        (lambda: robot_log("<mujoco", {"a": servo()}), "robot.xml: MuJoCo cannot compile"),
+    ],
+)
+def test_logs_that_do_not_fit_their_mjcf_are_refused(log, words):
+    """Name the file, the joint and the columns that do not go together."""
+    with pytest.raises(LogError, match=words):
+        mjcf_world(log())
+
+
+def test_bounds_grow_with_the_mechanism_and_survive_other_processes():
+    """Allow friction up to the drive's scale; leave shares alone, and a hand's effects as such."""
+    kinds = {n: registry.load("effect", n) for n in ("coulomb-friction", "kp-scale")}
+    strong = robot_log(RAIL, MECHANISMS["rail"][1], linear=True)
+    wide = own_catalogue(kinds, mjcf_world(strong))
+    assert wide["kp-scale"] is kinds["kp-scale"]
+    assert wide["coulomb-friction"].bounds == pytest.approx((0.0, 0.8 * 200.0))
+    effect = wide["coulomb-friction"](magnitude=50.0, joint="x")
+    copy = pickle.loads(bytes(dumps(effect)))
+    assert copy == effect and effect_name(copy) == "coulomb-friction"
+    hand = trx.spec(sticks.STICKS["reference"])
+    every = {n: registry.load("effect", n) for n in registry.names("effect")}
+    assert own_catalogue(every, hand) == every
+
+
+def test_the_page_on_own_robots_describes_one_that_works():
+    """Make a mechanism of the MJCF and the drives that docs/own-robot.md shows."""
+    page = (Path(__file__).resolve().parents[2] / "docs/own-robot.md").read_text()
+    xml, settings = (
+        re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL).group(1) for kind in ("xml", "yaml")
+    )
+    joints = yaml.safe_load(settings)["mechanism"]["joints"]
+    world = mechanism(xml, {name: DriveSettings(**drive) for name, drive in joints.items()})
+    assert world.hand.joint_names == ("shoulder", "elbow")
+    assert world.timing.drive_s == PERIODS_S[0]

@@ -1,0 +1,259 @@
+"""What was made fast stays the same to the last bit, and `bench speed` measures what it says."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from backends import drive, kinematics, sticks, trx
+from backends.drive import DriveBank
+from backends.engine import Engine
+from backends.shard import simulate
+from backends.spec import Drive, Spec
+from backends.state import State
+from benchmark import _stopwatch, cli, registry, speed
+from benchmark.errors import CommandError
+from benchmark.run_spec import RunSpec, make_env, training_worlds
+from tasks.initial_states import sample_initial_states
+
+SIGNALS = tuple(f.name for f in dataclasses.fields(State))
+HEADLINE = (
+    "backend",
+    "envs",
+    "processes",
+    "env_steps_per_s",
+    "physics_steps_per_s",
+    "raw_physics_steps_per_s",
+    "overhead",
+)
+
+
+@pytest.fixture(params=registry.names("backend"))
+def engine(request: pytest.FixtureRequest) -> type[Engine]:
+    """Every engine that is installed."""
+    try:
+        return registry.load("backend", request.param)
+    except CommandError as error:
+        pytest.skip(str(error))
+
+
+def drawn(worlds: int) -> list[Spec]:
+    """Worlds as training draws them."""
+    return training_worlds(RunSpec(backend="mujoco", task="line", worlds=worlds), 0)
+
+
+def play(sim, periods: int, load: bool = False, coasts: tuple[int, ...] = ()) -> list[np.ndarray]:
+    """All signals of all states under restless targets, the bare engine coasting in between."""
+    specs = list(sim.specs)
+    start = sample_initial_states(specs, np.random.default_rng(0))
+    sim.reset(start, np.ones(len(specs), dtype=bool))
+    target = start.joint_rad + np.array([s.hand.preload_rad for s in specs])
+    rng, seen = np.random.default_rng(1), []
+    for _ in range(periods):
+        jerk = rng.uniform(-0.03, 0.03, target.shape)
+        state = sim.advance(target + jerk, np.zeros_like(target) if load else None)
+        seen += [getattr(state, name).copy() for name in SIGNALS]
+        for ticks in coasts:
+            sim.coast(ticks)
+    sim.close()
+    return seen
+
+
+def same(a: list[np.ndarray], b: list[np.ndarray]) -> bool:
+    """Whether two plays are equal to the last bit."""
+    return all(np.array_equal(x, y) for x, y in zip(a, b, strict=True))
+
+
+def test_compiled_drives_equal_plain_ones(engine: type[Engine]) -> None:
+    """Give with drives between compiled steps what they give in Python, over several teams."""
+    specs = drawn(11)
+    plain = play(engine(specs), 9, load=True)
+    assert same(play(engine(specs), 9), plain)
+
+
+def test_coasting_holds_the_last_torques(engine: type[Engine]) -> None:
+    """Coast 3 drive periods at once as one by one, on one core as on two, and move by it."""
+    specs = drawn(9)
+    at_once = play(engine(specs), 7, coasts=(3,))
+    assert same(play(engine(specs), 7, coasts=(1, 1, 1)), at_once)
+    assert same(play(simulate(engine, specs, 2), 7, coasts=(3,)), at_once)
+    assert not same(play(engine(specs), 7), at_once)
+
+
+def test_many_drives_at_a_time_equal_one_by_one() -> None:
+    """Turn rotors with every number of the drive law at work as `motor_tick` turns each."""
+    rng = np.random.default_rng(0)
+    own = {f.name: 0.02 for f in dataclasses.fields(Drive)}
+    spec = trx.spec(sticks.STICKS["reference"])
+    law = [Drive(**{k: v * rng.uniform(0.5, 2) for k, v in own.items()}) for _ in spec.drives]
+    spec = spec.with_drives(law)
+    bank, table = DriveBank([spec] * 3), drive.drive_table(spec)
+    motor, motor_speed = np.zeros((2, 3, len(law)))
+    for _ in range(200):
+        target, joint, speed_ = rng.normal(0, 0.05, (3, 3, len(law)))
+        torque = bank.step(target, joint, speed_)
+        for n, j in np.ndindex(motor.shape):
+            motor[n, j], motor_speed[n, j], pd, gear = drive.motor_tick(
+                target[n, j],
+                joint[n, j],
+                speed_[n, j],
+                motor[n, j],
+                motor_speed[n, j],
+                table[j],
+                spec.timing.drive_s,
+            )
+            assert (pd, gear) == (bank.pd_nm[n, j], torque[n, j])
+        assert np.array_equal(bank.motor_rad, motor)
+        assert np.array_equal(bank.motor_rad_s, motor_speed)
+    assert np.abs(torque).max() > 0
+
+
+def test_compiled_frames_equal_plain_ones() -> None:
+    """Walk to the fingertips as plain kinematics do, within the rounding of a chain's products."""
+    hand = trx.spec(sticks.STICKS["reference"]).hand
+    joint_rad = np.random.default_rng(0).uniform(-2, 2, (50, 6))
+    plain = kinematics.tip_frames(hand, joint_rad)
+    for left, right in zip(kinematics.TipChains(hand).frames(joint_rad), plain, strict=True):
+        assert left == pytest.approx(right, abs=20 * np.finfo(float).eps)
+
+
+def test_restart_observes_the_others_as_they_are() -> None:
+    """Return after a masked reset what reading every world anew returns."""
+    run = RunSpec(backend="mujoco", task="circle", worlds=5, observation="raw-taxels")
+    env = make_env(run, training_worlds(run, 0), 0, 1)
+    env.reset()
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        env.step(rng.uniform(-1, 1, (5, env.action_width)))
+    observed = env.reset(np.arange(5) == 2)
+    assert np.array_equal(observed, env._observe(env.state))
+    assert np.ptp(observed[np.arange(5) != 2], axis=0).any()
+    env.close()
+
+
+def test_state_bits_are_those_of_the_engine() -> None:
+    """Name the parts of a state as the engine that calls back does."""
+    mujoco = pytest.importorskip("mujoco")
+    from backends import _mujoco_drive as called
+
+    parts = {"QPOS": called.QPOS, "QVEL": called.QVEL, "USERDATA": called.USER}
+    parts["QFRC_APPLIED"] = called.APPLIED
+    for name, bit in parts.items():
+        assert bit == getattr(mujoco.mjtState, f"mjSTATE_{name}").value
+
+
+def test_unknown_client_is_refused() -> None:
+    """Raise for a client that was never connected instead of following a null pointer."""
+    pytest.importorskip("pybullet")
+    from backends._bullet_calls import pointer
+
+    with pytest.raises(RuntimeError, match="no client 1000"):
+        pointer(1000)
+
+
+def test_stripped_library_is_refused(tmp_path) -> None:
+    """Say what to install when a library does not tell where its symbols are."""
+    pytest.importorskip("pybullet")
+    from backends._bullet_calls import _symbol_values
+
+    head = bytearray(64)
+    head[40:48] = (64).to_bytes(8, "little")  # where the sections start
+    head[60:62] = (1).to_bytes(2, "little")  # how many there are
+    library = tmp_path / "stripped.so"
+    library.write_bytes(bytes(head) + bytes(64))
+    with pytest.raises(ImportError, match="stripped of its symbols"):
+        _symbol_values(str(library), ("main",))
+
+
+def test_a_world_takes_under_a_megabyte() -> None:
+    """Grow by less than 1 MB per drawn MuJoCo world, measured in a process of its own."""
+    code = (
+        "from benchmark import _memory; from benchmark.run_spec import *\n"
+        "held = []\n"
+        "for n in (16, 272):\n"
+        "    run = RunSpec(backend='mujoco', task='circle', worlds=n)\n"
+        "    env = make_env(run, training_worlds(run, 0), 0, 1)\n"
+        "    env.reset(); env.step(env.target_rad); held.append(_memory.held_mb())\n"
+        "print((held[1] - held[0]) / 272)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert 0 < float(done.stdout.splitlines()[-1]) < 1.0
+
+
+def measured(*arguments: str) -> list[str]:
+    """Arguments of a short measurement."""
+    return ["speed", "--backend", "mujoco", "--workers", "1", "--seconds", "0.1", *arguments]
+
+
+def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
+    """Print one JSON object with the headline of the best row, and write the rows and a picture."""
+    assert cli._run(measured("--worlds", "4,2", "--json", "--out", str(tmp_path))) == 0
+    result = json.loads(capfd.readouterr().out)
+    rows = result["rows"]
+    assert [row["envs"] for row in rows] == [2, 4]
+    for row in rows:
+        assert row["pressing"] == 1.0
+        assert row["physics_steps_per_s"] == pytest.approx(20 * row["env_steps_per_s"], rel=1e-3)
+        parts_us = sum(row["us_per_env_step"].values())
+        assert parts_us == pytest.approx(1e6 / row["env_steps_per_s"], rel=1e-3)
+    best = max(rows, key=lambda row: row["env_steps_per_s"])
+    assert {key: result[key] for key in HEADLINE} == {key: best[key] for key in HEADLINE}
+    assert len((tmp_path / "speed.csv").read_text().splitlines()) == 3
+    assert json.loads((tmp_path / "speed.json").read_text()) == result
+    assert (tmp_path / "speed.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_overhead_is_the_median_of_the_blocks_ratios() -> None:
+    """Compare a step and its share of restarts with the bare engine of the same block."""
+    blocks = _stopwatch._Blocks(
+        step_s=[1.0, 2.0, 30.0],
+        advance_s=[0.9, 1.8, 27.0],
+        raw_s=[1.0, 2.0, 10.0],
+        restart_s=[0.1, 0.1, 0.1],
+        pressing=[1.0, 1.0, 0.0],
+    )
+    timing = _stopwatch._summary(blocks)
+    assert timing.overhead[1] == pytest.approx(0.1)
+    assert (timing.step_s, timing.raw_s, timing.blocks) == (2.0, 2.0, 3)
+    assert timing.pressing == pytest.approx(2 / 3)
+
+
+def test_dropped_stick_is_no_measurement(monkeypatch, capfd) -> None:
+    """Refuse to compare where the stick slips out of the hand."""
+    spec = RunSpec(backend="mujoco", task="circle").world()
+    slippery = dataclasses.replace(spec, stick=dataclasses.replace(spec.stick, friction=0.01))
+    monkeypatch.setattr(speed, "training_worlds", lambda run, segment: [slippery] * run.worlds)
+    arguments = measured("--worlds", "2")
+    arguments[arguments.index("0.1")] = "1"
+    assert cli._run(arguments) == 1
+    assert "of the fingertips held the stick" in capfd.readouterr().err
+
+
+def test_more_than_the_memory_is_refused() -> None:
+    """Skip a batch that smaller ones say will not fit."""
+    rows = [{"envs": n, "memory_mb": 1e6 * n} for n in (1, 2)]
+    with pytest.raises(CommandError, match=r"4 worlds need about 4000\.0 GB of memory"):
+        speed._check_memory(rows, 4)
+    speed._check_memory(rows[:1], 4)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--backend", "bulet"], "Did you mean 'bullet'?"),
+        (["--worlds", "0"], "--worlds is 0; allowed: 1 to"),
+        (["--worlds", "4,x"], "--worlds is 'x'"),
+        (["--workers", "100000"], "--workers is 100000; allowed: 1 to"),
+        (["--seconds", "nan"], "allowed: 0.1 to 600"),
+        (["--seed", "-1"], "--seed is -1"),
+    ],
+)
+def test_what_cannot_be_measured_is_refused(arguments, words, capfd) -> None:
+    """Refuse bad options with one message and exit code 2."""
+    assert cli._run(["speed", *arguments]) == 2
+    err = capfd.readouterr().err
+    assert words in err
+    assert "Traceback" not in err

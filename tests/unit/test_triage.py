@@ -1,0 +1,333 @@
+"""Bug or physics: every bug put into a recorded log is named, and no effect is taken for one."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from pandas import DataFrame as Samples
+
+from backends import sticks, trx
+from backends.shard import simulate
+from benchmark import registry
+from benchmark.effects import parse_effects
+from diagnosis._bug_zeros import ZERO_RAD
+from diagnosis._bugs import Finding
+from diagnosis.diagnose import diagnose
+from diagnosis.evidence import Evidence, gather
+from diagnosis.log import Log, make_log
+from diagnosis.record import Plan, record
+from diagnosis.replay import Commands, replay
+from diagnosis.triage import KINDS, BugError, triage
+
+SPEC = trx.spec(sticks.STICKS["reference"])
+FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 0.005}
+PLAN = Plan(
+    protocols=("steps", "triangle", "multisine", "push"),
+    channels=("command", "position", "motor", "torque", "push"),
+)
+NOISE_RAD = 7e-4
+
+Change = Callable[[Samples], None]
+
+
+def recorded(effects: str) -> Log:
+    world = SPEC
+    for effect in parse_effects(effects, SPEC.hand):
+        world = effect.on_spec(world)
+    engine = registry.load("backend", "mujoco")
+    return record(lambda specs: simulate(engine, specs, 1), world, PLAN, "test")
+
+
+@pytest.fixture(scope="module")
+def ideal() -> Log:
+    return recorded("none")
+
+
+@pytest.fixture(scope="module")
+def built() -> Log:
+    """The hand with the play and the locks that the nominal world does not have."""
+    return recorded("built")
+
+
+def changed(log: Log, change: Change) -> Log:
+    samples = log.samples.copy()
+    change(samples)
+    return make_log(log.meta.model_copy(update={"channels": {}}), samples)
+
+
+def parts(log: Log) -> tuple[Evidence, ...]:
+    return gather(log, SPEC, FLOOR)
+
+
+def found(log: Log) -> tuple[Finding, ...]:
+    return triage(parts(log))
+
+
+def swapped(one: str, other: str) -> Change:
+    def change(samples: Samples) -> None:
+        samples[[one, other]] = samples[[other, one]].to_numpy()
+
+    return change
+
+
+def times(column: str, factor: float) -> Change:
+    def change(samples: Samples) -> None:
+        samples[column] *= factor
+
+    return change
+
+
+def plus(column: str, amount: float) -> Change:
+    def change(samples: Samples) -> None:
+        samples[column] += amount
+
+    return change
+
+
+def all_in_degrees(samples: Samples) -> None:
+    for column in [c for c in samples if c.startswith(("command", "position"))]:
+        samples[column] *= 180 / np.pi
+
+
+def by_episode(samples: Samples) -> Iterator[Samples]:
+    for _, part in samples.groupby("episode"):
+        yield part
+
+
+def changes_of_target(samples: Samples) -> None:
+    for part in by_episode(samples):
+        start = part["position_rad.J4"].iloc[0]
+        steps = np.diff(part["command_rad.J4"], prepend=start)
+        samples.loc[part.index, "command_rad.J4"] = steps
+
+
+def wrapped(samples: Samples) -> None:
+    """An absolute encoder whose range ends within the motion."""
+    samples["position_rad.J4"] = (samples["position_rad.J4"] + 2 + np.pi) % (2 * np.pi) - np.pi
+
+
+def clocked(late_s: float = 0.0, rate: float = 1.0) -> Change:
+    """Positions on another clock than commands."""
+
+    def change(samples: Samples) -> None:
+        for part in by_episode(samples):
+            t = part["t_s"].to_numpy()
+            for column in [c for c in samples if c.startswith("position")]:
+                values = np.interp(t * rate - late_s, t, part[column])
+                samples.loc[part.index, column] = values
+
+    return change
+
+
+def stamped(factor: float) -> Change:
+    return times("t_s", factor)
+
+
+BUGS: dict[str, tuple[Change, str, tuple[str, ...], str]] = {
+    "positions swapped": (
+        swapped("position_rad.J1", "position_rad.J4"),
+        "order",
+        ("J1", "J4"),
+        "J1 that of J4",
+    ),
+    "commands swapped": (
+        swapped("command_rad.J0", "command_rad.J1"),
+        "order",
+        ("J0", "J1"),
+        "J0 that of J1",
+    ),
+    "position turned": (times("position_rad.J1", -1), "sign", ("J1",), "times as far"),
+    "command turned": (times("command_rad.J3", -1), "sign", ("J3",), "times as far"),
+    "motor turned": (times("motor_rad.J1", -1), "sign", ("J1",), "the column 'motor'"),
+    "torque turned": (times("torque_nm.J7", -1), "sign", ("J7",), "the column 'torque'"),
+    "push turned": (times("push_nm.J1", -1), "sign", ("J1",), "pushes move"),
+    "position in degrees": (
+        times("position_rad.J0", 180 / np.pi),
+        "unit",
+        ("J0",),
+        "the position is in degrees",
+    ),
+    "command in degrees": (
+        times("command_rad.J0", 180 / np.pi),
+        "unit",
+        ("J0",),
+        "the command is in degrees",
+    ),
+    "position in turns": (
+        times("position_rad.J4", 1 / (2 * np.pi)),
+        "unit",
+        ("J4",),
+        "the position is in turns",
+    ),
+    "position in counts": (
+        times("position_rad.J0", 4096 / (2 * np.pi)),
+        "unit",
+        ("J0",),
+        "counts of 4096 per turn",
+    ),
+    "both in degrees": (all_in_degrees, "unit", SPEC.hand.joint_names, "both are in degrees"),
+    "zero a quarter turn off": (plus("position_rad.J0", np.pi / 2), "zero", ("J0",), "stand 90.0"),
+    "zero half a turn off": (plus("position_rad.J4", np.pi), "zero", ("J4",), "stand 180.0"),
+    "zero 20 degrees off": (plus("position_rad.J3", -np.radians(20)), "zero", ("J3",), "-20.0"),
+    "sensor wraps": (wrapped, "zero", ("J4",), "by up to 360 degrees in a sample"),
+    "changes for targets": (changes_of_target, "convention", ("J4",), "sum of the commands"),
+    "logged too late": (clocked(-0.06), "clock", SPEC.hand.joint_names, "ahead of its command"),
+    "on a late clock": (clocked(0.8), "clock", SPEC.hand.joint_names, "0.80 s later"),
+    "on a slow clock": (clocked(rate=0.99), "clock", SPEC.hand.joint_names, "% slow"),
+    "half the rate": (stamped(2.0), "clock", SPEC.hand.joint_names, "2 times too long"),
+    "double the rate": (stamped(0.5), "clock", SPEC.hand.joint_names, "2 times too short"),
+}
+
+
+@pytest.mark.parametrize("name", BUGS)
+def test_bugs_are_named(ideal, name):
+    """Name the kind and the joints of every bug, with what shows it."""
+    change, kind, joints, words = BUGS[name]
+    findings = found(changed(ideal, change))
+    assert {f.kind for f in findings} == {kind}
+    assert tuple(j for f in findings for j in f.joints) == joints
+    assert words in findings[0].evidence + findings[0].remedy
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "positions swapped",
+        "command turned",
+        "command in degrees",
+        "zero a quarter turn off",
+        "changes for targets",
+        "on a late clock",
+        "half the rate",
+    ],
+)
+def test_bugs_are_named_beside_physics(built, name):
+    """Name the kind also where the mechanism has play and locks that nobody told of."""
+    change, kind, joints, _ = BUGS[name]
+    findings = found(changed(built, change))
+    assert {f.kind for f in findings} == {kind}
+    assert set(joints) >= {j for f in findings for j in f.joints}
+
+
+def test_every_kind_is_tested():
+    """Have a bug of every kind."""
+    assert {kind for _, kind, _, _ in BUGS.values()} == set(KINDS)
+
+
+def test_targets_relative_to_their_starts_are_named(ideal):
+    """Know relative targets by episodes that start at several places, each with a command of 0."""
+
+    def change(samples: Samples) -> None:
+        for number, part in enumerate(by_episode(samples)):
+            for column in ("command_rad.J4", "position_rad.J4"):
+                samples.loc[part.index, column] += 0.1 * number
+            start = part["position_rad.J4"].iloc[0] + 0.1 * number
+            samples.loc[part.index, "command_rad.J4"] -= start
+
+    (finding,) = found(changed(ideal, change))
+    assert (finding.kind, finding.joints) == ("convention", ("J4",))
+    assert "add the first position" in finding.remedy
+
+
+def test_relative_targets_from_one_start_are_a_zero_that_is_off(ideal):
+    """Say both where one cannot tell them apart: every episode starts at the same place."""
+
+    def change(samples: Samples) -> None:
+        samples["command_rad.J4"] -= samples["position_rad.J4"].iloc[0]
+
+    (finding,) = found(changed(ideal, change))
+    assert (finding.kind, finding.joints) == ("zero", ("J4",))
+    assert "commands start at 0" in finding.evidence and "add the start" in finding.remedy
+
+
+def shown(log: Log, effects: str) -> Log:
+    """What a world with effects would have logged under the same commands, with sensor noise."""
+    world = SPEC
+    for effect in parse_effects(effects, SPEC.hand):
+        world = effect.on_spec(world)
+    rng, samples = np.random.default_rng(0), log.samples.copy()
+    for part in by_episode(samples):
+
+        def columns(kind: str, part: Samples = part) -> np.ndarray:
+            return part[[f"{kind}.{joint}" for joint in log.joints]].to_numpy()
+
+        asked = Commands(
+            ticks=np.round(part["t_s"].to_numpy() / SPEC.timing.drive_s).astype(np.int64),
+            target=columns("command_rad"),
+            load=columns("push_nm"),
+            start=columns("position_rad")[0],
+        )
+        reading = replay(world, asked)
+        reading[0] += NOISE_RAD * rng.normal(size=reading[0].shape)
+        for kind, row in (("position_rad", 0), ("motor_rad", 1), ("torque_nm", 3)):
+            names = [f"{kind}.{joint}" for joint in log.joints]
+            samples.loc[part.index, names] = reading[row]
+    return make_log(log.meta, samples)
+
+
+EFFECTS = (
+    "none",
+    "backlash=5deg@J0,self-lock=10Nm@J0",
+    "command-delay=150ms@J0,sensor-delay=50ms@J4",
+    "command-rate-limit=5s/rad@J1,command-rate-limit=1s/rad@J3",
+    "coulomb-friction=0.5Nm@J0,stiction=0.3Nm@J3",
+    "dead-zone=5deg@J0,series-elasticity=-50%@J3",
+    "encoder-bias=12deg@J1,encoder-bias=-5deg@J0",
+    "encoder-scale=-40%,encoder-resolution=1deg",
+    "gravity-tilt=60deg,link-mass=500%",
+    "kd-scale=100%",
+    "kp-scale=-70%@J0,kp-scale=200%@J3,kd-scale=-80%@J6",
+    "load-friction=80%@J0,rotor-inertia=0.002kgm2@J3",
+    "torque-limit=-80%@J1",
+    "viscous-friction=0.14Nms",
+)
+"""Far more than a working mechanism has of each."""
+
+
+@pytest.mark.parametrize("effects", EFFECTS)
+def test_effects_are_no_bugs(ideal, effects):
+    """Find no bug in what physics alone does, however large."""
+    assert found(shown(ideal, effects)) == ()
+
+
+def test_the_hand_as_built_has_no_bugs(built):
+    """Find no bug in the play and the locks of the hand on an engine."""
+    assert found(built) == ()
+
+
+@pytest.mark.parametrize(("share", "kinds"), [(0.8, set()), (1.3, {"zero"})])
+def test_the_border_between_bias_and_zero(ideal, share, kinds):
+    """Take offsets up to 15 degrees for a sensor's bias, and larger ones for a wrong zero."""
+    log = changed(ideal, plus("position_rad.J6", share * ZERO_RAD))
+    assert {f.kind for f in found(log)} == kinds
+
+
+def test_a_bug_stops_the_diagnosis(ideal):
+    """Report the bug in place of a cause."""
+    catalogue = {"kp-scale": registry.load("effect", "kp-scale")}
+    with pytest.raises(BugError, match="a bug, not physics: sign of J1") as raised:
+        diagnose(changed(ideal, times("position_rad.J1", -1)), SPEC, catalogue)
+    assert raised.value.findings[0].kind == "sign"
+
+
+def test_joints_that_move_alike_are_not_swapped(ideal):
+    """Leave the order alone where two joints are commanded alike: nothing can tell them apart."""
+
+    def alike(samples: Samples) -> None:
+        for kind in ("command_rad", "position_rad"):
+            for joint in ("J3", "J6"):
+                samples[f"{kind}.{joint}"] = samples[f"{kind}.J0"]
+
+    assert found(changed(ideal, alike)) == ()
+
+
+def test_joints_that_stand_still_have_no_bugs(ideal):
+    """Say nothing of joints that are not moved."""
+
+    def still(samples: Samples) -> None:
+        for joint in SPEC.hand.joint_names:
+            for kind in ("command_rad", "position_rad"):
+                samples[f"{kind}.{joint}"] = samples[f"{kind}.{joint}"].iloc[0]
+            samples[f"push_nm.{joint}"] = 0.0
+
+    assert found(changed(ideal, still)) == ()
