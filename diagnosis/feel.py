@@ -80,7 +80,9 @@ def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Repo
         return Report(missing=(f"{', '.join(sought)}: {why}",))
     binary = log.meta.channels["touch"].unit == "1"
     mute = [] if binary else [name for name in sought if name in ANSWERS]
-    missing: tuple[str, ...] = (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
+    missing: tuple[str, ...] = (
+        (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
+    )
     blur = max(blur_m(nominal, part) for part in parts)
     if blur > BLUR_M:
         parts, blur = [smoothed(part) for part in parts], blur * CALMER

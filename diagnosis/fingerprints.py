@@ -30,7 +30,7 @@ WINDOW = 24
 """Samples in a window of which the noise is taken."""
 QUIET = 0.25
 """Noise is the variance that this share of all windows stays under, corrected for the choice."""
-WHITE, DEGREES = (2.6, 4.2), 9.1
+WHITE, DEGREES = (2.6, 4.2), 9.35
 """Fourth over third differences' variance of white noise is 70 / 20; smooth motion has less than 1.
 Degrees of freedom in a window: 21 third differences with correlations -0.75, 0.3 and -0.05."""
 LEAST_NOISE_RAD, LEAST_EXCESS = 2e-5, 1.25
