@@ -115,6 +115,8 @@ def test_interrupt_exits_130_and_keeps_the_folder(tmp_path):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        # A suite that runs in the background is told to ignore Ctrl-C, and its children with it.
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     deadline = time.monotonic() + 100
     while not list(folder.glob("checkpoint-*.pt")) and time.monotonic() < deadline:

@@ -51,7 +51,9 @@ def children(pid: int) -> list[int]:
 def start(*arguments: str) -> subprocess.Popen:
     """The command in a process of its own."""
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
-    return subprocess.Popen([*BENCH, *arguments], **pipes)
+    # A suite that runs in the background is told to ignore Ctrl-C, and its children with it.
+    hears = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.SIG_DFL)}
+    return subprocess.Popen([*BENCH, *arguments], **pipes, **hears)
 
 
 def wait_for(condition, timeout_s: float = 100) -> None:
@@ -229,11 +231,11 @@ def test_a_hanging_cell_is_killed(tmp_path, monkeypatch):
     """Kill a cell that stands still and hears no signal, and write down why it ended."""
     monkeypatch.setattr(_cell, "GRACE_S", 0.5)
     endless = cell(tmp_path, algo="sb3-ppo", smoke=False)
-    stopped = []
+    others, stopped = children(os.getpid()), []
 
     def freeze(cell: Cell) -> bool:
         if not stopped and (cell.path / "run.json").exists():
-            stopped.extend(children(os.getpid()))
+            stopped.extend(pid for pid in children(os.getpid()) if pid not in others)
             os.kill(stopped[0], signal.SIGSTOP)
         return False
 
