@@ -39,8 +39,6 @@ class Finding:
     """Probability that it is right."""
     ties: tuple[str, ...] = ()
     """Effects that this log cannot tell from it."""
-    instead: bool = False
-    """Whether it takes the place of what replays found on its joints, or stands beside it."""
     evidence: str
     """What in the log says so."""
 

@@ -15,8 +15,9 @@ from backends.spec import Encoder
 from backends.state import Array
 from diagnosis.evidence import Evidence
 from diagnosis.finding import Finding, confidence, gap, share, together
+from diagnosis.losses import dropouts
 from diagnosis.replay import replay as play
-from diagnosis.verdict import rules
+from diagnosis.verdict import LimbVerdict, rules
 
 LEAST_STEP_RAD = 1e-5
 """Finer combs are how numbers are stored, not how an encoder reads."""
@@ -56,6 +57,21 @@ class Noise:
     interval_rad: tuple[float, float]
     lead_nats: float
     """Log-likelihood of the quiet windows' variance over that of the nominal noise."""
+
+
+def fingerprints(
+    parts: Sequence[Evidence],
+    catalogue: Mapping[str, type[Effect]],
+    limbs: Sequence[LimbVerdict] = (),
+) -> tuple[Finding, ...]:
+    """Random effects in the evidence of a mechanism's limbs.
+
+    `limbs` are their verdicts by replay, where there are any: residuals are taken against these.
+    """
+    found = sensors(parts, catalogue)
+    if "command-dropout" in catalogue:
+        found += dropouts(parts, limbs)
+    return found
 
 
 def sensors(

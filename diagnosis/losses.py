@@ -80,7 +80,6 @@ def _finding(paths: Sequence[tuple[Decoding, Path]], lead: float) -> tuple[Findi
             gap_before=before,
             gap_after=after,
             confidence=confidence(lead),
-            instead=not any(d.richer for d, _ in paths if d.lead(d.all) >= ACCUSE_NATS),
             evidence=f"{losses} of {count} packets whose loss would show were lost, at random",
         ),
     )

@@ -30,8 +30,6 @@ AWAKE = 10
 """Innovations are taken within so many samples after a new target."""
 CLIP = 4.5
 """Residuals count for their memory up to so many medians."""
-EFFECT_NATS = 15.0
-"""A world with another effect must be better by this."""
 DECISIVE_NATS = 8.0
 """A packet is decisive where the opposite decision alone would show by this."""
 APART = 16
@@ -75,8 +73,6 @@ class Decoding:
     """Losses of all joints' packets together."""
     single: Path | None
     """Losses of one joint's packets alone; None where there is one joint, or nothing was lost."""
-    richer: bool
-    """Whether that is in a later one of the worlds, which has effects of its own."""
 
     def lead(self, path: Path) -> float:
         """How far a path is ahead of none [nats]."""
@@ -84,20 +80,19 @@ class Decoding:
 
 
 def decoding(part: Evidence, worlds: Sequence[Spec]) -> Decoding:
-    """Lost packets in a limb's evidence, in the world that explains it best; the nominal first."""
+    """Lost packets in a limb's evidence, whichever of the worlds explains it best."""
     tries = [_searched(part, world, part.joints) for world in worlds]
-    best = min(range(len(worlds)), key=lambda k: tries[k][0].nats + EFFECT_NATS * k)
-    if len(part.joints) > 1 and any(lost.any() for lost in tries[best][0].lost):
-        tries += [_searched(part, worlds[best], (name,)) for name in part.joints]
+    best = min(tries, key=lambda pair: pair[0].nats)[0]
+    if len(part.joints) > 1 and any(lost.any() for lost in best.lost):
+        tries += [_searched(part, best.world, (name,)) for name in part.joints]
     scale = max((s for _, s in tries), key=lambda s: float(np.log(s.weight).sum()))
     paths = [_path(part, p.world, p.lossy, scale, 0.0, p.lost) for p, _ in tries]
     return Decoding(
         part=part,
         scale=scale,
         plain=min((_without(part, w, scale) for w in worlds), key=lambda p: p.nats),
-        all=paths[best],
+        all=min(paths[: len(worlds)], key=lambda p: p.nats),
         single=min(paths[len(worlds) :], key=lambda p: p.nats, default=None),
-        richer=best > 0,
     )
 
 
@@ -237,25 +232,20 @@ def _scale(part: Evidence, path: Path) -> Scale:
 
 
 def decisive(part: Evidence, path: Path, scale: Scale) -> list[Array]:
-    """Packets whose loss would show by itself, and those after a lost one: by recording (T,), bool.
-
-    Judged where all others arrive, so that it does not depend on what was decoded around.
-    """
-    nothing = [np.zeros_like(lost) for lost in path.lost]
-    whole = _path(part, path.world, path.lossy, scale, 0.0, nothing)
-    moves, found = news(part, whole), nothing
+    """Packets of which the opposite decision would show by itself, by recording (T,), bool."""
+    moves = news(part, path)
+    found = [np.zeros(len(lost), dtype=bool) for lost in path.lost]
     for phase in range(APART):
-        turned = [
-            (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1) for move in moves
-        ]
+        turned = []
+        for lost, move in zip(path.lost, moves, strict=True):
+            due = (np.arange(len(lost)) % APART == phase) & (move > SAME).any(axis=1)
+            turned.append(lost ^ due)
         other = _path(part, path.world, path.lossy, scale, 0.0, turned)
         for k, recording in enumerate(part.recordings):
             logged = np.isfinite(recording.measured).any(axis=1)
-            apart = np.where(logged, other.shown[k] - whole.shown[k], 0.0)
-            found[k] |= turned[k] & (_ahead(apart, scale) >= DECISIVE_NATS)
-    for clear, lost in zip(found, path.lost, strict=True):
-        for k in range(1, len(clear)):
-            clear[k] |= clear[k - 1] and lost[k - 1]
+            apart = np.where(logged, other.shown[k] - path.shown[k], 0.0)
+            due = turned[k] != path.lost[k]
+            found[k] |= due & (_ahead(apart, scale) >= DECISIVE_NATS)
     return found
 
 
