@@ -10,10 +10,10 @@ from backends.effect import UNITS, Effect, NumberEffect
 from backends.spec import Spec
 from benchmark import registry
 from benchmark.effects import effect_name, parse_effects
-from diagnosis import wording
+from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.verdict import NONE, LimbVerdict
 from diagnosis.diagnose import Diagnosis
-from diagnosis.magnitudes import Magnitude
-from diagnosis.verdict import NONE, LimbVerdict
+from diagnosis.report.report import wording
 
 SHOWN, SHOWN_OF_NONE = 4, 2
 """Candidates per limb in the summary, and where no limb shows an effect."""

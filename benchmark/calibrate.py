@@ -17,7 +17,7 @@ from benchmark.console import Bar
 from benchmark.effects import parse_effects, parse_spread
 from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import usable_cores
-from benchmark.run_spec import HANDS, within
+from benchmark.run_spec import HANDS, refuse, within
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
 from diagnosis.calibration.result import (
@@ -29,17 +29,13 @@ from diagnosis.calibration.result import (
     touch_of,
     write_calibration,
 )
-from diagnosis.log import HandMechanism, Log, LogError, read_log
+from diagnosis.logs.log import HandMechanism, Log, LogError, MjcfMechanism, read_log
+from diagnosis.replay.nominal import mjcf_world
 
 FILE = "calibration.yaml"
 OUT = Path("calibrations")
 THRESHOLD_MM = 10.0
 """Deepest threshold of a taxel that makes sense."""
-PROBES = (
-    "viscous-friction=10mNms,coulomb-friction=10mNm,rotor-inertia=200gcm2,link-mass=20%,"
-    "command-delay=2ms,series-elasticity=20%,torque-limit=-20%"
-)
-"""What gains may be confounded with, in sizes that a real drive may differ by."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,18 +73,18 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
 
     try:
         log = read_log(settings.path)
-        effects, nominal = _nominal(log, settings)
+        ideal, effects = _ideal(log, settings.backend), _nominal_effects(log, settings)
+        nominal = _nominal(ideal, effects, settings.backend)
         with Bar(f"calibrate {settings.path.name}", TOTAL) as bar:
             found = calibrate(
                 start,
                 nominal,
                 log,
-                parse_effects(PROBES, nominal.hand),
                 threshold_m,
                 np.random.default_rng(settings.seed),
                 bar.update,
             )
-            content = _content(found, log, effects, settings)
+            content = _content(found, log, ideal, effects, settings)
             folder.mkdir(parents=True, exist_ok=True)
             pictures = plot.draw(start, found, folder)
         write_calibration(folder / FILE, content)
@@ -110,13 +106,12 @@ def world_of(path: Path, hand: str) -> dict[str, str]:
     """Effects and spread of a calibration, as fields of a RunSpec for `hand`; UsageError."""
     try:
         found = read_calibration(path)
-        spec = HANDS[hand].HAND
-        parse_effects(found.effects, spec)
-        parse_spread(found.spread, spec)
+        if found.hand != hand:
+            raise UsageError(f"it is of the mechanism '{found.hand}'; this is '{hand}'")
+        parse_effects(found.effects, HANDS[hand].HAND)
+        parse_spread(found.spread, HANDS[hand].HAND)
     except (CalibrationError, UsageError) as error:
         raise UsageError(f"--calibration {path}: {error}") from error
-    if found.hand != hand:
-        raise UsageError(f"--calibration {path} is of the hand '{found.hand}'; this is '{hand}'")
     return {"effects": found.effects, "spread": found.spread}
 
 
@@ -125,30 +120,45 @@ def _refuse_taken(folder: Path, force: bool) -> None:
         raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
 
 
-def _nominal(log: Log, settings: Settings) -> tuple[str, Spec]:
-    """The effects of the nominal world as text, and the world itself."""
+def _ideal(log: Log, backend: str) -> Spec:
+    """The log's mechanism without effects; raises UsageError or LogError where it is unknown."""
     mechanism = log.meta.mechanism
-    if not isinstance(mechanism, HandMechanism):
-        raise UsageError(
-            f"{settings.path} is of the mechanism '{mechanism.mjcf}'; `bench calibrate` takes a "
-            f"hand that it knows by name: {', '.join(HANDS)}; `bench diagnose` takes any"
-        )
+    if isinstance(mechanism, MjcfMechanism):
+        spec = mjcf_world(log)
+        slides = [body.joint.name for body in spec.hand.driven if body.joint.slides]
+        refused = registry.load("backend", backend).support["joint.slides"]
+        if slides and refused.startswith("refused"):
+            raise UsageError(
+                f"{', '.join(slides)} slides; allowed with {backend}: hinges; `bench diagnose` "
+                "takes slides and refits their nominal parameters"
+            )
+        return spec
     if mechanism.hand not in HANDS:
         raise unknown("hand", mechanism.hand, HANDS)
     if mechanism.stick not in STICKS:
         raise unknown("stick", mechanism.stick, STICKS)
-    hand = HANDS[mechanism.hand]
-    text = mechanism.effects if settings.nominal_effects is None else settings.nominal_effects
-    spec: Spec = hand.spec(STICKS[mechanism.stick])
-    for effect in parse_effects(text, hand.HAND):
-        spec = effect.on_spec(spec)
-    return text, spec
+    return HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
 
 
-def _content(found: Calibration, log: Log, effects: str, settings: Settings) -> CalibrationFile:
+def _nominal_effects(log: Log, settings: Settings) -> str:
+    if settings.nominal_effects is not None:
+        return settings.nominal_effects
     mechanism = log.meta.mechanism
-    assert isinstance(mechanism, HandMechanism)
-    ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+    return mechanism.effects if isinstance(mechanism, HandMechanism) else "none"
+
+
+def _nominal(ideal: Spec, text: str, backend: str) -> Spec:
+    """The world that is calibrated: the ideal one with effects."""
+    effects = parse_effects(text, ideal.hand)
+    refuse(effects, registry.load("backend", backend).support, backend)
+    for effect in effects:
+        ideal = effect.on_spec(ideal)
+    return ideal
+
+
+def _content(
+    found: Calibration, log: Log, ideal: Spec, effects: str, settings: Settings
+) -> CalibrationFile:
     confounded = {
         name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
         for name, joint in found.joints.items()
@@ -159,8 +169,8 @@ def _content(found: Calibration, log: Log, effects: str, settings: Settings) -> 
         log=str(settings.path),
         source=log.meta.source,
         backend=settings.backend,
-        hand=mechanism.hand,
-        stick=mechanism.stick,
+        hand=ideal.hand.name,
+        stick=ideal.stick.name,
         nominal_effects=effects,
         seed=settings.seed,
         effects=texts.effects_text(found, ideal, effects),

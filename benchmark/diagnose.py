@@ -24,14 +24,14 @@ from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
-from diagnosis.agreement import apart_rad
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.verdict import NONE, rules
 from diagnosis.diagnose import Diagnosis, Judge, Judged, SideBySide, diagnose
-from diagnosis.evidence import Evidence
-from diagnosis.log import HandMechanism, Log, LogError, read_log
-from diagnosis.nominal import left_out, mjcf_world, own_catalogue
-from diagnosis.report import page
-from diagnosis.verdict import NONE, rules
-from diagnosis.wording import sentence
+from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.replay.agreement import apart_rad
+from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
+from diagnosis.report.report import page
+from diagnosis.report.wording import sentence
 
 FILE, REPORT = "diagnosis.json", "report.html"
 OUT = Path("diagnoses")

@@ -12,8 +12,8 @@ from benchmark import registry
 from benchmark.errors import UsageError
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS, within
-from diagnosis.excitation import FREE, Excitation, Joints, hand_joints
-from diagnosis.log import LogError, check_target, name_of, write_log
+from diagnosis.logs.log import LogError, check_target, name_of, write_log
+from diagnosis.recording.excitation import FREE, Excitation, Joints, hand_joints
 
 RATES_HZ = (20.0, 1000.0)
 DEFAULT_HAND = "trx"

@@ -14,10 +14,10 @@ from benchmark.effects import effect_name, parse_effects
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_spec import RunSpec, within
-from diagnosis import record as recording
-from diagnosis.excitation import OPEN_LOOP
-from diagnosis.log import Log, LogError, check_target, write_log
-from diagnosis.record import ALWAYS, CHANNELS, Plan, Policy
+from diagnosis.logs.log import Log, LogError, check_target, write_log
+from diagnosis.recording import record as recording
+from diagnosis.recording.excitation import OPEN_LOOP
+from diagnosis.recording.record import ALWAYS, CHANNELS, Plan, Policy
 from tasks.batch import SimulationDivergedError
 
 _STEPS = 100

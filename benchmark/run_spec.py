@@ -4,15 +4,16 @@ import dataclasses
 import hashlib
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from backends import trx
+from backends.effect import Effect
 from backends.randomize import randomize
 from backends.shard import simulate
-from backends.spec import Hand, Spec
+from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark import registry
 from benchmark.effects import effect_name, parse_effects, parse_spread
@@ -103,16 +104,18 @@ def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> Batch
     engine = registry.load("backend", run.backend)
     task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
     observation = registry.load("observation", run.observation)(worlds[0].hand)
-    _refuse(run, engine.support, worlds[0].hand)
+    hand = worlds[0].hand
+    effects = parse_effects(run.effects, hand) + parse_spread(run.spread, hand)
+    refuse(effects, engine.support, run.backend)
     return BatchEnv(simulate(engine, worlds, workers), task, observation, seed)
 
 
-def _refuse(run: RunSpec, support: Mapping[str, str], hand: Hand) -> None:
+def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) -> None:
     """Raise UsageError for an effect that the engine cannot have."""
-    for effect in parse_effects(run.effects, hand) + parse_spread(run.spread, hand):
+    for effect in effects:
         for field in effect.spec_fields():
             if effect.magnitude != 0.0 and support[field].startswith("refused"):
-                raise UsageError(f"{effect_name(effect)} is {support[field]} ({run.backend})")
+                raise UsageError(f"{effect_name(effect)} is {support[field]} ({backend})")
 
 
 def training_worlds(run: RunSpec, segment: int) -> list[Spec]:

@@ -11,15 +11,15 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.attribute import Ranked
-from diagnosis.evidence import Evidence, gather
-from diagnosis.excitation import FREE
-from diagnosis.experiments import Trials, tie, told_of
-from diagnosis.locate import Place, locate
-from diagnosis.log import Log, LogError
-from diagnosis.magnitudes import Magnitude, magnitudes, merge
-from diagnosis.triage import refuse_bugs
-from diagnosis.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
+from diagnosis.attribution.attribute import Ranked
+from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.experiments import Trials, tie, told_of
+from diagnosis.attribution.locate import Place, locate
+from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
+from diagnosis.logs.log import Log, LogError
+from diagnosis.recording.excitation import FREE
+from diagnosis.triage.triage import refuse_bugs
 
 BLOCK, RESAMPLES = 50, 400
 """Samples that are resampled together, and how often, for intervals over held-out samples."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.spec import Drive, Spec
 from backends.state import Array
-from diagnosis.chain import chain, dynamics, workspace
+from diagnosis.replay.chain import chain, dynamics, workspace
 
 
 def pendulum_period_s(inertia_kgm2: float, moment_nm: float, amplitude_rad: float) -> float:

@@ -11,7 +11,7 @@ from diagnosis.blind.files import Commitment
 
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = "diagnosis.diagnose"
-RULES = "diagnosis/rules.yaml"
+RULES = "diagnosis/attribution/rules.yaml"
 
 
 def imported(entry: str) -> set[str]:

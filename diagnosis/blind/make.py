@@ -19,7 +19,15 @@ from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
 from diagnosis.blind.motion import RATE_HZ, Motion
 from diagnosis.blind.plant import Plant
-from diagnosis.log import EpisodeMeta, HandMechanism, Log, LogMeta, make_log, name_of, write_log
+from diagnosis.logs.log import (
+    EpisodeMeta,
+    HandMechanism,
+    Log,
+    LogMeta,
+    make_log,
+    name_of,
+    write_log,
+)
 
 PLANT = "plant"
 TORQUE_NOISE = 0.02

@@ -13,14 +13,14 @@ import numpy as np
 
 from backends.effect import Effect
 from backends.state import Array
+from diagnosis.attribution.candidates import RANDOM, nuisances
+from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.fit import Fit, Fitter
+from diagnosis.attribution.verdict import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
-from diagnosis.candidates import RANDOM, nuisances
 from diagnosis.diagnose import shrinkage
-from diagnosis.evidence import Evidence, gather
-from diagnosis.fit import Fit, Fitter
-from diagnosis.log import read_log
-from diagnosis.verdict import rules
+from diagnosis.logs.log import read_log
 
 DETECTABLE_NATS = 6.0
 """Chosen before any case was drawn: what the solver's first rules asked of an accusation."""

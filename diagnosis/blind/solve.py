@@ -8,7 +8,7 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
 from diagnosis.diagnose import Diagnosis, diagnose, shrinkage
-from diagnosis.log import HandMechanism, LogError, read_log
+from diagnosis.logs.log import HandMechanism, LogError, read_log
 
 
 def solve(folder: Path, excluded: tuple[str, ...], catalogue: Mapping[str, type[Effect]]) -> dict:

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backends.spec import Spec
+from backends.spec import Drive, Spec
 from backends.state import Array
+from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 PUSHED_SHARE = 0.3
@@ -27,8 +28,8 @@ VARIED_SHARE = 0.05
 """A push that varies less than this, over its largest, cannot tell give from play."""
 SAME_HOLD_RAD = 1e-3
 """Presses whose commands differ by less are at one position."""
-LOCK_NM = 10.0
-"""A lock that holds whatever a push test pushes."""
+LOCK_NM, LOCK_LIMITS = 10.0, 5.0
+"""A lock holds whatever a push test pushes: this, or so many times the drive's largest torque."""
 SMALLEST_RAD = {"logged": np.radians(0.02), "replayed": np.radians(0.05)}
 """Half plays under this are none [rad]; a replayed motor has nominal friction, not its own."""
 REST_SAMPLES = 3
@@ -53,7 +54,7 @@ class Play:
     give_rad_nm: float
     """Elastic give of the teeth [rad/Nm]."""
     residual_rad: float
-    """Standard deviation of what neither play nor give explains [rad]."""
+    """Mean absolute part that neither play nor give explains [rad]."""
     reference: str
     """Where the motor's angle comes from: 'logged' or 'replayed'."""
     locks: bool = False
@@ -100,8 +101,9 @@ def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> di
     names = nominal.hand.joint_names
     if not pushes:
         return dict.fromkeys(names, NO_PUSH)
-    free, locked = (_locking(nominal, lock_nm) for lock_nm in (0.0, LOCK_NM))
-    shown = replay(simulate, [free, locked], pushes)
+    free = [dataclasses.replace(drive, lock_nm=0.0) for drive in nominal.drives]
+    locked = [dataclasses.replace(drive, lock_nm=lock_of(drive)) for drive in nominal.drives]
+    shown = replay(simulate, [nominal.with_drives(d) for d in (free, locked)], pushes)
     return {name: _test(nominal, pushes, shown, j) for j, name in enumerate(names)}
 
 
@@ -127,7 +129,10 @@ def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -
 def _fit(
     pushes: Sequence[Motion], motor_rad: list[Array], j: int, nominal_give: float, reference: str
 ) -> Play | None:
-    """Least squares: an end of the play per position and side, and one give for all."""
+    """Least absolute errors: an end of the play per position and side, and one give for all.
+
+    So samples at which a weight still keeps the joint from its teeth do not count.
+    """
     pairs = zip(pushes, motor_rad, strict=True)
     places = _places([p for m, motor in pairs for p in _presses(m, motor, j)])
     if not places:
@@ -139,15 +144,17 @@ def _fit(
     at_end = np.eye(2 * len(places))[end]
     counts = at_end.sum(axis=0)
     varied_nm = load - at_end @ (at_end.T @ load / counts)
-    varies = np.std(varied_nm) > VARIED_SHARE * np.abs(load).max()
-    give = float(varied_nm @ beyond / (varied_nm @ varied_nm)) if varies else nominal_give
-    ends = at_end.T @ (beyond - give * load) / counts
+    if np.std(varied_nm) > VARIED_SHARE * np.abs(load).max():
+        found = least_absolute(beyond, np.column_stack([at_end, load]))
+        ends, give = found[:-1], float(found[-1])
+    else:
+        ends, give = least_absolute(beyond - nominal_give * load, at_end), nominal_give
     return Play(
         held_rad=np.array([place[0].held_rad for place in places]),
         rest_rad=np.array([place[0].rest_rad for place in places]),
         ends_rad=ends.reshape(-1, 2),
         give_rad_nm=give,
-        residual_rad=float(np.std(beyond - give * load - at_end @ ends)),
+        residual_rad=float(np.mean(np.abs(beyond - give * load - at_end @ ends))),
         reference=reference,
     )
 
@@ -182,6 +189,6 @@ def _places(presses: Sequence[_Press]) -> list[list[_Press]]:
     return [place for place in places if {p.side for p in place} == {0, 1}]
 
 
-def _locking(spec: Spec, lock_nm: float) -> Spec:
-    """The world with this lock in every gear."""
-    return spec.with_drives(dataclasses.replace(d, lock_nm=lock_nm) for d in spec.drives)
+def lock_of(drive: Drive) -> float:
+    """A lock that a push test cannot tell from a perfect one [Nm]."""
+    return max(LOCK_NM, LOCK_LIMITS * drive.torque_limit_nm)

@@ -11,19 +11,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration import gains
-from diagnosis.calibration.backlash import LOCK_NM, Play, push_test
-from diagnosis.calibration.refine import ROUNDS, refine
+from diagnosis.calibration.backlash import Play, lock_of, push_test
+from diagnosis.calibration.refine import ROUNDS, Refined, refine
 from diagnosis.calibration.spread import Spread, spreads
 from diagnosis.calibration.tactile import Skin, calibrate_touch
 from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
-from diagnosis.log import Log, LogError
+from diagnosis.logs.log import Log, LogError
 
-FREE_AIR = ("steps", "multisine", "triangle", "free")
-"""Protocols that gains are fitted to, and the push where its torque is known."""
+FREE_AIR = ("steps", "multisine", "triangle", "free", "push")
+"""Protocols that gains are fitted to; the push where its torque is known."""
 SEARCH_S, REFINE_S, LEAST_S = 24.0, 72.0, 4.0
 """Motion that a candidate replays in the search and after it, shared by the episodes, each from its
 start; and the least that an episode gets [s]."""
@@ -77,23 +76,19 @@ def calibrate(
     simulate: Simulate,
     nominal: Spec,
     log: Log,
-    probes: Sequence[Effect],
     threshold_m: float | None,
     rng: np.random.Generator,
     progress: gains.Progress = lambda generations: None,
 ) -> Calibration:
-    """Calibrate `nominal` to a log; `probes` are effects that gains may be confounded with.
-
-    Raises LogError where the log is of another mechanism, ValueError where the engine refuses one.
-    """
+    """Calibrate `nominal` to a log; raises LogError where the log is of another mechanism."""
     names = nominal.hand.joint_names
     _same_joints(log, names)
     drive_s = nominal.timing.drive_s
-    pushes = motions(log, names, drive_s, ("push",))
-    known = [push for push in pushes if push.push_nm.any()]
-    free = _telling([*motions(log, names, drive_s, FREE_AIR), *known])
-    free = _shortened(free, REFINE_S / drive_s, LEAST_S / drive_s)
-    fitted, world = _gains(simulate, nominal, free, pushes, probes, rng, progress)
+    found = motions(log, names, drive_s, FREE_AIR)
+    pushes = [motion for motion in found if motion.push_nm.any()]
+    moved = [motion for motion in found if motion.protocol != "push" or motion.push_nm.any()]
+    free = _shortened(_telling(moved), REFINE_S / drive_s, LEAST_S / drive_s)
+    fitted, world = _gains(simulate, nominal, free, pushes, rng, progress)
     plays = push_test(simulate, world, pushes)
     taxels, unit = nominal.hand.taxels, _touch_unit(log)
     level = threshold_m if unit == "m" else YES
@@ -114,7 +109,6 @@ def _gains(
     nominal: Spec,
     free: Sequence[Motion],
     pushes: Sequence[Motion],
-    probes: Sequence[Effect],
     rng: np.random.Generator,
     progress: gains.Progress,
 ) -> tuple[dict[str, JointGains | str], Spec]:
@@ -122,43 +116,49 @@ def _gains(
     names, drive_s = nominal.hand.joint_names, nominal.timing.drive_s
     world = _with_plays(nominal, push_test(simulate, nominal, pushes))
     against = {j: gains.reason_against(free, j) for j in range(len(names))}
-    fitted: dict[str, JointGains | str] = {names[j]: r for j, r in against.items() if r}
-    open_ = [j for j, reason in against.items() if not reason]
-    if not open_:
-        return fitted, world
+    joints = [j for j, reason in against.items() if reason is None]
+    if not joints:
+        return {names[j]: reason or "" for j, reason in against.items()}, world
     short = _shortened(free, SEARCH_S / drive_s, LEAST_S / drive_s)
-    found = gains.search(simulate, world, short, open_, rng, progress)
+    found = gains.search(simulate, world, short, joints, rng, progress)
     start = _scale(nominal, found)
     plays = push_test(simulate, gains.with_gains(world, start), pushes)
     world = _with_plays(nominal, plays)
     refined = refine(
-        simulate,
-        world,
-        start,
-        free,
-        open_,
-        rng,
-        lambda rounds: progress(gains.GENERATIONS + rounds),
+        simulate, world, start, free, joints, rng, lambda k: progress(gains.GENERATIONS + k)
     )
-    scale, linear = refined.scale.copy(), refined.linear
-    best = gains.with_gains(world, scale)
-    spread = spreads(simulate, best, free, refined, probes, rng)
+    best = gains.with_gains(world, refined.scale)
+    spread = spreads(simulate, best, free, refined, rng)
     shown = replay(simulate, [nominal, best], free)
-    for j in open_:
-        reason = _open(scale[j], spread[j]) if j in linear else FLOATS
-        if reason is not None:
-            fitted[names[j]], scale[j] = reason, 1.0
-            continue
-        before, after = gains.errors(shown, free, linear[j].trace, j)
-        fitted[names[j]] = JointGains(
-            scale=scale[j],
-            search=found[j],
-            spread=spread[j],
-            channel=linear[j].trace.channel,
-            samples=len(linear[j].columns),
-            error_rad=(float(before), float(after)),
-        )
-    return {name: fitted[name] for name in names}, gains.with_gains(world, scale)
+    fitted = {
+        names[j]: reason or _joint(j, found[j], refined, spread, shown, free)
+        for j, reason in against.items()
+    }
+    sure = [[not isinstance(fitted[name], str)] for name in names]
+    return fitted, gains.with_gains(world, np.where(sure, refined.scale, 1.0))
+
+
+def _joint(
+    j: int,
+    found: gains.Found,
+    refined: Refined,
+    spread: Mapping[int, Spread],
+    shown: Sequence[Array],
+    free: Sequence[Motion],
+) -> JointGains | str:
+    """The gains of joint `j`, or why a fit that was made is none."""
+    if j not in refined.linear:
+        return FLOATS
+    linear = refined.linear[j]
+    before, after = gains.errors(shown, free, linear.trace, j)
+    return _open(refined.scale[j], spread[j]) or JointGains(
+        scale=refined.scale[j],
+        search=found,
+        spread=spread[j],
+        channel=linear.trace.channel,
+        samples=len(linear.columns),
+        error_rad=(float(before), float(after)),
+    )
 
 
 def _open(scale: Array, spread: Spread) -> str | None:
@@ -191,7 +191,7 @@ def _with_plays(spec: Spec, plays: Mapping[str, Play | str]) -> Spec:
     for name, drive in zip(spec.hand.joint_names, spec.drives, strict=True):
         play = plays[name]
         if isinstance(play, Play):
-            lock_nm = max(drive.lock_nm, LOCK_NM) if play.locks else 0.0
+            lock_nm = max(drive.lock_nm, lock_of(drive)) if play.locks else 0.0
             half_rad = play.mean_rad if play.has_play else 0.0
             drive = dataclasses.replace(drive, play_rad=half_rad, lock_nm=lock_nm)
         drives.append(drive)

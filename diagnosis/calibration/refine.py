@@ -15,6 +15,7 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.gains import LEAST_SAMPLES, SCALES, Progress, Trace, judge, with_gains
+from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 ROUNDS, AVERAGED = 5, 3
@@ -23,8 +24,6 @@ STEP, BENT_RAD = 0.1, 1e-3
 """Change of a gain's logarithm for the differences, and how far off its middle the angle may be."""
 LARGEST_STEP = 0.1
 """A round moves the logarithm of a gain by no more."""
-_SWEEPS = 40
-"""Reweightings of the least squares that minimise absolute errors."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,8 +68,7 @@ def refine(
         linear = linearise(simulate, with_gains(nominal, scale), motions, joints, rng)
         scale = scale.copy()
         for j, found in linear.items():
-            every = np.ones(len(found.columns))
-            steps = [least_absolute(miss, found.columns, every) for miss in found.miss_rad]
+            steps = [least_absolute(miss, found.columns) for miss in found.miss_rad]
             step = np.clip(np.mean(steps, axis=0), -LARGEST_STEP, LARGEST_STEP)
             scale[j] = np.clip(scale[j] * np.exp(step), *SCALES.T)
         ends.append(np.log(scale))
@@ -120,16 +118,6 @@ def used(shown: Sequence[Array], trace: Trace, j: int) -> Array:
     """Angles of joint `j` at the samples that count, in each world: shape (W, T)."""
     pairs = zip(shown, trace.used, strict=True)
     return np.concatenate([s[:, trace.channel, rows, j] for s, rows in pairs], axis=1)
-
-
-def least_absolute(miss: Array, columns: Array, times: Array) -> Array:
-    """The x that minimises the sum of times |miss - columns x|, by reweighted least squares."""
-    smallest = 1e-3 * np.median(np.abs(miss)) + 1e-9
-    x = np.zeros(columns.shape[1])
-    for _ in range(_SWEEPS):
-        weighted = columns * (times / np.maximum(np.abs(miss - columns @ x), smallest))[:, None]
-        x = np.linalg.lstsq(weighted.T @ columns, weighted.T @ miss, rcond=None)[0]
-    return x
 
 
 def _stepped(world: Spec, j: int, gain: int, sign: int) -> Spec:

@@ -7,16 +7,25 @@ hold measurement noise, what the model does not explain as far as that differs f
 to the next, and where between its teeth a joint may be. CMA-ES's own say how far it converged.
 """
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from backends.effect import Effect
+from backends.effects import (
+    command_delay,
+    coulomb_friction,
+    link_mass,
+    rotor_inertia,
+    series_elasticity,
+    torque_limit,
+    viscous_friction,
+)
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.calibration.refine import Linear, Refined, least_absolute, used
+from diagnosis.calibration.refine import Linear, Refined, used
+from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 BLOCK_S = 0.5
@@ -52,23 +61,23 @@ def spreads(
     world: Spec,
     motions: Sequence[Motion],
     refined: Refined,
-    probes: Sequence[Effect],
     rng: np.random.Generator,
 ) -> dict[int, Spread]:
     """The spread of the joints in `refined`, whose replays are about the gains of `world`."""
-    names, linear = world.hand.joint_names, refined.linear
-    effects = [dataclasses.replace(p, joint=names[j]) for j in linear for p in probes]
-    shown = replay(simulate, [e.on_spec(world) for e in effects], motions) if effects else []
-    found = {}
-    for i, (j, about) in enumerate(linear.items()):
+    probes = {j: _probes(world, j) for j in refined.linear}
+    worlds = [probe.on_spec(world) for of_joint in probes.values() for probe in of_joint]
+    shown = replay(simulate, worlds, motions) if worlds else []
+    found, done = {}, 0
+    for j, about in refined.linear.items():
         drawn = bootstrap(about.miss_rad, about.columns, _blocks(world, motions, about), rng)
-        moved = _used(shown, about, j) - about.path_rad if effects else ()
-        mine = slice(i * len(probes), (i + 1) * len(probes))
+        moved = used(shown, about.trace, j)[:, about.straight] - about.path_rad
+        mine = slice(done, done + len(probes[j]))
         found[j] = Spread(
             std=np.hypot(drawn.std(axis=0, ddof=1), refined.scatter[j]),
             correlation=float(np.corrcoef(drawn.T)[0, 1]),
-            confused=tuple(_confusions(about.columns, moved[mine], effects[mine])),
+            confused=tuple(_confusions(about.columns, moved[mine], probes[j])),
         )
+        done = mine.stop
     return found
 
 
@@ -83,8 +92,19 @@ def bootstrap(miss: Array, columns: Array, block: Array, rng: np.random.Generato
     return np.stack([least_absolute(miss[w], columns, times[block]) for w, times in pairs])
 
 
-def _used(shown: Sequence[Array], about: Linear, j: int) -> Array:
-    return used(shown, about.trace, j)[:, about.straight]
+def _probes(world: Spec, j: int) -> list[Effect]:
+    """Effects on joint `j`, of sizes that a real drive may be off by."""
+    drive, joint = world.drives[j], world.hand.joint_names[j]
+    sizes: list[tuple[type[Effect], float]] = [
+        (viscous_friction.Effect, 0.1 * drive.kd_nms_rad),
+        (coulomb_friction.Effect, 0.01 * drive.torque_limit_nm),
+        (rotor_inertia.Effect, 0.2 * drive.rotor_inertia_kgm2),
+        (link_mass.Effect, 0.2),
+        (command_delay.Effect, 2e-3),
+        (series_elasticity.Effect, 0.2),
+        (torque_limit.Effect, -0.2),
+    ]
+    return [kind(magnitude=size, joint=joint) for kind, size in sizes]
 
 
 def _blocks(world: Spec, motions: Sequence[Motion], about: Linear) -> Array:

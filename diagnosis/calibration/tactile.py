@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.log import Log
+from diagnosis.logs.log import Log
 
 NO_CONTACT = ("steps", "triangle", "multisine", "push", "free")
 """Protocols in which nothing is touched."""

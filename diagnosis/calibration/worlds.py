@@ -13,7 +13,7 @@ import numpy as np
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
-from diagnosis.log import EpisodeMeta, Log
+from diagnosis.logs.log import EpisodeMeta, Log
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
 """Puts worlds on an engine."""

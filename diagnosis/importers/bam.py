@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from diagnosis import importer
-from diagnosis.log import (
+from diagnosis.logs import importer
+from diagnosis.logs.log import (
     DriveSettings,
     EpisodeMeta,
     Log,

@@ -13,8 +13,8 @@ import pandas as pd
 from scipy.io import loadmat
 from scipy.io.matlab import MatReadError
 
-from diagnosis import importer
-from diagnosis.log import (
+from diagnosis.logs import importer
+from diagnosis.logs.log import (
     DriveSettings,
     EpisodeMeta,
     Log,

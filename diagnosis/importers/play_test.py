@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagnosis import importer
-from diagnosis.log import (
+from diagnosis.logs import importer
+from diagnosis.logs.log import (
     DriveSettings,
     EpisodeMeta,
     Log,

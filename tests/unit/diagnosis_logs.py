@@ -11,9 +11,9 @@ from backends.spec import Spec
 from benchmark import cli, registry
 from benchmark.effects import parse_effects
 from diagnosis.calibration import worlds
-from diagnosis.excitation import FREE, Excitation, Joints
-from diagnosis.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
-from diagnosis.nominal import mjcf_world
+from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
+from diagnosis.recording.excitation import FREE, Excitation, Joints
+from diagnosis.replay.nominal import mjcf_world
 
 ARM = """
 <mujoco model="arm"><worldbody>

@@ -169,12 +169,18 @@ def test_a_changed_solver_is_refused(solved, monkeypatch, tmp_path):
     """Refuse to solve with other code or rules than were committed to, and say which."""
     folder, _ = solved
     files_now = frozen.solver_files()
-    changed = {**files_now, "diagnosis/verdict.py": "0" * 64}
+    changed = {**files_now, "diagnosis/attribution/verdict.py": "0" * 64}
     monkeypatch.setattr(frozen, "solver_files", lambda: changed)
-    with pytest.raises(UsageError, match="diagnosis/verdict.py changed"):
+    with pytest.raises(UsageError, match="diagnosis/attribution/verdict.py changed"):
         blind.run(folder, 1, False)
-    assert frozen.changed(BlindSet(path=folder).commitment()) == ["diagnosis/verdict.py"]
-    assert {"diagnosis/rules.yaml", "diagnosis/fit.py", "backends/drive.py"} <= set(files_now)
+    assert frozen.changed(BlindSet(path=folder).commitment()) == [
+        "diagnosis/attribution/verdict.py"
+    ]
+    assert {
+        "diagnosis/attribution/rules.yaml",
+        "diagnosis/attribution/fit.py",
+        "backends/drive.py",
+    } <= set(files_now)
     assert "backends/effects/backlash.py" in files_now
 
 

@@ -20,13 +20,13 @@ from benchmark import cli, diagnose, registry
 from benchmark._diagnosis_texts import effects_text
 from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
+from diagnosis.attribution.evidence import gather
+from diagnosis.attribution.experiments import told_of
+from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.verdict import rules
 from diagnosis.diagnose import gap, judge_limb, shrinkage
-from diagnosis.evidence import gather
-from diagnosis.experiments import told_of
-from diagnosis.log import read_log, write_log
-from diagnosis.magnitudes import Magnitude
-from diagnosis.nominal import mjcf_world
-from diagnosis.verdict import rules
+from diagnosis.logs.log import read_log, write_log
+from diagnosis.replay.nominal import mjcf_world
 
 IDEAL = trx.spec(STICKS["reference"])
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}

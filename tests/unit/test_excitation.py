@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backends import trx
-from diagnosis.excitation import (
+from diagnosis.recording.excitation import (
     FREE,
     GRASP_S,
     OPEN_LOOP,

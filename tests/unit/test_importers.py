@@ -10,7 +10,7 @@ import pytest
 from scipy.io import savemat
 
 from benchmark import cli, registry
-from diagnosis.log import Log, LogError, read_log, write_log
+from diagnosis.logs.log import Log, LogError, read_log, write_log
 
 ROOT = Path(__file__).resolve().parents[2]
 REAL = ROOT.parent / "shared/real_logs"

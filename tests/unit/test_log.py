@@ -14,7 +14,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from diagnosis.log import (
+from diagnosis.logs.log import (
     Channel,
     DriveSettings,
     EpisodeMeta,
@@ -359,7 +359,7 @@ def test_a_kill_leaves_no_half_log(tmp_path):
     """Leave either no folder or a whole log when the writer is killed."""
     code = (
         "import sys; sys.path.insert(0, 'tests/unit'); from pathlib import Path\n"
-        "from test_log import full_log; from diagnosis.log import write_log\n"
+        "from test_log import full_log; from diagnosis.logs.log import write_log\n"
         "log = full_log(); print('ready', flush=True)\n"
         "k = 0\n"
         "while True:\n"

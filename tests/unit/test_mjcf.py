@@ -21,8 +21,7 @@ from backends.spec import Spec
 from backends.state import Array
 from benchmark import registry
 from benchmark.effects import effect_name
-from diagnosis.chain import chain, dynamics, workspace
-from diagnosis.log import (
+from diagnosis.logs.log import (
     DriveSettings,
     Log,
     LogError,
@@ -31,8 +30,9 @@ from diagnosis.log import (
     make_log,
     name_of,
 )
-from diagnosis.nominal import mjcf_world, own_catalogue
-from diagnosis.replay import CHANNELS, Commands, limbs, replay
+from diagnosis.replay.chain import chain, dynamics, workspace
+from diagnosis.replay.nominal import mjcf_world, own_catalogue
+from diagnosis.replay.replay import CHANNELS, Commands, limbs, replay
 
 
 def servo(kp: float = 20.0, kd: float = 0.4, limit: float = 3.0, **more: str) -> DriveSettings:

@@ -12,16 +12,16 @@ import pytest
 from backends.effect import Effect
 from backends.shard import simulate
 from benchmark import registry
-from diagnosis.attribute import Attribution
+from diagnosis.attribution.attribute import Attribution
+from diagnosis.attribution.conditions import join
+from diagnosis.attribution.evidence import gather
+from diagnosis.attribution.verdict import rules
 from diagnosis.calibration.backlash import Play, push_test
 from diagnosis.calibration.worlds import motions
-from diagnosis.conditions import join
 from diagnosis.diagnose import Diagnosis, diagnose
-from diagnosis.evidence import gather
-from diagnosis.log import Log, LogError
-from diagnosis.nominal import mjcf_world, own_catalogue
-from diagnosis.triage import triage
-from diagnosis.verdict import rules
+from diagnosis.logs.log import Log, LogError
+from diagnosis.replay.nominal import mjcf_world, own_catalogue
+from diagnosis.triage.triage import triage
 
 REAL = Path(__file__).resolve().parents[3] / "shared/real_logs"
 FOLDERS = {"emps": "emps", "bam": "bam_xl330", "play-test": "robonine"}

@@ -15,9 +15,9 @@ from backends.shard import simulate
 from benchmark import cli, registry
 from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
-from diagnosis.excitation import PROTOCOLS, hand_joints
-from diagnosis.log import Log, LogError, read_log, write_log
-from diagnosis.record import CHANNELS, Plan, Policy, record
+from diagnosis.logs.log import Log, LogError, read_log, write_log
+from diagnosis.recording.excitation import PROTOCOLS, hand_joints
+from diagnosis.recording.record import CHANNELS, Plan, Policy, record
 from tasks.batch import DROP_M, BatchEnv
 from tasks.initial_states import sample_initial_states
 

@@ -11,14 +11,13 @@ from backends import trx
 from backends.sticks import STICKS
 from benchmark import registry
 from benchmark._diagnosis_texts import summary
-from diagnosis import wording
+from diagnosis.attribution.evidence import gather
+from diagnosis.attribution.experiments import TOGETHER, Trials
+from diagnosis.attribution.verdict import NONE, UNKNOWN, rules
 from diagnosis.diagnose import Diagnosis, Judged, diagnose, judge_limb
-from diagnosis.evidence import gather
-from diagnosis.experiments import TOGETHER, Trials
-from diagnosis.log import Log, read_log
-from diagnosis.nominal import mjcf_world
-from diagnosis.report import FAINT, page
-from diagnosis.verdict import NONE, UNKNOWN, rules
+from diagnosis.logs.log import Log, read_log
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.report.report import FAINT, page, wording
 
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}
 FINGER = 1

@@ -10,14 +10,14 @@ from backends import sticks, trx
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.effects import parse_effects
-from diagnosis._bug_zeros import ZERO_RAD
-from diagnosis._bugs import Finding
+from diagnosis.attribution.evidence import Evidence, gather
 from diagnosis.diagnose import diagnose
-from diagnosis.evidence import Evidence, gather
-from diagnosis.log import Log, make_log
-from diagnosis.record import Plan, record
-from diagnosis.replay import Commands, replay
-from diagnosis.triage import KINDS, BugError, triage
+from diagnosis.logs.log import Log, make_log
+from diagnosis.recording.record import Plan, record
+from diagnosis.replay.replay import Commands, replay
+from diagnosis.triage._bugs import Finding
+from diagnosis.triage._zeros import ZERO_RAD
+from diagnosis.triage.triage import KINDS, BugError, triage
 
 SPEC = trx.spec(sticks.STICKS["reference"])
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 0.005}

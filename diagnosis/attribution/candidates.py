@@ -1,0 +1,134 @@
+"""What may be wrong: nominal parameters with their uncertainty, and effects with sizes to try.
+
+Sizes come from the mechanism and the log, so a servo and a ball screw are treated alike: torques
+from the torque limit, dampings and inertias from the nominal ones, angles from the motion.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.effect import Effect, NumberEffect
+from backends.effects import (
+    coulomb_friction,
+    gear_damping,
+    kd_scale,
+    kp_scale,
+    link_mass,
+    rotor_inertia,
+    series_elasticity,
+    viscous_friction,
+)
+from backends.spec import Spec
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import Nuisance
+
+NOMINAL: tuple[type[NumberEffect], ...] = (
+    kp_scale.Effect,
+    kd_scale.Effect,
+    coulomb_friction.Effect,
+    viscous_friction.Effect,
+    rotor_inertia.Effect,
+    link_mass.Effect,
+    series_elasticity.Effect,
+    gear_damping.Effect,
+)
+"""Effects whose numbers are nominal parameters: known, but only so well."""
+RANDOM = ("command-dropout", "encoder-noise", "encoder-resolution")
+"""Effects that a replay cannot show; they leave fingerprints of their own."""
+LEVELS: dict[str, tuple[float, ...]] = {
+    "share": (0.01, 0.03, 0.1, 0.3, 0.8, 2.5),
+    "torque": (0.01, 0.04, 0.15, 0.6),
+    "damping": (0.025, 0.1, 0.4, 1.5),
+    "inertia": (0.2, 0.8, 3.0),
+    "angle": (0.005, 0.02, 0.08, 0.25),
+    "time": (0.002, 0.006, 0.02, 0.05),
+    "slowness": (0.05, 0.15, 0.5, 1.5),
+}
+"""Sizes to try by dimension, over the scale that `scale_of` gives."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Candidate:
+    """An effect on a joint and the magnitudes to start from."""
+
+    name: str
+    kind: type[Effect]
+    joint: str | None
+    levels: tuple[float, ...]
+
+
+def nuisances(nominal: Spec, share: float) -> list[Nuisance]:
+    """The nominal parameters of every joint, each uncertain by `share` of its value."""
+    found = []
+    for kind in NOMINAL:
+        values = _driven(nominal, nominal.values(kind.number))
+        for joint, value in zip(nominal.hand.joint_names, values, strict=True):
+            std = share if kind.dimension == "share" else share * value
+            if std > 0 and value != 0:
+                found.append(Nuisance(kind=kind, joint=joint, std=std))
+    return found
+
+
+def candidates(catalogue: Mapping[str, type[Effect]], evidence: Evidence) -> list[Candidate]:
+    """Every effect of the catalogue that a replay can show, on every joint it may be on."""
+    found = []
+    for name, kind in catalogue.items():
+        if name in RANDOM or not _mechanical(kind):
+            continue
+        for joint in _places(kind, evidence.nominal):
+            levels = _levels(kind, scale_of(kind, evidence, joint))
+            if levels:
+                found.append(Candidate(name=name, kind=kind, joint=joint, levels=levels))
+    return found
+
+
+def _places(kind: type[Effect], nominal: Spec) -> tuple[str | None, ...]:
+    """Joints that an effect may be on, and None for all that it concerns where these are more."""
+    if not kind.per_joint:
+        return (None,)
+    joints = nominal.hand.joint_names
+    gear = kind.gear if issubclass(kind, NumberEffect) else None
+    concerned = [b for b in nominal.hand.driven if gear is None or b.joint.gear == gear]
+    return (*joints, None) if len(concerned) > 1 else joints
+
+
+def scale_of(kind: type[Effect], evidence: Evidence, joint: str | None) -> float:
+    """The natural size of an effect's magnitude on a joint, SI."""
+    spec = evidence.nominal
+    j = 0 if joint is None else spec.hand.joint_names.index(joint)
+    drive = spec.drives[j]
+    position = np.concatenate([r.measured[0, :, j] for r in evidence.recordings])
+    low, high = np.nanpercentile(position, [2, 98])
+    excursion = max(float(high - low), 1e-6)
+    if not kind.per_joint:
+        return 1.0
+    return {
+        "torque": drive.torque_limit_nm,
+        "damping": drive.kd_nms_rad,
+        "inertia": drive.rotor_inertia_kgm2,
+        "angle": excursion,
+        "slowness": 1.0 / excursion,
+    }.get(kind.dimension, 1.0)
+
+
+def _levels(kind: type[Effect], scale: float) -> tuple[float, ...]:
+    sizes = [scale * level for level in LEVELS[kind.dimension]]
+    low, high = kind.bounds
+    inside = {min(max(m, low), high) for size in sizes for m in (-size, size)}
+    return tuple(sorted(inside - {0.0}))
+
+
+def _mechanical(kind: type[Effect]) -> bool:
+    """Whether an effect acts on a mechanism in free air."""
+    homes = {field.split(".")[0] for field in kind.spec_fields()}
+    return homes <= {"drive", "command", "encoder", "body", "spec"}
+
+
+def _driven(nominal: Spec, values: tuple) -> list:
+    """Values of driven joints alone, where `values` has one per body."""
+    bodies = nominal.hand.bodies
+    if len(values) != len(bodies):
+        return list(values)
+    return [v for v, b in zip(values, bodies, strict=True) if b.joint.drive is not None]

@@ -1,0 +1,65 @@
+"""One mechanism recorded under several settings: fitted on some of them, judged on the others.
+
+Each setting, such as a gain, is a log with a nominal world of its own; an effect is the same in all
+of them. A cause that is right holds under settings that it was not fitted on.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.state import Array
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.logs.log import LogError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Conditions(Evidence):
+    """The evidence for one limb under every setting; `nominal` and `sigma` are of the first."""
+
+    parts: tuple[Evidence, ...]
+
+    def residual(
+        self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
+    ) -> Array:
+        """See `Evidence.residual`: settings follow each other."""
+        wanted = [
+            part
+            for part in self.parts
+            if judged is None or any((r.judged == judged).any() for r in part.recordings)
+        ]
+        return np.concatenate([part.residual(effects, judged, compress) for part in wanted])
+
+    def unrest(self, effects: Sequence[Effect]) -> float:
+        """See `Evidence.unrest`: root mean square over the settings that judge."""
+        wanted = [part for part in self.parts if any(r.judged.any() for r in part.recordings)]
+        return float(np.sqrt(np.mean([part.unrest(effects) ** 2 for part in wanted])))
+
+
+def join(parts: Sequence[Evidence], judging: Collection[int]) -> Conditions:
+    """One limb's evidence under several settings, judged on those numbered in `judging`.
+
+    Raises LogError where the joints differ, or none or all of the settings would judge.
+    """
+    if len({part.joints for part in parts}) > 1:
+        raise LogError("these logs are of different joints; give logs of one mechanism")
+    if not 0 < len(set(judging)) < len(parts):
+        raise LogError(
+            f"{len(set(judging))} of {len(parts)} settings would judge; name at least one, and "
+            "leave one to fit on"
+        )
+    split = tuple(_whole(part, k in judging) for k, part in enumerate(parts))
+    return Conditions(
+        nominal=split[0].nominal,
+        recordings=tuple(r for part in split for r in part.recordings),
+        sigma=split[0].sigma,
+        parts=split,
+    )
+
+
+def _whole(part: Evidence, judges: bool) -> Evidence:
+    """The evidence with all of its samples for judging, or all for fitting."""
+    recordings = (replace(r, judged=np.full(len(r.judged), judges)) for r in part.recordings)
+    return replace(part, recordings=tuple(recordings))

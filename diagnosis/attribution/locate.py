@@ -1,0 +1,128 @@
+"""Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import pandas as pd
+
+from backends.state import Array
+from diagnosis.attribution.evidence import USED, Evidence, Recording
+from diagnosis.replay.replay import CHANNELS, replay
+
+PHASES = ("external load", "hold", "reversal", "constant speed", "acceleration")
+SLOW, STEADY = 0.03, 0.15
+"""A joint holds under this share of its fastest speed; speed is constant under this share of the
+largest acceleration."""
+REVERSAL_S = 0.06
+"""A reversal lasts so long to either side of standstill."""
+BLOCK_S = 0.25
+"""Samples within this time are resampled together."""
+RESAMPLES = 200
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One part of the gap."""
+
+    joint: str
+    channel: str
+    protocol: str
+    phase: str
+    share: float
+    """Share of the whole squared gap, in units of the noise."""
+    share_interval: tuple[float, float]
+    """90 % interval of the share, from blocks of samples."""
+    rms: float
+    """Root mean square of the residual [rad or Nm]."""
+    noise: float
+    """The floor it stands beside: noise and the model's own error [rad or Nm]."""
+    samples: int
+
+    def row(self) -> dict:
+        """As plain data."""
+        return {**asdict(self), "share_interval": list(self.share_interval)}
+
+
+def locate(parts: Sequence[Evidence], seed: int = 0) -> list[Place]:
+    """The gap between log and nominal world over all limbs, largest part first."""
+    table = pd.concat([_table(evidence) for evidence in parts], ignore_index=True)
+    table["square"] = (table["residual"] / table["noise"]) ** 2
+    keys = ["joint", "channel", "protocol", "phase"]
+    cells = table.groupby(keys, observed=True)
+    found = cells.agg(
+        share=("square", "sum"),
+        rms=("residual", lambda r: float(np.sqrt(np.mean(r**2)))),
+        noise=("noise", "first"),
+        samples=("residual", "size"),
+    )
+    found["share"] /= max(float(found["share"].sum()), 1e-300)
+    by_block = table.pivot_table("square", "block", keys, "sum", 0.0, observed=True)
+    low, high = _interval(by_block[list(found.index)].to_numpy(), np.random.default_rng(seed))
+    places = [
+        Place(
+            **dict(zip(keys, index, strict=True)),
+            share=float(row["share"]),
+            share_interval=(float(low[k]), float(high[k])),
+            rms=float(row["rms"]),
+            noise=float(row["noise"]),
+            samples=int(row["samples"]),
+        )
+        for k, (index, row) in enumerate(found.iterrows())
+    ]
+    return sorted(places, key=lambda place: -place.share)
+
+
+def _interval(by_block: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """90 % intervals of each cell's share of the sum, from resampled blocks (B, cells)."""
+    count = len(by_block)
+    weights = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
+    sums = weights @ by_block
+    low, high = np.percentile(sums / sums.sum(axis=1, keepdims=True), [5, 95], axis=0)
+    return low, high
+
+
+def _table(evidence: Evidence) -> pd.DataFrame:
+    """A row per residual of one limb."""
+    rows = [CHANNELS.index(name) for name in USED]
+    frames = []
+    for number, recording in enumerate(evidence.recordings):
+        shown = replay(evidence.nominal, recording.commands)
+        residual = recording.measured - shown[rows]
+        time_s = recording.commands.ticks * evidence.nominal.timing.drive_s
+        block = (time_s / BLOCK_S).astype(int)
+        phase = phases(evidence, recording, shown)
+        for c, j in np.ndindex(residual.shape[0], residual.shape[2]):
+            frames.append(
+                pd.DataFrame(
+                    {
+                        "joint": evidence.joints[j],
+                        "channel": USED[c],
+                        "protocol": recording.protocol,
+                        "phase": np.array(PHASES)[phase[:, j]],
+                        "block": [f"{number}.{b}" for b in block],
+                        "residual": residual[c, :, j],
+                        "noise": float(evidence.sigma[c, 0, j]),
+                    }
+                )
+            )
+    return pd.concat(frames, ignore_index=True).dropna(subset=["residual"])
+
+
+def phases(evidence: Evidence, recording: Recording, shown: Array) -> Array:
+    """What each joint is doing at each sample by the nominal world: index of PHASES, (T, J)."""
+    time_s = recording.commands.ticks * evidence.nominal.timing.drive_s
+    speed = shown[CHANNELS.index("velocity")]
+    acceleration = np.gradient(speed, time_s, axis=0)
+    fastest = np.maximum(np.abs(speed).max(axis=0), 1e-9)
+    strongest = np.maximum(np.abs(acceleration).max(axis=0), 1e-9)
+    phase = np.full(speed.shape, PHASES.index("acceleration"))
+    phase[np.abs(acceleration) < STEADY * strongest] = PHASES.index("constant speed")
+    turns = np.diff(np.sign(speed), axis=0, prepend=np.sign(speed[:1])) != 0
+    moving = np.abs(acceleration) > STEADY * strongest
+    reach = max(1, round(REVERSAL_S / float(np.median(np.diff(time_s)))))
+    near = np.stack([np.convolve(t, np.ones(2 * reach + 1), "same") for t in turns.T], axis=1) > 0
+    phase[near & moving] = PHASES.index("reversal")
+    phase[(np.abs(speed) < SLOW * fastest) & ~near] = PHASES.index("hold")
+    phase[recording.commands.load != 0] = PHASES.index("external load")
+    return phase

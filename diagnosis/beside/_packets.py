@@ -1,0 +1,214 @@
+"""Decoding of lost packets: which targets never arrived, given what the mechanism then did.
+
+Each packet that brings a new target either arrived or was lost, and a lost one leaves the last
+target standing. Worlds that differ in the last few decisions are simulated side by side; where two
+of them agree on these, the one that fits the log better goes on (the Viterbi algorithm with a state
+per survivor: Raheli, Polydoros and Tzou, IEEE Trans. Communications 43, 1995).
+"""
+
+import numba
+import numpy as np
+
+from backends.command import follow
+from backends.drive import motor_tick
+from backends.encoder import note, read
+from diagnosis.replay.chain import dynamics, solve, workspace
+from diagnosis.replay.expansion import accelerate, expand
+
+MEMORY = 3
+"""Decisions that are kept open."""
+TAIL = 4.0
+"""Degrees of freedom of Student's t: the tails of an innovation."""
+SAME = 1e-9
+"""A target that moved less brings nothing new [rad]."""
+
+
+@numba.njit(cache=True)
+def _surprise(shown, logged, last, has_last, weight, memory):
+    """Cost [nats] of one sample's innovations; `last` (C, J) becomes its residuals.
+
+    NaN where a channel was not logged: it costs nothing.
+    """
+    cost = 0.0
+    for c in range(shown.shape[0]):
+        for j in range(shown.shape[1]):
+            residual = logged[c, j] - shown[c, j]
+            if not np.isfinite(residual):
+                residual = np.nan if np.isnan(logged[c, j]) else 1e6
+            if has_last and np.isfinite(residual) and np.isfinite(last[c, j]):
+                e = (residual - memory[c, j] * last[c, j]) * weight[c, j]
+                cost += 0.5 * (TAIL + 1.0) * np.log1p(e * e / TAIL)
+            last[c, j] = residual
+    return cost
+
+
+@numba.njit(cache=True)
+def _tick_all(alive, wanted, load, x, chain_, weights, drive, dt, mass, bias, torque, acc, work):
+    """One drive period of the living worlds: x (W, 5, J) holds q, q', motor, motor' and torque."""
+    joints = wanted.shape[1]
+    closed = len(weights[0]) > 0
+    for w in range(len(alive)):
+        if not alive[w]:
+            continue
+        q, qd, motor, speed = x[w, 0], x[w, 1], x[w, 2], x[w, 3]
+        for j in range(joints):
+            motor[j], speed[j], x[w, 4, j], torque[j] = motor_tick(
+                wanted[w, j], q[j], qd[j], motor[j], speed[j], drive[j], dt
+            )
+            torque[j] += load[j]
+        if closed:
+            accelerate(q, qd, torque, weights[0], weights[1], acc)
+        else:
+            dynamics(q, qd, chain_, work, mass, bias)
+            solve(mass, torque - bias, acc)
+        for j in range(joints):
+            qd[j] += dt * acc[j]
+            q[j] += dt * qd[j]
+
+
+@numba.njit(cache=True)
+def decode(
+    ticks,
+    target,
+    load,
+    start,
+    logged,
+    lossy,
+    charge,
+    weight,
+    memory,
+    chain_,
+    drive,
+    path,
+    encoder,
+    at_motor,
+    dt,
+    rings,
+    forced,
+):
+    """Lost packets (T,) bool, what is then shown (T, C, J), and the cost [nats].
+
+    `logged` is (T, C, J) with channels position, motor and torque; `lossy` (J,) are the joints
+    whose packets may be lost; each loss costs `charge`. `weight` and `memory` (C, J) are one over
+    the scale of an innovation and how much of a residual lives on to the next sample. `forced` (T,)
+    fixes a packet: 0 arrived, 1 lost, -1 is decoded. `path`, `encoder` and `rings` are of 2^(MEMORY
+    + 1) worlds.
+    """
+    samples, joints = target.shape
+    half = 1 << MEMORY
+    worlds = 2 * half
+    x = np.zeros((worlds, 5, joints))
+    for w in range(worlds):
+        x[w, 0], x[w, 2] = start, start
+    held, kept, wanted = np.zeros((3, worlds, joints))
+    angle, reading = np.zeros((2, worlds, joints))
+    age, seed = np.zeros(worlds, dtype=np.int64), np.zeros(worlds, dtype=np.int64)
+    last = np.zeros((worlds, 3, joints))
+    shown = np.zeros((worlds, 3, joints))
+    cost = np.full(worlds, np.inf)
+    cost[0] = 0.0
+    alive = np.zeros(worlds, dtype=np.bool_)
+    parent = np.zeros((samples, half), dtype=np.int8)
+    picture = np.zeros((samples, half, 3, joints))
+    lost_now = np.zeros((samples, half), dtype=np.bool_)
+    winner = np.zeros(worlds, dtype=np.int64)
+    mass, bias = np.zeros((joints, joints)), np.zeros(joints)
+    torque, acc = np.zeros(joints), np.zeros(joints)
+    work = workspace(len(chain_[0]), joints)
+    weights = expand(chain_)
+    late, read_late = path.any(), encoder.any()
+    for w in range(half):
+        alive[w] = w == 0
+    for k in range(samples):
+        # What is read now; survivors are worlds 0 .. half - 1 here.
+        for w in range(half):
+            angle[w] = np.where(at_motor, x[w, 2], x[w, 0])
+        if read_late:
+            note(angle, age, rings[1])
+            read(age, seed, encoder, dt, rings[1], reading)
+        else:
+            reading[:] = angle
+        for w in range(half):
+            if alive[w]:
+                shown[w, 0], shown[w, 1], shown[w, 2] = reading[w], x[w, 2], x[w, 4]
+                cost[w] += _surprise(shown[w], logged[k], last[w], k > 0, weight, memory)
+                picture[k, w] = shown[w]
+        if k + 1 == samples:
+            break
+        # Packet k: it arrives in world w, and is lost in world half + w.
+        for w in range(half):
+            alive[half + w] = False
+            if not alive[w]:
+                continue
+            news = False
+            for j in range(joints):
+                if lossy[j] and abs(target[k, j] - held[w, j]) > SAME:
+                    news = True
+            if k > 0 and news and forced[k] != 0:
+                v = half + w
+                alive[v] = True
+                x[v], last[v], age[v] = x[w], last[w], age[w]
+                rings[0][v], rings[1][v] = rings[0][w], rings[1][w]
+                kept[v], wanted[v], held[v] = kept[w], wanted[w], held[w]
+                cost[v] = cost[w] + charge
+                for j in range(joints):
+                    if not lossy[j]:
+                        held[v, j] = target[k, j]
+                if forced[k] == 1:
+                    cost[w] = np.inf
+                    alive[w] = False
+            held[w] = target[k]
+        for _ in range(ticks[k + 1] - ticks[k]):
+            if late:
+                follow(held, age, 1, seed, path, dt, kept, rings[0], wanted)
+            else:
+                wanted[:] = held
+            _tick_all(
+                alive, wanted, load[k], x, chain_, weights, drive, dt, mass, bias, torque, acc, work
+            )
+            age += 1
+            if read_late:
+                for w in range(worlds):
+                    angle[w] = np.where(at_motor, x[w, 2], x[w, 0])
+                note(angle, age, rings[1])
+        # Of worlds with the same last decisions the cheapest so far survives.
+        winner[:half] = -1
+        for w in range(worlds):
+            if alive[w]:
+                slot = ((2 * (w % half)) | (w // half)) % half
+                if winner[slot] < 0 or cost[w] < cost[winner[slot]]:
+                    winner[slot] = w
+        if winner[0] != 0 or (winner[1:half] >= 0).any():
+            _survive(winner, half, x, held, kept, wanted, last, cost, age, rings)
+        for s in range(half):
+            alive[s] = winner[s] >= 0
+            parent[k + 1, s] = winner[s] % half if alive[s] else -1
+            lost_now[k, s] = alive[s] and winner[s] >= half
+    best = 0
+    for w in range(half):
+        if alive[w] and (not alive[best] or cost[w] < cost[best]):
+            best = w
+    total = cost[best]
+    lost = np.zeros(samples, dtype=np.bool_)
+    out = np.zeros((samples, 3, joints))
+    for k in range(samples - 1, -1, -1):
+        out[k] = picture[k, best]
+        if k > 0:
+            lost[k - 1] = lost_now[k - 1, best]
+            best = parent[k, best]
+    return lost, out, total
+
+
+@numba.njit(cache=True)
+def _survive(winner, half, x, held, kept, wanted, last, cost, age, rings):
+    """Move the winners to the worlds 0 .. half - 1."""
+    old = (x.copy(), held.copy(), kept.copy(), wanted.copy(), last.copy(), cost.copy(), age.copy())
+    old_rings = (rings[0].copy(), rings[1].copy())
+    for s in range(half):
+        w = winner[s]
+        if w < 0:
+            cost[s] = np.inf
+            continue
+        x[s], held[s], kept[s], wanted[s] = old[0][w], old[1][w], old[2][w], old[3][w]
+        last[s], cost[s], age[s] = old[4][w], old[5][w], old[6][w]
+        rings[0][s], rings[1][s] = old_rings[0][w], old_rings[1][w]

@@ -1,0 +1,161 @@
+"""Fits of one fault of a skin at a time: its best size, interval and what the skin then is."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.state import Array
+from backends.touch import THRESHOLD_M
+from diagnosis.beside._skin import Faults, Pressed, gap, nats
+
+CLOSE_NATS = 1.35
+"""Half of the 90 % point of a squared normal number: ends of an interval."""
+THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
+FINER = np.arange(-5, 6) / 5
+"""Steps around the best threshold, in steps of the first grid."""
+HALO_M = 0.02
+"""The widest halo."""
+DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1e-3, 97)])
+DEAD_SHARES = np.linspace(0.0, 1.0, 101)
+NEXT_M = 1e-5
+"""Distances between taxels that differ by less are one."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guess:
+    """A fault of the size that fits best."""
+
+    effect: str
+    value: float
+    """In all, with what is nominal."""
+    interval: tuple[float, float]
+    faults: Faults
+    """The skin with it."""
+    evidence: str
+
+
+class Fitting:
+    """Fits of one fault at a time beside those that are there already."""
+
+    def __init__(self, data: Pressed, grid: Array) -> None:
+        self._data = data
+        self._apart = np.linalg.norm(grid[:, :, None] - grid[:, None], axis=-1)
+
+    def guess(self, effect: str, faults: Faults) -> Guess | None:
+        """The best size of an effect; None where it is none."""
+        return {
+            "taxel-threshold": self._threshold,
+            "taxel-drift": self._drift,
+            "taxel-dropout": self._dead,
+            "taxel-halo": self._halo,
+        }[effect](faults)
+
+    def nats(self, faults: Faults) -> float:
+        """Log-likelihood of the samples [nats]."""
+        return float(nats(self._data, faults, self._near(faults)).sum())
+
+    def gap(self, faults: Faults) -> float:
+        """See `_skin.gap`."""
+        return gap(self._data, faults, self._near(faults))
+
+    def _near(self, faults: Faults) -> list[Array] | None:
+        return [d < faults.halo_m for d in self._apart] if faults.halo_m > 0 else None
+
+    def _threshold(self, faults: Faults) -> Guess | None:
+        best, low, high = self._best_threshold(faults, THRESHOLDS_M)
+        finer = best + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
+        best, low, high = self._best_threshold(faults, finer)
+        if low <= faults.threshold_m <= high:
+            return None
+        return Guess(
+            effect="taxel-threshold",
+            value=best,
+            interval=(low, high),
+            faults=replace(faults, threshold_m=best),
+            evidence=f"taxels answer from {1e3 * (THRESHOLD_M + best):.2f} mm of press on",
+        )
+
+    def _best_threshold(self, faults: Faults, values: Array) -> tuple[float, float, float]:
+        tries = [self.nats(replace(faults, threshold_m=float(t))) for t in values]
+        return profile(values, np.array(tries))
+
+    def _halo(self, faults: Faults) -> Guess | None:
+        steps = np.unique(np.round(self._apart / NEXT_M)) * NEXT_M
+        ends = np.append(steps[steps <= HALO_M], HALO_M)
+        middles = (ends[:-1] + ends[1:]) / 2
+        tries = [replace(faults, halo_m=float(m)) for m in middles]
+        scores = np.array([self.nats(t) for t in tries])
+        best = int(np.argmax(scores))
+        if best == 0:
+            return None
+        good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+        return Guess(
+            effect="taxel-halo",
+            value=float(middles[best]),
+            interval=(float(ends[good[0]]), float(ends[good[-1] + 1])),
+            faults=tries[best],
+            evidence=f"taxels answer within {1e3 * middles[best]:.1f} mm of a pressed one",
+        )
+
+    def _drift(self, faults: Faults) -> Guess | None:
+        evidence, mean = self._drifting(faults)
+        best, low, high = profile(DRIFTS_M_S[1:], evidence.sum(axis=(1, 2)))
+        k = int(np.searchsorted(DRIFTS_M_S[1:], best))
+        if k == 0:
+            return None
+        return Guess(
+            effect="taxel-drift",
+            value=best,
+            interval=(low, high * DRIFTS_M_S[2] / DRIFTS_M_S[1]),
+            faults=replace(faults, slope_m_s=mean[k], fastest_m_s=best),
+            evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
+        )
+
+    def _drifting(self, faults: Faults) -> tuple[Array, Array]:
+        """Log-evidence of every taxel and its mean slope, by the fastest drift, (D, F, K).
+
+        Slopes are spread evenly between none and the fastest.
+        """
+        near, slope = self._near(faults), DRIFTS_M_S[:, None, None]
+        each = np.stack(
+            [nats(self._data, replace(faults, slope_m_s=a), near).sum(axis=0) for a in slope]
+        )
+        top = each.max(axis=0)
+        likely, width = np.exp(each - top), np.diff(slope, axis=0)
+        area, moment = (
+            np.cumsum(width * (v[1:] + v[:-1]) / 2, axis=0) for v in (likely, likely * slope)
+        )
+        return np.log(area / slope[1:]) + top, moment / area
+
+    def _dead(self, faults: Faults) -> Guess | None:
+        none = np.zeros(self._apart.shape[:2], dtype=bool)
+        near = self._near(faults)
+        dead = nats(self._data, replace(faults, dead=~none), near).sum(axis=0)
+        if faults.fastest_m_s > 0:  # a living taxel would drift
+            fastest = int(np.searchsorted(DRIFTS_M_S[1:], faults.fastest_m_s))
+            alive = self._drifting(faults)[0][fastest]
+        else:
+            alive = nats(self._data, replace(faults, dead=none), near).sum(axis=0)
+        shares = DEAD_SHARES[:, None, None]
+        with np.errstate(divide="ignore"):
+            each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
+        best, low, high = profile(DEAD_SHARES, each.sum(axis=(1, 2)))
+        silent = dead - alive > np.log(1 / max(best, 1e-9))
+        if best == 0.0 or not silent.any():
+            return None
+        known = int((np.abs(dead - alive) > 1.0).sum())
+        return Guess(
+            effect="taxel-dropout",
+            value=best,
+            interval=(max(low, 0.0), min(high, 1.0)),
+            faults=replace(faults, dead=silent),
+            evidence=f"{int(silent.sum())} of {known} taxels that should answer never do",
+        )
+
+
+def profile(values: Array, scores: Array) -> tuple[float, float, float]:
+    """The best of some values and its 90 % interval."""
+    best = int(np.argmax(scores))
+    good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+    half = (values[1] - values[0]) / 2
+    return float(values[best]), float(values[good[0]] - half), float(values[good[-1]] + half)

@@ -1,0 +1,97 @@
+"""What diagnoses beside the replayed ones find: random effects, touch, stick and contact."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.attribution.verdict import rules
+
+SURE = 0.999
+"""No finding is surer than this."""
+ALIKE = 0.1
+"""Magnitudes of joints are one where their intervals meet or they differ by less, relative."""
+_GAPS = ("gap_before", "gap_after")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """An effect that was found, or a gap that is `unknown`."""
+
+    effect: str
+    """Name of an effect, or `unknown`."""
+    joint: str | None
+    """None: every joint that the effect concerns, or an effect that concerns none."""
+    value: float
+    """Magnitude in SI units, 0 of an unknown."""
+    interval: tuple[float, float]
+    """90 % interval of the magnitude."""
+    joints: tuple[str, ...] = ()
+    """Joints that it was found on."""
+    share: float
+    """Share of the squared gap above the floor that it explains."""
+    gap_before: float
+    """Root mean square of what it was judged by, over the floor, as nominal."""
+    gap_after: float
+    """The same with the effect."""
+    confidence: float
+    """Probability that it is right."""
+    ties: tuple[str, ...] = ()
+    """Effects that this log cannot tell from it."""
+    instead: bool = False
+    """Whether it takes the place of what replays found on its joints, or stands beside it."""
+    evidence: str
+    """What in the log says so."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Findings, and what a log does not tell."""
+
+    findings: tuple[Finding, ...] = ()
+    missing: tuple[str, ...] = ()
+    """Why effects could not be looked for, and what to record for them."""
+
+
+def confidence(lead_nats: float) -> float:
+    """Probability of being right at a lead over the next best, by the frozen rules."""
+    a, b = rules().confidence
+    return min(float(1 / (1 + np.exp(-(a + b * np.log(max(lead_nats, 1e-3)))))), SURE)
+
+
+def gap(residual: Array, sigma: Array | float) -> float:
+    """Root mean square of residuals over their standard deviation."""
+    return float(np.sqrt(np.mean((residual / sigma) ** 2)))
+
+
+def share(before: float, after: float) -> float:
+    """Share of the squared gap above the floor that is gone."""
+    excess = before**2 - 1.0
+    return float(np.clip(1 - max(after**2 - 1.0, 0.0) / excess, 0.0, 1.0)) if excess > 0 else 0.0
+
+
+def together(found: Sequence[Finding], concerned: Sequence[str]) -> tuple[Finding, ...]:
+    """One effect that every joint concerned agrees on is one finding without a joint."""
+    joints = [name for one in found for name in one.joints]
+    if len(found) < 2 or sorted(joints) != sorted(concerned):
+        return tuple(found)
+    value, low, high = np.median([(f.value, *f.interval) for f in found], axis=0)
+    apart = any(f.interval[0] > high or f.interval[1] < low for f in found)
+    if apart and any(abs(f.value - value) > ALIKE * value for f in found):
+        return tuple(found)
+    gaps = [float(np.sqrt(np.mean([getattr(f, k) ** 2 for f in found]))) for k in _GAPS]
+    one = max(found, key=lambda f: f.confidence)
+    return (
+        replace(
+            one,
+            joint=None,
+            joints=tuple(concerned),
+            value=float(value),
+            interval=(float(low), float(high)),
+            gap_before=gaps[0],
+            gap_after=gaps[1],
+            share=share(*gaps),
+            evidence=f"on every joint: {one.evidence}",
+        ),
+    )

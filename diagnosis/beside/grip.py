@@ -1,0 +1,210 @@
+"""What is wrong with stick and contact, from episodes with the stick in the hand.
+
+Radius and softness show in geometry (`yields`), friction and mass in how the stick moves: worlds of
+other magnitudes are replayed side by side on an engine, and the residual decides. Engines differ in
+that by more than sensors see, so every episode has to agree.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.attribution.verdict import rules
+from diagnosis.beside._regrasp import Shown, Simulate, ends_m, regrasp
+from diagnosis.beside.finding import Finding, Report, confidence
+from diagnosis.beside.held import Held, held, white_noise
+from diagnosis.beside.yields import RADIUS, SOFTNESS, shapes
+from diagnosis.logs.log import Log
+
+MOTION = {
+    "contact-friction": (-0.8, -0.6, -0.4, -0.2, 0.3, 0.8, 1.5),
+    "stick-mass": (-0.8, -0.5, -0.25, 0.4, 1.0, 2.0, 3.5),
+}
+"""Effects that show in motion, and magnitudes to start from."""
+NEEDS = "not identifiable from this log: record --protocol grasp with the channel stick"
+AGREE = f"{NEEDS}, --variants 2 or more: one episode may agree by chance"
+CHANNELS = ("stick", "joint", "torque")
+EPS = (5e-5, 5e-5, 5e-4)
+"""Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""
+ENGINES = (2e-3, 4e-3, 12e-3)
+"""Nominal worlds on Bullet and SAPIEN differ by this from their replay on MuJoCo [m, rad, Nm]."""
+ALIKE_S = 0.5
+"""Time in which residuals tell as much as one."""
+ACCUSE_NATS = 30.0
+"""All episodes together must favour an effect by this."""
+CLOSE_NATS = 1.35
+"""Half of the 90 % point of a squared normal number: ends of an interval."""
+FINER = (-0.8, -0.5, -0.25, 0.25, 0.5, 0.8)
+"""Where later rounds look, as shares of the way from the best magnitude to its neighbours."""
+ROUNDS = 2
+STILL = 0.01
+"""A gap this far under what engines differ by is none."""
+ENGINE = (
+    "the motion of the stick differs from the nominal engine's by {:.2f} of what engines differ "
+    "by among themselves, and neither of them alone explains it"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Swept:
+    """One effect, replayed at many magnitudes."""
+
+    effect: str
+    magnitudes: Array
+    """In order, 0 among them, shape (M,)."""
+    nats: Array
+    """Cost of each in every episode, shape (M, E)."""
+    gaps: Array
+    """Residuals over `ENGINES`, root mean square by magnitude, shape (M,)."""
+
+    @property
+    def best(self) -> int:
+        """The cheapest magnitude over all episodes."""
+        return int(np.argmin(self.nats.sum(axis=1)))
+
+    @property
+    def zero(self) -> int:
+        """Where nothing is wrong."""
+        return int(np.argmin(np.abs(self.magnitudes)))
+
+    @property
+    def share(self) -> float:
+        """Share of the squared gap that it explains."""
+        return float(1 - (self.gaps[self.best] / self.gaps[self.zero]) ** 2)
+
+    @property
+    def lead(self) -> float:
+        """What it gains in all episodes, each at the size that the others choose [nats].
+
+        0 where one of them does not agree.
+        """
+        total = self.nats.sum(axis=1)
+        chosen = np.argmin(total[:, None] - self.nats, axis=0)
+        gains = self.nats[self.zero] - self.nats[chosen, np.arange(self.nats.shape[1])]
+        return float(gains.sum()) if (gains > 0).all() else 0.0
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Magnitudes next to those that cost nearly as little."""
+        total = self.nats.sum(axis=1)
+        good = np.flatnonzero(total < total.min() + CLOSE_NATS)
+        ends = max(good[0] - 1, 0), min(good[-1] + 1, len(total) - 1)
+        return float(self.magnitudes[ends[0]]), float(self.magnitudes[ends[1]])
+
+
+def grip(
+    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], simulate: Simulate
+) -> Report:
+    """The effects of stick and contact that a log shows, and why it cannot show others.
+
+    `simulate` puts worlds on the nominal engine.
+    """
+    sought = [name for name in (RADIUS, SOFTNESS, *MOTION) if name in catalogue]
+    parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
+    if not sought:
+        return Report()
+    if not parts:
+        return Report(missing=(f"{', '.join(sought)}: {NEEDS}",))
+    shape = shapes(nominal, parts, catalogue, simulate)
+    moving = {name: catalogue[name] for name in MOTION if name in catalogue}
+    if len(parts) < 2:
+        missing = (f"{', '.join(moving)}: {AGREE}",) if moving else ()
+        return Report(findings=shape.findings, missing=(*shape.missing, *missing))
+    moved = motions(shape.world, parts, moving, simulate)
+    return Report(
+        findings=(*shape.findings, *moved.findings), missing=(*shape.missing, *moved.missing)
+    )
+
+
+def motions(
+    world: Spec, parts: Sequence[Held], kinds: Mapping[str, type[Effect]], simulate: Simulate
+) -> Report:
+    """The one effect that all episodes agree on and that explains the motion."""
+    if not kinds:
+        return Report()
+    singles = [_sweep(world, parts, name, kind, simulate) for name, kind in kinds.items()]
+    base_gap = singles[0].gaps[singles[0].zero]
+    if base_gap < STILL:
+        return Report()
+    agreed = {s.effect: s.lead for s in singles}
+    best = max(singles, key=lambda s: agreed[s.effect])
+    if best.lead >= ACCUSE_NATS and best.share >= rules().explained_share:
+        ties = [n for n, lead in agreed.items() if n != best.effect and best.lead - lead < _tie()]
+        return Report(findings=(_finding(best, base_gap, ties),))
+    text = f"{', '.join(kinds)}: {ENGINE.format(base_gap)}"
+    return Report(missing=(text,))
+
+
+def _tie() -> float:
+    return rules().tie_nats
+
+
+def _finding(swept: Swept, before: float, ties: Sequence[str]) -> Finding:
+    after = float(swept.gaps[swept.best])
+    return Finding(
+        effect=swept.effect,
+        joint=None,
+        value=float(swept.magnitudes[swept.best]),
+        interval=swept.interval,
+        share=1 - (after / before) ** 2,
+        gap_before=before,
+        gap_after=after,
+        confidence=confidence(swept.lead),
+        ties=tuple(ties),
+        evidence=f"every one of {swept.nats.shape[1]} grasps is replayed better, by "
+        f"{swept.lead:.0f} nats in all",
+    )
+
+
+def _sweep(
+    world: Spec, parts: Sequence[Held], name: str, kind: type[Effect], simulate: Simulate
+) -> Swept:
+    """An effect at its first magnitudes, then twice more around the best."""
+    done: dict[float, tuple[Array, float]] = {}
+    asked = [0.0, *MOTION[name]]
+    for _ in range(1 + ROUNDS):
+        worlds = [kind(magnitude=size).on_spec(world) for size in asked]
+        for size, shown in zip(asked, regrasp(simulate, worlds, parts), strict=True):
+            done[size] = _judged(shown, parts, world)
+        asked = _closer(done)
+    sizes = sorted(done)
+    return Swept(
+        effect=name,
+        magnitudes=np.array(sizes),
+        nats=np.stack([done[m][0] for m in sizes]),
+        gaps=np.array([done[m][1] for m in sizes]),
+    )
+
+
+def _closer(done: Mapping[float, tuple[Array, float]]) -> list[float]:
+    sizes = sorted(done)
+    k = min(range(len(sizes)), key=lambda i: float(done[sizes[i]][0].sum()))
+    near = [sizes[max(k - 1, 0)], sizes[min(k + 1, len(sizes) - 1)]]
+    return [sizes[k] + abs(f) * (near[f > 0] - sizes[k]) for f in FINER if near[f > 0] != sizes[k]]
+
+
+def _judged(shown: Sequence[Shown], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
+    """Cost by episode (E,) [nats], with every channel's spread profiled out, and the gap."""
+    nats, gaps = [], []
+    for one, part in zip(shown, parts, strict=True):
+        length = world.stick.length_m
+        pairs = (
+            (ends_m(one.stick, length), ends_m(part.stick, length)),
+            (one.joint_rad, part.joint_rad),
+            (one.torque_nm, part.torque_nm),
+        )
+        cost, ratios = 0.0, []
+        for (model, real), eps, far in zip(pairs, EPS, ENGINES, strict=True):
+            if np.isfinite(real).all():
+                square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
+                told = real.shape[1] * part.time_s[-1] / ALIKE_S
+                floor = eps**2 + float(white_noise(real).max()) ** 2
+                cost += told / 2 * np.log(square + floor)
+                ratios.append(square / far**2)
+        nats.append(cost)
+        gaps.append(np.mean(ratios))
+    return np.array(nats), float(np.sqrt(np.mean(gaps)))

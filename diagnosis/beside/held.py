@@ -1,0 +1,162 @@
+"""Episodes with the stick in the hand, as geometry: where tips and stick are, sample by sample."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numba
+import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
+
+from backends.kinematics import tip_frames
+from backends.spec import Spec
+from backends.state import Array, State, quat_to_matrix
+from backends.touch import Skin, stick_shape, surface_distance
+from diagnosis.logs.log import Log
+
+PROTOCOLS = ("grasp", "policy")
+"""Protocols with the stick in the hand."""
+POINTS = 64
+"""Points on a tip's axis of which the nearest to the stick is sought: 0.2 mm apart, which is
+0.0002 mm in the distance."""
+
+SMOOTH, CUBIC = 21, 3
+"""Samples and degree of the cubics that noise is smoothed by."""
+CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
+"""Noise that they leave [1]."""
+STEP_RAD = 1e-4
+"""Turn of a joint for the arm it moves a tip by."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Held:
+    """One episode with the stick's pose."""
+
+    episode: int
+    protocol: str
+    time_s: Array
+    """Since the start, shape (T,)."""
+    joint_rad: Array
+    """Joint angles by the nominal sensors, shape (T, J)."""
+    stick: Array
+    """Pose x y z [m], qw qx qy qz, shape (T, 7)."""
+    command_rad: Array
+    """Targets from each sample on, shape (T, J)."""
+    push_nm: Array
+    """Known torques on the joints from each sample on, shape (T, J)."""
+    torque_nm: Array
+    """PD torques, shape (T, J); NaN where none were logged."""
+    touch: Array | None
+    """Readings of the taxels, shape (T, F, K)."""
+
+    @property
+    def taxels(self) -> tuple[int, int]:
+        """Fingers and taxels of each."""
+        return (0, 0) if self.touch is None else (self.touch.shape[1], self.touch.shape[2])
+
+    def every(self, rows: Array) -> "Held":
+        """Some samples of it."""
+        names = ("time_s", "joint_rad", "stick", "command_rad", "push_nm", "torque_nm", "touch")
+        kept = {k: getattr(self, k) for k in names}
+        some: dict[str, Any] = {k: None if v is None else v[rows] for k, v in kept.items()}
+        return replace(self, **some)
+
+
+def held(log: Log, nominal: Spec) -> list[Held]:
+    """The episodes of a log in which the stick is held and its pose was logged."""
+    if any(name not in log.joints for name in nominal.hand.joint_names):
+        return []
+    return [
+        _held(log, nominal, meta.episode, meta.protocol, stick)
+        for meta in log.episodes
+        if meta.protocol in PROTOCOLS and (stick := log.stick(meta.episode)) is not None
+    ]
+
+
+def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
+    frame, names = log.episode(episode), nominal.hand.joint_names
+    time_s = frame["t_s"].to_numpy(float)
+
+    def read(kind: str) -> Array:
+        blank = np.full(len(frame), np.nan)
+        columns = [log.column(kind, n) if log.has(kind, n, episode) else None for n in names]
+        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
+
+    encoders = [body.joint.encoder for body in nominal.hand.driven]
+    bias, scale = (
+        np.array(v) for v in zip(*((e.bias_rad, e.scale_error) for e in encoders), strict=True)
+    )
+    same = log.fingers == tuple(tip.finger for tip in nominal.hand.fingertips)
+    return Held(
+        episode=episode,
+        protocol=protocol,
+        time_s=time_s - time_s[0],
+        joint_rad=(read("position") - bias) / (1 + scale),
+        stick=stick,
+        command_rad=read("command"),
+        push_nm=np.nan_to_num(read("push")),
+        torque_nm=read("torque"),
+        touch=log.touch(episode) if same else None,
+    )
+
+
+def pressed_m(spec: Spec, part: Held) -> Array:
+    """Depth [m] to which every taxel is pressed where its finger is touched, shape (T, F, K)."""
+    count, tips = len(part.time_s), len(spec.hand.fingertips)
+    taxels = replace(spec.hand.taxels, drift_m_s=0.0, dead_share=0.0, halo_m=0.0)
+    bare = replace(spec, hand=replace(spec.hand, taxels=taxels))
+    state = State.allocate(count, len(spec.hand.joint_names), tips)
+    state.joint_rad[:] = part.joint_rad
+    state.stick_pos_m[:], state.stick_quat_wxyz[:] = part.stick[:, :3], part.stick[:, 3:]
+    state.contact_force_n[:] = 1.0
+    return Skin([bare] * count).feel(state).reading_m
+
+
+def gaps_m(spec: Spec, part: Held) -> Array:
+    """Distance [m] between every tip's surface and the stick's, negative inside, shape (T, F)."""
+    origin, rotation = tip_frames(spec.hand, part.joint_rad)
+    tips = np.array([(tip.length_m, tip.radius_m) for tip in spec.hand.fingertips])
+    forward = np.ascontiguousarray(rotation[..., 0])
+    stick = quat_to_matrix(part.stick[:, 3:])
+    return _gaps(origin, forward, tips, stick_shape(spec.stick), part.stick[:, :3], stick)
+
+
+def blur_m(spec: Spec, part: Held) -> float:
+    """How uncertain white noise of joints and stick makes a distance between them [m]."""
+    middle = np.median(part.joint_rad, axis=0)
+    turned = np.concatenate([middle[None], middle + STEP_RAD * np.eye(len(middle))])
+    origin, _ = tip_frames(spec.hand, turned)
+    arm_m = np.linalg.norm(origin[1:] - origin[0], axis=-1) / STEP_RAD
+    joints, stick = white_noise(part.joint_rad), white_noise(part.stick[:, :3])
+    return float(np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max()))
+
+
+def white_noise(values: Array) -> Array:
+    """White noise of columns (T, C): third differences take smooth motion away."""
+    third = np.diff(values, n=3, axis=0)
+    return np.median(np.abs(third), axis=0) / 0.6745 / np.sqrt(20)
+
+
+def smoothed(part: Held) -> Held:
+    """With joints and stick as cubics through `SMOOTH` samples around each: less noise, no lag."""
+    window = min(SMOOTH, len(part.time_s) - 1 + len(part.time_s) % 2)
+    joints, stick = (savgol_filter(v, window, CUBIC, axis=0) for v in (part.joint_rad, part.stick))
+    stick[:, 3:] /= np.linalg.norm(stick[:, 3:], axis=1, keepdims=True)
+    return replace(part, joint_rad=joints, stick=stick)
+
+
+@numba.njit(cache=True)
+def _gaps(origin, forward, tips, shape, position, rotation):
+    out = np.full(origin.shape[:2], np.inf)
+    p = np.zeros(3)
+    for n in range(out.shape[0]):
+        for f in range(out.shape[1]):
+            for s in range(POINTS):
+                back = tips[f, 0] * s / (POINTS - 1.0)
+                p[:] = 0.0
+                for i in range(3):
+                    for k in range(3):
+                        at = origin[n, f, k] - back * forward[n, f, k] - position[n, k]
+                        p[i] += rotation[n, k, i] * at
+                near = surface_distance(p[0], p[1], p[2], shape) - tips[f, 1]
+                out[n, f] = min(out[n, f], near)
+    return out

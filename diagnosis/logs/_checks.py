@@ -1,0 +1,261 @@
+"""Is a log sound: columns, times, rates, units and numbers. Each check is one small function.
+
+What cannot be used raises LogError; what is odd but usable gives a warning.
+"""
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs._columns import KINDS, STICK, UNITS, channel_of, kind_of, name_of
+from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta, MjcfMechanism
+
+MIN_SAMPLES = 20
+"""Shortest episode in samples."""
+GAP_PERIODS, HOLE_PERIODS = 3.0, 20.0
+"""A longer step is a gap (a warning), a much longer one a hole, in median periods."""
+LARGEST = 1e12
+"""Numbers from here on are taken as infinite."""
+RATE_TOLERANCE = 0.1
+"""How far a declared rate may lie from the rows' rate, relative."""
+SLOWEST_S = 0.5
+"""Longest median period: longer ones are times in milliseconds, or no log of a motion [s]."""
+
+
+def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, tuple[str, ...]]:
+    """Meta and samples with all that may be left out filled in, and the warnings."""
+    columns_are_known(samples)
+    joints = joints_are_complete(samples)
+    joints_are_in_mechanism(meta, joints)
+    samples = numbers_are_numbers(samples)
+    samples = samples if "episode" in samples else samples.assign(episode=0)
+    meta = episodes_are_named(meta, samples)
+    warnings: list[str] = []
+    for number, part in samples.groupby("episode", sort=False):
+        times_increase(int(str(number)), part, warnings)
+        values_are_finite(int(str(number)), part)
+    meta = channels_are_declared(meta, samples)
+    rates_fit(meta, samples)
+    taxels_are_alike(samples)
+    stick_is_whole(samples)
+    first = [c for c in ("episode", "t_s") if c in samples]
+    rest = [c for c in samples.columns if c not in first]
+    return meta, samples[[*first, *rest]].reset_index(drop=True), tuple(warnings)
+
+
+def columns_are_known(samples: pd.DataFrame) -> None:
+    """Refuse columns of no known name."""
+    for column in samples.columns:
+        if column not in ("episode", "t_s"):
+            channel_of(str(column))
+    if "t_s" not in samples:
+        raise LogError("samples have no column 't_s'; add the time of each sample in seconds")
+
+
+def joints_are_complete(samples: pd.DataFrame) -> tuple[str, ...]:
+    """Names of the joints; each needs command and position in one unit."""
+    pairs = [pair for column in samples.columns if (pair := kind_of(str(column)))]
+    joints = tuple(dict.fromkeys(joint for _, joint in pairs))
+    if not joints:
+        raise LogError(
+            "samples have no joint; add columns such as command_rad.J0 and position_rad.J0"
+        )
+    for joint in joints:
+        linear = name_of("command", joint, linear=True) in samples
+        for kind in ("command", "position"):
+            if name_of(kind, joint, linear) not in samples:
+                raise LogError(
+                    f"samples lack '{name_of(kind, joint, linear)}'; every joint needs command "
+                    "and position, both in rad or both in m"
+                )
+        for kind in KINDS:
+            stray = name_of(kind, joint, not linear)
+            if stray in samples:
+                raise LogError(
+                    f"'{stray}' does not fit joint {joint}, whose command is in "
+                    f"{'m' if linear else 'rad'}; rename it '{name_of(kind, joint, linear)}'"
+                )
+    return joints
+
+
+def joints_are_in_mechanism(meta: LogMeta, joints: tuple[str, ...]) -> None:
+    """Refuse joints that the MJCF mechanism does not list."""
+    if not isinstance(meta.mechanism, MjcfMechanism):
+        return
+    known = meta.mechanism.joints
+    for joint in joints:
+        if joint not in known:
+            raise LogError(
+                f"samples have a joint '{joint}' that mechanism.joints does not list; "
+                f"listed: {', '.join(known)}; add its drive or drop its columns"
+            )
+
+
+def numbers_are_numbers(samples: pd.DataFrame) -> pd.DataFrame:
+    """The samples with numeric columns; refuses text and fractional episodes."""
+    if samples.empty:
+        raise LogError("samples have no rows; record again")
+    samples = samples.copy()
+    for column in samples.columns:
+        if column.startswith("touch."):
+            cells = [c if isinstance(c, np.ndarray) else None for c in samples[column]]
+            samples[column] = pd.Series(cells, index=samples.index, dtype=object)
+            continue
+        numbers = pd.to_numeric(samples[column], errors="coerce")
+        bad = numbers.isna() & samples[column].notna()
+        if bad.any():
+            row = int(np.argmax(bad))
+            raise LogError(
+                f"'{column}' is '{samples[column].iloc[row]}' in sample {row}; allowed: numbers "
+                "with a decimal point, or nothing"
+            )
+        samples[column] = numbers.astype(float)
+    if "episode" in samples:
+        whole = samples["episode"]
+        if whole.isna().any() or (whole != whole.round()).any() or (whole < 0).any():
+            raise LogError("'episode' is not a whole number from 0 in every sample; number them")
+        samples["episode"] = whole.astype(np.int64)
+    return samples
+
+
+def episodes_are_named(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
+    """Meta with every episode of the samples, each in one piece."""
+    numbers = samples["episode"].to_numpy()
+    starts = numbers[np.flatnonzero(np.diff(numbers, prepend=-1))]
+    if len(starts) > len(set(starts)):
+        raise LogError("an episode's samples are not in one piece; sort the rows by episode")
+    found = [int(n) for n in starts]
+    if not meta.episodes:
+        return meta.model_copy(update={"episodes": tuple(EpisodeMeta(episode=n) for n in found)})
+    named = [e.episode for e in meta.episodes]
+    if sorted(named) != sorted(found):
+        raise LogError(f"log.yaml names episodes {named}, samples hold {found}; make them agree")
+    order = {e.episode: e for e in meta.episodes}
+    return meta.model_copy(update={"episodes": tuple(order[n] for n in found)})
+
+
+def times_increase(number: int, part: pd.DataFrame, warnings: list[str]) -> None:
+    """Refuse an episode that is too short or whose times repeat, fall or leave a hole."""
+    if len(part) < MIN_SAMPLES:
+        raise LogError(
+            f"episode {number} has {len(part)} samples; allowed: from {MIN_SAMPLES}; "
+            "record longer or drop it"
+        )
+    t = part["t_s"].to_numpy()
+    if not np.isfinite(t).all():
+        raise LogError(f"'t_s' is no number in sample {_row(part, ~np.isfinite(t))}; drop that row")
+    step = np.diff(t)
+    if (step <= 0).any():
+        what = "repeats" if step[np.argmax(step <= 0)] == 0 else "goes back"
+        raise LogError(
+            f"'t_s' {what} at sample {_row(part, np.append(False, step <= 0))}; times increase "
+            "within an episode: drop the row, or give a new start a new episode number"
+        )
+    period = float(np.median(step))
+    if period > SLOWEST_S:
+        raise LogError(
+            f"episode {number} has {period:g} s between samples; allowed: up to {SLOWEST_S:g} s; "
+            "is 't_s' in milliseconds? Divide it by 1000"
+        )
+    _refuse_holes(number, part, step / period, warnings)
+
+
+def _refuse_holes(number: int, part: pd.DataFrame, periods: np.ndarray, warnings: list) -> None:
+    if periods.max() > HOLE_PERIODS:
+        row = _row(part, np.append(False, periods > HOLE_PERIODS))
+        raise LogError(
+            f"episode {number} has a hole of {periods.max():.0f} periods before sample {row}; "
+            f"allowed: up to {HOLE_PERIODS:.0f}; give what follows a new episode number"
+        )
+    gaps = int((periods > GAP_PERIODS).sum())
+    if gaps:
+        warnings.append(
+            f"episode {number} has {gaps} gaps, the longest of {periods.max():.1f} periods"
+        )
+
+
+def values_are_finite(number: int, part: pd.DataFrame) -> None:
+    """Refuse NaN and infinity, except where a whole column is empty in an episode."""
+    for column in part.columns:
+        if column.startswith("touch."):
+            missing = part[column].isna().to_numpy()
+        else:
+            missing = ~(np.abs(part[column].to_numpy()) < LARGEST)
+        needed = column.startswith(("command_", "position_"))
+        if missing.any() and (needed or not part[column].isna().all()):
+            raise LogError(
+                f"'{column}' is no finite number in sample {_row(part, missing)} of episode "
+                f"{number}; fill it (a slower channel repeats its last value) or drop the row"
+            )
+
+
+def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
+    """Meta with a unit and rate for every channel; refuses another unit than the name's."""
+    rate = round(_rate_hz(samples), 3)
+    found = dict.fromkeys(channel_of(c) for c in samples.columns if c not in ("episode", "t_s"))
+    for name, channel in meta.channels.items():
+        if name not in found:
+            raise LogError(f"log.yaml declares '{name}'; samples hold: {', '.join(found)}")
+        if channel.unit not in UNITS[name]:
+            raise LogError(
+                f"channel '{name}' is declared in {channel.unit}; allowed: "
+                f"{' or '.join(UNITS[name])}; convert the numbers, then declare that"
+            )
+    given = {name: meta.channels.get(name, Channel(unit=UNITS[name][0])) for name in found}
+    filled = {
+        name: c if c.rate_hz else c.model_copy(update={"rate_hz": rate})
+        for name, c in given.items()
+    }
+    return meta.model_copy(update={"channels": filled})
+
+
+def rates_fit(meta: LogMeta, samples: pd.DataFrame) -> None:
+    """Refuse a declared rate above the rows', or one below it whose values change too often."""
+    rows = _rate_hz(samples)
+    for column in samples.columns:
+        if column in ("episode", "t_s", *STICK) or column.startswith("touch."):
+            continue
+        rate = meta.channels[channel_of(column)].rate_hz or rows
+        changes = np.mean(np.diff(samples[column].dropna().to_numpy()) != 0)
+        too_slow = rate < rows / (1 + RATE_TOLERANCE) and changes * rows > 1.5 * rate
+        if rate > rows * (1 + RATE_TOLERANCE) or too_slow:
+            raise LogError(
+                f"channel '{channel_of(column)}' is declared at {rate:g} Hz, but t_s says "
+                f"{rows:.4g} Hz; correct rate_hz or t_s (in seconds), or leave rate_hz out"
+            )
+
+
+def taxels_are_alike(samples: pd.DataFrame) -> None:
+    """Refuse touch cells of different lengths or with values that are not finite."""
+    for column in samples.columns:
+        if not column.startswith("touch."):
+            continue
+        cells = [cell for cell in samples[column] if cell is not None]
+        lengths = {len(cell) for cell in cells}
+        if len(lengths) > 1:
+            raise LogError(f"'{column}' has {sorted(lengths)} values; give as many in each sample")
+        if cells and not np.isfinite(np.stack(cells)).all():
+            raise LogError(f"'{column}' holds a value that is no finite number; write 0 for none")
+
+
+def stick_is_whole(samples: pd.DataFrame) -> None:
+    """Refuse a stick pose with missing columns or quaternions of another length than 1."""
+    there = [name for name in STICK if name in samples]
+    if not there:
+        return
+    if len(there) < len(STICK):
+        missing = ", ".join(name for name in STICK if name not in there)
+        raise LogError(f"the stick's pose lacks {missing}; give all seven columns or none")
+    quat = samples[list(STICK[3:])].dropna().to_numpy()
+    if len(quat) and np.abs(np.linalg.norm(quat, axis=1) - 1).max() > 1e-2:
+        raise LogError("stick_qw to stick_qz are no unit quaternions; normalise them, w first")
+
+
+def _rate_hz(samples: pd.DataFrame) -> float:
+    """Rows per second: the fastest episode's."""
+    parts = samples.groupby("episode", sort=False)["t_s"]
+    return max(1.0 / float(np.median(np.diff(t))) for _, t in parts)
+
+
+def _row(part: pd.DataFrame, bad: np.ndarray) -> int:
+    """Number of the first bad sample, counted from 0 in the file."""
+    return int(part.index[int(np.argmax(bad))])

@@ -1,0 +1,65 @@
+"""Names of a log's columns: kind, unit and joint, such as 'torque_nm.J0'."""
+
+import difflib
+
+from diagnosis.logs._meta import LogError
+
+ROTARY = {
+    "command": ("rad", "rad"),
+    "position": ("rad", "rad"),
+    "motor": ("rad", "rad"),
+    "torque": ("nm", "Nm"),
+    "velocity": ("rad_s", "rad/s"),
+    "push": ("nm", "Nm"),
+}
+"""Per kind, the unit in the name and the unit itself, for a joint that turns."""
+LINEAR = {
+    "command": ("m", "m"),
+    "position": ("m", "m"),
+    "motor": ("m", "m"),
+    "torque": ("n", "N"),
+    "velocity": ("m_s", "m/s"),
+    "push": ("n", "N"),
+}
+"""The same for a joint that slides: its torque is a force."""
+KINDS = tuple(ROTARY)
+STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"))
+"""Centre of the stick [m] and its orientation, world frame."""
+UNITS = {
+    **{f"{kind}_{name}": (unit,) for kind, (name, unit) in ROTARY.items()},
+    **{f"{kind}_{name}": (unit,) for kind, (name, unit) in LINEAR.items()},
+    "touch": ("m", "1"),
+    "stick": ("m",),
+}
+"""Channels and the units they may be declared in."""
+
+
+def name_of(kind: str, joint: str, linear: bool = False) -> str:
+    """The column of a kind and joint."""
+    return f"{kind}_{(LINEAR if linear else ROTARY)[kind][0]}.{joint}"
+
+
+def channel_of(column: str) -> str:
+    """The channel that a column belongs to; raises LogError when there is none of that name."""
+    if column in STICK:
+        return "stick"
+    channel, dot, what = column.partition(".")
+    if channel in UNITS and channel != "stick" and dot and what:
+        return channel
+    raise LogError(_unknown(column))
+
+
+def kind_of(column: str) -> tuple[str, str] | None:
+    """Kind and joint of a joint's column, else None."""
+    channel, _, joint = column.partition(".")
+    kind = channel.split("_")[0]
+    return (kind, joint) if channel in UNITS and kind in KINDS else None
+
+
+def _unknown(column: str) -> str:
+    channel, _, joint = column.partition(".")
+    names = ["episode", "t_s", *STICK, *(f"{c}.{joint or 'JOINT'}" for c in UNITS if c != "stick")]
+    near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
+    known = ", ".join(["episode", "t_s", *UNITS])
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    return f"samples have an unknown column '{column}'; allowed: {known}.{hint} Rename or drop it"

@@ -1,0 +1,186 @@
+"""A log's files: read with one clear error for whatever can be wrong, written whole or not at all.
+
+Knows formats only; what the numbers may be is checked elsewhere.
+"""
+
+import csv
+import io
+import json
+import os
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, dump_meta, parse_meta
+
+META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
+PROVENANCE_FILE = "provenance.json"
+FORMS = ("parquet", "csv")
+_PARQUET_MAGIC = b"PAR1"
+
+
+def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
+    """Meta, samples, the MJCF's text and what was odd; raises LogError."""
+    if not folder.is_dir():
+        raise LogError(f"no log folder at {folder}; give a folder that holds {META_FILE}")
+    meta = parse_meta(_yaml(folder / META_FILE))
+    found = [folder / name for name in (PARQUET_FILE, CSV_FILE) if (folder / name).is_file()]
+    if len(found) != 1:
+        many = "both" if found else "neither"
+        raise LogError(f"{folder} has {many} {PARQUET_FILE} and {CSV_FILE}; allowed: one of them")
+    odd: list[str] = []
+    samples = _parquet(found[0]) if found[0].name == PARQUET_FILE else _csv(found[0], odd)
+    return meta, samples, _mjcf(folder, meta), tuple(odd)
+
+
+def write(
+    folder: Path,
+    meta: LogMeta,
+    samples: pd.DataFrame,
+    mjcf_xml: str | None,
+    form: str,
+    provenance: dict | None,
+) -> None:
+    """Write a new folder under a temporary name, then rename it; raises LogError if it is taken."""
+    check_target(folder, form)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary = folder.with_name(f".{folder.name}.tmp")
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir()
+    try:
+        text = yaml.safe_dump(dump_meta(meta), sort_keys=False, width=100)
+        (temporary / META_FILE).write_text(text)
+        if isinstance(meta.mechanism, MjcfMechanism):
+            (temporary / meta.mechanism.mjcf).write_text(mjcf_xml or "")
+        if provenance is not None:
+            (temporary / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=2) + "\n")
+        if form == "csv":
+            _write_csv(samples, temporary / CSV_FILE)
+        else:
+            _write_parquet(samples, temporary / PARQUET_FILE)
+        os.rename(temporary, folder)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def check_target(folder: Path, form: str) -> None:
+    """Raise LogError unless a log may be written to `folder` in a form."""
+    if form not in FORMS:
+        raise LogError(f"no form of samples '{form}'; known: {', '.join(FORMS)}")
+    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
+        raise LogError(f"{folder} exists; choose another folder or remove it first")
+
+
+def _yaml(path: Path) -> object:
+    try:
+        return yaml.safe_load(path.read_text())
+    except FileNotFoundError:
+        raise LogError(f"{path} does not exist; docs/logs.md shows one of eight lines") from None
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        what = " ".join(str(error).split())
+        raise LogError(f"{path} cannot be read as YAML: {what}") from None
+
+
+def _mjcf(folder: Path, meta: LogMeta) -> str | None:
+    if not isinstance(meta.mechanism, MjcfMechanism):
+        return None
+    path = folder / meta.mechanism.mjcf
+    try:
+        return path.read_text()
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(
+            f"the mechanism's file {path} cannot be read: {error}; put the MJCF there"
+        ) from None
+
+
+def _parquet(path: Path) -> pd.DataFrame:
+    data = path.read_bytes()
+    if data[:4] != _PARQUET_MAGIC:
+        raise LogError(f"{path} is no parquet file; write it again, or as {CSV_FILE}")
+    if len(data) < 12 or data[-4:] != _PARQUET_MAGIC:
+        raise LogError(f"{path} was cut off: its end is missing; copy or record it again")
+    try:
+        return pq.read_table(pa.BufferReader(data)).to_pandas()
+    except (pa.ArrowException, OSError) as error:
+        what = " ".join(str(error).split())
+        raise LogError(f"{path} is damaged: {what}; copy or record it again") from None
+
+
+def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as error:
+        raise LogError(f"{path} cannot be read as UTF-8 text: {error}") from None
+    header = _header(path, text)
+    _refuse_cut(path, text, len(header), odd)
+    touch = {name: str for name in header if name.startswith("touch.")}
+    try:
+        frame = pd.read_csv(io.StringIO(text), names=header, header=0, dtype=touch)
+    except (pd.errors.ParserError, ValueError) as error:
+        raise LogError(f"{path}: {' '.join(str(error).split())}; mend or drop that line") from None
+    for name in touch:
+        frame[name] = [_numbers(path, name, row, cell) for row, cell in enumerate(frame[name])]
+    return frame
+
+
+def _header(path: Path, text: str) -> list[str]:
+    first = text.split("\n", 1)[0]
+    header = [name.strip() for name in next(csv.reader([first]), [])]
+    if not any(header):
+        raise LogError(f"{path} is empty; it begins with a line of column names")
+    if len(header) == 1 and (";" in first or "\t" in first):
+        raise LogError(f"{path} is not separated by commas; allowed: comma, and point in numbers")
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise LogError(f"{path} names column '{twice[0]}' twice; name each column once")
+    return header
+
+
+def _refuse_cut(path: Path, text: str, columns: int, odd: list[str]) -> None:
+    """Raise LogError when the last line is shorter than the header."""
+    last = text.rstrip("\n").rsplit("\n", 1)[-1]
+    given = len(next(csv.reader([last]), []))
+    if given < columns:
+        raise LogError(
+            f"{path} was cut off: its last line has {given} of {columns} values; "
+            "drop that line or record it again"
+        )
+    if not text.endswith("\n"):
+        odd.append(f"{path.name} has no newline at its end: its last value may be cut off")
+
+
+def _numbers(path: Path, name: str, row: int, cell: object) -> np.ndarray | None:
+    """A touch cell of a CSV: numbers separated by spaces, or empty."""
+    if not isinstance(cell, str):
+        return None
+    try:
+        return np.array(cell.split(), dtype=np.float32)
+    except ValueError:
+        raise LogError(
+            f"{path}, sample {row}: '{name}' is '{cell[:30]}'; allowed: numbers between spaces"
+        ) from None
+
+
+def _write_parquet(samples: pd.DataFrame, path: Path) -> None:
+    columns = {}
+    for name in samples.columns:
+        if name.startswith("touch."):
+            cells = [None if c is None else np.asarray(c, np.float32) for c in samples[name]]
+            columns[name] = pa.array(cells, pa.list_(pa.float32()))
+        else:
+            columns[name] = pa.array(samples[name].to_numpy(), from_pandas=True)
+    pq.write_table(pa.table(columns), path, compression="zstd")
+
+
+def _write_csv(samples: pd.DataFrame, path: Path) -> None:
+    plain = samples.copy()
+    for name in plain.columns:
+        if name.startswith("touch."):
+            cells = plain[name]
+            plain[name] = [None if c is None else " ".join(map(str, c)) for c in cells]
+    plain.to_csv(path, index=False, lineterminator="\n")

@@ -1,0 +1,139 @@
+"""Whether the numbers of a log look like what their names say.
+
+Command and position of one joint belong together: they have about the same size, move the same
+way, and the position follows soon. Where they do not, a unit, a column or a clock is wrong. The
+bounds lie far beyond what the effects of the catalogue do.
+"""
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs._columns import name_of
+from diagnosis.logs._meta import LogError, LogMeta
+
+RANGE_RATIO = 100.0
+"""Position range over command range from which on units cannot be the same."""
+DEGREES = 180 / np.pi
+UNIT_TOLERANCE = 0.25
+"""How near a scale must be to degrees per radian, relative."""
+CLEAR, UNCLEAR = 0.9, 0.5
+"""Correlations above and below which two signals surely are, or are not, the same motion."""
+SCALE_RANGE = (0.5, 1.5)
+"""Movement of the position over that of the command that gives no warning."""
+LATEST_S, EARLIEST_S, EARLIEST_SAMPLES = 1.0, 0.05, 3
+"""The position may follow this late; it may lead by the larger of the others."""
+SEARCH_S = (-0.5, 3.0)
+SPEED_S = 0.05
+"""Speeds are differences over this [s], so that sensor noise does not hide them."""
+_LAGS = 141
+TURNS_RAD = 4 * np.pi
+STILL = 1e-9
+
+
+def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list[str]:
+    """Warnings about the joints; raises LogError for what is surely wrong."""
+    protocols = {e.episode: e.protocol for e in meta.episodes}
+    warnings, pairs = [], {}
+    for joint in joints:
+        linear = name_of("command", joint, linear=True) in samples
+        names = [name_of(kind, joint, linear) for kind in ("command", "position")]
+        pairs[joint] = (_centred(samples, names[0]), _centred(samples, names[1]))
+        warnings += scale_is_plausible(names[1], *pairs[joint], linear)
+        largest = np.abs(samples[names[1]]).max()
+        if not linear and largest > TURNS_RAD:
+            warnings.append(f"'{names[1]}' reaches {largest:.0f} rad: are these degrees?")
+        for number, part in samples.groupby("episode", sort=False):
+            if protocols[int(str(number))] != "policy":
+                position_follows(names[1], int(str(number)), part, names)
+    channels_are_not_swapped(pairs)
+    return warnings
+
+
+def scale_is_plausible(
+    name: str, command: np.ndarray, position: np.ndarray, linear: bool
+) -> list[str]:
+    """Refuse other units on one side; warn of an unusual scale."""
+    if np.ptp(command) < STILL or np.ptp(position) < STILL:
+        return []
+    ratio = np.ptp(position) / np.ptp(command)
+    if ratio > RANGE_RATIO:
+        unit = "m" if linear else "rad"
+        raise LogError(
+            f"'{name}' moves {ratio:.0f} times as far as the command; allowed: both in {unit}; "
+            "convert counts, degrees, volts or millimetres first"
+        )
+    scale = _cov(command, position) / _cov(command, command)
+    if _corr(command, position) > CLEAR:
+        for factor, side in ((DEGREES, "the position"), (1 / DEGREES, "the command")):
+            if not linear and abs(scale / factor - 1) < UNIT_TOLERANCE:
+                raise LogError(
+                    f"'{name}' moves {scale:.3g} times as far as the command: {side} is in "
+                    "degrees; allowed: rad; multiply it by pi/180"
+                )
+        if not SCALE_RANGE[0] < scale < SCALE_RANGE[1]:
+            return [f"'{name}' moves {scale:.2f} times as far as the command: is it scaled?"]
+    return []
+
+
+def channels_are_not_swapped(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+    """Refuse a position that follows another joint's command, or its own backwards."""
+    for joint, (command, position) in pairs.items():
+        own = _corr(command, position)
+        if own < -CLEAR:
+            raise LogError(
+                f"the position of {joint} moves against its command; turn the sign of one of them"
+            )
+        for other, (foreign, _) in pairs.items():
+            apart = abs(_corr(command, foreign)) < CLEAR
+            if own < UNCLEAR and apart and _corr(foreign, position) > CLEAR:
+                raise LogError(
+                    f"the position of {joint} follows the command of {other}: columns are "
+                    "swapped; name each by its joint"
+                )
+
+
+def position_follows(name: str, number: int, part: pd.DataFrame, names: list[str]) -> None:
+    """Refuse an episode whose position surely follows far too late, or leads the command."""
+    dt = float(np.median(np.diff(part["t_s"])))
+    step = max(1, round(SPEED_S / dt))
+    command, position = (v[step:] - v[:-step] for v in (part[n].to_numpy() for n in names))
+    half = len(command) // 2
+    first, last = (max(-half, min(s / dt, half)) for s in SEARCH_S)
+    lags = np.unique(np.linspace(first, last, _LAGS).round().astype(int))
+    found = np.array([_at_lag(command, position, lag) for lag in lags])
+    best = int(np.argmax(found[:, 0]))
+    early = -max(EARLIEST_S / dt, EARLIEST_SAMPLES)
+    fine = (lags >= early) & (lags <= LATEST_S / dt)
+    clear = found[best, 0] > CLEAR and found[best, 1] > UNCLEAR
+    if fine[best] or not clear or found[best, 0] < found[fine, 0].max() + 0.1:
+        return
+    late_s = lags[best] * dt
+    raise LogError(
+        f"'{name}' {'follows' if late_s > 0 else 'leads'} its command by {abs(late_s):.2f} s in "
+        f"episode {number}; allowed: up to {LATEST_S:g} s behind; put both on one clock"
+    )
+
+
+def _at_lag(command: np.ndarray, position: np.ndarray, lag: int) -> tuple[float, float]:
+    """Correlation and scale of the speeds when the position is `lag` samples late."""
+    n = len(command) - abs(lag)
+    c = command[max(-lag, 0) :][:n]
+    p = position[max(lag, 0) :][:n]
+    if np.ptp(c) < STILL or np.ptp(p) < STILL:
+        return 0.0, 0.0
+    return _corr(c, p), _cov(c, p) / _cov(c, c)
+
+
+def _centred(samples: pd.DataFrame, column: str) -> np.ndarray:
+    """A column less its mean in each episode."""
+    values = samples[column]
+    return (values - values.groupby(samples["episode"]).transform("mean")).to_numpy()
+
+
+def _cov(a: np.ndarray, b: np.ndarray) -> float:
+    return float(np.mean((a - a.mean()) * (b - b.mean())))
+
+
+def _corr(a: np.ndarray, b: np.ndarray) -> float:
+    size = np.sqrt(_cov(a, a) * _cov(b, b))
+    return _cov(a, b) / size if size > STILL**2 else 0.0

@@ -1,0 +1,36 @@
+"""What an importer is: known recordings of others, brought into the log format with a mechanism."""
+
+import json
+from abc import ABC, abstractmethod
+from pathlib import Path
+
+from diagnosis.logs.log import Log, LogError
+
+
+class Importer(ABC):
+    """Base of every importer; a subclass named `Importer` in its own file is one importer."""
+
+    @abstractmethod
+    def read(self, path: Path) -> dict[str, Log]:
+        """The logs in a file or folder by name; raises LogError when they are not of this kind."""
+
+
+def files(path: Path, pattern: str) -> list[Path]:
+    """`path` itself, or the files in it that match; raises LogError when there are none."""
+    if path.is_file():
+        return [path]
+    found = sorted(path.glob(pattern)) if path.is_dir() else []
+    if not found:
+        raise LogError(f"no recording at {path}; give a {pattern} file or a folder that holds some")
+    return found
+
+
+def read_json(path: Path) -> dict:
+    """A JSON object; raises LogError."""
+    try:
+        data = json.loads(path.read_text())
+    except (OSError, ValueError) as error:
+        raise LogError(f"{path} cannot be read as JSON: {error}") from None
+    if not isinstance(data, dict):
+        raise LogError(f"{path} holds no JSON object; is it a recording of this kind?")
+    return data

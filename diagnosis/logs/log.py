@@ -1,0 +1,163 @@
+"""Logs: what a mechanism was told and what it did, the same columns from an engine or a robot.
+
+A log is a folder: `log.yaml` (`LogMeta`) and `samples.parquet` or `samples.csv`, a row per sample.
+Row k of an episode holds the readings at `t_s[k]` and the command and push that act from there to
+the next row. Episodes start at rest. docs/logs.md describes the format for people.
+"""
+
+import dataclasses
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs import _checks as _log_checks
+from diagnosis.logs import _files as _log_files
+from diagnosis.logs import _plausible
+from diagnosis.logs._columns import KINDS, STICK, kind_of, name_of
+from diagnosis.logs._files import check_target
+from diagnosis.logs._meta import (
+    Channel,
+    DriveSettings,
+    EpisodeMeta,
+    HandMechanism,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+)
+
+__all__ = [
+    "Channel",
+    "DriveSettings",
+    "EpisodeMeta",
+    "HandMechanism",
+    "Log",
+    "LogError",
+    "LogMeta",
+    "MjcfMechanism",
+    "make_log",
+    "name_of",
+    "read_log",
+    "check_target",
+    "write_log",
+]
+
+Array = np.ndarray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Log:
+    """A checked log: made by `make_log` or `read_log`."""
+
+    meta: LogMeta
+    samples: pd.DataFrame
+    """A row per sample; columns as in docs/logs.md, `touch.<finger>` holds arrays or None."""
+    mjcf_xml: str | None = None
+    """Text of the mechanism's MJCF file; None of a hand known by name."""
+    warnings: tuple[str, ...] = ()
+    """What reading found odd but usable."""
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints that were commanded, in the order of the columns."""
+        found = (kind_of(column) for column in self.samples.columns)
+        return tuple(pair[1] for pair in found if pair and pair[0] == "command")
+
+    @cached_property
+    def fingers(self) -> tuple[str, ...]:
+        """Names of the fingers with touch columns."""
+        names = self.samples.columns
+        return tuple(n.split(".", 1)[1] for n in names if n.startswith("touch."))
+
+    @property
+    def episodes(self) -> tuple[EpisodeMeta, ...]:
+        """What was done in each episode, in order."""
+        return self.meta.episodes
+
+    def is_linear(self, joint: str) -> bool:
+        """Whether a joint slides, so that its columns are in metres and newtons."""
+        return name_of("command", joint, linear=True) in self.samples.columns
+
+    def column(self, kind: str, joint: str) -> str:
+        """Name of the column of a kind (command, position, motor, torque, velocity, push).
+
+        Raises LogError when there is none.
+        """
+        if kind not in KINDS:
+            raise LogError(f"no kind of column '{kind}'; known: {', '.join(KINDS)}")
+        name = name_of(kind, joint, self.is_linear(joint))
+        if name not in self.samples.columns:
+            raise LogError(f"this log has no '{name}'; it has: {', '.join(self.samples.columns)}")
+        return name
+
+    def has(self, kind: str, joint: str, episode: int | None = None) -> bool:
+        """Whether a kind was logged for a joint, in any episode or in the one given."""
+        name = name_of(kind, joint, self.is_linear(joint))
+        if name not in self.samples.columns:
+            return False
+        return episode is None or bool(self.episode(episode)[name].notna().all())
+
+    def episode(self, number: int) -> pd.DataFrame:
+        """The samples of one episode, indexed from 0; raises LogError when there is none."""
+        if number not in self._parts:
+            known = ", ".join(str(e.episode) for e in self.episodes)
+            raise LogError(f"this log has no episode {number}; it has: {known}")
+        return self._parts[number]
+
+    def signal(self, kind: str, episode: int) -> Array:
+        """A kind for all joints, shape (T, J); raises LogError where a joint lacks it."""
+        columns = [self.column(kind, joint) for joint in self.joints]
+        values = self.episode(episode)[columns].to_numpy(dtype=float)
+        if np.isnan(values).any():
+            raise LogError(f"'{kind}' was not logged in episode {episode}; choose another episode")
+        return values
+
+    def touch(self, episode: int) -> Array | None:
+        """Readings of all taxels, shape (T, F, 128); None if the episode has none."""
+        frame = self.episode(episode)
+        columns = [frame[f"touch.{finger}"] for finger in self.fingers]
+        if not columns or any(column.isna().any() for column in columns):
+            return None
+        return np.stack([np.stack(list(column)) for column in columns], axis=1)
+
+    def stick(self, episode: int) -> Array | None:
+        """Stick pose x y z [m], qw qx qy qz, shape (T, 7); None if the episode has none."""
+        if STICK[0] not in self.samples.columns:
+            return None
+        pose = self.episode(episode)[list(STICK)].to_numpy(dtype=float)
+        return None if np.isnan(pose).any() else pose
+
+    def dt_s(self, episode: int) -> float:
+        """Sample period: the median of an episode's time steps [s]."""
+        return float(np.median(np.diff(self.episode(episode)["t_s"])))
+
+    @cached_property
+    def _parts(self) -> dict[int, pd.DataFrame]:
+        groups = self.samples.groupby("episode", sort=False)
+        return {int(str(k)): part.reset_index(drop=True) for k, part in groups}
+
+
+def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) -> Log:
+    """A log from its parts, with all that may be left out filled in; raises LogError."""
+    meta, samples, warnings = _log_checks.check(meta, samples)
+    return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
+
+
+def read_log(path: Path) -> Log:
+    """The log in a folder, checked; raises LogError with what is wrong and what to do."""
+    meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
+    log = make_log(meta, samples, mjcf_xml)
+    unlikely = _plausible.check(log.meta, log.samples, log.joints)
+    return dataclasses.replace(log, warnings=(*odd, *log.warnings, *unlikely))
+
+
+def write_log(log: Log, path: Path, form: str = "parquet", provenance: dict | None = None) -> None:
+    """Write a log as a new folder, whole or not at all; `form` is 'parquet' or 'csv'.
+
+    `provenance` goes to a file of its own that `read_log` does not look at. Raises LogError when
+    the log is not sound or the folder is taken.
+    """
+    log = make_log(log.meta, log.samples, log.mjcf_xml)
+    _log_files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance)

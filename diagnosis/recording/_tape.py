@@ -1,0 +1,133 @@
+"""An engine whose every sample is kept: the same columns that a robot's log has."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from backends.engine import Simulator
+from backends.spec import Spec
+from backends.state import Array, InitialState, State
+from backends.touch import Skin
+from diagnosis.logs._checks import MIN_SAMPLES
+from diagnosis.logs._columns import STICK, name_of
+from tasks.batch import DROP_M, SimulationDivergedError
+
+SIGNALS = {
+    "position": "measured_rad",
+    "motor": "motor_rad",
+    "torque": "drive_torque_nm",
+    "velocity": "joint_rad_s",
+}
+"""State fields behind the channels."""
+NEEDS_STICK = ("touch", "contact", "stick")
+
+
+class Tape:
+    """N worlds on an engine, noted before every advance: what was read, and what is commanded.
+
+    `held` says that the stick is in the hand, so that touch and its pose are noted too: 'touch' as
+    pressed depth [m], or 'contact' as whether each taxel is active.
+    """
+
+    def __init__(self, simulator: Simulator, channels: Sequence[str], held: bool) -> None:
+        self._simulator, self._held = simulator, held
+        self._channels = tuple(c for c in channels if held or c not in NEEDS_STICK)
+        feels = held and ("touch" in channels or "contact" in channels)
+        self._skin = Skin(simulator.specs) if feels else None
+        self._dt_s = simulator.specs[0].timing.policy_s
+        self._rows: list[dict[str, Array]] = []
+        self._state: State | None = None
+
+    def reset(self, initial: InitialState) -> State:
+        """Start all worlds, and the tape."""
+        self._rows = []
+        everywhere = np.ones(len(initial.joint_rad), dtype=bool)
+        self._state = self._simulator.reset(initial, everywhere)
+        return self._state
+
+    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+        """Note this sample and hold the targets (N, J) until the next."""
+        self.note(target_rad, load_nm)
+        self._state = self._simulator.advance(target_rad, load_nm)
+        return self._state
+
+    def note(self, target_rad: Array, load_nm: Array | None = None) -> None:
+        """Keep what is read now beside the targets and loads (N, J) from now on."""
+        state = self._state
+        if state is None:
+            raise RuntimeError("reset the tape first")
+        now_s = len(self._rows) * self._dt_s
+        bad = state.first_bad_signal()
+        if bad is not None:
+            raise SimulationDivergedError(f"{bad} is not finite at {now_s:.2f} s or before")
+        row = {"command": target_rad.copy()}
+        row |= {kind: getattr(state, field).copy() for kind, field in SIGNALS.items()}
+        row["push"] = np.zeros_like(target_rad) if load_nm is None else load_nm.copy()
+        row["stick"] = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
+        if self._skin is not None:
+            touch = self._skin.feel(state, np.full(len(target_rad), now_s))
+            row["touch"] = touch.reading_m.astype(np.float32)
+            row["contact"] = touch.active.astype(np.float32)
+        self._rows.append({kind: row[kind] for kind in ("stick", *self._channels)})
+
+    def close(self) -> None:
+        """Free the engine."""
+        self._simulator.close()
+
+    def frames(self, lengths: Sequence[int] | None = None) -> list[pd.DataFrame]:
+        """The samples of every world, cut to `lengths` and where its stick falls."""
+        taken = {kind: np.stack([row[kind] for row in self._rows]) for kind in self._rows[0]}
+        ends = lengths or [len(self._rows)] * len(self._simulator.specs)
+        if self._held:
+            height = taken["stick"][..., 2]
+            ends = [min(e, _fall(height[:e, n])) for n, e in enumerate(ends)]
+        return [
+            self._frame({k: v[:end, n] for k, v in taken.items()}) for n, end in enumerate(ends)
+        ]
+
+    def _frame(self, taken: dict[str, Array]) -> pd.DataFrame:
+        hand = self._simulator.specs[0].hand
+        columns: dict[str, object] = {"t_s": np.arange(len(taken["command"])) * self._dt_s}
+        for kind in self._channels:
+            if kind == "stick":
+                columns |= dict(zip(STICK, taken[kind].T, strict=True))
+            elif kind in ("touch", "contact"):
+                for f, tip in enumerate(hand.fingertips):
+                    columns[f"touch.{tip.finger}"] = list(taken[kind][:, f])
+            else:
+                for j, body in enumerate(hand.driven):
+                    name = name_of(kind, body.joint.name, body.joint.slides)
+                    columns[name] = taken[kind][:, j]
+        return pd.DataFrame(columns)
+
+
+def _fall(height_m: Array) -> int:
+    """Number of samples before the stick has fallen; never too few for an episode."""
+    fallen = height_m < height_m[0] - DROP_M
+    return max(int(np.argmax(fallen)), MIN_SAMPLES) if fallen.any() else len(height_m)
+
+
+class SlowFace:
+    """A tape as a task sees it: every advance holds the targets for several samples."""
+
+    def __init__(self, tape: Tape, specs: Sequence[Spec], policy_s: float) -> None:
+        timing = dataclasses.replace(specs[0].timing, policy_s=policy_s)
+        self.specs = tuple(dataclasses.replace(s, timing=timing) for s in specs)
+        self._tape = tape
+        self._samples = round(policy_s / specs[0].timing.policy_s)
+
+    def reset(self, initial: InitialState, mask: Array) -> State:
+        """See `Simulator.reset`; all worlds start together."""
+        return self._tape.reset(initial)
+
+    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+        """See `Simulator.advance`."""
+        for _ in range(self._samples):
+            state = self._tape.advance(target_rad, load_nm)
+        return state
+
+    def close(self) -> None:
+        """Free the engine."""
+        self._tape.close()

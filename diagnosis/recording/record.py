@@ -1,0 +1,254 @@
+"""Recording: an engine put through the protocols, written down as a robot's log would be.
+
+The engine comes in from above and runs at the log's rate; episodes are worlds of a batch. What a
+log says of its mechanism is a name: effects are what a diagnosis looks for.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from backends.engine import Simulator
+from backends.spec import Spec
+from backends.state import Array, InitialState
+from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
+from diagnosis.recording import excitation
+from diagnosis.recording._tape import SlowFace, Tape
+from diagnosis.recording.excitation import Excitation
+from tasks.batch import BatchEnv
+from tasks.initial_states import sample_initial_states
+from tasks.observation import Observation
+from tasks.task import Figure
+
+CHANNELS = ("command", "position", "motor", "torque", "velocity", "push", "touch", "stick")
+OPTIONAL = ("contact",)
+"""Instead of 'touch': each taxel as active or not, as after the robot's own threshold."""
+ALWAYS = ("command", "position")
+"""Channels without which a log says nothing."""
+HELD = ("grasp", "policy")
+"""Protocols with the stick in the hand."""
+ASIDE_M = (5.0, 0.0, 0.0)
+"""Where the stick floats without weight in the other protocols [m]."""
+FOREVER_S = 1e6
+
+Simulate = Callable[[Sequence[Spec]], Simulator]
+"""Puts worlds on an engine."""
+Progress = Callable[[float], None]
+"""Told which share of the recording is through."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Policy:
+    """What acts in the closed-loop protocol."""
+
+    task: Figure
+    observation: Observation
+    act: Callable[[Array], Array]
+    """Actions (N, J) in [-1, 1] from observations (N, width)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Episode:
+    """One episode to be recorded."""
+
+    protocol: str
+    variant: int
+    """Decides phases, orders and grip."""
+    repeat: int
+    """Decides the noise alone."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """What is recorded: every protocol in some variants, each repeated."""
+
+    protocols: tuple[str, ...]
+    channels: tuple[str, ...] = CHANNELS
+    rate_hz: float = excitation.RATE_HZ
+    variants: int = 1
+    repeats: int = 1
+    seed: int = 0
+
+    @property
+    def episodes(self) -> tuple[Episode, ...]:
+        """All episodes in the order of the log."""
+        return tuple(
+            Episode(protocol=protocol, variant=variant, repeat=repeat)
+            for protocol in self.protocols
+            for variant in range(self.variants)
+            for repeat in range(self.repeats)
+        )
+
+
+def record(
+    simulate: Simulate,
+    spec: Spec,
+    plan: Plan,
+    source: str,
+    policy: Policy | None = None,
+    known_effects: str = "none",
+    progress: Progress = lambda share: None,
+) -> Log:
+    """A log of the world `spec`; `known_effects` are those that its mechanism may name.
+
+    Raises LogError when the plan cannot be recorded, ValueError where the engine refuses a number
+    or the stick cannot be gripped, SimulationDivergedError where a signal is not finite.
+    """
+    check(spec, plan, policy)
+    frames: dict[int, pd.DataFrame] = {}
+    batches = _batches(plan)
+    for done, chosen in enumerate(batches):
+
+        def part(share: float, done: int = done) -> None:
+            progress((done + share) / len(batches))
+
+        if plan.episodes[chosen[0]].protocol == "policy":
+            assert policy is not None
+            frames |= _closed_loop(simulate, spec, plan, chosen, policy, part)
+        else:
+            frames |= _open_loop(simulate, spec, plan, chosen, part)
+    for number, frame in frames.items():
+        frame.insert(0, "episode", number)
+    samples = pd.concat([frames[k] for k in sorted(frames)], ignore_index=True)
+    return make_log(_meta(spec, plan, source, known_effects), samples)
+
+
+def check(spec: Spec, plan: Plan, policy: Policy | None) -> None:
+    """Raise LogError unless the plan can be recorded in worlds like `spec`."""
+    _known("protocol", plan.protocols, excitation.PROTOCOLS)
+    _known("channel", plan.channels, (*CHANNELS, *OPTIONAL))
+    if {"touch", "contact"} <= set(plan.channels):
+        raise LogError("touch and contact are two forms of one channel; choose one of them")
+    missing = [name for name in ALWAYS if name not in plan.channels]
+    if missing:
+        raise LogError(f"a log without {' and '.join(missing)} says nothing; add it to channels")
+    if "policy" in plan.protocols and policy is None:
+        raise LogError("the protocol 'policy' needs a policy; name a run, or leave it out")
+    slowest_hz, drive_s = 1 / spec.timing.policy_s, spec.timing.drive_s
+    ticks, samples = 1 / (plan.rate_hz * drive_s), spec.timing.policy_s * plan.rate_hz
+    whole = _whole(ticks) and ("policy" not in plan.protocols or _whole(samples))
+    if not (whole and slowest_hz * (1 - 1e-9) <= plan.rate_hz <= (1 + 1e-9) / drive_s):
+        raise LogError(
+            f"the rate is {plan.rate_hz:g} Hz; allowed: {slowest_hz:g} to {1 / drive_s:g} Hz, a "
+            f"whole number of drive periods ({1e3 * drive_s:g} ms) in a sample and, for a policy, "
+            f"of samples in {1e3 * spec.timing.policy_s:g} ms, such as 50, 200 or 1000"
+        )
+
+
+def _known(what: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
+    if not given:
+        raise LogError(f"no {what} is named; known: {', '.join(known)}")
+    for name in given:
+        if name not in known:
+            raise LogError(f"no {what} named '{name}'; known: {', '.join(known)}")
+        if given.count(name) > 1:
+            raise LogError(f"{what} '{name}' is named twice; name each once")
+
+
+def _whole(number: float) -> bool:
+    return abs(number - round(number)) < 1e-9
+
+
+def _batches(plan: Plan) -> list[list[int]]:
+    """Numbers of the episodes that run side by side: free air, in the grip, by policy."""
+    kinds = [e.protocol if e.protocol in HELD else "free" for e in plan.episodes]
+    return [[k for k, found in enumerate(kinds) if found == kind] for kind in dict.fromkeys(kinds)]
+
+
+def _open_loop(
+    simulate: Simulate, spec: Spec, plan: Plan, chosen: list[int], progress: Progress
+) -> dict[int, pd.DataFrame]:
+    episodes = [plan.episodes[k] for k in chosen]
+    held = episodes[0].protocol in HELD
+    starts = [_start(spec, plan, k) for k in chosen]
+    motions = [_motion(spec, plan, e, s) for e, s in zip(episodes, starts, strict=True)]
+    lengths = [len(motion.t_s) for motion in motions]
+    tape = Tape(simulate([_world(spec, plan, held)] * len(chosen)), plan.channels, held)
+    try:
+        tape.reset(_together(starts))
+        for t in range(max(lengths)):
+            now = [min(t, length - 1) for length in lengths]
+            target = np.stack([m.target_rad[k] for m, k in zip(motions, now, strict=True)])
+            load = np.stack([m.push_nm[k] for m, k in zip(motions, now, strict=True)])
+            if t + 1 < max(lengths):
+                tape.advance(target, load)
+            else:
+                tape.note(target, load)
+            progress((t + 1) / max(lengths))
+        return dict(zip(chosen, tape.frames(lengths), strict=True))
+    finally:
+        tape.close()
+
+
+def _closed_loop(
+    simulate: Simulate,
+    spec: Spec,
+    plan: Plan,
+    chosen: list[int],
+    policy: Policy,
+    progress: Progress,
+) -> dict[int, pd.DataFrame]:
+    world = _world(spec, plan, held=True)
+    tape = Tape(simulate([world] * len(chosen)), plan.channels, held=True)
+    face = SlowFace(tape, [world] * len(chosen), spec.timing.policy_s)
+    env = BatchEnv(face, policy.task, policy.observation, plan.seed)
+    try:
+        observation = env.reset(start=_together([_start(spec, plan, k) for k in chosen]))
+        for step in range(env.horizon):
+            observation = env.step(policy.act(observation)).observation
+            progress((step + 1) / env.horizon)
+        tape.note(env.target_rad)
+        return dict(zip(chosen, tape.frames(), strict=True))
+    finally:
+        env.close()
+
+
+def _world(spec: Spec, plan: Plan, held: bool) -> Spec:
+    """The world at the log's rate, its stick without weight unless it is held."""
+    weightless_s = spec.timing.weightless_s if held else FOREVER_S
+    timing = dataclasses.replace(spec.timing, policy_s=1 / plan.rate_hz, weightless_s=weightless_s)
+    return dataclasses.replace(spec, timing=timing)
+
+
+def _start(spec: Spec, plan: Plan, number: int) -> InitialState:
+    """Where an episode starts; repeats start alike."""
+    episode = plan.episodes[number]
+    noise = np.random.default_rng([plan.seed, number, 0]).integers(1 << 53, size=1)
+    if episode.protocol in HELD:
+        rng = np.random.default_rng([plan.seed, episode.variant, 1])
+        return dataclasses.replace(sample_initial_states([spec], rng), noise_seed=noise)
+    return InitialState(
+        joint_rad=excitation.hand_joints(spec.hand).center_rad[None],
+        stick_pos_m=np.array([ASIDE_M]),
+        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
+        noise_seed=noise,
+    )
+
+
+def _motion(spec: Spec, plan: Plan, episode: Episode, start: InitialState) -> Excitation:
+    """What is commanded in an episode; repeats are commanded alike."""
+    joints = excitation.hand_joints(spec.hand)
+    if episode.protocol in HELD:
+        grip = start.joint_rad[0] + np.array(spec.hand.preload_rad)
+        joints = dataclasses.replace(joints, center_rad=grip)
+    seed = np.random.SeedSequence([plan.seed, episode.variant]).generate_state(1)
+    return excitation.OPEN_LOOP[episode.protocol](joints, plan.rate_hz, int(seed[0]))
+
+
+def _together(starts: list[InitialState]) -> InitialState:
+    fields = [f.name for f in dataclasses.fields(InitialState)]
+    return InitialState(**{f: np.concatenate([getattr(s, f) for s in starts]) for f in fields})
+
+
+def _meta(spec: Spec, plan: Plan, source: str, known_effects: str) -> LogMeta:
+    mechanism = HandMechanism(hand=spec.hand.name, stick=spec.stick.name, effects=known_effects)
+    episodes = tuple(
+        EpisodeMeta(episode=k, protocol=e.protocol, note=f"variant {e.variant}, repeat {e.repeat}")
+        for k, e in enumerate(plan.episodes)
+    )
+    held = any(protocol in HELD for protocol in plan.protocols)
+    binary = {"touch": Channel(unit="1")} if held and "contact" in plan.channels else {}
+    return LogMeta(schema=1, source=source, mechanism=mechanism, channels=binary, episodes=episodes)

@@ -1,0 +1,156 @@
+"""A diagnosis as one self-contained HTML page: plotly.js stands in it once, nothing is fetched."""
+
+import sys
+from collections.abc import Mapping
+from itertools import groupby
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
+
+from backends.effect import Effect
+from diagnosis.attribution.attribute import Ranked
+from diagnosis.attribution.evidence import FREE_AIR, LEAST_SAMPLES, USED
+from diagnosis.attribution.locate import PHASES, Place
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
+from diagnosis.diagnose import Diagnosis
+from diagnosis.logs.log import Log
+from diagnosis.report._figures import overlays, shrinking
+from diagnosis.report import wording
+
+LARGEST = 8
+"""Places that are listed with all their numbers."""
+MOVED = 1.0
+"""Nominal parameters that moved by so many standard deviations are named."""
+FAINT = 0.001
+"""A share under this is left blank."""
+
+
+def page(found: Diagnosis, log: Log, facts: Mapping[str, str], commands: Mapping[str, str]) -> str:
+    """The whole page.
+
+    `facts` say what was diagnosed and against what; `commands` what to do with the verdict and what
+    each of them does, none where no effect was found or none can be added.
+    """
+    environment = Environment(
+        loader=PackageLoader("diagnosis.report", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    return environment.get_template("_report.html.jinja").render(
+        plotly=get_plotlyjs(),
+        found=found,
+        words=wording,
+        facts=facts,
+        commands=commands,
+        quiet=found.gap_before <= rules().settled_gap,
+        heat=_heat(found.where, log),
+        largest=[p for p in found.where if p.share >= FAINT][:LARGEST],
+        limbs=[_limb(limb) for limb in found.limbs],
+        overlays=list(overlays(found)),
+        shrinking=shrinking(found),
+        episodes=[_episode(log, e.episode, e.protocol) for e in log.episodes],
+        channels=_channels(log),
+        warnings=log.warnings,
+        rules=rules(),
+    )
+
+
+def _heat(where: tuple[Place, ...], log: Log) -> dict:
+    """Shares of the gap: joints and channels down, protocols and phases across."""
+    protocols = dict.fromkeys(e.protocol for e in log.episodes)
+    there = {(p.protocol, p.phase) for p in where}
+    columns = [(a, b) for a in protocols for b in PHASES if (a, b) in there]
+    shown = {(p.joint, p.channel) for p in where}
+    rows = [(a, b) for a in log.joints for b in USED if (a, b) in shown]
+    cells = {(p.joint, p.channel, p.protocol, p.phase): p for p in where}
+    return {
+        "protocols": [(name, len(list(group))) for name, group in groupby(columns, lambda c: c[0])],
+        "phases": [phase for _, phase in columns],
+        "rows": [(row, [_cell(cells.get((*row, *column))) for column in columns]) for row in rows],
+    }
+
+
+def _cell(place: Place | None) -> dict:
+    if place is None or place.share < FAINT:
+        return {"share": "", "interval": "", "strength": 0.0, "said": ""}
+    low, high = (100 * end for end in place.share_interval)
+    return {
+        "share": f"{100 * place.share:.1f}",
+        "interval": f"{low:.1f}–{high:.1f}",
+        "strength": round(place.share**0.5, 3),
+        "said": f"{place.rms / place.noise:.3g} times the noise, {place.samples} samples",
+    }
+
+
+def _limb(limb: LimbVerdict) -> dict:
+    """One limb's candidates, the best first, and what its nominal parameters moved by."""
+    attribution = limb.attribution
+    tried = wording.tried(limb)
+    widest = max(1.0, *(one.gap for one in tried))
+    settled = limb.names in ((NONE,), (UNKNOWN,))
+    moved = zip(attribution.fitter.nuisances, limb.chosen.fit.deviations, strict=True)
+    return {
+        "joints": attribution.fitter.evidence.joints,
+        "names": limb.names,
+        "accused": limb.names != (NONE,),
+        "candidates": [
+            {
+                "name": wording.candidate(one),
+                "meaning": _meaning(one),
+                "size": wording.amounts(one),
+                "behind": one.fit.cost - tried[0].fit.cost,
+                "gap": one.gap,
+                "width": 100 * one.gap / widest,
+                "chosen": one is limb.chosen and not settled,
+                "tied": any(one is rival for rival in limb.tied),
+            }
+            for one in tried
+        ],
+        "moved": [
+            f"{_name(n.at(d))}@{n.joint} {wording.amount(n.at(d))} ({d:+.1f} sd)"
+            for n, d in moved
+            if abs(d) >= MOVED
+        ],
+    }
+
+
+def _name(effect: Effect) -> str:
+    """An effect's name: that of its file."""
+    return type(effect).__module__.rsplit(".", 1)[-1].replace("_", "-")
+
+
+def _meaning(ranked: Ranked) -> str:
+    """What its effects are, by the first lines of their files."""
+    texts = (sys.modules[type(e).__module__].__doc__ or "" for e in ranked.fit.effects)
+    return " ".join(text.strip().splitlines()[0] for text in texts)
+
+
+def _episode(log: Log, number: int, protocol: str) -> dict:
+    """What was used of an episode."""
+    frame = log.episode(number)
+    reason = ""
+    if protocol not in FREE_AIR:
+        reason = "left out: not in free air"
+    elif len(frame) < LEAST_SAMPLES:
+        reason = f"left out: under {LEAST_SAMPLES} samples"
+    return {
+        "number": number,
+        "protocol": protocol,
+        "samples": len(frame),
+        "seconds": float(frame["t_s"].iloc[-1] - frame["t_s"].iloc[0]),
+        "use": reason or "used",
+    }
+
+
+def _channels(log: Log) -> list[str]:
+    """Channels that were compared or applied, with the joints where only some have them."""
+    found = []
+    for kind in (*USED, "push"):
+        joints = [joint for joint in log.joints if log.has(kind, joint)]
+        if joints:
+            found.append(
+                kind if len(joints) == len(log.joints) else f"{kind} ({', '.join(joints)})"
+            )
+    return found

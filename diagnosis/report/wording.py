@@ -1,0 +1,146 @@
+"""What a diagnosis says in plain words, the same on the terminal and on the page."""
+
+from collections.abc import Iterable
+
+from backends.effect import UNITS, Effect
+from diagnosis.attribution.attribute import Ranked
+from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
+from diagnosis.diagnose import Diagnosis, Share
+
+LOOSE = 100.0
+"""An interval whose ends differ by this factor says nothing of a magnitude."""
+SURE = 0.999
+NOMINAL = "nominal parameters alone"
+"""What the candidate without an effect is called."""
+
+
+VERDICT, BEST = "the verdict", "the best that was found"
+"""What a world with effects is called, where it is accepted and where it is not."""
+
+
+def sentence(found: Diagnosis) -> str:
+    """The verdict in one or two sentences."""
+    if found.verdict == (NONE,):
+        return (
+            "No effect is needed: the nominal world explains this log within the uncertainty of "
+            "its parameters."
+        )
+    parts = []
+    if found.magnitudes:
+        others = [_worlds(row)[1] for row in found.indistinguishable]
+        also = f", or as well by {' or '.join(others)}" if others else ""
+        explained = listed(phrase(m) for m in found.magnitudes)
+        whole = "Part of the gap" if UNKNOWN in found.verdict else "The gap"
+        parts.append(f"{whole} is explained by {explained}{also}.")
+    if UNKNOWN in found.verdict:
+        accused = {joint for m in found.magnitudes for joint in m.joints}
+        strange = [joint for joint in found.joints if joint not in accused]
+        where = f"On {listed(strange)} there" if strange else "There"
+        parts.append(f"{where} is a gap that no effect of the catalogue explains.")
+    return " ".join(parts)
+
+
+def phrase(magnitude: Magnitude) -> str:
+    """A finding with its interval, such as 'backlash of 1.02 deg (0.99 to 1.05) on J3'."""
+    low, high = magnitude.interval
+    size = f"{number(magnitude.value)} {magnitude.unit}"
+    loose = low * high <= 0 or max(low / high, high / low) > LOOSE
+    interval = "not bounded by this log" if loose else f"{number(low)} to {number(high)}"
+    return f"{magnitude.effect} of {size} ({interval}) on {listed(magnitude.joints)}"
+
+
+def candidate(ranked: Ranked) -> str:
+    """A candidate and its joints, such as 'backlash@J3'."""
+    pairs = zip(ranked.names, ranked.fit.effects, strict=True)
+    return " + ".join(name + _place(effect) for name, effect in pairs) or NOMINAL
+
+
+def _place(effect: Effect) -> str:
+    if not effect.per_joint:
+        return ""
+    return f"@{effect.joint}" if effect.joint else ", all joints"
+
+
+def amounts(ranked: Ranked) -> str:
+    """The fitted magnitudes of a candidate."""
+    return ", ".join(amount(effect) for effect in ranked.fit.effects)
+
+
+def amount(effect: Effect) -> str:
+    """The magnitude of an effect in its usual unit."""
+    return f"{number(effect.magnitude / UNITS[effect.unit][1])} {effect.unit}"
+
+
+def tried(limb: LimbVerdict) -> list[Ranked]:
+    """A limb's candidates, the one that fits best first."""
+    found = [limb.attribution.nominal, *limb.attribution.singles]
+    found += [] if any(one is limb.chosen for one in found) else [limb.chosen]
+    return sorted(found, key=lambda one: one.fit.cost)
+
+
+def confidence(found: Diagnosis) -> str:
+    """How sure the verdict is."""
+    return (
+        f"over {100 * SURE:g} %" if found.confidence > SURE else f"{100 * found.confidence:.0f} %"
+    )
+
+
+def shrinkage(found: Diagnosis) -> str:
+    """How far the gap shrinks, in a sentence."""
+    before, nominal, after = (spread(found.gaps[key]) for key in ("before", "nominal", "after"))
+    text = f"The gap on held-out samples is {before} times the noise floor"
+    if found.gap_before <= found.noise_floor:
+        return f"{text}."
+    text += f", {nominal} with the nominal parameters refitted"
+    if found.verdict == (NONE,):
+        return f"{text}."
+    return (
+        f"{text}, {after} with {after_name(found)}. That takes {percent(found.shrinkage)} of the "
+        f"squared gap above the floor, the refit alone {percent(found.shrinkage_nominal)}."
+    )
+
+
+def after_name(found: Diagnosis) -> str:
+    """What the gap `after` is measured with."""
+    return BEST if UNKNOWN in found.verdict else VERDICT
+
+
+def tie(row: dict) -> str:
+    """Two worlds that a log cannot tell apart, and what would."""
+    first, second = _worlds(row)
+    text = f"{first} and {second} fit alike ({row['apart_nats']:.1f} nats apart)"
+    if row["experiment"] is None:
+        return f"{text}; no channel or protocol that this log lacks would separate them"
+    apart = row["separations_sd"][row["experiment"]]
+    return f"{text}; {row['experiment']}: that would set them {apart:.1f} deviations apart"
+
+
+def _worlds(row: dict) -> list[str]:
+    """The two sides of a tie, such as 'backlash@J3'."""
+    pairs = zip(row["effects"], row["joints"], strict=True)
+    return [effect if joint is None else f"{effect}@{joint}" for effect, joint in pairs]
+
+
+def spread(share: Share) -> str:
+    """A value with its interval."""
+    value, low, high = (
+        f"{v:.2f}" if abs(v) < 10 else f"{v:.3g}" for v in (share.value, *share.interval)
+    )
+    return f"{value} ({low} to {high})"
+
+
+def percent(share: Share) -> str:
+    """A share with its interval in percent."""
+    return "{:.1f} % ({:.1f} to {:.1f})".format(*(100 * v for v in (share.value, *share.interval)))
+
+
+def number(value: float) -> str:
+    """Three or four digits, never an exponent where none is needed."""
+    return f"{value:.4g}" if abs(value) >= 0.001 or value == 0 else f"{value:.2g}"
+
+
+def listed(items: Iterable[str]) -> str:
+    """Words as a list: 'a, b and c'."""
+    words = list(items)
+    return " and ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)

@@ -1,0 +1,173 @@
+"""Clocks of a log: positions that lead, lag far behind, drift, or time stamps of another rate."""
+
+import dataclasses
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.triage._bugs import BETTER, CLEAR
+from diagnosis.triage._tracks import Track, line
+
+FINE = 0.01
+"""Misfit under which no clock can be wrong: the motion is the nominal world's."""
+EARLY_S, EARLY_SAMPLES = 0.005, 1.5
+"""A position that is ahead of its command by more than the larger of these was logged too late."""
+LATE_S = 0.5
+"""A position may be this much later than in the nominal world: delays and rate limits."""
+LEAST_DRIFT = 0.005
+"""Clocks drift when they differ by this share, and by `DRIFT_S` over an episode."""
+DRIFT_S = 0.05
+PACES = (0.1, 0.5, 2.0, 10.0)
+"""True over stamped time: usual mistakes of a sample period."""
+EXACT = 0.02
+"""A pace that does not bring the misfit under this share of the motion proves nothing."""
+RIVAL = 2.0
+"""A pace must fit better by this factor than a delay or other damping, which look like it."""
+SEARCH_S = (-1.0, 3.0)
+COARSE, FINER = 161, 26
+"""Lags that are tried, and those around the best of them."""
+COARSE_S = 0.02
+"""Samples are so far apart for the first [s]."""
+WINDOWS, WINDOW_LAGS = 5, 101
+
+
+@dataclass(frozen=True, kw_only=True)
+class Clock:
+    """What is wrong with a clock."""
+
+    shared: bool
+    """All joints must show it: it is in the time stamps, not between two columns."""
+    evidence: str
+    remedy: str
+
+
+def wrong(track: Track) -> Clock | None:
+    """What is wrong with the clock of a joint; None: nothing that is sure."""
+    if track.travel == 0.0 or track.misfit < FINE:
+        return None
+    return _drifting(track) or _shifted(track) or _paced(track)
+
+
+def _shifted(track: Track) -> Clock | None:
+    """A position ahead of its command, or later than any mechanism is."""
+    ahead_s = -_lag_s(track, track.command)
+    if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.dt_s):
+        return Clock(
+            shared=False,
+            evidence=f"the position is {1e3 * ahead_s:.0f} ms ahead of its command",
+            remedy="put command and position on one clock; a row holds the command from then on",
+        )
+    late_s = _lag_s(track, track.shown)
+    if late_s > LATE_S and _misfit(track, late_s) * BETTER < track.misfit:
+        return Clock(
+            shared=False,
+            evidence=f"the position follows {late_s:.2f} s later than in the nominal world; "
+            f"allowed: {LATE_S:g} s",
+            remedy="put command and position on one clock",
+        )
+    return None
+
+
+def _drifting(track: Track) -> Clock | None:
+    """A lag that grows with time: command and position run on two clocks."""
+    longest = max(range(len(track.time_s)), key=lambda k: float(track.time_s[k][-1]))
+    t = track.time_s[longest]
+    lags = _window_lags(t, track.shown[longest], track.position[longest])
+    if lags is None:
+        return None
+    middle, late_s = lags
+    rate, offset_s = np.polyfit(middle, late_s, 1)
+    if abs(rate) < LEAST_DRIFT or abs(rate) * t[-1] < DRIFT_S:
+        return None
+    moved = np.interp(t - offset_s - rate * t, t, track.shown[longest])
+    before = _rms(track.position[longest] - track.shown[longest])
+    constant = np.interp(t - np.median(late_s), t, track.shown[longest])
+    left = _rms(track.position[longest] - moved)
+    if left * BETTER > min(before, _rms(track.position[longest] - constant)):
+        return None
+    return Clock(
+        shared=False,
+        evidence=f"the position's clock runs {100 * abs(rate):.2g} % "
+        f"{'slow' if rate > 0 else 'fast'}: it is {1e3 * abs(rate) * t[-1]:.0f} ms off after "
+        f"{t[-1]:.1f} s",
+        remedy="stamp command and position with one clock",
+    )
+
+
+def _paced(track: Track) -> Clock | None:
+    """Time stamps of another rate: the motion is the nominal world's at another pace."""
+    tried = {pace: track.replayed(paced=pace).misfit for pace in PACES}
+    pace = min(tried, key=lambda p: tried[p])
+    if not tried[pace] * BETTER < track.misfit or tried[pace] > EXACT:
+        return None
+    delayed = _misfit(track, _lag_s(track, track.shown))
+    if tried[pace] * RIVAL > min(delayed, _damped(track, 1 / pace).misfit):
+        return None
+    factor, how = (pace, "short") if pace > 1 else (1 / pace, "long")
+    return Clock(
+        shared=True,
+        evidence=f"at {pace:g} times the stamped time the nominal world moves as logged (misfit "
+        f"{tried[pace]:.2g} of the motion, {track.misfit:.2g} as stamped)",
+        remedy=f"check the sample period: time stamps seem to be {factor:g} times too {how}",
+    )
+
+
+def _damped(track: Track, factor: float) -> Track:
+    """The same beside a nominal world with another derivative gain."""
+    drives = (
+        dataclasses.replace(d, kd_nms_rad=d.kd_nms_rad * factor) for d in track.limb.nominal.drives
+    )
+    nominal = track.limb.nominal.with_drives(drives)
+    limb = dataclasses.replace(track.limb, nominal=nominal)
+    return dataclasses.replace(track, limb=limb).replayed()
+
+
+def _lag_s(track: Track, cause: list[Array]) -> float:
+    """How much later than `cause` the position moves [s]; 0 where they are not the same motion."""
+    coarse = np.linspace(*SEARCH_S, COARSE)
+    width, every = coarse[1] - coarse[0], max(1, round(COARSE_S / track.dt_s))
+    best = max(coarse, key=lambda lag: _alike(track, cause, lag, every))
+    fine = best + np.linspace(-width, width, FINER)
+    fits = [_alike(track, cause, lag) for lag in fine]
+    return float(fine[int(np.argmax(fits))]) if max(fits) >= CLEAR else 0.0
+
+
+def _alike(track: Track, cause: list[Array], lag_s: float, every: int = 1) -> float:
+    """Correlation of position and a cause that is made later, of every so many samples."""
+    moved, positions = [], []
+    for t, c, p in zip(track.time_s, cause, track.position, strict=True):
+        late = t[::every] - lag_s
+        inside = (late >= t[0]) & (late <= t[-1])
+        if 2 * inside.sum() > len(late):
+            moved.append(np.interp(late[inside], t, c))
+            positions.append(p[::every][inside])
+    return line(moved, positions).correlation if moved else 0.0
+
+
+def _misfit(track: Track, lag_s: float) -> float:
+    """See `Track.misfit`, beside a nominal world that is later."""
+    pairs = zip(track.time_s, track.shown, strict=True)
+    later = [np.interp(t - lag_s, t, s) for t, s in pairs]
+    return dataclasses.replace(track, shown=later).misfit
+
+
+def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array] | None:
+    """Middles and lags of windows of an episode [s]; None where they are unsure."""
+    edges = np.linspace(0, len(t), WINDOWS + 1).astype(int)
+    lags = np.linspace(-LATE_S, LATE_S, WINDOW_LAGS)
+    middles, found = [], []
+    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+        part = slice(start, stop)
+        fits = [
+            line([np.interp(t[part] - lag, t, shown)], [position[part]]).correlation for lag in lags
+        ]
+        if max(fits) < CLEAR:
+            continue
+        middles.append(t[part].mean())
+        found.append(lags[int(np.argmax(fits))])
+    return (np.array(middles), np.array(found)) if len(found) >= 3 else None
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))

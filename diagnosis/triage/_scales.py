@@ -1,0 +1,101 @@
+"""Bugs of scale: signs, units, and columns that move against the others."""
+
+import numpy as np
+
+from diagnosis.triage._bugs import CLEAR, SCALES, Finding, best_line, less
+from diagnosis.triage._tracks import Track, line
+
+UNITS = {
+    "degrees": 180 / np.pi,
+    "turns": 1 / (2 * np.pi),
+    "milliradians": 1e3,
+    **{f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)},
+}
+"""What an angle may be given in, per radian."""
+LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
+"""What a length may be given in, per metre."""
+NEAR = 0.12
+"""How near a scale must be to a unit's, relative."""
+BEYOND, WITHIN = 3.0, 1.5
+"""Commands beyond so many times a joint's range that are within so many in another unit."""
+
+
+def scale(track: Track) -> Finding | None:
+    """Sign and unit: how far the position moves where its command moves by one."""
+    found, cause = best_line(track)
+    if abs(found.correlation) < CLEAR:
+        return None
+    moves = f"the position moves {found.slope:.3g} times as far as {cause}"
+    if SCALES[0] < -found.slope < SCALES[1]:
+        return Finding(
+            kind="sign",
+            joints=(track.name,),
+            evidence=f"{moves} (correlation {found.correlation:.2f})",
+            remedy="turn the sign of position or command, whichever is not the mechanism's",
+        )
+    if SCALES[0] <= found.slope <= SCALES[1]:
+        return _both_in_another_unit(track)
+    unit = _unit(abs(found.slope), track.slides)
+    si = "m" if track.slides else "rad"
+    return Finding(
+        kind="unit",
+        joints=(track.name,),
+        evidence=f"{moves}: {unit or 'counts of an unknown encoder, or another gear ratio'}",
+        remedy=f"convert both to {si}" + (", and turn the sign" if found.slope < 0 else ""),
+    )
+
+
+def _unit(scale: float, slides: bool) -> str | None:
+    """The unit that a scale gives away, and which side has it."""
+    for unit, size in (LENGTHS if slides else UNITS).items():
+        for side, expected in (("position", size), ("command", 1 / size)):
+            if abs(np.log(scale / expected)) < NEAR:
+                return f"the {side} is in {unit}"
+    return None
+
+
+def _both_in_another_unit(track: Track) -> Finding | None:
+    """Command and position alike: far beyond the joint's range, and within it in another unit."""
+    low, high = track.limb.nominal.hand.driven[track.index].joint.range_rad
+    reach, room = max(np.abs(c).max() for c in track.command), max(abs(low), abs(high))
+    unit, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
+    if reach < BEYOND * room or reach / size > WITHIN * room:
+        return None
+    si = "m" if track.slides else "rad"
+    return Finding(
+        kind="unit",
+        joints=(track.name,),
+        evidence=f"commands reach {reach:.3g} {si}, the joint {room:.3g}: both are in {unit}",
+        remedy=f"convert command and position to {si}",
+    )
+
+
+def sides(track: Track) -> Finding | None:
+    """Motor angle and torque against the nominal world's: their signs."""
+    for channel in ("motor", "torque"):
+        found = line(track.shown_of(channel), track.measured(channel))
+        if found.correlation < -CLEAR:
+            return Finding(
+                kind="sign",
+                joints=(track.name,),
+                evidence=f"the column '{channel}' moves against the nominal world's "
+                f"(correlation {found.correlation:.2f}), the position with it",
+                remedy=f"turn the sign of '{channel}'",
+            )
+    return None
+
+
+def pushed_way(track: Track) -> Finding | None:
+    """Whether a known push moves the joint the way that it should."""
+    if not any(r.commands.load[:, track.index].any() for r in track.limb.recordings):
+        return None
+    alone = track.shown_of("position", pushed=0.0)
+    found = line(less(track.shown, alone), less(track.position, alone))
+    if found.correlation > -CLEAR:
+        return None
+    return Finding(
+        kind="sign",
+        joints=(track.name,),
+        evidence=f"pushes move the joint against their sign (correlation {found.correlation:.2f})",
+        remedy="turn the sign of 'push': a positive push moves a free joint up",
+    )

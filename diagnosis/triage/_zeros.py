@@ -1,0 +1,109 @@
+"""Bugs of zero and convention: offsets, slips, and commands that are no absolute targets."""
+
+import numpy as np
+
+from diagnosis.triage._bugs import BETTER, CLEAR, SCALES, Finding, best_line, less
+from diagnosis.triage._tracks import Track, line
+
+ZERO_RAD = np.radians(15)
+"""Up to this an offset is a sensor's bias; of a slide, up to the travel."""
+STARTS_AT_ZERO = 0.05
+"""Share of the border of a zero within which an episode starts at zero."""
+SAME_START = 0.1
+"""Share of the distance between starts within which an offset is the start."""
+SLIP_RAD, SLIP_RAD_S = np.pi / 2, 30.0
+"""No joint moves so far and so fast between two samples: its sensor has slipped or wrapped."""
+
+
+def convention(track: Track) -> Finding | None:
+    """Commands that are changes since the last sample, or since the start of each episode."""
+    if abs(best_line(track)[0].correlation) > CLEAR:
+        return _relative(track)
+    summed = [np.cumsum(c) for c in track.command]
+    found = line(summed, track.position)
+    if found.correlation < CLEAR or not SCALES[0] < found.slope < SCALES[1]:
+        return None
+    return Finding(
+        kind="convention",
+        joints=(track.name,),
+        evidence="the position follows the sum of the commands "
+        f"(correlation {found.correlation:.2f}), not the commands",
+        remedy="commands are changes per sample: sum them up from the first position",
+    )
+
+
+def _relative(track: Track) -> Finding | None:
+    """Episodes that start at several places, each with a command of zero."""
+    starts = np.array([p[0] for p in track.position])
+    offsets, apart = np.array(_offsets(track)), float(np.ptp(starts))
+    if not _starts_at_zero(track) or apart < _border(track):
+        return None
+    if np.abs(offsets - starts).max() > SAME_START * apart:
+        return None
+    return Finding(
+        kind="convention",
+        joints=(track.name,),
+        evidence=f"every episode's commands start at 0, its positions at {len(starts)} places, and "
+        "stay as far off as they start",
+        remedy="targets are relative to the start: add the first position of each episode",
+    )
+
+
+def slips(track: Track) -> Finding | None:
+    """Jumps that no joint makes."""
+    if track.slides:
+        return None
+    least = max(SLIP_RAD, SLIP_RAD_S * track.dt_s)
+    jumps = np.concatenate([np.diff(p) for p in track.position])
+    count = int((np.abs(jumps) > least).sum())
+    if not count or np.abs(np.concatenate([np.diff(c) for c in track.command])).max() > least:
+        return None
+    largest = np.degrees(np.abs(jumps).max())
+    return Finding(
+        kind="zero",
+        joints=(track.name,),
+        evidence=f"the position jumps {count} times, by up to {largest:.0f} degrees in a sample",
+        remedy="unwrap it at full turns, or leave out what comes after the sensor has slipped",
+    )
+
+
+def zero(track: Track) -> Finding | None:
+    """A constant between position and nominal world, beyond what a biased sensor shows."""
+    offsets = _offsets(track)
+    offset = float(np.median(offsets))
+    border = _border(track)
+    if abs(offset) <= border or border == 0.0:
+        return None
+    mended = track.replayed(started=-offset)
+    offset = float(np.median(np.concatenate(less(track.position, mended.shown))))
+    left = np.concatenate(less(track.position, mended.shown)) - offset
+    missed = np.concatenate(less(track.position, track.shown))
+    if np.sqrt(np.mean(left**2)) * BETTER > np.sqrt(np.mean(missed**2)):
+        return None
+    size = f"{offset:.3g} m" if track.slides else f"{np.degrees(offset):.1f} degrees"
+    most = f"{border:.3g} m" if track.slides else f"{np.degrees(border):.0f} degrees"
+    relative = "; commands start at 0" if _starts_at_zero(track) else ""
+    return Finding(
+        kind="zero",
+        joints=(track.name,),
+        evidence=f"positions stand {size} off, up to {most} is taken for a sensor's bias{relative}",
+        remedy="home the joint or subtract it; if commands or positions are relative to the start "
+        "of an episode, add the start",
+    )
+
+
+def _offsets(track: Track) -> list[float]:
+    """Constant per episode between position and nominal world, beside what a wrong scale makes."""
+    scale = float(np.clip(best_line(track)[0].slope, *SCALES))
+    pairs = zip(track.position, track.shown, strict=True)
+    return [float(np.median(p - scale * s)) for p, s in pairs]
+
+
+def _starts_at_zero(track: Track) -> bool:
+    """Whether every episode's command starts at zero."""
+    return all(abs(c[0]) < STARTS_AT_ZERO * _border(track) for c in track.command)
+
+
+def _border(track: Track) -> float:
+    """Largest offset of a position that is physics [rad or m]."""
+    return track.travel if track.slides else ZERO_RAD

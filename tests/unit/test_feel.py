@@ -1,0 +1,139 @@
+"""Touch effects: told from geometry, apart from each other and from what geometry gets wrong."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from backends.shard import simulate
+from benchmark import registry
+from benchmark.run_spec import RunSpec
+from diagnosis.beside.feel import feel
+from diagnosis.beside.finding import Report
+from diagnosis.logs.log import Log
+from diagnosis.recording.record import Plan, record
+
+CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
+NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
+MM = 1e-3
+
+
+@cache
+def log(effects: str, kind: str, protocol: str = "grasp", variants: int = 3) -> Log:
+    """Grasps of the reference hand with effects; `kind` is touch or contact."""
+    engine = registry.load("backend", "mujoco")
+    spec = RunSpec(backend="mujoco", task="circle", effects=effects).world()
+    channels = ("command", "position", "stick", kind)
+    plan = Plan(protocols=(protocol,), channels=channels, variants=variants, seed=5)
+    return record(lambda specs: simulate(engine, specs, 1), spec, plan, "test")
+
+
+@cache
+def told(effects: str, kind: str) -> Report:
+    """What the skin's diagnosis says of them."""
+    return feel(log(effects, kind), NOMINAL, CATALOGUE)
+
+
+def found(effects: str, kind: str) -> dict:
+    return {one.effect: one for one in told(effects, kind).findings}
+
+
+@pytest.mark.parametrize("shift_mm", [-0.1, 0.05, 0.3])
+def test_threshold(shift_mm):
+    """Measure a threshold from yes and no within a finer step of the search."""
+    (one,) = told(f"taxel-threshold={shift_mm}mm", "contact").findings
+    assert one.effect == "taxel-threshold"
+    assert one.value == pytest.approx(shift_mm * MM, abs=0.012 * MM)
+    assert one.gap_after < one.gap_before
+
+
+@pytest.mark.parametrize(("kind", "within"), [("touch", 0.06), ("contact", 0.2)])
+def test_drift(kind, within):
+    """Measure the fastest drift: a uniform number's largest of hundreds, on a grid of 7 %."""
+    (one,) = told("taxel-drift=0.05mm/s", kind).findings
+    assert one.effect == "taxel-drift"
+    assert one.value == pytest.approx(0.05 * MM, rel=within)
+
+
+@pytest.mark.parametrize("kind", ["touch", "contact"])
+def test_dead_taxels(kind):
+    """Find dead taxels among those that should answer, and their share."""
+    (one,) = told("taxel-dropout=20%", kind).findings
+    assert one.effect == "taxel-dropout"
+    assert one.interval[0] <= 0.2 <= one.interval[1]
+
+
+@pytest.mark.parametrize("halo_mm", [3.0, 5.0])
+def test_halo(halo_mm):
+    """Find a halo as far as the distances between taxels tell it."""
+    (one,) = told(f"taxel-halo={halo_mm}mm", "contact").findings
+    assert one.effect == "taxel-halo"
+    assert one.interval[0] <= halo_mm * MM <= one.interval[1]
+    assert one.gap_after < 0.1
+
+
+def test_two_at_once():
+    """Find a higher threshold and dead taxels together."""
+    both = found("taxel-threshold=0.3mm,taxel-dropout=15%", "contact")
+    assert set(both) == {"taxel-threshold", "taxel-dropout"}
+    assert both["taxel-threshold"].value == pytest.approx(0.3 * MM, abs=0.02 * MM)
+    assert both["taxel-dropout"].interval[0] <= 0.15 <= both["taxel-dropout"].interval[1]
+
+
+@pytest.mark.parametrize("kind", ["touch", "contact"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        "none",
+        "encoder-noise=0.7mrad",
+        "stick-radius=10%",
+        "contact-softness=0.3mm/N",
+        "backlash=1deg",
+    ],
+)
+def test_other_effects_are_not_the_skin(effects, kind):
+    """Accuse no taxel of what is wrong with joints, stick or contact."""
+    assert told(effects, kind).findings == ()
+
+
+def test_a_misplaced_finger_is_unknown():
+    """Say that taxels answer elsewhere than they should where a joint's zero is wrong."""
+    (one,) = told("encoder-bias=1deg@J3", "touch").findings
+    assert one.effect == "unknown"
+    text = " ".join(told("encoder-bias=1deg@J3", "contact").missing)
+    assert "finger2" in text
+    assert "joints' zero" in text
+
+
+def test_depths_say_nothing_of_thresholds():
+    """Ask for contacts where the log has depths, which thresholds and halos do not change."""
+    for effects in ("taxel-threshold=0.3mm", "taxel-halo=5mm"):
+        report = told(effects, "touch")
+        assert report.findings == ()
+        assert "taxel-threshold, taxel-halo: not identifiable from this log" in report.missing[0]
+        assert "contact" in report.missing[0]
+
+
+def test_no_grasp_no_touch():
+    """Ask for the grasp protocol where no stick is held."""
+    free = log("taxel-dropout=50%", "touch", protocol="steps", variants=1)
+    report = feel(free, NOMINAL, CATALOGUE)
+    assert report.findings == ()
+    assert "record --protocol grasp" in report.missing[0]
+
+
+def test_what_is_nominal_is_no_finding():
+    """Find nothing where the nominal skin has the fault; find it against the ideal one."""
+    effects = "taxel-threshold=0.2mm"
+    known = RunSpec(backend="mujoco", task="circle", effects=effects).world()
+    assert feel(log(effects, "contact"), known, CATALOGUE).findings == ()
+    (one,) = told(effects, "contact").findings
+    assert one.value == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert np.isfinite(one.confidence)
+
+
+def test_effects_out_of_the_catalogue_are_unknown():
+    """Answer unknown where the fault is not in the catalogue."""
+    without = {k: v for k, v in CATALOGUE.items() if k != "taxel-halo"}
+    report = feel(log("taxel-halo=8mm", "contact"), NOMINAL, without)
+    assert [one.effect for one in report.findings] == ["unknown"]

@@ -1,0 +1,164 @@
+"""Random effects: found where they are, told apart from what replays explain, silent elsewhere."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from backends.noise import uniform
+from backends.shard import simulate
+from backends.spec import Spec
+from benchmark import registry
+from benchmark.run_spec import RunSpec
+from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.beside.fingerprints import comb, sensors, white_noise, widened
+from diagnosis.beside.losses import dropouts
+from diagnosis.beside.packets import decisive, decoding
+from diagnosis.recording.record import Plan, record
+
+CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
+FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}
+SEED = 3
+FREE = ("steps", "multisine")
+MRAD, DEG = 1e-3, np.pi / 180
+
+
+def world(effects: str) -> Spec:
+    """The reference hand with effects."""
+    return RunSpec(backend="mujoco", task="circle", effects=effects).world()
+
+
+@cache
+def parts(
+    effects: str, nominal: str = "none", channels: str = "command,position,push"
+) -> tuple[Evidence, ...]:
+    """Evidence of a recording in the reference hand with effects, by a nominal world."""
+    engine = registry.load("backend", "mujoco")
+    plan = Plan(protocols=FREE, channels=tuple(channels.split(",")), seed=SEED)
+    log = record(lambda specs: simulate(engine, specs, 1), world(effects), plan, "test")
+    return gather(log, world(nominal), FLOOR)
+
+
+def names(found) -> list[str]:
+    return [one.effect for one in found]
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.4321])
+@pytest.mark.parametrize("step", [2e-5, 1.5e-3, 0.05])
+def test_a_comb_is_found_at_any_offset(step, offset):
+    """Measure the step of rounded readings within its interval."""
+    angle = np.sin(np.linspace(0, 20, 4000)) * max(0.3, 8 * step)
+    found = comb(offset + step * np.round(angle / step))
+    assert found is not None
+    assert abs(found.step_rad - step) <= found.half_width_rad
+
+
+def test_smooth_readings_have_no_comb():
+    """Find no comb in a smooth motion, in noise, or where nothing moves."""
+    rng = np.random.default_rng(0)
+    smooth = np.sin(np.linspace(0, 20, 4000))
+    for readings in (smooth, rng.normal(size=4000), np.zeros(4000), np.repeat([0.0, 0.1], 2000)):
+        assert comb(readings) is None
+
+
+def test_white_noise_is_measured_beside_motion():
+    """Measure noise under a smooth motion within four standard errors; find none without it."""
+    rng, std, t = np.random.default_rng(1), 5e-4, np.linspace(0, 10, 2000)
+    motion = 0.2 * np.sin(2 * np.pi * t)
+    found = white_noise([motion + rng.normal(0, std, t.shape)], 0.0)
+    assert found is not None
+    # A quarter of the windows tells as much as 83 / 4 windows of 9 degrees of freedom.
+    assert found.std_rad == pytest.approx(std, rel=4 / np.sqrt(2 * 9 * 83 / 4))
+    assert white_noise([motion], 0.0) is None
+
+
+@pytest.mark.parametrize("backlash", ["", "backlash=1.5deg,"])
+def test_noise_of_one_joint(backlash):
+    """Name noise on the joint that has it alone, with its size, whatever else moves."""
+    found = sensors(parts(f"{backlash}encoder-noise=0.5mrad@J4"), CATALOGUE)
+    assert [(f.effect, f.joint) for f in found] == [("encoder-noise", "J4")]
+    assert found[0].value == pytest.approx(0.5 * MRAD, rel=0.1)
+
+
+def test_resolution_with_noise_under_it():
+    """Name the steps of all encoders, and the noise that is larger than half a step."""
+    found = {
+        f.effect: f
+        for f in sensors(parts("encoder-noise=1mrad,encoder-resolution=0.05deg"), CATALOGUE)
+    }
+    step = found["encoder-resolution"]
+    assert step.joint is None
+    assert len(step.joints) == 6
+    assert step.interval[0] <= 0.05 * DEG <= step.interval[1]
+    assert found["encoder-noise"].value == pytest.approx(MRAD, rel=0.1)
+
+
+def test_steps_are_allowed_for():
+    """Explain the gap that a coarse encoder leaves, and widen the evidence by it."""
+    coarse = parts("encoder-resolution=1deg")
+    found = sensors(coarse, CATALOGUE)
+    assert found[0].gap_before > 10
+    # Uniform errors of a step have its square over 12; half as much again for an uneven motion.
+    assert found[0].gap_after < 1.5
+    assert widened(coarse[0], found).sigma[0].min() >= DEG / np.sqrt(12)
+
+
+def test_what_is_nominal_is_no_finding():
+    """Find nothing where the nominal world has the sensor's errors."""
+    known = "encoder-noise=0.5mrad,encoder-resolution=0.02deg"
+    assert sensors(parts(known, known), CATALOGUE) == ()
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        "none",
+        "command-delay=4ms",
+        "command-rate-limit=0.3s/rad",
+        "sensor-delay=6ms",
+        "backlash=1.5deg",
+        "stiction=30mNm",
+        "coulomb-friction=40mNm",
+        "torque-limit=-60%",
+        "kp-scale=-30%,kd-scale=40%",
+    ],
+)
+def test_other_effects_are_not_random(effects):
+    """Accuse no random effect of what others do, even in a nominal world without them."""
+    assert sensors(parts(effects), CATALOGUE) == ()
+    assert dropouts(parts(effects)) == ()
+
+
+def test_noise_hides_no_delay_behind_losses():
+    """Take no noisy delay for lost packets."""
+    assert dropouts(parts("command-delay=7ms,encoder-noise=0.7mrad")) == ()
+
+
+@pytest.mark.parametrize("noise", ["", ",encoder-noise=0.7mrad", ",kp-scale=4%"])
+def test_lost_packets_of_all_joints(noise):
+    """Find lost packets from positions alone, and their share."""
+    (found,) = dropouts(parts(f"command-dropout=10%{noise}"))
+    assert (found.effect, found.joint) == ("command-dropout", None)
+    assert found.interval[0] * 0.9 <= 0.1 <= found.interval[1] * 1.1
+    assert found.gap_after < found.gap_before
+
+
+def test_lost_packets_of_one_joint():
+    """Name the joint whose packets are lost."""
+    (found,) = dropouts(parts("command-dropout=10%@J3", channels="command,position,torque,push"))
+    assert found.joint == "J3"
+    assert found.interval[0] <= 0.1 <= found.interval[1]
+
+
+def test_packets_are_decoded_as_they_were_lost():
+    """Tell every packet that shows, lost or not, as the counters that lost it say."""
+    part = parts("command-dropout=20%")[0]
+    found = decoding(part, [part.nominal])
+    for number, (lost, clear) in enumerate(
+        zip(found.all.lost, decisive(part, found.all, found.scale), strict=True)
+    ):
+        seed = int(np.random.default_rng([SEED, number, 0]).integers(1 << 53, size=1)[0])
+        true = np.array([uniform(seed, k, 0) < 0.2 for k in range(len(lost))])
+        assert clear.sum() > 100
+        # A packet with as good as no news may be told wrong; 8 nats are one in 3000.
+        assert (lost != true)[clear].mean() < 0.005

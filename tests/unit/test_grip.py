@@ -1,0 +1,140 @@
+"""Stick and contact: told from grasps by geometry on any engine, by motion on the nominal one."""
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from backends.shard import simulate
+from benchmark import registry
+from benchmark.run_spec import RunSpec
+from diagnosis.beside.grip import grip, motions
+from diagnosis.beside.held import gaps_m, held
+from diagnosis.beside.yields import line
+from diagnosis.logs.log import Log
+from diagnosis.recording.record import Plan, record
+
+CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
+SHAPES = ("stick-radius", "contact-softness")
+MOTIONS = ("contact-friction", "stick-mass")
+NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
+
+
+def some(*names: str) -> dict:
+    return {name: CATALOGUE[name] for name in names}
+
+
+def on_mujoco(specs):
+    return simulate(registry.load("backend", "mujoco"), specs, 1)
+
+
+@cache
+def log(
+    effects: str, backend: str = "mujoco", variants: int = 2, channels: str = "stick,torque"
+) -> Log:
+    """Grasps of the reference hand with effects."""
+    engine = registry.load("backend", backend)
+    spec = RunSpec(backend=backend, task="circle", effects=effects).world()
+    plan = Plan(
+        protocols=("grasp",),
+        channels=("command", "position", *channels.split(",")),
+        variants=variants,
+        seed=7,
+    )
+    return record(lambda specs: simulate(engine, specs, 1), spec, plan, "test")
+
+
+def shapes_of(effects: str, backend: str = "mujoco"):
+    return grip(log(effects, backend), NOMINAL, some(*SHAPES), on_mujoco)
+
+
+def test_a_line_is_its_two_numbers():
+    """Recover intercept and slope of gaps that are a line of forces."""
+    force = np.array([[2.3, 2.0, 4.4], [1.9, 2.2, 4.1]])
+    found = line(1e-4 - 2e-5 * force, force)
+    assert found.radius_m == pytest.approx(1e-4, rel=1e-9)
+    assert found.compliance_m_n == pytest.approx(2e-5, rel=1e-9)
+    assert found.left_m == pytest.approx(0.0, abs=1e-15)
+
+
+def test_gaps_are_what_the_radius_says():
+    """Move every gap by the extra radius of the stick."""
+    part = held(log("none"), NOMINAL)[0]
+    thick = CATALOGUE["stick-radius"](magnitude=0.1).on_spec(NOMINAL)
+    extra = gaps_m(NOMINAL, part) - gaps_m(thick, part)
+    assert extra == pytest.approx(0.1 * NOMINAL.stick.radius_m, abs=1e-12)
+
+
+@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+def test_nominal_grasps_show_no_shape(backend):
+    """Find neither radius nor softness in nominal grasps of any engine."""
+    report = shapes_of("none", backend)
+    assert report.findings == ()
+
+
+@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize("percent", [-10, 5])
+def test_radius_on_any_engine(backend, percent):
+    """Measure the stick's radius on an engine that is not the nominal one."""
+    (one,) = shapes_of(f"stick-radius={percent}%", backend).findings
+    assert one.effect == "stick-radius"
+    assert one.interval[0] <= percent / 100 <= one.interval[1]
+    assert one.gap_after < one.gap_before
+
+
+@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+def test_softness_on_any_engine(backend):
+    """Measure a contact's softness, up to what nominal contacts of engines yield themselves."""
+    (one,) = shapes_of("contact-softness=0.2mm/N", backend).findings
+    assert one.effect == "contact-softness"
+    assert one.interval[0] <= 0.2e-3 <= one.interval[1]
+
+
+def test_a_wrong_joint_zero_is_no_radius():
+    """Say that fingers disagree where one joint's zero is wrong."""
+    report = shapes_of("encoder-bias=1deg@J3")
+    assert report.findings == ()
+    assert "fingers and stick disagree" in report.missing[0]
+    assert "joint zeros" in report.missing[0]
+
+
+@pytest.mark.parametrize(
+    ("effect", "size", "within"),
+    [("contact-friction", -0.4, 0.02), ("stick-mass", 0.5, 0.05)],
+)
+def test_motion_on_the_nominal_engine(effect, size, within):
+    """Measure friction and mass by replays where the engine is the nominal one."""
+    real = log(f"{effect}={100 * size:.0f}%")
+    report = grip(real, NOMINAL, some(*MOTIONS), on_mujoco)
+    (one,) = report.findings
+    assert one.effect == effect
+    assert one.value == pytest.approx(size, abs=within)
+    assert one.share > 0.95
+
+
+def test_nominal_motion_is_none():
+    """Find nothing where the nominal world moves the stick as logged."""
+    parts = held(log("none"), NOMINAL)
+    assert motions(NOMINAL, parts, some("stick-mass"), on_mujoco).findings == ()
+
+
+def test_another_engine_is_not_another_mass():
+    """Accuse neither mass nor friction of what engines differ by, and say so."""
+    report = grip(log("none", "sapien"), NOMINAL, some("stick-mass"), on_mujoco)
+    assert report.findings == ()
+    assert "what engines differ by" in report.missing[0]
+
+
+def test_one_grasp_may_agree_by_chance():
+    """Ask for a second grasp before mass or friction is named."""
+    report = grip(log("stick-mass=100%", variants=1), NOMINAL, some(*MOTIONS), on_mujoco)
+    assert report.findings == ()
+    assert "--variants 2" in report.missing[0]
+
+
+def test_no_stick_no_grip():
+    """Ask for the stick's pose where it was not logged."""
+    blind = log("stick-radius=20%", channels="torque")
+    report = grip(blind, NOMINAL, CATALOGUE, on_mujoco)
+    assert report.findings == ()
+    assert "with the channel stick" in report.missing[0]
