@@ -229,6 +229,10 @@ def transfer(
         list[str] | None,
         typer.Option(help="Effects to deploy with; give it once per set. (built,none: each alone)"),
     ] = None,
+    setting: Annotated[
+        list[str] | None,
+        typer.Option(help="Deploy in these too, such as radius=3cm or speed=0.5,stick=fabric."),
+    ] = None,
     episodes: Annotated[int, typer.Option(help="Episodes per policy and world, 2 to 10000.")] = 100,
     smoke_too: Annotated[
         bool, typer.Option("--smoke-too", help="Take smoke runs as well.")
@@ -242,8 +246,10 @@ def transfer(
     """
     from benchmark import transfer as transfers
 
-    sets = effects or ["built,none"]
-    result, table = transfers.transfer(runs, deploy, sets, out, episodes, smoke_too, workers)
+    sets, settings = effects or ["built,none"], setting or []
+    result, table = transfers.transfer(
+        runs, deploy, sets, settings, out, episodes, smoke_too, workers
+    )
     emit(result, as_json, table)
     if result["status"] != "done":
         raise typer.Exit(1)

@@ -18,6 +18,14 @@ def length_m(text: str, flag: str) -> float:
     return float(match.group(1)) * _LENGTHS_M[match.group(2).lower()]
 
 
+def number(text: str, flag: str) -> float:
+    """A finite number such as '0.5'; raises UsageError otherwise."""
+    match = re.fullmatch(_NUMBER, text.strip())
+    if match is None or not math.isfinite(float(text)):
+        raise UsageError(f"{flag} is '{text}'; allowed: a number such as 0.5")
+    return float(text)
+
+
 def duration_s(text: str, flag: str) -> float:
     """A time above 0 such as '90min' in seconds; raises UsageError otherwise."""
     match = re.fullmatch(_NUMBER + r"\s*(s|min|h)", text.strip(), re.IGNORECASE)

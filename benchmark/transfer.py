@@ -6,7 +6,7 @@ which needs the files alone.
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,8 @@ from typing import Any
 import pandas as pd
 from rich.table import Table
 
-from benchmark import registry, run, run_folder
+from benchmark import quantities, registry, run, run_folder
+from benchmark.commands import changes
 from benchmark.console import ERR
 from benchmark.effects import parse_effects
 from benchmark.errors import CommandError, UsageError
@@ -29,12 +30,14 @@ REFERENCE = ("mujoco", "built")
 """The stand-in for reality: its engine and effects."""
 FLOOR_SEED = EVALUATION_SEED + 1
 """Decides the other initial states and headings that the noise floor starts from."""
+SETTINGS = ("radius", "speed", "stick")
+"""What may differ between a policy's training and a deployment, beside engine and effects."""
 EPISODES_RANGE = (2, 10_000)
 EVALUATIONS = "evaluations"
 """Folder of the single evaluations, in the output folder."""
 SUMMARY_FILE = "transfer.json"
-Worlds = Sequence[tuple[str, str]]
-"""Engines and effects of the worlds deployed in."""
+Worlds = Mapping[str, dict[str, Any]]
+"""Fields of a RunSpec, by the name of the world they deploy in."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,9 +74,8 @@ class Evaluation:
     @property
     def file(self) -> str:
         """A file name that no other evaluation has."""
-        world = [self.spec.backend, self.spec.world().digest]
         policy = [self.policy.spec.digest, self.policy.sha256]
-        text = json.dumps([*policy, *world, self.seed, self.episodes])
+        text = json.dumps([*policy, *_place(self.spec), self.seed, self.episodes])
         key = hashlib.sha256(text.encode()).hexdigest()[:8]
         floor = "-floor" if self.floor else ""
         return f"{self.policy.spec.name}--{self.spec.backend}{floor}-{key}.parquet"
@@ -83,6 +85,7 @@ def transfer(
     sources: Sequence[Path],
     deploy: str,
     effects: Sequence[str],
+    settings: Sequence[str],
     out: Path,
     episodes: int,
     smoke_too: bool,
@@ -93,7 +96,7 @@ def transfer(
     Evaluations that `out` holds already are read. One that fails leaves a gap and a reason.
     """
     within("--episodes", episodes, *EPISODES_RANGE)
-    worlds = _worlds(deploy, effects)
+    worlds = _worlds(deploy, effects, settings)
     policies, left_out = _policies(sources, smoke_too)
     plan = [item for policy in policies for item in _evaluations(policy, worlds, episodes)]
     frames, problems = [], []
@@ -112,13 +115,37 @@ def transfer(
     return result, table
 
 
-def _worlds(deploy: str, effects: Sequence[str]) -> Worlds:
-    """The worlds to deploy in; raises UsageError for whatever is no engine or no effect."""
+def _worlds(deploy: str, effects: Sequence[str], settings: Sequence[str]) -> Worlds:
+    """The worlds to deploy in: engines x effects, as they are and in every setting.
+
+    Raises UsageError for whatever is no engine, no effect or no setting.
+    """
     backends = [registry.check("backend", name.strip()) for name in deploy.split(",")]
     sets = [text for given in effects for text in _sets(given)]
     for text in sets:
         parse_effects(text, HANDS[RunSpec.hand].HAND)
-    return list(dict.fromkeys((backend, text) for text in sets for backend in backends))
+    changed = {"": {}, **{f" {text}": _setting(text) for text in settings}}
+    return {
+        f"{backend} {text}{name}": {"backend": backend, "effects": text, **fields}
+        for name, fields in changed.items()
+        for text in sets
+        for backend in backends
+    }
+
+
+def _setting(text: str) -> dict[str, Any]:
+    """Fields of a RunSpec from text such as 'radius=3cm,speed=0.5'; raises UsageError."""
+    pairs = [item.strip().partition("=") for item in text.split(",")]
+    for name, _, value in pairs:
+        if name not in SETTINGS or not value:
+            allowed = ", ".join(f"{name}=..." for name in SETTINGS)
+            raise UsageError(f"--setting is '{text}'; allowed: {allowed}, several between commas")
+    given: dict[str, Any] = {name: value for name, _, value in pairs}
+    if "speed" in given:
+        given["speed"] = quantities.number(given["speed"], "--setting speed")
+    fields = changes(**given)
+    RunSpec(backend=REFERENCE[0], task="circle", **fields)
+    return fields
 
 
 def _sets(text: str) -> list[str]:
@@ -162,7 +189,7 @@ def _policy(folder: Path, smoke_too: bool) -> Policy:
 
 def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluation]:
     """A policy in every world and in its own, and again in its own and in the reference."""
-    moved = {f"{b} {e}": replace(policy.spec, backend=b, effects=e) for b, e in worlds}
+    moved = {name: replace(policy.spec, **fields) for name, fields in worlds.items()}
     home = _same(policy.spec, moved) or f"{policy.spec.backend} {policy.spec.effects}"
     moved.setdefault(home, policy.spec)
     again = dict.fromkeys(name for name in (home, " ".join(REFERENCE)) if name in moved)
@@ -180,13 +207,14 @@ def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluati
     ]
 
 
-def _same(spec: RunSpec, moved: dict[str, RunSpec]) -> str | None:
+def _same(spec: RunSpec, moved: Mapping[str, RunSpec]) -> str | None:
     """The name of the world that equals a run's own, whatever its effects are called."""
-    digest = spec.world().digest
-    equal = (
-        n for n, m in moved.items() if m.backend == spec.backend and m.world().digest == digest
-    )
-    return next(equal, None)
+    own = _place(spec)
+    return next((name for name, other in moved.items() if _place(other) == own), None)
+
+
+def _place(spec: RunSpec) -> tuple[str, str, float, float]:
+    return spec.backend, spec.world().digest, spec.radius_m, spec.speed
 
 
 def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFrame:

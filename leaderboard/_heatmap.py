@@ -14,6 +14,7 @@ CELL_IN = (1.35, 0.75)
 """Width and height of a cell [in]."""
 MARGIN_IN = (2.6, 1.5)
 """Left and right, above and below a panel [in]."""
+TITLE = "Transfer: mean tracked as shade and number, retention below it"
 DARK = 0.55
 """Shades above this carry dark text."""
 
@@ -28,7 +29,8 @@ def draw_heatmap(matrix: pd.DataFrame, path: Path) -> None:
     axes = figure.subplots(len(parts), squeeze=False, height_ratios=heights)[:, 0]
     for place, part in zip(axes, parts, strict=True):
         _draw(place, part)
-    figure.savefig(path, format="png", dpi=110)
+    about = {"Title": TITLE, "Source": "bench transfer"}
+    figure.savefig(path, format="png", dpi=110, metadata=about)
 
 
 def _draw(axes: Axes, part: Panel) -> None:

@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image, UnidentifiedImageError
 
-from leaderboard import _svg
+from leaderboard import _svg, transfer_text
+from leaderboard._matrices import matrices
 from leaderboard._wording import (
     COMPARING,
     MADE_BY,
@@ -25,6 +26,7 @@ from leaderboard.curves import band
 from leaderboard.paper import ENGINE, EPISODES, FIGURE, PAPER, PaperRow
 from leaderboard.tables import WORLD, Board, Line
 
+HEATMAP = "heatmap.png"
 ERRORS = ("p_err_cm", "q_err_deg")
 PLOTTED = (("reward", "mean reward per step", False), ("p_err_cm", "p_err [cm]", True))
 """Signals of a learning curve that are drawn, what they are, and whether their axis is at zero."""
@@ -39,8 +41,12 @@ class _Shown(NamedTuple):
     color: str
 
 
-def page(board: Board, pictures: Sequence[Path]) -> str:
-    """The whole page; `pictures` are PNG files to show, with the captions that they hold."""
+def page(board: Board, pictures: Sequence[Path], transfers: Sequence[Path] = ()) -> str:
+    """The whole page.
+
+    `pictures` are PNG files to show, with the captions that they hold; `transfers` are folders that
+    `bench transfer` wrote.
+    """
     environment = Environment(
         loader=PackageLoader("leaderboard", "."),
         autoescape=True,
@@ -48,7 +54,8 @@ def page(board: Board, pictures: Sequence[Path]) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    shown, broken = _pictures(pictures)
+    shown, broken = _pictures([*pictures, *(folder / HEATMAP for folder in transfers)])
+    moved, unread = matrices(transfers)
     tasks = dict.fromkeys(line.cells["task"] for line in board.lines)
     return environment.get_template("_page.html.jinja").render(
         made_by=MADE_BY.replace("`", ""),
@@ -60,7 +67,10 @@ def page(board: Board, pictures: Sequence[Path]) -> str:
             line.cells | _names(line.cells) for line in board.lines if line.cells["unranked"]
         ],
         missing=[(row, policy_name(row.spec.model_dump())) for row in board.missing],
-        problems=[*board.problems, *broken],
+        problems=[*board.problems, *broken, *unread],
+        transfers=moved,
+        transfer_reading=transfer_text.READING.replace("`", ""),
+        errors=transfer_text.ERRORS,
         pictures=shown,
     )
 

@@ -4,12 +4,15 @@ import os
 from pathlib import Path
 
 from leaderboard._markdown import markdown
+from leaderboard._matrices import MATRIX_FILE
 from leaderboard._page import page
 from leaderboard.tables import Board
 
 CSV_FILE, MARKDOWN_FILE, HTML_FILE = "leaderboard.csv", "leaderboard.md", "leaderboard.html"
 PICTURES = "figures"
 """Folder beside the files; the page shows the PNG files in it."""
+TRANSFERS = "transfer"
+"""Folder beside the files; the page shows the transfer matrices in its folders."""
 
 
 def write(board: Board, folder: Path, html: bool = True) -> list[Path]:
@@ -19,11 +22,16 @@ def write(board: Board, folder: Path, html: bool = True) -> list[Path]:
         MARKDOWN_FILE: markdown(board),
     }
     if html:
-        texts[HTML_FILE] = page(board, sorted((folder / PICTURES).glob("*.png")))
+        pictures = sorted((folder / PICTURES).glob("*.png"))
+        texts[HTML_FILE] = page(board, pictures, _transfers(folder))
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in texts.items():
         _write(folder / name, text)
     return [folder / name for name in texts]
+
+
+def _transfers(folder: Path) -> list[Path]:
+    return sorted(file.parent for file in (folder / TRANSFERS).glob(f"*/{MATRIX_FILE}"))
 
 
 def _write(path: Path, text: str) -> None:

@@ -17,6 +17,7 @@ READING = (
     "states) with its own. The noise floor is the retention of the train world itself from other "
     "initial states: a retention inside its interval is no loss that could be seen."
 )
+ERRORS = "Fraction held, and mean errors of the lower end and of the axis while it was:"
 AGREEING = (
     "How well the mean `tracked` of the policies in a world predicts that in `{reference}`. "
     "Pearson's r with its 95 % interval (1 is best); MMRV, the mean maximum rank violation "
@@ -80,12 +81,13 @@ def markdown(
     """The whole text; `notes` say what is missing and why."""
     parts = ["# Transfer", READING]
     for panel in panels(matrix):
-        parts += [f"## {title(panel.shared)}", _grid(*_cells(panel)), _counts(panel)]
+        parts += [f"## {title(panel.shared)}", _grid(*cells(panel)), counts(panel)]
+        parts += [ERRORS, _grid(*error_cells(panel))]
     parts += ["## Rank agreement", AGREEING.format(reference=reference)]
     if agreement.empty:
         parts += [f"None: no policy was deployed in `{reference}` and in another world."]
     else:
-        parts += [_grid(*_agreement_cells(agreement))]
+        parts += [_grid(*agreement_cells(agreement))]
     if notes:
         parts += ["## Left out", "\n".join(f"- {_plain(note)}" for note in notes)]
     return "\n\n".join(parts) + "\n"
@@ -100,7 +102,8 @@ def interval(line: dict[str, Any], name: str, digits: int = 3) -> str:
     return f"{value:.{digits}f}{known}"
 
 
-def _cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
+def cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
+    """Head and rows: `tracked` and retention of every train and deploy world."""
     rows = []
     for train in panel.train:
         lines = [panel.lines.get((train, world)) for world in panel.deploy]
@@ -113,7 +116,21 @@ def _cell(line: dict[str, Any]) -> str:
     return f"{interval(line, 'tracked')}, x {interval(line, 'retention', 2)}"
 
 
-def _counts(panel: Panel) -> str:
+def error_cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
+    """Head and rows: fraction held and errors of every train and deploy world."""
+    rows = []
+    for train in panel.train:
+        lines = [panel.lines.get((train, world)) for world in panel.deploy]
+        rows.append([train, *("" if line is None else _errors(line) for line in lines)])
+    return ["trained in", *panel.deploy], rows
+
+
+def _errors(line: dict[str, Any]) -> str:
+    return f"{line['held']:.3f}, {line['p_err_cm']:.2f} cm, {line['q_err_deg']:.2f} deg"
+
+
+def counts(panel: Panel) -> str:
+    """How many seeds and episodes a panel is of."""
     lines = panel.lines.values()
     seeds = sorted({line["seeds"] for line in lines})
     count = " or ".join(map(str, seeds))
@@ -124,7 +141,8 @@ def _counts(panel: Panel) -> str:
     return text
 
 
-def _agreement_cells(agreement: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+def agreement_cells(agreement: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """Head and rows of the rank agreement."""
     rows = []
     for line in agreement.to_dict("records"):
         rows.append(

@@ -11,7 +11,9 @@ import pandas as pd
 import pytest
 
 from benchmark import cli
+from leaderboard.files import TRANSFERS, write
 from leaderboard.statistics import REPLICATES
+from leaderboard.tables import board
 from leaderboard.transfer import COLUMNS, agreement, matrix, mmrv
 from leaderboard.transfer_files import write_transfer
 
@@ -150,8 +152,24 @@ def test_files_hold_the_matrix(tmp_path):
     text = (tmp_path / "transfer.md").read_text()
     assert "x 0.75 [" in text and "- c: a \\| b" in text
     grid = [row for row in text.splitlines() if row.startswith(("| trained", "| one", "| three"))]
-    assert len({row.replace("\\|", "").count("|") for row in grid}) == 1
+    scored, erred = grid[: len(grid) // 2], grid[len(grid) // 2 :]
+    for part, cells in ((scored, 5), (erred, 4)):
+        assert {row.replace("\\|", "").count("|") - 1 for row in part} == {cells}
+    assert "1.000, 1.00 cm, 2.00 deg" in text
     assert (tmp_path / "heatmap.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_page_shows_the_matrix_and_says_what_it_cannot_read(tmp_path):
+    """Put tables and picture of every transfer beside the leaderboard on its page."""
+    tables = [scores([0.5, 0.7], "a", HOME), scores([0.4, 0.5], "a", AWAY)]
+    write_transfer(pd.concat(tables), HOME, [], tmp_path / TRANSFERS / "circle-engines")
+    cut = tmp_path / TRANSFERS / "cut"
+    cut.mkdir()
+    (cut / "matrix.csv").write_text("")
+    write(board([]), tmp_path)
+    page = (tmp_path / "leaderboard.html").read_text()
+    assert "circle engines" in page and "x 0.75 [" in page and "data:image/png;base64" in page
+    assert "cut: cannot be shown" in page
 
 
 @pytest.fixture(scope="module")
@@ -223,6 +241,40 @@ def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
     worlds = ["bullet backlash=2deg,kp-scale=-10%", "bullet none", "mujoco built"]
     assert [row["deploy"] for row in found["matrix"]] == worlds
     assert {row["train"] for row in found["matrix"]} == {"mujoco built"}
+
+
+def test_settings_are_worlds_too(runs, tmp_path, capfd):
+    """Deploy a policy under other paces and sizes of the figure, beside the one it knows."""
+    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
+    settings = ["--setting", "radius=3cm,speed=0.5", "--setting", "stick=steel"]
+    assert cli._run([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
+    found = {row["deploy"]: row for row in json.loads(capfd.readouterr().out)["matrix"]}
+    assert list(found) == [
+        "mujoco built",
+        "mujoco built radius=3cm,speed=0.5",
+        "mujoco built stick=steel",
+    ]
+    larger = found["mujoco built radius=3cm,speed=0.5"]
+    assert larger["p_err_cm"] > found["mujoco built"]["p_err_cm"]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("pace=2", "allowed: radius=..., speed=..., stick=..."),
+        ("speed", "allowed: radius=..."),
+        ("speed=fast", "'fast'; allowed: a number such as 0.5"),
+        ("speed=99", "allowed"),
+        ("radius=3", "allowed: a length"),
+        ("stick=stele", "no stick named 'stele'"),
+    ],
+)
+def test_what_is_no_setting_is_refused(text, said, runs, tmp_path, capfd):
+    """Say what a setting may be, and write nothing."""
+    arguments = ["transfer", str(runs / "hold-still-0"), "--setting", text]
+    assert cli._run([*arguments, "--out", str(tmp_path / "new")]) == 2
+    assert said in capfd.readouterr().err
+    assert not (tmp_path / "new").exists()
 
 
 def test_equal_worlds_have_one_name(runs, tmp_path, capfd):

@@ -1,0 +1,43 @@
+"""Transfer matrices for the page, from the files that `bench transfer` wrote."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+from pandas.errors import EmptyDataError, ParserError
+
+from leaderboard import transfer_text as text
+
+MATRIX_FILE, AGREEMENT_FILE = "matrix.csv", "agreement.csv"
+
+
+def matrices(folders: Iterable[Path]) -> tuple[list[dict[str, Any]], list[str]]:
+    """What the page says of each folder, and why others cannot be shown."""
+    shown, broken = [], []
+    for folder in folders:
+        try:
+            shown.append(_section(folder))
+        except (OSError, EmptyDataError, ParserError, KeyError, ValueError) as error:
+            broken.append(
+                f"{folder.name}: cannot be shown ({error}); allowed: a folder of `bench transfer`"
+            )
+    return shown, broken
+
+
+def _section(folder: Path) -> dict[str, Any]:
+    matrix = pd.read_csv(folder / MATRIX_FILE)
+    agreement = pd.read_csv(folder / AGREEMENT_FILE).fillna({"note": ""})
+    return {
+        "name": folder.name.replace("-", " "),
+        "panels": [
+            {
+                "title": text.title(panel.shared),
+                "scores": text.cells(panel),
+                "errors": text.error_cells(panel),
+                "counts": text.counts(panel),
+            }
+            for panel in text.panels(matrix)
+        ],
+        "agreement": text.agreement_cells(agreement) if len(agreement) else None,
+    }
