@@ -15,7 +15,7 @@ from benchmark.run_folder import write_atomically
 TABLE_FILE = "sweep.csv"
 SPEC_COLUMNS = (
     *("backend", "task", "observation", "algo", "effects", "stick", "radius_m", "speed"),
-    *("steps", "seed", "randomize", "smoke"),
+    *("steps", "seed", "randomize", "spread", "start_spread", "smoke"),
 )
 SCORE_COLUMNS = ("tracked", "held", "p_err_cm", "q_err_deg", "episodes", "env_steps_per_s")
 COLUMNS = ("name", "state", "reason", *SPEC_COLUMNS, *SCORE_COLUMNS, "wall_s", "dir", "log")

@@ -56,6 +56,8 @@ class Settings(_Part):
     """Training budget in environment steps, such as 2e6."""
     seed: int | None = None
     randomize: bool | None = None
+    spread: Text | None = None
+    start_spread: float | None = None
     smoke: bool | None = None
 
 

@@ -67,6 +67,14 @@ def run(
     randomize: Annotated[
         bool, typer.Option(help="Train on worlds drawn around the nominal one.")
     ] = True,
+    spread: Annotated[
+        str | None,
+        typer.Option(help="How far they are drawn: effects with their spreads. (the paper's)"),
+    ] = None,
+    start_spread: Annotated[
+        float | None,
+        typer.Option(help="Width of the drawn initial states, 0 (a single one) to 1. (1)"),
+    ] = None,
     smoke: Annotated[
         bool, typer.Option("--smoke", help="Walk the whole path in under a minute; never ranked.")
     ] = False,
@@ -98,6 +106,8 @@ def run(
         steps=steps,
         seed=seed,
         randomize=randomize,
+        spread=spread,
+        start_spread=start_spread,
         smoke=smoke,
     )
     if dry_run:

@@ -46,8 +46,9 @@ def _calibrated(given: dict) -> dict:
     from benchmark.calibrate import world_of
 
     path = given.pop("calibration")
-    if "effects" in given:
-        raise UsageError("--calibration and --effects both say which world; leave one of them out")
+    for option in ("effects", "spread"):
+        if option in given:
+            raise UsageError(f"--calibration and --{option} both say which worlds; leave one out")
     return world_of(path, RunSpec.hand)
 
 

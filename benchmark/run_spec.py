@@ -28,6 +28,8 @@ SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
 RADIUS_RANGE_M = (0.001, 0.05)
 SPEED_RANGE = (0.05, 5.0)
 MAX_STEPS = 10**10
+LATER = {"start_spread": 1.0}
+"""Fields that older runs do not have, and what they were run with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,6 +54,8 @@ class RunSpec:
     """Whether training draws its worlds around the nominal one."""
     spread: str = "paper"
     """How far it draws them: effects with standard deviations or half widths."""
+    start_spread: float = 1.0
+    """Width of the initial states that training draws over that of Algorithm 1; 0: a single one."""
     worlds: int = TRAIN_WORLDS
     """Worlds trained on at once."""
     smoke: bool = False
@@ -67,6 +71,7 @@ class RunSpec:
             raise unknown("stick", self.stick, STICKS)
         within("--radius", self.radius_m * 100, RADIUS_RANGE_M[0] * 100, RADIUS_RANGE_M[1] * 100)
         within("--speed", self.speed, *SPEED_RANGE)
+        within("--start-spread", self.start_spread, 0, 1)
         within("--steps", self.steps, 0, MAX_STEPS)
         within("--seed", self.seed, 0, 2**32 - 1)
         parse_effects(self.effects, HANDS[self.hand].HAND)
@@ -94,8 +99,12 @@ class RunSpec:
 
 
 def run_digest(fields: dict, world_digest: str) -> str:
-    """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world."""
-    text = json.dumps([fields, world_digest], sort_keys=True)
+    """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world.
+
+    Fields that came later count where they are not their default: they rename no older run.
+    """
+    counted = {name: value for name, value in fields.items() if LATER.get(name) != value}
+    text = json.dumps([counted, world_digest], sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
 
 
@@ -107,7 +116,8 @@ def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> Batch
     hand = worlds[0].hand
     effects = parse_effects(run.effects, hand) + parse_spread(run.spread, hand)
     refuse(effects, engine.support, run.backend)
-    return BatchEnv(simulate(engine, worlds, workers), task, observation, seed)
+    simulator = simulate(engine, worlds, workers)
+    return BatchEnv(simulator, task, observation, seed, run.start_spread)
 
 
 def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) -> None:

@@ -25,7 +25,13 @@ def policy_name(cells: dict[str, Any]) -> str:
     """Algorithm, observation, and how its training drew its worlds."""
     drawn = ", randomized" if cells["randomize"] else ""
     spread = f" ({cells['spread']})" if drawn and cells["spread"] != "paper" else ""
-    return f"{cells['algo']}, {cells['observation']}{drawn}{spread}"
+    return f"{cells['algo']}, {cells['observation']}{drawn}{spread}{starts(cells)}"
+
+
+def starts(cells: dict[str, Any]) -> str:
+    """How training drew its initial states, where not as the paper does."""
+    width = cells["start_spread"]
+    return "" if width == 1 else ", single start" if width == 0 else f", starts x {width:g}"
 
 
 def figure_name(cells: dict[str, Any]) -> str:

@@ -52,6 +52,8 @@ class RunIdentity(_Part):
     randomize: bool
     spread: str = "paper"
     """How far training draws its worlds around the nominal one."""
+    start_spread: Fraction = 1.0
+    """Width of the initial states that training draws; 0: a single one."""
     worlds: Count
     smoke: bool
 

@@ -24,7 +24,7 @@ RANKED_TOGETHER = ("task", "radius_m", "speed", "backend", "spec_digest", "steps
 """Rows compete where these are equal: the task with its settings, the world, the budget."""
 IDENTITY = (
     *("task", "backend", "effects", "stick", "observation", "algo"),
-    *("radius_m", "speed", "randomize", "spread", "steps"),
+    *("radius_m", "speed", "randomize", "spread", "start_spread", "steps"),
 )
 PARTS = ("", "_std", "_low", "_high", "_iqm", "_iqm_low", "_iqm_high")
 """Of each score: mean, sample standard deviation over seeds, interquartile mean, intervals."""

@@ -18,7 +18,8 @@ FIGURE = ("task", "radius_m", "speed", "stick")
 """What is asked: policies are compared where these are equal."""
 IDENTITY = (
     *FIGURE,
-    *("observation", "algo", "steps", "randomize", "spread", "worlds", "hand", "smoke"),
+    *("observation", "algo", "steps", "randomize", "spread", "start_spread", "worlds", "hand"),
+    "smoke",
 )
 """Policies that are equal in these and in their train world differ in their seed alone."""
 SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")

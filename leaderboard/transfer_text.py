@@ -7,6 +7,7 @@ from typing import Any
 
 import pandas as pd
 
+from leaderboard._wording import starts
 from leaderboard.tables import MIN_SEEDS
 from leaderboard.transfer import EPISODES_ALONE, FIGURE, IDENTITY
 
@@ -64,7 +65,8 @@ def title(shared: dict[str, Any]) -> str:
     """A kind of policy in words."""
     smoke = " (smoke)" if shared["smoke"] else ""
     drawn = f", randomized ({shared['spread']})" if shared["randomize"] else ""
-    policy = f"{shared['algo']}, {shared['observation']}{drawn}, {shared['steps']:,} steps{smoke}"
+    kind = f"{shared['algo']}, {shared['observation']}{drawn}{starts(shared)}"
+    policy = f"{kind}, {shared['steps']:,} steps{smoke}"
     return f"{figure(shared)}: {policy}"
 
 

@@ -70,11 +70,17 @@ class BatchEnv:
     """N worlds of one task with one observation; faces for learners are thin layers over it."""
 
     def __init__(
-        self, simulator: Simulator, task: Figure, observation: Observation, seed: int
+        self,
+        simulator: Simulator,
+        task: Figure,
+        observation: Observation,
+        seed: int,
+        start_spread: float = 1.0,
     ) -> None:
+        """`start_spread` scales the drawn initial states; at 0 there is a single one."""
         spec = simulator.specs[0]
         self.simulator, self.task, self.observation = simulator, task, observation
-        self.worlds = len(simulator.specs)
+        self.worlds, self._start_spread = len(simulator.specs), start_spread
         self.policy_s = spec.timing.policy_s
         self.horizon = round(EPISODE_S / self.policy_s)
         self.seed(seed)
@@ -204,7 +210,8 @@ class BatchEnv:
         if not self._starts:
             specs = self.simulator.specs
             self._starts = [
-                sample_initial_states(specs, self._rng) for _ in range(STARTS_PER_WORLD)
+                sample_initial_states(specs, self._rng, self._start_spread)
+                for _ in range(STARTS_PER_WORLD)
             ]
         return self._starts[self._rng.integers(STARTS_PER_WORLD)]
 

@@ -29,6 +29,8 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
         ([*RUN, "--radius", "-1cm"], "allowed: 0.1 to 5"),
         ([*RUN, "--radius", "nancm"], "allowed: 0.1 to 5"),
         ([*RUN, "--radius", "3"], "a length with m, cm or mm"),
+        ([*RUN, "--start-spread", "2"], "allowed: 0 to 1"),
+        ([*RUN, "--spread", "contact-friction=-20%"], "is negative; allowed: from 0"),
         ([*RUN, "--speed", "nan"], "allowed: 0.05 to 5"),
         ([*RUN, "--speed", "-1"], "allowed: 0.05 to 5"),
         ([*RUN, "--steps", "-5"], "a whole number from 0"),

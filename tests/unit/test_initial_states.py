@@ -8,6 +8,7 @@ import pytest
 from backends import kinematics, sticks, trx
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix, quat_z_axis
+from benchmark.run_spec import RunSpec, make_env, run_digest
 from tasks.initial_states import AXIAL_M, DISTAL_RAD, PIVOT_M, TILT_RAD, sample_initial_states
 
 STICKS = list(sticks.STICKS.values())
@@ -159,3 +160,21 @@ def test_impossible_stick_is_refused(change: dict) -> None:
     stick = dataclasses.replace(STICKS[0], **change)
     with pytest.raises(ValueError, match="cannot touch the stick"):
         sample(trx.spec(stick))
+
+
+def test_training_may_start_from_a_single_state() -> None:
+    """Start every training episode from the nominal grasp when told so, else from Algorithm 1's."""
+    for width, count in ((0.0, 1), (1.0, 16)):
+        run = RunSpec(backend="mujoco", task="line", worlds=16, start_spread=width)
+        env = make_env(run, [run.world()] * 16, seed=0, workers=1)
+        env.reset()
+        assert len({tuple(joints) for joints in env.state.joint_rad}) == count
+        env.close()
+
+
+def test_the_usual_width_of_starts_renames_no_run() -> None:
+    """Give runs from before the setting existed the digest that they had."""
+    run = RunSpec(backend="mujoco", task="line")
+    older = {k: v for k, v in dataclasses.asdict(run).items() if k != "start_spread"}
+    assert run.digest == run_digest(older, run.world().digest)
+    assert dataclasses.replace(run, start_spread=0.0).digest != run.digest

@@ -20,7 +20,14 @@ from leaderboard.transfer_files import write_transfer
 HOME, AWAY = "one built", "two built"
 SHARED = {
     **{"task": "line", "radius_m": 0.02, "speed": 1.0, "stick": "reference", "algo": "ppo"},
-    **{"observation": "pose", "steps": 1000, "randomize": True, "spread": "paper", "worlds": 8},
+    **{
+        "observation": "pose",
+        "steps": 1000,
+        "randomize": True,
+        "spread": "paper",
+        "worlds": 8,
+        "start_spread": 1.0,
+    },
     **{"hand": "trx", "smoke": False, "held": 1.0, "p_err_cm": 1.0, "q_err_deg": 2.0},
 }
 TRANSFER = ["--smoke-too", "--episodes", "8", "--workers", "1", "--json"]
