@@ -275,6 +275,10 @@ def leaderboard(
     add: Annotated[
         bool, typer.Option("--add", help="Copy the rows into OUT/results, to keep them.")
     ] = False,
+    policies: Annotated[
+        bool,
+        typer.Option("--policies", help="Copy policies with a model card each to OUT/policies."),
+    ] = False,
     html: Annotated[
         bool, typer.Option(help="Write leaderboard.html too; it shows OUT/figures/*.png.")
     ] = True,
@@ -286,7 +290,7 @@ def leaderboard(
     """
     from benchmark import commands
 
-    emit(commands.leaderboard(sources or [], out, add, html), as_json)
+    emit(commands.leaderboard(sources or [], out, add, policies, html), as_json)
 
 
 @app.command()

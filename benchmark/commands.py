@@ -11,7 +11,7 @@ from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, make_env
 
-RUNS, LEADERBOARD = Path("runs"), Path("leaderboard")
+RUNS, LEADERBOARD, POLICIES = Path("runs"), Path("leaderboard"), "policies"
 _SCRIPTED = ("hold-still", "random")
 _PROBE_STEPS = 5
 
@@ -116,43 +116,30 @@ def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None)
     return row
 
 
-def leaderboard(sources: list[Path], out: Path | None, add: bool, html: bool) -> dict:
-    """Write the leaderboard's files; what was written and what could not be read."""
+def leaderboard(
+    sources: list[Path], out: Path | None, add: bool, policies: bool, html: bool
+) -> dict:
+    """Write the leaderboard's files; what was written and what could not be read.
+
+    `add` keeps the rows of the sources beside them, `policies` their policies.
+    """
+    from benchmark.keep import keep_policies, keep_rows
     from leaderboard.files import write
     from leaderboard.rows import read_rows
     from leaderboard.tables import board
 
     out = out or LEADERBOARD
     results = out / "results"
-    sources = sources + ([results] if results.is_dir() else [])
-    if not sources:
-        sources = [RUNS]
+    kept_rows = [results] if results.is_dir() else []
+    given = sources or ([] if kept_rows and not (add or policies) else [RUNS])
+    sources = given + kept_rows
     rows, problems = read_rows(sources)
     if not rows:
         found = "; ".join(problems) or "no run.json was found"
         where = ", ".join(map(str, sources))
         raise CommandError(f"nothing to rank in {where}: {found}")
     if add:
-        _keep(sources, results)
+        keep_rows(given, results)
+    kept = keep_policies(given, out / POLICIES) if policies else []
     files = [str(file) for file in write(board(rows, problems), out, html)]
-    return {"rows": len(rows), "written": files, "problems": problems}
-
-
-def _keep(sources: list[Path], results: Path) -> None:
-    """Copy the row of every finished, real run with its details into the folder of kept rows."""
-    from leaderboard.details import DetailsError, kept_text, read_details
-    from leaderboard.row import without_place
-
-    results.mkdir(parents=True, exist_ok=True)
-    for source in sources:
-        for file in sorted(source.rglob(run_folder.RUN_FILE)):
-            found = run_folder.read_run(file.parent)
-            if found["status"] == "done" and not found["spec"]["smoke"]:
-                try:
-                    details = read_details(file.parent)
-                except DetailsError as error:
-                    raise CommandError(str(error)) from error
-                command = without_place(found["provenance"]["command"])
-                found["provenance"] |= {"command": command}
-                kept = results / f"{run_folder.run_spec(found).name}.json"
-                run_folder.write_atomically(kept, kept_text(found, details))
+    return {"rows": len(rows), "policies": len(kept), "written": files, "problems": problems}

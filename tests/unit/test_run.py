@@ -1,7 +1,9 @@
 """The main job: same seed same row, kill and resume, and folders that are not as they should be."""
 
+import dataclasses
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -242,3 +244,21 @@ def test_leaderboard_counts_runs_that_are_not_done(tmp_path, capfd):
     assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["problems"] == []
     assert "1 interrupted" in (board / "leaderboard.md").read_text()
+
+
+def test_a_kept_policy_acts_as_it_did_and_says_what_it_is(finished: Path, tmp_path: Path) -> None:
+    """Ship a policy with contract, row and model card, from which it can be evaluated again."""
+    real, run = tmp_path / "real", json.loads((finished / "run.json").read_text())
+    shutil.copytree(finished, real)
+    spec = RunSpec(**{**run["spec"], "smoke": False})
+    row = {**run, "spec": dataclasses.asdict(spec), "digest": spec.digest}
+    (real / "run.json").write_text(json.dumps(row))
+    out = tmp_path / "board"
+    found = bench("leaderboard", str(real), "--out", str(out), "--policies", "--no-html", "--json")
+    (kept,) = (out / "policies").iterdir()
+    assert found["policies"] == 1 and kept.name == spec.name
+    card = (kept / "README.md").read_text()
+    assert f"bench eval leaderboard/policies/{spec.name}" in card and "shape (N, 18)" in card
+    assert str(tmp_path) not in card + (kept / "run.json").read_text()
+    again = bench("eval", str(kept), "--json", "--workers", "1")
+    assert again["episodes"] == 100
