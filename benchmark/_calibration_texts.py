@@ -74,7 +74,8 @@ def table(content: CalibrationFile) -> Table:
         else:
             row += [gains, "-", "-"]
         if isinstance(play, Backlash):
-            row += [f"{play.half_deg:.3f} +- {play.std_deg:.2g}", "yes" if play.self_lock else "no"]
+            std = "?" if play.std_deg is None else f"{play.std_deg:.2g}"
+            row += [f"{play.half_deg:.3f} +- {std}", "yes" if play.self_lock else "no"]
         else:
             row += [play, "-"]
         shown.add_row(*row)

@@ -5,6 +5,7 @@ from typing import Annotated
 
 import typer
 
+from benchmark._options import Json
 from benchmark.console import emit
 
 app = typer.Typer(
@@ -20,7 +21,6 @@ Answers = Annotated[
 Jobs = Annotated[
     int, typer.Option("--jobs", "-j", help="Cases at a time, one core each.", min=1, max=256)
 ]
-Json = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output.")]
 
 
 @app.command()

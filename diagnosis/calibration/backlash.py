@@ -32,9 +32,16 @@ LOCK_NM, LOCK_LIMITS = 10.0, 5.0
 """A lock holds whatever a push test pushes: this, or so many times the drive's largest torque."""
 SMALLEST_RAD = {"logged": np.radians(0.02), "replayed": np.radians(0.05)}
 """Half plays under this are none [rad]; a replayed motor has nominal friction, not its own."""
+STUCK_SHARE = 0.2
+"""A joint that moves by less than this share of what its nominal teeth give does not move."""
 REST_SAMPLES = 3
 """The rest before a press is the mean of so many samples."""
 NO_PUSH = "not identifiable from this log: nothing pushes it both ways while it is held"
+STUCK = (
+    "not identifiable from this log: it does not move under the push, not even as far as its teeth "
+    "give; is its sensor stuck?"
+)
+UNSTABLE = "not identifiable from this log: the nominal world does not stand its pushes"
 MOTOR_SIDE = (
     "not identifiable from this log: its position sensor sits on the motor side of the gear, and "
     "the play lies behind it; log the link's angle"
@@ -104,6 +111,8 @@ def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> di
     free = [dataclasses.replace(drive, lock_nm=0.0) for drive in nominal.drives]
     locked = [dataclasses.replace(drive, lock_nm=lock_of(drive)) for drive in nominal.drives]
     shown = replay(simulate, [nominal.with_drives(d) for d in (free, locked)], pushes)
+    if not all(np.isfinite(paths).all() for paths in shown):
+        return dict.fromkeys(names, UNSTABLE)
     return {name: _test(nominal, pushes, shown, j) for j, name in enumerate(names)}
 
 
@@ -119,11 +128,20 @@ def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -
     )
     if free is None or locked is None:
         return NO_PUSH
+    if _is_stuck(pushes, j, nominal_give):
+        return STUCK
     locks = locked.residual_rad < free.residual_rad
     best = locked if locks else free
     if all(np.isfinite(motor).all() for motor in logged):
         best = _fit(pushes, logged, j, nominal_give, reference="logged") or best
     return dataclasses.replace(best, locks=locks)
+
+
+def _is_stuck(pushes: Sequence[Motion], j: int, nominal_give: float) -> bool:
+    """Whether the readings of joint `j` hardly change, though it is pushed."""
+    moved = max(float(np.ptp(np.quantile(m.read_rad[0, :, j], (0.01, 0.99)))) for m in pushes)
+    pushed_nm = max(float(np.ptp(m.push_nm[:, j])) for m in pushes)
+    return moved < STUCK_SHARE * nominal_give * pushed_nm
 
 
 def _fit(

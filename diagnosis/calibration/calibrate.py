@@ -18,6 +18,7 @@ from diagnosis.calibration.backlash import Play, lock_of, push_test
 from diagnosis.calibration.refine import ROUNDS, Refined, refine
 from diagnosis.calibration.spread import Spread, spreads
 from diagnosis.calibration.tactile import Skin, calibrate_touch
+from diagnosis.calibration.units import check_units
 from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
 from diagnosis.logs.log import Log, LogError
 
@@ -80,9 +81,10 @@ def calibrate(
     rng: np.random.Generator,
     progress: gains.Progress = lambda generations: None,
 ) -> Calibration:
-    """Calibrate `nominal` to a log; raises LogError where the log is of another mechanism."""
+    """Calibrate `nominal` to a log; raises LogError for another mechanism or other units."""
     names = nominal.hand.joint_names
     _same_joints(log, names)
+    check_units(log, nominal)
     drive_s = nominal.timing.drive_s
     found = motions(log, names, drive_s, FREE_AIR)
     pushes = [motion for motion in found if motion.push_nm.any()]

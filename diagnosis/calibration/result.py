@@ -60,8 +60,8 @@ class Backlash(_Part):
 
     half_deg: Size
     """Half of the play about the motor, mean over the positions."""
-    std_deg: Size
-    """Standard deviation over the positions."""
+    std_deg: Size | None
+    """Standard deviation over the positions; None of a single one."""
     range_deg: tuple[FiniteFloat, FiniteFloat]
     """The paper's [q_c - q_a, q_b - q_a], mean over the positions."""
     positions: Annotated[int, Field(gt=0)]
@@ -193,7 +193,7 @@ def _backlash(play: Play | str) -> Backlash | str:
     low, high = np.degrees(play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
     return Backlash(
         half_deg=_round(np.degrees(play.mean_rad)),
-        std_deg=_round(np.degrees(play.std_rad)),
+        std_deg=_round(np.degrees(play.std_rad)) if len(play.held_rad) > 1 else None,
         range_deg=(_round(low), _round(high)),
         positions=len(play.held_rad),
         stiffness_nm_rad=_round(1 / play.give_rad_nm) if play.give_rad_nm > 0 else None,

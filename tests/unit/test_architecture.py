@@ -23,7 +23,8 @@ HOMES = {
     "rsl_rl": {"baselines/rsl_ppo.py"},
     "tensordict": {"baselines/rsl_ppo.py"},
     "torch": {"baselines/ppo.py", "baselines/sb3_ppo.py", "baselines/rsl_ppo.py"},
-    "typer": {"benchmark/cli.py", "benchmark/blind_cli.py"},
+    "typer": {"benchmark/cli.py", "benchmark/_options.py"}
+    | {f"benchmark/{part}_cli.py" for part in ("run", "grid", "log", "gap", "check", "blind")},
 }
 """Who may import a library; the picture of the hand is drawn by one engine's renderer."""
 

@@ -142,6 +142,18 @@ def test_play_is_not_made_up(pushed, moved):
         for b in spec.hand.driven
     )
     assert set(backlash.push_test(mujoco, blind, [push]).values()) == {backlash.MOTOR_SIDE}
+    broken = dataclasses.replace(push, read_rad=push.read_rad * (np.arange(6) > 0))
+    found = backlash.push_test(mujoco, spec, [broken])
+    assert found["J0"] == backlash.STUCK and isinstance(found["J1"], backlash.Play)
+
+
+def test_pushes_that_break_the_nominal_world_give_a_reason(pushed, tmp_path, monkeypatch):
+    """Give a reason and no number where the replay leaves the numbers."""
+    monkeypatch.chdir(tmp_path)  # the engine logs its warnings where it runs
+    (push,) = motions(pushed, pushed.joints, DRIVE_S, ("push",))
+    begun = push.tick[np.abs(push.push_nm).max(axis=1) > 0.1].min()
+    huge = dataclasses.replace(push, push_nm=1e4 * push.push_nm).first(begun + 20)
+    assert set(backlash.push_test(mujoco, world(), [huge]).values()) == {backlash.UNSTABLE}
 
 
 def test_the_search_finds_gains(moved):
@@ -421,7 +433,7 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
     written(tmp_path / FILE)
     both = [*RUN, "--calibration", str(tmp_path / FILE), "--effects", "none"]
     assert cli._run(both) == 2
-    assert "leave one of them out" in capfd.readouterr().err
+    assert "both say which worlds; leave one out" in capfd.readouterr().err
     assert cli._run([*RUN, "--calibration", str(tmp_path / "absent.yaml")]) == 2
     assert "no calibration at" in capfd.readouterr().err
 
@@ -503,6 +515,24 @@ def test_bad_logs_give_one_message_and_exit_code_2(tmp_path, mechanism, rows, wo
     assert words in err
     assert "Traceback" not in err and out == ""
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("kinds", "factor", "words"),
+    [
+        (("command_rad", "position_rad"), 180 / np.pi, "-1.2 to 1.2 rad: is it in degrees?"),
+        (("push_nm",), 1e3, "its drive gives 1.2 Nm at most"),
+    ],
+)
+def test_other_units_are_refused(pushed, tmp_path, kinds, factor, words, capfd):
+    """Refuse angles and pushes that are beyond what the mechanism can be."""
+    samples = pushed.samples.copy()
+    for column in [c for c in samples.columns if c.split(".")[0] in kinds]:
+        samples[column] *= factor
+    write_log(dataclasses.replace(pushed, samples=samples), tmp_path / "log")
+    assert cli._run(["calibrate", str(tmp_path / "log"), "--out", str(tmp_path / "out")]) == 2
+    out, err = capfd.readouterr()
+    assert words in err and "Traceback" not in err and out == ""
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,77 @@
+"""The options of `bench calibrate` and `diagnose`: what a log says of the nominal world."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmark._options import Force, Json, Log, NominalEffects, Workers
+from benchmark.console import emit
+
+
+def calibrate(
+    log: Log,
+    backend: Annotated[
+        str, typer.Option(help="Physics engine that stands for the nominal world.")
+    ] = "mujoco",
+    nominal_effects: NominalEffects = None,
+    threshold: Annotated[
+        str | None,
+        typer.Option(help="Pressed depth that counts as contact, such as 0.3mm. (from the noise)"),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Decides every draw of the search.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. (calibrations/LOG)")] = None,
+    force: Force = False,
+    workers: Workers = None,
+    as_json: Json = False,
+) -> None:
+    """Calibrate the nominal world to a log: gains by CMA-ES, play by the push test, and the skin.
+
+    Writes calibration.yaml, which `bench run --calibration` takes, and a picture per joint.
+
+    Example: [bold]bench calibrate logs/one --out calibrations/one[/bold]
+    """
+    from benchmark import calibrate as calibrations
+
+    settings = calibrations.Settings(
+        path=log,
+        backend=backend,
+        nominal_effects=nominal_effects,
+        threshold=threshold,
+        seed=seed,
+        workers=workers,
+    )
+    result, table = calibrations.run(settings, out, force)
+    emit(result, as_json, table)
+
+
+def diagnose(
+    log: Log,
+    nominal: Annotated[
+        str,
+        typer.Option(
+            help="Engine of the nominal world. Replays are compiled, for any engine alike; the "
+            "nominal one is held against this engine, and a difference that matters is a warning."
+        ),
+    ] = "mujoco",
+    effects_known: NominalEffects = None,
+    out: Annotated[Path | None, typer.Option(help="Folder to write to. (diagnoses/LOG)")] = None,
+    force: Force = False,
+    workers: Annotated[
+        int | None, typer.Option(help="Cores to judge fingers on; changes no result. (all)", min=1)
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Say where a log departs from the nominal world, which effect explains it, and how well.
+
+    Writes diagnosis.json and report.html.
+
+    Example: [bold]bench diagnose logs/one --effects-known built[/bold]
+    """
+    from benchmark import diagnose as diagnoses
+
+    settings = diagnoses.Settings(
+        path=log, nominal=nominal, effects_known=effects_known, workers=workers
+    )
+    result, summary = diagnoses.run(settings, out, force)
+    emit(result, as_json, summary)
