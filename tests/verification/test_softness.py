@@ -37,11 +37,14 @@ def soft(compliance_m_n: float, **stick: float) -> Spec:
 
 
 def hold(engine: type[Engine], specs: list[Spec], squeeze: float, periods: int) -> list[State]:
-    """The states while the nominal grasp is held; `squeeze` scales its preload."""
+    """The states while the nominal grasp is held; `squeeze` scales half of its preload.
+
+    All of it would press deeper into the softest contacts than the stick's radius.
+    """
     start = sample_initial_states(specs, np.random.default_rng(0), 0.0)
     sim = engine(specs)
     sim.reset(start, np.ones(len(specs), dtype=bool))
-    target = start.joint_rad + squeeze * np.array(IDEAL.hand.preload_rad)
+    target = start.joint_rad + squeeze / 2 * np.array(IDEAL.hand.preload_rad)
     states = []
     for _ in range(periods):
         state = sim.advance(target)
