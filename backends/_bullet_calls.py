@@ -22,6 +22,10 @@ _SUBMIT = "b3SubmitClientCommandAndWaitStatus"
 _TORQUE_CONTROL = 1
 _MOST_NUMBERS = 128
 """More coordinates than a hand has; Bullet's own limit."""
+_MOST_CONTACTS = 32
+"""Of a hand and a stick: four per fingertip are rare."""
+_CONTACT_WORDS, _LINK, _FIRST_AT, _SECOND_AT, _NORMAL, _LOAD = 22, 3, 3, 6, 9, 13
+"""Words of 64 bits in a `b3ContactPointData`, and what stands where; the link is half a word."""
 _SECTION = np.dtype(
     {
         "names": ["type", "offset", "size", "link"],
@@ -47,6 +51,10 @@ _set_torque = function(
 _step = function(_library, "b3InitStepSimulationCommand", _at, _at)
 _ask = function(_library, "b3RequestActualStateCommandInit", _at, _at, _int)
 _answer = function(_library, "b3GetStatusActualState", _int, *[_at] * 8)
+_ask_touch = function(_library, "b3InitRequestContactPointInformation", _at, _at)
+_first = function(_library, "b3SetContactFilterBodyA", types.void, _at, _int)
+_second = function(_library, "b3SetContactFilterBodyB", types.void, _at, _int)
+_touch = function(_library, "b3GetContactPointInformation", types.void, _at, _at)
 
 
 @numba.njit(cache=True)
@@ -108,6 +116,36 @@ def read_sticks(clients, sticks, pos, quat_wxyz, vel, omega):
             pos[n, i], vel[n, i], omega[n, i] = q[i], u[i], u[3 + i]
             quat_wxyz[n, 1 + i] = q[3 + i]
         quat_wxyz[n, 0] = q[6]
+
+
+@numba.njit(cache=True)
+def read_contacts(clients, hands, sticks, tip_of_link):
+    """Every contact of hand and stick, a row each as `_pool_contacts` takes it."""
+    table, count = np.empty((len(clients) * _MOST_CONTACTS, 9)), 0
+    for n in range(len(clients)):
+        links, words = _touching(clients[n], hands[n], sticks[n])
+        for k in range(min(len(words), _MOST_CONTACTS)):
+            c, row = words[k], table[count]
+            load = c[_LOAD]
+            row[0], row[1], row[2] = n, tip_of_link[links[k, _LINK]], load
+            for i in range(3):
+                row[3 + i] = load * (c[_FIRST_AT + i] + c[_SECOND_AT + i]) / 2
+                row[6 + i] = load * c[_NORMAL + i]
+            count += 1
+    return table[:count]
+
+
+@numba.njit(cache=True)
+def _touching(client, hand, stick):
+    """Contacts of a hand and a stick as whole numbers and as words, rows of the client's memory."""
+    command, answer = _ask_touch(client), np.zeros(2, dtype=np.uintp)
+    _first(command, hand)
+    _second(command, stick)
+    _submit(client, command)
+    _touch(client, answer.ctypes.data)
+    count = np.int64(answer[0] & np.uintp(0xFFFFFFFF))
+    words = array_at(answer[1], (count, _CONTACT_WORDS))
+    return words.view(np.int32), words
 
 
 @cache

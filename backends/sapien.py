@@ -2,12 +2,10 @@
 
 import warnings
 from collections.abc import Sequence
-from itertools import repeat
 
-import numba
 import numpy as np
 
-from backends._errand import Errand, turn
+from backends._errand import Errand
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Fingertip, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
@@ -16,6 +14,8 @@ with warnings.catch_warnings():
     warnings.filterwarnings("ignore", message="Failed to find system libvulkan")
     import sapien
     from sapien import physx
+
+    from backends._sapien_calls import coast, drive, pointer
 
 POSITION_ITERATIONS = 16
 """TGS; under finger motion 8 and 4 differ 1.5 and 2 times more from MuJoCo, 32 and 64 no less."""
@@ -26,7 +26,6 @@ CONTACT_OFFSET_M = 1e-3
 UNLIMITED = 1e6
 """Speed that nothing reaches [m/s or rad/s]; SAPIEN's links are limited to 10 and 50."""
 _FINGER_BIT, _STICK_BIT = 1, 2
-_NEVER = repeat(None)
 _SINGLE = "approximate: 32-bit floats, relative error 6e-8"
 
 
@@ -146,26 +145,6 @@ class _World:
         self._scene.add_entity(entity)
 
 
-@numba.njit(cache=True)
-def _reorder(values, order, out):
-    """Write the columns of `values` in `order`; the array with fewer rows says how many."""
-    for n in range(min(values.shape[0], out.shape[0])):
-        for j in range(out.shape[1]):
-            out[n, j] = values[n, order[j]]
-
-
-@numba.njit(cache=True)
-def _turn(errand, n, qpos, qvel, place, torque_place, torque):
-    """Turn the motors of world `n` and write the torques; joints lie at their places in arrays."""
-    joints = len(place)
-    angle, speed = np.empty(joints), np.empty(joints)
-    for j in range(joints):
-        angle[j], speed[j] = qpos[place[j]], qvel[place[j]]
-    gear = turn(errand, n, angle, speed)
-    for j in range(joints):
-        torque[torque_place[j]] = gear[j]
-
-
 class Backend(Engine):
     """N SAPIEN scenes; a reset builds a new scene, see `_place`."""
 
@@ -191,28 +170,23 @@ class Backend(Engine):
     def __init__(self, specs: Sequence[Spec]) -> None:
         super().__init__(specs)
         self._worlds = [_World(spec) for spec in specs]
-        self._calls = [self._hot_calls(world) for world in self._worlds]
         names = specs[0].hand.joint_names
         # Active joints are ordered breadth-first, whatever the order of building.
         active = [joint.name for joint in self._worlds[0].hand.active_joints]
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
-        team = self._teams[0].rows.stop, len(names)
-        self._torque, self._qpos, self._qvel = np.zeros((3, *team), dtype=np.float32)
-        self._in_order = np.arange(len(names))
+        self._pointers = np.array([self._locate(world) for world in self._worlds]).T.copy()
         self._errands = {team: Errand(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
     @staticmethod
-    def _hot_calls(world: _World) -> tuple:
-        """The bound methods that every step calls; looking them up costs as much as one."""
-        hand = world.hand
-        push = world.stick.add_force_torque
-        return hand.set_qf, push, world.system.step, hand.get_qpos, hand.get_qvel
+    def _locate(world: _World) -> tuple[np.uintp, np.uintp]:
+        """Where the step and the hand of a world are called."""
+        return np.uintp(pointer(world.system)), np.uintp(pointer(world.hand))
 
     def close(self) -> None:
         """Free the scenes."""
-        self._worlds, self._calls = [], []
+        self._worlds, self._pointers = [], self._pointers[:, :0]
 
     def _place(self, ids: Array, initial: InitialState) -> None:
         """Build the worlds anew: about 1 ms each, less than one policy period of stepping.
@@ -222,58 +196,40 @@ class Backend(Engine):
         """
         for n in ids:
             self._worlds[n] = world = _World(self.specs[n])
-            self._calls[n] = self._hot_calls(world)
+            self._pointers[:, n] = self._locate(world)
             world.hand.set_qpos(initial.joint_rad[n, self._to_active])
             world.stick.entity_pose = sapien.Pose(
                 initial.stick_pos_m[n], initial.stick_quat_wxyz[n]
             )
 
     def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
-        rows = team.rows
+        rows, errand = team.rows, self._errands[team]
         age = self._age_steps[rows]
         if load_nm is not None or not team.plain or team.lifted_ticks(age).any():
             super()._period(team, target_rad, load_nm)
             return
-        errand = self._errands[team]
         errand.target_rad[:] = target_rad
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        for n, calls in enumerate(self._calls[rows]):
-            self._drive_world(errand.address, n, calls, angle[n], speed[n])
-        age += self._timing.substeps
-
-    def _drive_world(
-        self, errand: int, n: int, calls: tuple, angle_rad: Array, speed_rad_s: Array
-    ) -> None:
-        """One policy period of one world; its own joint angles and speeds (J,) are updated."""
-        set_qf, _, step, get_qpos, get_qvel = calls
-        torque, place = self._torque[n], self._to_spec
-        _turn(errand, n, angle_rad, speed_rad_s, self._in_order, place, torque)
-        for _ in range(self._timing.substeps - 1):
-            set_qf(torque)
-            step()
-            _turn(errand, n, get_qpos(), get_qvel(), place, place, torque)
-        set_qf(torque)
-        step()
-        angle_rad[:], speed_rad_s[:] = get_qpos()[place], get_qvel()[place]
+        (systems, hands), ticks = self._pointers[:, rows], self._timing.substeps
+        drive(systems, hands, self._to_spec, errand.address, ticks, angle, speed)
+        age += ticks
 
     def _tick(
         self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
     ) -> None:
-        _reorder(torque_nm, self._to_active, self._torque)
-        pushes = _NEVER if stick_force_n is None else stick_force_n.astype(np.float32)
-        qpos, qvel = self._qpos, self._qvel
-        worlds = zip(self._calls[rows], self._torque, pushes, strict=False)
-        for n, ((set_qf, push, step, get_qpos, get_qvel), torque, force) in enumerate(worlds):
-            set_qf(torque)
-            for _ in range(ticks):
-                if force is not None and force.any():
-                    push(force, self._no_torque)
-                step()
-            qpos[n] = get_qpos()
-            qvel[n] = get_qvel()
-        state = self.state
-        _reorder(qpos, self._to_spec, state.joint_rad[rows])
-        _reorder(qvel, self._to_spec, state.joint_rad_s[rows])
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        systems, hands = self._pointers[:, rows]
+        if stick_force_n is None:
+            coast(systems, hands, self._to_spec, torque_nm, ticks, angle, speed)
+            return
+        for _ in range(ticks):  # a force lasts one step
+            self._push(rows, stick_force_n)
+            coast(systems, hands, self._to_spec, torque_nm, 1, angle, speed)
+
+    def _push(self, rows: slice, stick_force_n: Array) -> None:
+        for world, force in zip(self._worlds[rows], stick_force_n, strict=True):
+            if force.any():
+                world.stick.add_force_torque(force.astype(np.float32), self._no_torque)
 
     def _observe(self, rows: slice) -> None:
         state = self.state.rows(rows)
@@ -301,7 +257,8 @@ class Backend(Engine):
         if not owners:
             return self._pool_contacts(rows, [])
         who = np.array(owners, dtype=np.float32)
-        push_n = np.array(impulses) / self._timing.drive_s
+        push_n = np.concatenate(impulses).reshape(-1, 3) / self._timing.drive_s
         load_n = np.linalg.norm(push_n, axis=1, keepdims=True)
-        table = who[:, :2], load_n, load_n * np.array(points), who[:, 2:] * push_n
+        moment = load_n * np.concatenate(points).reshape(-1, 3)
+        table = who[:, :2], load_n, moment, who[:, 2:] * push_n
         self._pool_contacts(rows, np.hstack(table))

@@ -3,8 +3,11 @@
 import ctypes
 import multiprocessing
 import signal
-from collections.abc import Sequence
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from types import ModuleType
 
 import numpy as np
 
@@ -58,6 +61,22 @@ def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
 
     State.allocate(n, joints, tips, note)
     return shapes
+
+
+@contextmanager
+def _alone(engine: type[Engine]) -> Iterator[None]:
+    """Processes that start meanwhile leave the user's script alone.
+
+    Each would run it anew, unless it is guarded by `if __name__ == "__main__"`, and needs nothing
+    of it but an engine that is written there.
+    """
+    script = sys.modules["__main__"]
+    if engine.__module__ != "__main__":
+        sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = script
 
 
 def _work(
@@ -115,7 +134,8 @@ class Sharded:
             ours, theirs = context.Pipe()
             job = (theirs, engine, self.specs[rows], rows, buffers, shapes)
             process = context.Process(target=_work, args=job, daemon=True)
-            process.start()
+            with _alone(engine):
+                process.start()
             theirs.close()
             self._pipes.append(ours)
             self._processes.append(process)

@@ -8,7 +8,17 @@ from rich.table import Table
 
 from benchmark import run_folder
 
-_SHOWN = ("backend", "envs", "processes", "env_steps_per_s", "raw_physics_steps_per_s", "overhead")
+_COLUMNS = {
+    "worlds": "{envs}",
+    "cores": "{processes}",
+    "env steps/s": "{env_steps_per_s:,.0f}",
+    "physics steps/s": "{physics_steps_per_s:,.0f}",
+    "bare engine's": "{raw_physics_steps_per_s:,.0f}",
+    "overhead": "{overhead:.1%}",
+    "over fewest cores": "x {gain:.2f}",
+    "MB": "{memory_mb:,.0f}",
+}
+"""What the table shows of a row."""
 
 
 def write(result: dict, rows: list[dict], out: Path) -> None:
@@ -42,14 +52,14 @@ def _plot(rows: list[dict], path: Path) -> None:
 
 
 def table(result: dict) -> Table:
-    """The rows, and a line on every engine and on what was skipped."""
+    """The rows, a block per engine, and a line on every engine and on what was skipped."""
     shown = Table(header_style="bold")
-    for column in (*_SHOWN, "MB"):
-        shown.add_column(column, overflow="fold")
-    for row in result["rows"]:
-        numbers = (f"{row[k]:,.0f}" for k in _SHOWN[3:5])
-        name = (row["backend"], str(row["envs"]), str(row["processes"]))
-        shown.add_row(*name, *numbers, f"{row['overhead']:.1%}", f"{row['memory_mb']:,.0f}")
+    for column in ("engine", *_COLUMNS):
+        shown.add_column(column, overflow="fold", justify="left" if column == "engine" else "right")
+    for engine in result["engines"]:
+        for row in (row for row in result["rows"] if row["backend"] == engine):
+            shown.add_row(engine, *(text.format(**row) for text in _COLUMNS.values()))
+        shown.add_section()
     notes = [_note(engine) for engine in result["engines"].values()]
     notes += [f"{cell['cell']}: skipped, {cell['reason']}" for cell in result["skipped"]]
     shown.caption = "\n".join(notes)
@@ -58,7 +68,8 @@ def table(result: dict) -> Table:
 
 def _note(engine: dict) -> str:
     parts = [f"best at {engine['envs']} worlds, {engine['overhead']:.1%} over the bare engine"]
-    parts += [f"{n} cores give {g:.2f} times one" for n, g in engine["gain_of_processes"].items()]
+    gain = engine["gain_of_processes"].items()
+    parts += [f"{n} cores give {g:.2f} times as much there" for n, g in gain]
     if (slope_mb := engine["memory_mb_per_world"]) is not None:
         parts.append(f"{slope_mb:.2f} MB per world")
     return f"{engine['backend']}: {'; '.join(parts)}"

@@ -145,6 +145,58 @@ def test_state_bits_are_those_of_the_engine() -> None:
         assert bit == getattr(mujoco.mjtState, f"mjSTATE_{name}").value
 
 
+def test_two_cores_need_no_guarded_script(engine: type[Engine], tmp_path) -> None:
+    """Start processes from a script without a main guard, and run the script once."""
+    script = tmp_path / "script.py"
+    script.write_text(
+        "from benchmark.run_spec import RunSpec, make_env\n"
+        f"run = RunSpec(backend='{engine.__module__.split('.')[-1]}', task='line', worlds=2)\n"
+        "env = make_env(run, [run.world()] * 2, 0, 2)\n"
+        "print(len(env.reset())); env.close()\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout == "2\n"
+
+
+def test_compiled_reading_is_sapiens_own() -> None:
+    """Find the hand that SAPIEN's own calls read, in worlds that were built anew too."""
+    pytest.importorskip("sapien")
+    from backends.sapien import Backend
+
+    sim = Backend(drawn(2))
+    start = sample_initial_states(sim.specs, np.random.default_rng(0))
+    target = start.joint_rad + 0.1
+    for mask in (np.array([True, True]), np.array([False, True])):
+        sim.reset(start, mask)
+        for _ in range(6):
+            state = sim.advance(target)
+    for n, world in enumerate(sim._worlds):
+        assert np.array_equal(state.joint_rad[n], world.hand.get_qpos()[sim._to_spec])
+        assert np.array_equal(state.joint_rad_s[n], world.hand.get_qvel()[sim._to_spec])
+    assert np.abs(state.joint_rad - start.joint_rad).min() > 0
+    sim.close()
+
+
+def test_compiled_contacts_are_pybullets_own() -> None:
+    """Read the forces on the fingertips that pybullet's own call lists."""
+    pybullet = pytest.importorskip("pybullet")
+    from backends.bullet import Backend
+
+    sim = Backend(drawn(2))
+    start = sample_initial_states(sim.specs, np.random.default_rng(0))
+    sim.reset(start, np.ones(2, dtype=bool))
+    for _ in range(20):
+        state = sim.advance(start.joint_rad + np.array(sim.specs[0].hand.preload_rad))
+    for n, world in enumerate(sim._worlds):
+        listed = pybullet.getContactPoints(world.hand, world.stick, physicsClientId=world.client)
+        force = np.zeros_like(state.contact_force_n[n])
+        for contact in listed:
+            force[world.tips[contact[3]]] += contact[9] * np.array(contact[7])
+        assert np.array_equal(state.contact_force_n[n], force)
+        assert (np.linalg.norm(force, axis=1) > 0).all()
+    sim.close()
+
+
 def test_unknown_client_is_refused() -> None:
     """Raise for a client that was never connected instead of following a null pointer."""
     pytest.importorskip("pybullet")
@@ -210,6 +262,7 @@ def test_overhead_is_the_median_of_the_blocks_ratios() -> None:
     """Compare a step and its share of restarts with the bare engine of the same block."""
     blocks = _stopwatch._Blocks(
         step_s=[1.0, 2.0, 30.0],
+        wall_s=[4.0, 5.0, 90.0],
         advance_s=[0.9, 1.8, 27.0],
         raw_s=[1.0, 2.0, 10.0],
         restart_s=[0.1, 0.1, 0.1],
@@ -217,8 +270,16 @@ def test_overhead_is_the_median_of_the_blocks_ratios() -> None:
     )
     timing = _stopwatch._summary(blocks)
     assert timing.overhead[1] == pytest.approx(0.1)
-    assert (timing.step_s, timing.raw_s, timing.blocks) == (2.0, 2.0, 3)
+    assert (timing.step_s, timing.wall_s, timing.raw_s, timing.blocks) == (2.0, 5.0, 2.0, 3)
     assert timing.pressing == pytest.approx(2 / 3)
+
+
+def test_gain_compares_as_many_worlds_by_the_wall() -> None:
+    """Divide by the row of the same engine and worlds on the fewest cores."""
+    names = ("backend", "envs", "processes", "wall_env_steps_per_s")
+    values = [("a", 8, 1, 10.0), ("a", 16, 1, 20.0), ("a", 16, 2, 38.0), ("b", 16, 1, 1.0)]
+    rows = [dict(zip(names, row, strict=True)) for row in values]
+    assert [speed._gain(row, rows) for row in rows] == [1.0, 1.0, 1.9, 1.0]
 
 
 def test_dropped_stick_is_no_measurement(monkeypatch, capfd) -> None:
