@@ -96,7 +96,7 @@ def hold(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0,
         bound=0.1,
-        why="kp times the preload of 35 to 70 mrad, of which 0.1 mm of sinking takes 2 mrad",
+        why="kp times the preload of 70 to 140 mrad, of which 0.1 mm of sinking takes 2 mrad",
     )
 
 
