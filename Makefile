@@ -8,7 +8,7 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run test test-slow check smoke clean
+.PHONY: help install run test test-slow check smoke figures clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
@@ -17,6 +17,7 @@ help:
 	@echo "make test-slow  the slow tests"
 	@echo "make check      format, lint, types"
 	@echo "make smoke      one smoke run per engine and algorithm"
+	@echo "make figures    the pictures in leaderboard/figures, and the leaderboard"
 	@echo "make clean      remove $(VENV) and caches"
 
 install: $(INSTALLED)
@@ -48,6 +49,18 @@ smoke: install $(addprefix smoke-run/,$(SMOKES))
 
 smoke-run/%:
 	$(VENV)/bin/bench run --smoke --force --backend $(*D) --algo $(*F) --task line --out runs/smoke/$(*D)-$(*F)
+
+# The paper's figures, of policies in the repository.
+DRAWN = line-s0-d7e7fc6e circle-s0-43bbd86c spiral-s0-1d1797ac eight-s0-94464651
+figures: install $(addprefix figure/,$(DRAWN))
+	for kind in joints touch hand; do $(VENV)/bin/bench view $(call POLICY,circle-s0-43bbd86c) \
+		--kind $$kind --out leaderboard/figures/circle-$$kind.png || exit 1; done
+	$(VENV)/bin/bench leaderboard leaderboard/results
+
+TASK = $(word 1,$(subst -, ,$(1)))
+POLICY = leaderboard/policies/mujoco-$(TASK)-sb3-ppo-contact-centers$(patsubst $(TASK)%,%,$(1))
+figure/%:
+	$(VENV)/bin/bench view $(call POLICY,$*) --out leaderboard/figures/$(call TASK,$*).png
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
