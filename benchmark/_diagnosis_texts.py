@@ -71,9 +71,11 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     lines += [wording.shrinkage(found)]
     if found.gap_before > found.noise_floor:
         lines.append(_where(found))
+    lines += [f"{wording.beside(one)}." for one in found.beside]
     lines += [f"Not settled: {wording.tie(row)}." for row in found.indistinguishable]
     if found.unseen:
         lines.append(f"Of {wording.listed(found.unseen)} this log tells nothing.")
+    lines += [f"Not judged: {text}." for text in found.missing]
     lines += [f"Warning: {warning}" for warning in result["warnings"]]
     end = [f"Next: {command}  ({what})" for command, what in result["next"].items()]
     end.append(f"Written: {', '.join(result['written'])} ({found.cpu_s:.0f} s of CPU)")

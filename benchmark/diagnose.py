@@ -26,6 +26,7 @@ from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.verdict import NONE, rules
+from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import Diagnosis, Judge, Judged, SideBySide, diagnose
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.replay.agreement import apart_rad
@@ -75,8 +76,9 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
         log = read_log(settings.path)
         world = _world(log, settings)
         catalogue = own_catalogue(_catalogue(), world.spec)
-        found = diagnose(log, world.spec, catalogue, _side_by_side(settings.path.name, workers))
         apart = _apart_rad(log, world, settings.nominal, engine, workers)
+        limbs = _side_by_side(settings.path.name, workers)
+        found = diagnose(log, world.spec, catalogue, limbs, _on(engine, workers))
     except LogError as error:
         raise UsageError(str(error)) from error
     except (WorkerError, BrokenProcessPool) as error:
@@ -145,9 +147,14 @@ def _results(judge: Judge, parts: Sequence[Evidence], jobs: int) -> Iterator[Jud
 def _apart_rad(log: Log, world: World, name: str, engine: type[Engine], workers: int) -> float:
     """How far replays are from the engine; raises UsageError where it refuses the world."""
     try:
-        return apart_rad(lambda specs: simulate(engine, specs, workers), world.spec, log)
+        return apart_rad(_on(engine, workers), world.spec, log)
     except ValueError as error:
         raise UsageError(f"--nominal {name}: {error}; choose another engine") from error
+
+
+def _on(engine: type[Engine], workers: int) -> Simulate:
+    """Worlds on the nominal engine."""
+    return lambda specs: simulate(engine, specs, workers)
 
 
 def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:

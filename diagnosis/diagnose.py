@@ -1,9 +1,10 @@
 """The diagnosis of a log: where the gap lies, which effect causes it, how far it shrinks."""
 
+import dataclasses
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -14,69 +15,27 @@ from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.evidence import Evidence, gather
 from diagnosis.attribution.experiments import Trials, tie, told_of
-from diagnosis.attribution.locate import Place, locate
+from diagnosis.attribution.locate import locate
 from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
+from diagnosis.beside.beside import (
+    beside,
+    corrected,
+    lost,
+    magnitude,
+    outdone,
+    ranking_of,
+    sensed,
+    told_apart,
+)
+from diagnosis.beside.finding import Finding, Report
+from diagnosis.beside.fingerprints import widened
+from diagnosis.calibration.worlds import Simulate
 from diagnosis.logs.log import Log, LogError
 from diagnosis.recording.excitation import FREE
+from diagnosis.result import Diagnosis
+from diagnosis.shrinkage import gap, shrinkage
 from diagnosis.triage.triage import refuse_bugs
-
-BLOCK, RESAMPLES = 50, 400
-"""Samples that are resampled together, and how often, for intervals over held-out samples."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Share:
-    """A share, or a gap, with its 90 % interval."""
-
-    value: float
-    interval: tuple[float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Diagnosis:
-    """What a log says. Gaps are root mean squares over the noise, on held-out samples."""
-
-    verdict: tuple[str, ...]
-    joints: tuple[str, ...]
-    magnitudes: tuple[Magnitude, ...]
-    confidence: float
-    ranking: tuple[dict, ...]
-    """Per limb, what was tried: effects, joints, magnitudes, cost in nats and held-out gap."""
-    indistinguishable: tuple[dict, ...]
-    """Effects that this log cannot tell apart, and the experiment that would."""
-    unseen: tuple[str, ...]
-    """Joints of which this log tells nothing."""
-    where: tuple[Place, ...]
-    gap_before: float
-    gap_nominal: float
-    """With the nominal parameters alone refitted: what a calibration reaches."""
-    gap_after: float
-    noise_floor: float
-    shrinkage: Share
-    """Of the squared gap above the floor, by the verdict."""
-    shrinkage_nominal: Share
-    """The same by the refit of nominal parameters alone."""
-    gaps: Mapping[str, Share]
-    """The gaps before, nominal and after with their intervals."""
-    cpu_s: float
-    """Of this process and those that it waited for [s]."""
-    limbs: tuple[LimbVerdict, ...] = field(repr=False)
-    """The verdicts behind, per limb, with everything that was fitted."""
-
-    def row(self) -> dict:
-        """As plain data, without the fits."""
-        said = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "limbs"}
-        return said | {
-            "verdict": list(self.verdict),
-            "joints": list(self.joints),
-            "unseen": list(self.unseen),
-            "magnitudes": [asdict(m) for m in self.magnitudes],
-            "where": [place.row() for place in self.where],
-            "shrinkage": asdict(self.shrinkage),
-            "shrinkage_nominal": asdict(self.shrinkage_nominal),
-            "gaps": {name: asdict(gap) for name, gap in self.gaps.items()},
-        }
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,10 +56,12 @@ def diagnose(
     nominal: Spec,
     catalogue: Mapping[str, type[Effect]],
     side_by_side: SideBySide = map,
+    simulate: Simulate | None = None,
 ) -> Diagnosis:
     """The diagnosis of `log` against the nominal world; limbs are judged by `side_by_side`.
 
-    Raises LogError where nothing can be said.
+    Stick and contact are judged where `simulate` puts worlds on the nominal engine. Raises LogError
+    where nothing can be said.
     """
     began_s = _cpu_s()
     rule = rules()
@@ -111,6 +72,8 @@ def diagnose(
     }
     parts = gather(log, nominal, floor)
     refuse_bugs(parts)
+    sensors = sensed(parts, catalogue)
+    parts = tuple(widened(part, sensors) for part in parts)
     told = [told_of(part, catalogue) for part in parts]
     if not any(told):
         raise LogError(
@@ -123,7 +86,30 @@ def diagnose(
     limbs = list(side_by_side(judge_one, clear))
     seen = {joint for joints in told for joint in joints}
     unseen = tuple(joint for part in parts for joint in part.joints if joint not in seen)
-    return _assemble(parts, limbs, unseen, began_s)
+    verdicts = [one.verdict for one in limbs]
+    random = (*sensors, *lost(clear, verdicts, catalogue))
+    kept = [limb for limb in verdicts if outdone(limb, random) is None]
+    world = corrected(_with(nominal, kept, catalogue), sensors, catalogue)
+    held = beside(log, world, catalogue, simulate)
+    others = dataclasses.replace(held, findings=(*random, *held.findings))
+    return _assemble(parts, limbs, others, catalogue, unseen, began_s)
+
+
+def _with(
+    nominal: Spec, limbs: Sequence[LimbVerdict], catalogue: Mapping[str, type[Effect]]
+) -> Spec:
+    """The nominal world with what replays found."""
+    for m in _found(limbs):
+        everywhere = m.joint is None and not catalogue[m.effect].per_joint
+        for joint in (None,) if everywhere else m.joints:
+            effect = catalogue[m.effect](magnitude=m.value * UNITS[m.unit][1], joint=joint)
+            nominal = effect.on_spec(nominal)
+    return nominal
+
+
+def _found(limbs: Sequence[LimbVerdict]) -> tuple[Magnitude, ...]:
+    guilty = [limb for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
+    return merge([m for limb in guilty for m in magnitudes(limb)])
 
 
 def judge_limb(
@@ -144,33 +130,34 @@ def _cpu_s() -> float:
 def _assemble(
     parts: Sequence[Evidence],
     judged: Sequence[Judged],
+    others: Report,
+    catalogue: Mapping[str, type[Effect]],
     unseen: tuple[str, ...],
     began_s: float,
 ) -> Diagnosis:
-    limbs = [one.verdict for one in judged]
-    guilty = [limb for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
-    found = merge([m for limb in guilty for m in magnitudes(limb)])
-    unknown = [limb for limb in limbs if limb.names == (UNKNOWN,)]
+    kept = [one for one in judged if outdone(one.verdict, others.findings) is None]
+    limbs = [one.verdict for one in kept]
+    named = [magnitude(one, catalogue) for one in others.findings]
+    found = (*_found(limbs), *(m for m in named if m is not None))
+    strange = [joint for limb in limbs if limb.names == (UNKNOWN,) for joint in _worst(limb)]
     verdict = tuple(dict.fromkeys(m.effect for m in found))
-    verdict += (UNKNOWN,) if unknown else ()
-    before, nominal, after = (
-        np.concatenate([of(limb) for limb in limbs])
-        for of in (
-            lambda limb: limb.attribution.before.plain,
-            lambda limb: limb.attribution.nominal.plain,
-            lambda limb: limb.chosen.plain,
-        )
-    )
+    verdict += (UNKNOWN,) if strange or None in named else ()
+    accused = {*strange, *(joint for m in found for joint in m.joints)}
+    before, nominal, after = _squares([one.verdict for one in judged], others.findings)
     gaps = {"before": gap(before), "nominal": gap(nominal), "after": gap(after)}
-    accused = {joint for m in found for joint in m.joints}
-    strange = {joint for limb in unknown for joint in _worst(limb)}
     return Diagnosis(
         verdict=verdict or (NONE,),
-        joints=tuple(j for p in parts for j in p.joints if j in accused | strange),
+        joints=tuple(j for p in parts for j in p.joints if j in accused),
         magnitudes=found,
-        confidence=math.prod(limb.confidence for limb in (guilty or limbs)),
-        ranking=tuple(row for limb in limbs for row in _ranking(limb)),
-        indistinguishable=tuple(row for one in judged for row in one.ties),
+        confidence=_confidence(limbs, others.findings),
+        ranking=(
+            *(row for one in others.findings for row in ranking_of(one, catalogue)),
+            *(row for one in judged for row in _ranking(one.verdict)),
+        ),
+        indistinguishable=(
+            *(row for one in kept for row in one.ties),
+            *(row for one in others.findings for row in told_apart(one)),
+        ),
         unseen=unseen,
         where=tuple(locate(parts)),
         gap_before=gaps["before"].value,
@@ -180,36 +167,41 @@ def _assemble(
         shrinkage=shrinkage(before, after),
         shrinkage_nominal=shrinkage(before, nominal),
         gaps=gaps,
+        beside=others.findings,
+        spots=others.spots,
+        missing=others.missing,
         cpu_s=_cpu_s() - began_s,
-        limbs=tuple(limbs),
+        limbs=tuple(_cleared(one.verdict, others.findings) for one in judged),
     )
 
 
-def shrinkage(before: Array, after: Array, seed: int = 0) -> Share:
-    """How much of the squared gap above the noise is gone, from squared held-out residuals."""
-    return _resampled(_gone, (before, after), seed)
+def _cleared(limb: LimbVerdict, found: Sequence[Finding]) -> LimbVerdict:
+    """A limb's verdict, `none` where a finding takes its place."""
+    if outdone(limb, found) is None:
+        return limb
+    return dataclasses.replace(limb, names=(NONE,), chosen=limb.attribution.nominal, tied=())
 
 
-def gap(squares: Array, seed: int = 0) -> Share:
-    """Root mean square over the noise, from squared held-out residuals."""
-    return _resampled(np.sqrt, (squares,), seed)
+def _squares(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> list[Array]:
+    """Squared held-out residuals of all limbs: nominal, refitted, and with the verdict.
+
+    Where a finding takes a limb's place, it shrinks them as it shrinks what it was judged by.
+    """
+    before, nominal, after = [], [], []
+    for limb in limbs:
+        before.append(limb.attribution.before.plain)
+        nominal.append(limb.attribution.nominal.plain)
+        other = outdone(limb, found)
+        shrunk = None if other is None else (other.gap_after / other.gap_before) ** 2
+        after.append(limb.chosen.plain if shrunk is None else shrunk * before[-1])
+    return [np.concatenate(v) for v in (before, nominal, after)]
 
 
-def _resampled(of: Callable[..., float], squares: tuple[Array, ...], seed: int) -> Share:
-    """A function of the means of squares, with the interval that resampled blocks give."""
-    size = min(BLOCK, len(squares[0]))
-    count = len(squares[0]) // size
-    blocks = [v[: count * size].reshape(count, size).mean(axis=1) for v in squares]
-    draws = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
-    resampled = [of(*(b[d].mean() for b in blocks)) for d in draws]
-    low, high = np.percentile(resampled, [5, 95])
-    value = of(*(v.mean() for v in squares))
-    return Share(value=float(value), interval=(float(low), float(high)))
-
-
-def _gone(before: float, after: float) -> float:
-    excess = before - 1.0
-    return float(1 - max(after - 1.0, 0.0) / excess) if excess > 1e-9 else 0.0
+def _confidence(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> float:
+    """That all accusations are right, or that there is none to be made."""
+    guilty = [limb.confidence for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
+    accused = [*guilty, *(one.confidence for one in found)]
+    return math.prod(accused or [limb.confidence for limb in limbs])
 
 
 def _worst(limb: LimbVerdict) -> tuple[str, ...]:

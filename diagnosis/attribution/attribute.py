@@ -4,21 +4,37 @@ A verdict for one limb: effects with their joints and magnitudes, `none` where n
 within their uncertainty explain the log, or `unknown` where no catalogued effect does.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
-from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.fit import Fit, Fitter, Profile
+from diagnosis.attribution.evidence import Evidence, compressed
+from diagnosis.attribution.fit import POLISH, Fit, Fitter, Profile
+from diagnosis.attribution.whiten import alike, surprise
 
-REFINED, FINALISTS = 10, 5
-"""Candidates whose magnitude is searched, and those that are refitted with everything free."""
-STRAINED = 1.5
+REFINED, FINALISTS, NAMESAKES = 10, 5, 2
+"""Candidates whose magnitude is searched, those that are refitted with everything free, and how
+many of these may be one effect on different joints."""
+PARTNERS, COUPLES = 8, 3
+"""The same of second effects."""
+STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
+SHRINKS = 2
+"""How often a third of the smallest level is tried where that one is the best."""
+HARD = 2.0
+"""Mean square of innovations from which a search may have gone astray, and starts once more."""
+HOPELESS = 0.05
+"""Finalists that are behind the best by more than this share of the cost are not polished."""
+NEAR_NATS = 30.0
+"""So near the best, a candidate's fit has to be exact."""
+CLOSE = (1.1, 1.0, 1.0)
+"""Rounds of its refit to all samples."""
+LAST = (1.0,)
+"""Rounds of the refit to all samples, see `fit.POLISH`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,10 +44,13 @@ class Ranked:
     names: tuple[str, ...]
     """Names of its effects, in the order of `fit.effects`; none of the nominal world's."""
     fit: Fit
-    judged: Array
-    """Squared residuals on held-out samples, compressed, shape (n,)."""
+    """Fitted to all samples."""
     plain: Array
-    """The same as they are."""
+    """Squared residuals on held-out samples, of the fit to the others, shape (n,)."""
+    surprise: float
+    """How far what is new in them is from white, see `whiten.surprise`."""
+    spread: float
+    """Variance of block means of these over that of white ones, see `whiten.alike`."""
     unrest: float
     """See `Evidence.unrest`."""
 
@@ -43,7 +62,7 @@ class Ranked:
     @property
     def gap(self) -> float:
         """Root mean square of the held-out residuals, compressed, in standard deviations."""
-        return float(np.sqrt(self.judged.mean()))
+        return float(np.sqrt((compressed(np.sqrt(self.plain)) ** 2).mean()))
 
     @property
     def strain(self) -> float:
@@ -57,80 +76,173 @@ class Attribution:
     def __init__(
         self, evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
     ) -> None:
-        self.fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
+        known = nuisances(evidence.nominal, uncertainty)
+        self.fitter, self.whole = Fitter(evidence, known), Fitter(evidence, known, None)
         self._candidates = candidates(catalogue, evidence)
-        zeros = np.zeros(len(self.fitter.nuisances))
-        self.before = self._ranked((), Fit(effects=(), deviations=zeros, cost=0.0))
-        self.nominal = self._ranked((), self.fitter.nominal())
-        plausible = self.nominal.strain < STRAINED * len(zeros)
-        self.singles = self._rank(self.nominal if plausible else self.before)
-        self.nominal = self._settled()
+        bare = self.fitter.at((), np.zeros(len(known)))
+        self.before = self._judged((), bare, bare)
+        found = self.fitter.nominal()
+        strained = found.deviations @ found.deviations / 2 >= 1.5 * STRAINED * len(known)
+        self._base = bare if strained else found
+        self.singles = self._rank((), self._base)
+        self.nominal = self._settled(found)
 
-    def _settled(self) -> Ranked:
+    def _settled(self, found: Fit) -> Ranked:
         """The nominal refit, again from where the best single effect has taken the parameters.
 
         A refit that stopped early would make any effect look needed.
         """
-        best = min(self.singles, key=lambda one: one.fit.cost)
-        deviations = best.fit.deviations
-        start = Fit(effects=(), deviations=deviations, cost=self.fitter.cost((), deviations))
-        again = self.fitter.refit(start)
-        better = again.cost < self.nominal.fit.cost
-        return self._ranked((), again) if better else self.nominal
+        start = self.fitter.at((), self.singles[0].fit.deviations) if self.singles else found
+        again = self.fitter.refit(start) if start.cost < 2 * found.cost else found
+        best = min((found, again), key=lambda fit: fit.cost)
+        return self._closed([self._ranked((), best)])[0]
 
-    def second(self, first: Ranked) -> list[Ranked]:
-        """The best pairs that hold `first`."""
-        return self._rank(first, refined=6, finalists=2)
+    def second(self, first: Ranked, worth_nats: float = 0.0) -> list[Ranked]:
+        """The best pairs that hold `first`; of those that promise to lower the cost by so much."""
+        return self._rank(first.names, self._trained(first.fit), PARTNERS, COUPLES, worth_nats)
+
+    def exchanged(self, pair: Ranked) -> list[Ranked]:
+        """The best pairs that hold the later one of a pair: the first may have been a stand-in."""
+        alone = self.fitter.at(pair.fit.effects[1:], pair.fit.deviations)
+        return self._rank(pair.names[1:], self.fitter.refit(alone), PARTNERS, COUPLES)
+
+    def _trained(self, fit: Fit) -> Fit:
+        return self.fitter.at(fit.effects, fit.deviations)
 
     def _rank(
-        self, base: Ranked, refined: int = REFINED, finalists: int = FINALISTS
+        self,
+        names: tuple[str, ...],
+        around: Fit,
+        refined: int = REFINED,
+        finalists: int = FINALISTS,
+        worth_nats: float = -np.inf,
     ) -> list[Ranked]:
-        around = base.fit
-        profile = Profile(self.fitter, around)
+        """Candidates beside the effects of a fit, the best first."""
+        profile, last = Profile(self.fitter, around), len(around.effects)
         fresh = [c for c in self._candidates if not _there(c, around)]
-        tried = [self._coarse(profile, around, c) for c in fresh]
-        tried.sort(key=lambda pair: pair[1].cost)
-        last = len(around.effects)
-        searched = [(c, profile.search(fit, last, 3.0)) for c, fit in tried[:refined]]
-        searched.sort(key=lambda pair: pair[1].cost)
-        found = [
-            self._ranked((*base.names, c.name), self.fitter.refit(self._true(around, fit)))
-            for c, fit in searched[:finalists]
+        fresh = [self._with_moved(c, around) for c in fresh]
+        tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
+        searched = [
+            (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
+            for c, fit in tried[:refined]
         ]
-        return sorted(found, key=lambda one: one.judged.mean())
+        searched.sort(key=lambda pair: pair[1].cost)
+        worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
+        best = _various(worth, finalists)
+        fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
+        if fits and min(fit.cost for fit in fits) > HARD * profile.samples / 2:
+            fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
+        near = min(fit.cost for fit in fits) + HOPELESS * around.cost if fits else 0.0
+        fits = [self.fitter.refit(f, POLISH[2:]) if f.cost < near else f for f in fits]
+        found = [self._ranked((*names, c.name), f) for (c, _), f in zip(best, fits, strict=True)]
+        return self._closed(sorted(found, key=lambda one: one.fit.cost))
 
-    def _coarse(self, profile: Profile, around: Fit, candidate: Candidate) -> tuple[Candidate, Fit]:
-        tries = (
-            profile.at(
-                Fit(
-                    effects=(
-                        *around.effects,
-                        candidate.kind(magnitude=m, joint=candidate.joint),
-                    ),
-                    deviations=around.deviations,
-                    cost=np.inf,
-                )
-            )
-            for m in candidate.levels
-        )
-        return candidate, min(tries, key=lambda fit: fit.cost)
+    def _anew(self, around: Fit, fit: Fit, tried: tuple[Candidate, Fit]) -> Fit:
+        """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""
+        effects = (*around.effects, tried[1].effects[-1])
+        start = self.fitter.at(effects, 0.0 * around.deviations)
+        return min(fit, self.fitter.refit(start, POLISH[:2]), key=lambda one: one.cost)
+
+    def _closed(self, found: list[Ranked]) -> list[Ranked]:
+        """Candidates with those that are near the best one refitted until nothing changes."""
+        near = found[0].fit.cost + NEAR_NATS if found else 0.0
+        again: list[Ranked] = []
+        for one in found:
+            fit = self.whole.refit(one.fit, CLOSE) if one.fit.cost < near else one.fit
+            if again and one.fit.cost < near:
+                fit = min(fit, self._beside(fit, again[0].fit), key=lambda f: f.cost)
+            again.append(replace(one, fit=fit))
+        return sorted(again, key=lambda one: one.fit.cost)
+
+    def _beside(self, fit: Fit, best: Fit) -> Fit:
+        """A fit again from the nominal parameters of the best one, where that starts well."""
+        start = self.whole.at(fit.effects, best.deviations)
+        return self.whole.refit(start, CLOSE) if start.cost < fit.cost + 10 * NEAR_NATS else fit
+
+    def _with_moved(self, candidate: Candidate, around: Fit) -> Candidate:
+        """A candidate, also as large as a fit has moved the nominal parameter that it changes."""
+        pairs = zip(self.fitter.nuisances, around.deviations, strict=True)
+        moved = [
+            float(d * n.std)
+            for n, d in pairs
+            if issubclass(candidate.kind, n.kind) and candidate.joint in (None, n.joint) and d
+        ]
+        low, high = candidate.kind.bounds
+        inside = [m for m in moved if low <= m <= high and m != 0.0]
+        return replace(candidate, levels=(*candidate.levels, *inside))
 
     def _true(self, around: Fit, guess: Fit) -> Fit:
         """A linear guess with its real cost, or its effects alone where these do better."""
-        free = self.fitter.free(guess.effects)
+        alone = (*around.effects, guess.effects[-1])
         tries = (
-            Fit(effects=guess.effects, deviations=d, cost=self.fitter.cost(guess.effects, d))
-            for d in (guess.deviations, around.deviations * free, 0.0 * around.deviations)
+            self.fitter.at(guess.effects, guess.deviations),
+            self.fitter.at(alone, around.deviations),
+            self.fitter.at(alone, 0.0 * around.deviations),
         )
         return min(tries, key=lambda fit: fit.cost)
 
-    def _ranked(self, names: tuple[str, ...], fit: Fit) -> Ranked:
-        judged, plain = (
-            self.fitter.residual(fit.effects, fit.deviations, True, compress) ** 2
-            for compress in (True, False)
+    def _ranked(self, names: tuple[str, ...], trained: Fit) -> Ranked:
+        """A fit judged on held-out samples, and then fitted to all."""
+        start = self.whole.at(trained.effects, trained.deviations)
+        return self._judged(names, trained, self.whole.refit(start, LAST))
+
+    def _judged(self, names: tuple[str, ...], trained: Fit, whole: Fit) -> Ranked:
+        new = self.fitter.new(trained)
+        return Ranked(
+            names=names,
+            fit=whole,
+            plain=self.fitter.left(trained),
+            surprise=surprise(new),
+            spread=alike(new),
+            unrest=self.fitter.unrest(trained),
         )
-        unrest = self.fitter.unrest(fit)
-        return Ranked(names=names, fit=fit, judged=judged, plain=plain, unrest=unrest)
+
+
+def _coarse(
+    profile: Profile, around: Fit, fresh: Sequence[Candidate]
+) -> list[tuple[Candidate, Fit]]:
+    """Every candidate at the best of its levels, to first order in all else.
+
+    An effect on all joints is tried at the levels that are best on single ones.
+    """
+    best: dict[str, set[float]] = {}
+    found = []
+    for one in sorted(fresh, key=lambda c: c.joint is None):
+        alone = best.setdefault(one.name, set())
+        levels = alone if one.joint is None and alone else set(one.levels)
+        fits = [_alone(profile, around, one, m) for m in sorted(levels, key=abs)]
+        fits += _smaller(profile, around, one, fits)
+        found.append((one, min(fits, key=lambda fit: fit.cost)))
+        alone.add(found[-1][1].effects[-1].magnitude)
+    return found
+
+
+def _alone(profile: Profile, around: Fit, candidate: Candidate, magnitude: float) -> Fit:
+    effect = candidate.kind(magnitude=magnitude, joint=candidate.joint)
+    return profile.at((*around.effects, effect))
+
+
+def _smaller(profile: Profile, around: Fit, candidate: Candidate, fits: Sequence[Fit]) -> list[Fit]:
+    """Ever smaller magnitudes to either side, where the smallest one tried is the best there."""
+    found = []
+    for sign in (-1.0, 1.0):
+        side = [fit for fit in fits if sign * fit.effects[-1].magnitude > 0]
+        for _ in range(SHRINKS):
+            if not side or min(side, key=lambda fit: fit.cost) is not side[0]:
+                break
+            size = side[0].effects[-1].magnitude / 3
+            side.insert(0, _alone(profile, around, candidate, size))
+            found.append(side[0])
+    return found
+
+
+def _various(tried: Sequence[tuple[Candidate, Fit]], count: int) -> list[tuple[Candidate, Fit]]:
+    """The first ones, few of them of one effect."""
+    kept: list[tuple[Candidate, Fit]] = []
+    for one in tried:
+        if sum(c.name == one[0].name for c, _ in kept) < NAMESAKES:
+            kept.append(one)
+    return kept[:count]
 
 
 def _there(candidate: Candidate, fit: Fit) -> bool:

@@ -18,15 +18,18 @@ from backends.effects import (
     link_mass,
     rotor_inertia,
     series_elasticity,
+    torque_limit,
     viscous_friction,
 )
-from backends.spec import Spec
+from backends.spec import Drive, Spec
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Nuisance
+from diagnosis.attribution.timing import Late, TorqueLate
 
 NOMINAL: tuple[type[NumberEffect], ...] = (
     kp_scale.Effect,
     kd_scale.Effect,
+    torque_limit.Effect,
     coulomb_friction.Effect,
     viscous_friction.Effect,
     rotor_inertia.Effect,
@@ -37,14 +40,22 @@ NOMINAL: tuple[type[NumberEffect], ...] = (
 """Effects whose numbers are nominal parameters: known, but only so well."""
 RANDOM = ("command-dropout", "encoder-noise", "encoder-resolution")
 """Effects that a replay cannot show; they leave fingerprints of their own."""
+SAG = 0.08
+"""A torque limit is uncertain by at least this share: drives sag before they saturate."""
+RUB = 0.002
+"""Friction is known no better than to this share of the torque limit."""
+DAMPED = 0.3
+"""What a drive period takes from a rotor's inertia (see `Late`) is known to this share."""
+LATE = 0.5
+"""Standard deviation of the time of all readings, in drive periods."""
 LEVELS: dict[str, tuple[float, ...]] = {
-    "share": (0.01, 0.03, 0.1, 0.3, 0.8, 2.5),
-    "torque": (0.01, 0.04, 0.15, 0.6),
-    "damping": (0.025, 0.1, 0.4, 1.5),
+    "share": (0.02, 0.1, 0.4, 1.5),
+    "torque": (0.01, 0.05, 0.25),
+    "damping": (0.05, 0.3, 1.5),
     "inertia": (0.2, 0.8, 3.0),
-    "angle": (0.005, 0.02, 0.08, 0.25),
-    "time": (0.002, 0.006, 0.02, 0.05),
-    "slowness": (0.05, 0.15, 0.5, 1.5),
+    "angle": (0.003, 0.012, 0.05, 0.2),
+    "time": (0.003, 0.01, 0.03),
+    "slowness": (0.08, 0.3, 1.0),
 }
 """Sizes to try by dimension, over the scale that `scale_of` gives."""
 
@@ -60,15 +71,32 @@ class Candidate:
 
 
 def nuisances(nominal: Spec, share: float) -> list[Nuisance]:
-    """The nominal parameters of every joint, each uncertain by `share` of its value."""
-    found = []
+    """The nominal parameters of every joint, each uncertain by `share` of its value.
+
+    And the time of the readings, by half a drive period: so far may integrators be apart.
+    """
+    moment_s = LATE * nominal.timing.drive_s
+    found = [Nuisance(kind=kind, joint=None, std=moment_s) for kind in (Late, TorqueLate)]
+    drives = dict(zip(nominal.hand.joint_names, nominal.drives, strict=True))
     for kind in NOMINAL:
         values = _driven(nominal, nominal.values(kind.number))
         for joint, value in zip(nominal.hand.joint_names, values, strict=True):
             std = share if kind.dimension == "share" else share * value
+            std = _unsure(kind, std, drives[joint], moment_s)
             if std > 0 and value != 0:
                 found.append(Nuisance(kind=kind, joint=joint, std=std))
     return found
+
+
+def _unsure(kind: type[Effect], std: float, drive: Drive, moment_s: float) -> float:
+    """A standard deviation, and with it how well any model knows the number."""
+    if kind is torque_limit.Effect:
+        return max(std, SAG)
+    if kind is coulomb_friction.Effect:
+        return float(np.hypot(std, RUB * drive.torque_limit_nm))
+    if kind is rotor_inertia.Effect:
+        return float(np.hypot(std, DAMPED * moment_s * drive.kd_nms_rad))
+    return std
 
 
 def candidates(catalogue: Mapping[str, type[Effect]], evidence: Evidence) -> list[Candidate]:

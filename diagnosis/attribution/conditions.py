@@ -17,7 +17,7 @@ from diagnosis.logs.log import LogError
 
 @dataclass(frozen=True, kw_only=True)
 class Conditions(Evidence):
-    """The evidence for one limb under every setting; `nominal` and `sigma` are of the first."""
+    """The evidence for one limb under every setting; its numbers are of the first."""
 
     parts: tuple[Evidence, ...]
 
@@ -25,17 +25,30 @@ class Conditions(Evidence):
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
     ) -> Array:
         """See `Evidence.residual`: settings follow each other."""
-        wanted = [
-            part
-            for part in self.parts
-            if judged is None or any((r.judged == judged).any() for r in part.recordings)
-        ]
-        return np.concatenate([part.residual(effects, judged, compress) for part in wanted])
+        return np.concatenate([p.residual(effects, judged, compress) for p in self._with(judged)])
 
-    def unrest(self, effects: Sequence[Effect]) -> float:
+    def innovations(
+        self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
+    ) -> Array:
+        """See `Evidence.innovations`: settings follow each other."""
+        return np.concatenate(
+            [p.innovations(effects, judged, compress) for p in self._with(judged)]
+        )
+
+    def allowing_for(self, effects: Sequence[Effect]) -> "Conditions":
+        """See `Evidence.allowing_for`: each setting by itself."""
+        return replace(self, parts=tuple(part.allowing_for(effects) for part in self.parts))
+
+    def _with(self, judged: bool | None) -> list[Evidence]:
+        """The settings with samples for judging, for fitting, or any (None)."""
+        if judged is None:
+            return list(self.parts)
+        return [p for p in self.parts if any((r.judged == judged).any() for r in p.recordings)]
+
+    def unrest(self, effects: Sequence[Effect], moved: Sequence[Effect]) -> float:
         """See `Evidence.unrest`: root mean square over the settings that judge."""
-        wanted = [part for part in self.parts if any(r.judged.any() for r in part.recordings)]
-        return float(np.sqrt(np.mean([part.unrest(effects) ** 2 for part in wanted])))
+        apart = [part.unrest(effects, moved) for part in self._with(True)]
+        return float(np.sqrt(np.mean(np.square(apart))))
 
 
 def join(parts: Sequence[Evidence], judging: Collection[int]) -> Conditions:
@@ -55,6 +68,8 @@ def join(parts: Sequence[Evidence], judging: Collection[int]) -> Conditions:
         nominal=split[0].nominal,
         recordings=tuple(r for part in split for r in part.recordings),
         sigma=split[0].sigma,
+        floor=split[0].floor,
+        size=split[0].size,
         parts=split,
     )
 

@@ -6,7 +6,7 @@ is a vector of residuals over their standard deviations, position, motor and tor
 
 import dataclasses
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,8 +15,10 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
+from diagnosis.attribution.timing import late_s, later
+from diagnosis.attribution.whiten import ROUGH, innovations
 from diagnosis.logs.log import Log, LogError
-from diagnosis.replay.replay import CHANNELS, Commands, limbs, replay
+from diagnosis.replay.replay import CHANNELS, Commands, limbs, replays
 
 FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""
@@ -28,8 +30,13 @@ FAR = 1e4
 """Residuals end here: a candidate that is unstable is merely very bad."""
 NUDGE_RAD = 1e-5
 """A shift of the start that no sensor shows [rad]."""
+RATE_HZ = 200.0
+"""Faster logs are compared this often: joints do nothing quicker."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
+_ROWS = [CHANNELS.index(name) for name in USED]
+_LOST = 1e6
+"""What an unstable world shows [rad or Nm]."""
 REST_SAMPLES = 3
 """The start is the mean of so many readings at rest."""
 
@@ -54,6 +61,12 @@ class Evidence:
     recordings: tuple[Recording, ...]
     sigma: Array
     """Standard deviation of a residual, noise and model floor, shape (C, 1, J)."""
+    floor: Array
+    """Standard deviation of the model's own error in it, shape (C, 1, J)."""
+    size: Array
+    """What counts as a radian on each joint, shape (J,): 1, or on a slide how far it moved [m]."""
+    stride: int = 1
+    """Every so-manieth sample is compared."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -72,48 +85,120 @@ class Evidence:
     ) -> Array:
         """Normalised residuals, flat: of the samples for judging, for fitting, or all (None).
 
-        Recordings follow each other, in each channels, samples and joints; what was not logged is
+        Recordings follow each other, in each channels, joints and samples; what was not logged is
         left out. `compress` lets a residual grow as its logarithm beyond `CORE`: a joint rattling
         in its play is chaotic, and no candidate can follow it for long.
         """
-        spec = self.world(effects)
-        rows = [CHANNELS.index(name) for name in USED]
-        parts = []
-        for recording, mask in zip(self.recordings, self._masks[judged], strict=True):
-            if mask.any():
-                shown = replay(spec, recording.commands)[rows]
-                parts.append(((recording.measured - shown) / self.sigma)[mask])
-        flat = np.clip(np.nan_to_num(np.concatenate(parts), nan=FAR), -FAR, FAR)
-        return CORE * np.arcsinh(flat / CORE) if compress else flat
+        flat = self._flat([left / self.sigma for left in self._left(effects, judged)], judged)
+        return compressed(flat) if compress else flat
 
-    def unrest(self, effects: Sequence[Effect]) -> float:
-        """How far a candidate strays from itself when it starts by `NUDGE_RAD` elsewhere.
+    def innovations(
+        self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
+    ) -> Array:
+        """What is new in each residual, see `whiten`: white where the candidate is right.
+
+        In the order of `residual`.
+        """
+        parts = [self.whitened(left) for left in self._left(effects, judged)]
+        flat = self._flat(parts, judged)
+        return compressed(flat) if compress else flat
+
+    def whitened(self, left: Array) -> Array:
+        """What is new in residuals (C, T, J) of samples that are compared."""
+        white = np.sqrt(np.maximum(self.sigma**2 - self.floor**2, (ROUGH * self.floor) ** 2))
+        return innovations(left, white[:, 0], self.floor[:, 0], self.sample_s)
+
+    def allowing_for(self, effects: Sequence[Effect]) -> "Evidence":
+        """The evidence with white errors as large as what a candidate leaves, where that is more.
+
+        An explanation of a real log leaves more than a floor allows, and what is slow in it is not
+        known: least squares as they are then go less astray.
+        """
+        left = np.concatenate(self._left(effects, None), axis=1)
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Mean of empty slice")  # nobody logged it
+            rms = np.sqrt(np.nan_to_num(np.nanmean(left**2, axis=1)))
+        sigma = np.maximum(self.sigma, rms[:, None])
+        return dataclasses.replace(self, sigma=sigma, floor=0.0 * self.floor)
+
+    @cached_property
+    def sample_s(self) -> float:
+        """Time between samples that are compared [s]."""
+        ticks = [np.median(np.diff(r.commands.ticks)) for r in self.recordings]
+        return float(np.median(ticks)) * self.stride * self.nominal.timing.drive_s
+
+    def _left(self, effects: Sequence[Effect], judged: bool | None) -> list[Array]:
+        """Residuals (C, T, J) of every recording that has samples of the kind, up to the last."""
+        shift_s = late_s(effects, USED)
+        pairs = self._asked[judged]
+        shown = replays(self.world(effects), [commands for commands, _ in pairs])
+        left = []
+        for (commands, measured), all_channels in zip(pairs, shown, strict=True):
+            moved = all_channels[_ROWS]
+            if shift_s.any():
+                moved = later(moved, commands.ticks * self.nominal.timing.drive_s, shift_s)
+            left.append((measured - np.clip(moved, -_LOST, _LOST))[:, :: self.stride])
+        return left
+
+    @cached_property
+    def _asked(self) -> dict[bool | None, list[tuple[Commands, Array]]]:
+        """Commands and readings of each recording up to the last sample that is compared."""
+        return {
+            wanted: [
+                (r.commands.first(end), r.measured[:, :end])
+                for r, end in zip(self.recordings, ends, strict=True)
+                if end
+            ]
+            for wanted, ends in self._ends.items()
+        }
+
+    def _flat(self, parts: Sequence[Array], judged: bool | None) -> Array:
+        masks = [m for m, end in zip(self._masks[judged], self._ends[judged], strict=True) if end]
+        pairs = zip(parts, masks, strict=True)
+        flat = [p.swapaxes(1, 2)[m[:, : p.shape[1]].swapaxes(1, 2)] for p, m in pairs]
+        return np.clip(np.nan_to_num(np.concatenate(flat), nan=FAR), -FAR, FAR)
+
+    def unrest(self, effects: Sequence[Effect], moved: Sequence[Effect]) -> float:
+        """How far a candidate strays from itself as `moved`, and started by `NUDGE_RAD` elsewhere.
 
         Root mean square on the samples for judging, compressed like residuals. Play rattles: from
         starts that no sensor tells apart, a joint takes other ways, so no world fits better.
         """
-        spec = self.world(effects)
-        rows = [CHANNELS.index(name) for name in USED]
-        parts = []
-        for recording, mask in zip(self.recordings, self._masks[True], strict=True):
-            if mask.any():
-                moved = dataclasses.replace(
-                    recording.commands, start=recording.commands.start + NUDGE_RAD
-                )
-                ways = [replay(spec, c)[rows] for c in (recording.commands, moved)]
-                parts.append(((ways[0] - ways[1]) / self.sigma)[mask])
-        apart = CORE * np.arcsinh(np.concatenate(parts) / CORE)
-        return float(np.sqrt(np.mean(np.nan_to_num(apart, nan=FAR) ** 2)))
+        here = self._flat([left / self.sigma for left in self._left(effects, True)], True)
+        other = dataclasses.replace(self, recordings=tuple(self._nudged()))
+        there = other._flat([left / self.sigma for left in other._left(moved, True)], True)
+        return float(np.sqrt(np.mean(compressed(here - there) ** 2)))
+
+    def _nudged(self) -> Iterator[Recording]:
+        for recording in self.recordings:
+            start = recording.commands.start + NUDGE_RAD * self.size
+            commands = dataclasses.replace(recording.commands, start=start)
+            yield dataclasses.replace(recording, commands=commands)
 
     @cached_property
     def _masks(self) -> dict[bool | None, list[Array]]:
-        logged = [np.isfinite(r.measured) for r in self.recordings]
+        logged = [np.isfinite(r.measured)[:, :: self.stride] for r in self.recordings]
         pairs = list(zip(logged, self.recordings, strict=True))
         split: dict[bool | None, list[Array]] = {
-            wanted: [m & (r.judged == wanted)[None, :, None] for m, r in pairs]
+            wanted: [m & (r.judged[:: self.stride] == wanted)[None, :, None] for m, r in pairs]
             for wanted in (True, False)
         }
         return {None: logged, **split}
+
+    @cached_property
+    def _ends(self) -> dict[bool | None, list[int]]:
+        """Samples of each recording up to the last that is compared."""
+
+        def end(mask: Array) -> int:
+            rows = np.flatnonzero(mask.any(axis=(0, 2)))
+            return int(rows[-1]) * self.stride + 1 if len(rows) else 0
+
+        return {wanted: [end(m) for m in masks] for wanted, masks in self._masks.items()}
+
+
+def compressed(flat: Array) -> Array:
+    """Residuals that grow as their logarithm beyond `CORE`."""
+    return CORE * np.arcsinh(flat / CORE)
 
 
 def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, ...]:
@@ -141,16 +226,30 @@ def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, 
 def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) -> Evidence:
     judged = _judged(log, numbers)
     recordings = tuple(_recording(log, nominal, number, judged[number]) for number in numbers)
+    size = _sizes(nominal, recordings)
     limit = np.array([drive.torque_limit_nm for drive in nominal.drives])
-    allowed = np.array([[floor["position"]], [floor["motor"]], [floor["torque"]]])
-    allowed = np.broadcast_to(allowed, (len(USED), len(limit))) * np.where(
-        np.array([name == "torque" for name in USED])[:, None], limit, 1.0
-    )
+    allowed = np.stack([floor[name] * (limit if name == "torque" else size) for name in USED])
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "All-NaN slice")  # a channel that nobody logged
         noise = np.nanmedian([_noise(r.measured) for r in recordings], axis=0)
     sigma = np.sqrt(np.nan_to_num(noise) ** 2 + allowed**2)
-    return Evidence(nominal=nominal, recordings=recordings, sigma=sigma[:, None, :])
+    period = np.median(np.diff(recordings[0].commands.ticks)) * nominal.timing.drive_s
+    return Evidence(
+        nominal=nominal,
+        recordings=recordings,
+        sigma=sigma[:, None, :],
+        floor=allowed[:, None, :],
+        size=size,
+        stride=max(1, round(1 / (RATE_HZ * period))),
+    )
+
+
+def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
+    """See `Evidence.size`."""
+    position = np.concatenate([r.measured[0] for r in recordings])
+    moved = np.maximum(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), 1e-9)
+    slides = [body.joint.slides for body in nominal.hand.driven]
+    return np.where(slides, moved, 1.0)
 
 
 def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:

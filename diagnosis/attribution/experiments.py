@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import FAR, USED, Evidence
-from diagnosis.attribution.fit import CORRELATED, CURVE, STEP
+from diagnosis.attribution.fit import GROW, LOOSE, STEP, grown
 from diagnosis.attribution.verdict import LimbVerdict, rules
 from diagnosis.recording.excitation import FREE, RATE_HZ, hand_joints
 from diagnosis.replay.replay import CHANNELS, Commands, replay
@@ -25,8 +25,6 @@ LOGGING = {"motor": "log the motor angle", "torque": "log the drive torque"}
 TOGETHER = "all of these together"
 PROBE = 0.05
 """Change of a nominal parameter, relative, that shows whether a log tells anything of a joint."""
-WEAK = 1e-9
-"""Keeps a magnitude solvable of which no sample says anything."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,14 +56,14 @@ class Trials:
         """Separation from a rival [standard deviations] by experiment, the widest first."""
         fit, free = rival.fit, self._fitter.free(rival.fit.effects)
         base = self._shown(fit.effects, fit.deviations)
-        grown = [
-            fit.resized(index, effect.magnitude * (1 + CURVE)).effects
-            for index, effect in enumerate(fit.effects)
+        larger = [
+            (*fit.effects[:k], grown(effect, 1 + GROW), *fit.effects[k + 1 :])
+            for k, effect in enumerate(fit.effects)
         ]
-        gives = self._differences([(e, fit.deviations) for e in grown], base, CURVE)
+        gives = self._differences([(e, fit.deviations) for e in larger], base, GROW)
         slopes = [np.concatenate([s[free], g]) for s, g in zip(self._slopes, gives, strict=True)]
         apart = [a - b for a, b in zip(self._base, base, strict=True)]
-        prior = np.diag([*np.ones(free.sum()), *np.full(len(grown), WEAK)])
+        prior = np.diag([*np.ones(free.sum()), *np.full(len(larger), LOOSE)])
         known = prior + _square(_pick(slopes, self._log))
         found = {
             e.what: _separation(_pick(apart, e), _pick(slopes, e), known) for e in self.experiments
@@ -73,11 +71,16 @@ class Trials:
         return dict(sorted(found.items(), key=lambda pair: -pair[1]))
 
     def _shown(self, effects: Sequence[Effect], deviations: Array) -> list[Array]:
-        """What a world shows in every episode over its standard deviation, each (C, T, J)."""
+        """What is new in what a world shows in every episode, see `whiten`, each (C, T, J)."""
         fitter, rows = self._fitter, [CHANNELS.index(name) for name in USED]
         shifted = [n.at(d) for n, d in zip(fitter.nuisances, deviations, strict=True) if d != 0.0]
         world = fitter.evidence.world([*shifted, *effects])
-        shown = [replay(world, c)[rows] / fitter.evidence.sigma for c in self._episodes]
+        evidence, own = fitter.evidence, len(fitter.evidence.recordings)
+        strides = [evidence.stride if k < own else 1 for k in range(len(self._episodes))]
+        shown = [
+            evidence.whitened(replay(world, c)[rows, ::stride])
+            for c, stride in zip(self._episodes, strides, strict=True)
+        ]
         return [np.clip(np.nan_to_num(s, nan=FAR), -FAR, FAR) for s in shown]
 
     def _differences(
@@ -96,13 +99,13 @@ def _separation(apart: Array, slopes: Array, known: Array) -> float:
 
     `known` holds what log and prior say of the parameters, as an inverse covariance.
     """
-    pull = slopes @ apart / CORRELATED
+    pull = slopes @ apart
     given = pull @ np.linalg.solve(known + _square(slopes), pull)
-    return float(np.sqrt(max(apart @ apart / CORRELATED - given, 0.0)))
+    return float(np.sqrt(max(apart @ apart - given, 0.0)))
 
 
 def _square(slopes: Array) -> Array:
-    return slopes @ slopes.T / CORRELATED
+    return slopes @ slopes.T
 
 
 def _pick(episodes: Sequence[Array], experiment: Experiment) -> Array:
@@ -175,10 +178,10 @@ def told_of(evidence: Evidence, catalogue: Mapping[str, type[Effect]]) -> tuple[
 
     It shows when a change of 5 % moves the readings by a standard deviation in all.
     """
-    base, seen = evidence.residual(()), set()
+    base, seen = evidence.innovations((), compress=False), set()
     for probe in nuisances(evidence.nominal, PROBE):
-        if probe.joint not in seen:
-            moved = evidence.residual([probe.at(1.0)]) - base
-            if moved @ moved / CORRELATED >= 1.0:
+        if probe.joint is not None and probe.joint not in seen:
+            moved = evidence.innovations([probe.at(1.0)], compress=False) - base
+            if moved @ moved >= 1.0:
                 seen.add(probe.joint)
     return tuple(joint for joint in evidence.joints if joint in seen)

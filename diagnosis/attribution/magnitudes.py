@@ -6,10 +6,8 @@ import numpy as np
 
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.intervals import intervals, settled
 from diagnosis.attribution.verdict import LimbVerdict
-
-Z90 = 1.645
-"""Half width of a 90 % interval in standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,19 +28,19 @@ class Magnitude:
 
 def magnitudes(limb: LimbVerdict) -> list[Magnitude]:
     """The effects of a limb's verdict."""
-    fitter, fit = limb.attribution.fitter, limb.chosen.fit
+    fitter, fit = settled(limb.attribution.whole, limb.chosen.fit)
+    ends = intervals(fitter, fit, limb.attribution.whole.evidence)
     found = []
-    for index, (name, effect) in enumerate(zip(limb.names, fit.effects, strict=True)):
+    for name, effect, interval in zip(limb.names, fit.effects, ends, strict=True):
         size = UNITS[effect.unit][1]
-        width = np.exp(min(Z90 * fitter.spread(fit, index), 50.0))
-        ends = sorted((effect.magnitude / width / size, effect.magnitude * width / size))
+        low, high = sorted(end / size for end in interval)
         found.append(
             Magnitude(
                 effect=name,
                 joint=effect.joint,
                 value=effect.magnitude / size,
                 unit=effect.unit,
-                interval=(ends[0], ends[1]),
+                interval=(low, high),
                 joints=_concerned(effect, fitter.evidence),
             )
         )

@@ -11,8 +11,13 @@ from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
 from diagnosis.attribution.attribute import Attribution, Ranked
+from diagnosis.attribution.candidates import RUB
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.timing import Late
 
+WORTH = 0.3
+"""A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
+this share of what it needs on all."""
 NONE, UNKNOWN = "none", "unknown"
 
 
@@ -26,15 +31,19 @@ class Rules(BaseModel):
     floor_torque_share: float
     """The same of torques, as a share of the torque limit."""
     accuse_nats: float
-    """An effect must lower the cost of the nominal refit by this."""
+    """An effect must lower the cost of the nominal refit by this, see `_lead`."""
     pair_nats: float
     """A second effect must lower the cost of the first by this."""
+    strict_nats: float
+    """The same where the first explains the log as it is."""
     pair_share: float
-    """A second effect must explain this share of what the first left over the floor."""
+    """It must then also explain this share of what the first left over the floor, if anything."""
+    white_sd: float
+    """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
-    """A verdict must explain this share of the held-out gap, else it is `unknown`."""
+    """Or else the verdict must explain this share of the held-out gap; if not, it is `unknown`."""
     settled_gap: float
-    """Held-out gap that counts as explained whatever it was before."""
+    """Held-out gap that counts as none."""
     nominal_stds: float
     """A nominal parameter is accused beyond so many of its standard deviations."""
     tie_nats: float
@@ -62,7 +71,7 @@ class LimbVerdict:
     tied: tuple[Ranked, ...]
     """Single effects that this evidence cannot tell from the chosen one."""
     lead_nats: float
-    """How far the verdict is ahead of the next one."""
+    """How far the verdict is ahead of the next one, or of `none` or `unknown` [nats]."""
 
     @property
     def confidence(self) -> float:
@@ -76,23 +85,61 @@ def judge(
 ) -> LimbVerdict:
     """The verdict on one limb."""
     found, rule = Attribution(evidence, catalogue, uncertainty), rules()
-    beyond = [r for r in found.singles if _beyond_nominal(found, r, rule)]
-    singles = sorted(beyond or found.singles, key=lambda r: r.fit.cost)
-    best, nominal = singles[0], found.nominal
-    gain = nominal.fit.cost - best.fit.cost
-    if gain < rule.accuse_nats or not beyond:
-        name = NONE if nominal.gap <= rule.settled_gap else UNKNOWN
-        return _verdict((name,), nominal, found, (), rule.accuse_nats - gain)
-    if best.gap > rule.settled_gap or best.strain > rule.pair_nats:
-        pairs = sorted(found.second(best), key=lambda r: r.fit.cost)
-        if pairs and _adds(best, pairs[0], rule) and _explains(nominal, pairs[0], rule):
-            lead = best.fit.cost - pairs[0].fit.cost
-            return _verdict(pairs[0].names, pairs[0], found, (), lead)
+    nominal = found.nominal
+    singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
+    gain = _lead(nominal, singles[0]) if singles else -np.inf
+    if gain < rule.accuse_nats:
+        if nominal.surprise <= rule.white_sd:
+            return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
+        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(nominal, rule))
+    best = singles[0]
+    pair = _pair(found, best, rule)
+    if pair is not None and _explains(nominal, pair, rule):
+        return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not _explains(nominal, best, rule):
-        return _verdict((UNKNOWN,), best, found, (), gain)
-    tied = tuple(r for r in singles[1:] if r.fit.cost - best.fit.cost < rule.tie_nats)
-    lead = min([r.fit.cost - best.fit.cost for r in singles[1:]] + [gain])
+        return _verdict((UNKNOWN,), best, found, (), _strangeness(best, rule))
+    tied = tuple(r for r in singles[1:] if _lead(r, best) < rule.tie_nats)
+    lead = min([_lead(r, best) for r in singles[1:]] + [gain])
     return _verdict(best.names, best, found, tied, lead)
+
+
+def _pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
+    """The best pair, where the best single effect does not explain the log and a second adds."""
+    explained = _explains(found.nominal, best, rule)
+    needed = rule.strict_nats if explained else rule.pair_nats
+    pair = _best_pair(found, best, needed, rule)
+    if pair is None or _lead(best, pair) < needed:
+        return None
+    left = _excess(best.gap)
+    halves = _excess(pair.gap) <= (1 - rule.pair_share) * left
+    return pair if not explained or best.surprise <= rule.white_sd or halves else None
+
+
+def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> Ranked | None:
+    """The pair that fits best, from the best single effect and, where that fails, from others."""
+
+    def plain(pairs: list[Ranked]) -> list[Ranked]:
+        return [r for r in pairs if _beyond_nominal(found, r, rule)]
+
+    pairs = plain(found.second(best, WORTH * needed))
+    if needed < rule.strict_nats and (not pairs or pairs[0].surprise > rule.white_sd):
+        pairs += plain(found.exchanged(pairs[0])) if pairs else []
+        other = next((r for r in found.singles[1:] if r.names != best.names), None)
+        pairs += plain(found.second(other, WORTH * needed)) if other is not None else []
+    return min(pairs, key=lambda r: r.fit.cost, default=None)
+
+
+def _strangeness(ranked: Ranked, rule: Rules) -> float:
+    """How far a fit is beyond what may count as explained, as nats of a normal variable."""
+    return (ranked.surprise - rule.white_sd) ** 2 / 2
+
+
+def _lead(behind: Ranked, ahead: Ranked) -> float:
+    """How much better the one ahead fits [nats], less where it does not explain the log itself.
+
+    Over the variance of its block means (a quasi-likelihood: Burnham and Anderson, 2002).
+    """
+    return (behind.fit.cost - ahead.fit.cost) / ahead.spread
 
 
 def _verdict(
@@ -108,9 +155,21 @@ def _verdict(
 
 
 def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether an effect is more than a nominal parameter within its uncertainty."""
-    effect = ranked.fit.effects[-1]
-    stds = [n.std for n in found.fitter.nuisances if n.kind is type(effect)]
+    """Whether an effect is more than a nominal parameter within its uncertainty, or the floor."""
+    effect, evidence = ranked.fit.effects[-1], found.fitter.evidence
+    stds = [
+        n.std
+        for n in found.fitter.nuisances
+        if (effect.dimension == "time" and n.kind is Late)
+        or (isinstance(effect, n.kind) and effect.joint in (None, n.joint))
+    ]
+    if effect.per_joint and effect.dimension in ("angle", "torque"):
+        drives = zip(evidence.joints, evidence.nominal.drives, evidence.floor[0, 0], strict=True)
+        stds += [
+            float(floor) if effect.dimension == "angle" else RUB * drive.torque_limit_nm
+            for joint, drive, floor in drives
+            if effect.joint in (None, joint)
+        ]
     return not stds or abs(effect.magnitude) > rule.nominal_stds * min(stds)
 
 
@@ -120,15 +179,8 @@ def _excess(gap: float) -> float:
 
 
 def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
-    if candidate.gap <= rule.settled_gap:
+    """Whether what a candidate leaves is white, or little of what there was."""
+    if candidate.surprise <= rule.white_sd:
         return True
     allowed = (1 - rule.explained_share) * _excess(nominal.gap) + candidate.unrest**2
     return _excess(candidate.gap) <= allowed
-
-
-def _adds(first: Ranked, pair: Ranked, rule: Rules) -> bool:
-    """Whether a second effect is needed: by held-out samples, or by what it asks of the nominal."""
-    gain = first.fit.cost - pair.fit.cost
-    by_data = _excess(pair.gap) <= (1 - rule.pair_share) * _excess(first.gap)
-    by_prior = first.strain - pair.strain >= 0.5 * rule.pair_nats
-    return gain >= rule.pair_nats and (by_data or by_prior)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+import numba
 import numpy as np
 from scipy.special import ndtr
 
@@ -23,7 +24,9 @@ WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far off a wild depth may be."""
 MISSED = 0.02
 """Share of wrong answers that is no gap, beside those that the blur foretells."""
-ALIKE = 5.0
+NEVER = 1e-9
+"""A chance under this is none."""
+ALIKE = 2.5
 """Samples that tell as much as one: a grasp moves slowly."""
 
 
@@ -64,10 +67,10 @@ class Faults:
     """Standard deviation of the depth: the geometry's own error."""
 
 
-def expected(data: Pressed, faults: Faults, near: list[Array] | None = None) -> Array:
+def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Readings [m], or probabilities of an answer, shape (S, F, K).
 
-    `near` holds each tip's neighbours within the halo, bool (K, K).
+    `near` tells which taxels of a tip are within the halo of each other, bool (F, K, K).
     """
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
     drifted = data.time_s[:, None, None] * faults.slope_m_s
@@ -76,17 +79,26 @@ def expected(data: Pressed, faults: Faults, near: list[Array] | None = None) -> 
         return reading
     chance = ndtr((reading - THRESHOLD_M - faults.threshold_m) / faults.blur_m)
     if near is not None:
-        chance = np.stack(
-            [
-                np.stack([chance[:, f, around].max(axis=1) for around in near[f]], axis=1)
-                for f in range(chance.shape[1])
-            ],
-            axis=1,
-        )
+        chance = _spread(np.broadcast_to(chance, data.depth_m.shape), near)
     return WILD + (1 - 2 * WILD) * chance * alive
 
 
-def nats(data: Pressed, faults: Faults, near: list[Array] | None = None) -> Array:
+@numba.njit(cache=True)
+def _spread(chance, near):
+    """The largest chance (S, F, K) among the neighbours of every taxel."""
+    out = chance.copy()
+    samples, tips, taxels = chance.shape
+    for s in range(samples):
+        for f in range(tips):
+            for j in range(taxels):
+                if chance[s, f, j] > NEVER:
+                    for k in range(taxels):
+                        if near[f, j, k]:
+                            out[s, f, k] = max(out[s, f, k], chance[s, f, j])
+    return out
+
+
+def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Log-likelihood of every answer over `ALIKE`, shape (S, F, K)."""
     shown = expected(data, faults, near)
     if data.binary:
@@ -98,14 +110,20 @@ def nats(data: Pressed, faults: Faults, near: list[Array] | None = None) -> Arra
     return np.log((1 - WILD) * likely + wild) / ALIKE
 
 
-def gap(data: Pressed, faults: Faults, near: list[Array] | None = None) -> float:
+def gap(
+    data: Pressed, faults: Faults, near: Array | None = None, finger: int | None = None
+) -> float:
     """Root mean square of what answers otherwise than expected, over what is allowed.
+
+    On all fingers, or on the one given.
 
     Of yes and no, wrong answers are counted among what is active or should be; of depths, errors
     where anything is pressed.
     """
     shown = expected(data, faults, near)
     some = (shown > (WILD if data.binary else 0.0)) | (data.reading > 0)
+    if finger is not None:
+        some = some & (np.arange(some.shape[1]) == finger)[:, None]
     if not some.any():
         return 0.0
     if data.binary:

@@ -32,6 +32,8 @@ class Guess:
     faults: Faults
     """The skin with it."""
     evidence: str
+    extreme: bool = False
+    """Whether the size is as small as there is, so that another may be meant."""
 
 
 class Fitting:
@@ -54,16 +56,17 @@ class Fitting:
         """Log-likelihood of the samples [nats]."""
         return float(nats(self._data, faults, self._near(faults)).sum())
 
-    def gap(self, faults: Faults) -> float:
+    def gap(self, faults: Faults, finger: int | None = None) -> float:
         """See `_skin.gap`."""
-        return gap(self._data, faults, self._near(faults))
+        return gap(self._data, faults, self._near(faults), finger)
 
-    def _near(self, faults: Faults) -> list[Array] | None:
-        return [d < faults.halo_m for d in self._apart] if faults.halo_m > 0 else None
+    def _near(self, faults: Faults) -> Array | None:
+        return self._apart < faults.halo_m if faults.halo_m > 0 else None
 
     def _threshold(self, faults: Faults) -> Guess | None:
         best, low, high = self._best_threshold(faults, THRESHOLDS_M)
         finer = best + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
+        finer = finer[finer >= THRESHOLDS_M[0] - NEXT_M / 10]
         best, low, high = self._best_threshold(faults, finer)
         if low <= faults.threshold_m <= high:
             return None
@@ -73,6 +76,7 @@ class Fitting:
             interval=(low, high),
             faults=replace(faults, threshold_m=best),
             evidence=f"taxels answer from {1e3 * (THRESHOLD_M + best):.2f} mm of press on",
+            extreme=best < THRESHOLDS_M[0] + NEXT_M / 10,
         )
 
     def _best_threshold(self, faults: Faults, values: Array) -> tuple[float, float, float]:
@@ -106,7 +110,7 @@ class Fitting:
         return Guess(
             effect="taxel-drift",
             value=best,
-            interval=(low, high * DRIFTS_M_S[2] / DRIFTS_M_S[1]),
+            interval=(low, float(high * DRIFTS_M_S[2] / DRIFTS_M_S[1])),
             faults=replace(faults, slope_m_s=mean[k], fastest_m_s=best),
             evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
         )

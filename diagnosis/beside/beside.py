@@ -1,63 +1,97 @@
-"""What stands beside the replayed verdicts: random effects, touch, stick and contact in one report.
+"""What is told without replays of free air: sensors, lost packets, touch, stick and contact.
 
-A diagnosis calls `widened_by_steps` before it judges limbs and `beside` afterwards.
+A diagnosis calls `sensed` before it judges limbs, `lost` and `beside` afterwards.
 """
 
 from collections.abc import Mapping, Sequence
+
+import numpy as np
 
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.verdict import UNKNOWN, LimbVerdict
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
 from diagnosis.beside._regrasp import Simulate
 from diagnosis.beside.feel import feel
 from diagnosis.beside.finding import Finding, Report
-from diagnosis.beside.fingerprints import sensors, widened
-from diagnosis.beside.grip import NEEDS, grip
+from diagnosis.beside.fingerprints import sensors
+from diagnosis.beside.grip import MOTION, NEEDS, grip
 from diagnosis.beside.losses import dropouts
+from diagnosis.beside.yields import RADIUS, SOFTNESS
 from diagnosis.logs.log import Log
 
-LOST = "command-dropout"
+LOST, STEPS = "command-dropout", "encoder-resolution"
+MORE = "record --protocol grasp with more --variants"
 
 
-def widened_by_steps(
-    parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
-) -> tuple[Evidence, ...]:
-    """Evidence that allows for the steps of the encoders that it shows."""
-    found = sensors(parts, catalogue)
-    return tuple(widened(part, found) for part in parts)
+def sensed(parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
+    """Noise and steps of position sensors that are above what a diagnosis takes as nothing."""
+    floor = {n: part.floor[0, 0, j] for part in parts for j, n in enumerate(part.joints)}
+    return tuple(f for f in sensors(parts, catalogue) if _std(f) > max(floor[n] for n in f.joints))
+
+
+def _std(found: Finding) -> float:
+    """Standard deviation of the error that a sensor's effect makes [rad or m]."""
+    return found.value / float(np.sqrt(12)) if found.effect == STEPS else found.value
+
+
+def lost(
+    parts: Sequence[Evidence],
+    limbs: Sequence[LimbVerdict],
+    catalogue: Mapping[str, type[Effect]],
+) -> tuple[Finding, ...]:
+    """Lost packets; `limbs` are the verdicts on `parts`, one each."""
+    return dropouts(parts, limbs) if LOST in catalogue else ()
 
 
 def beside(
     log: Log,
     nominal: Spec,
-    parts: Sequence[Evidence],
-    limbs: Sequence[LimbVerdict],
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate | None = None,
 ) -> Report:
-    """All that the log says of random effects, touch, stick and contact.
+    """All that the log says of touch, stick and contact.
 
-    `nominal` is best the world with the effects that replays found, `limbs` are the verdicts on
-    `parts`, one each. Without `simulate`, which puts worlds on the nominal engine, stick and
-    contact are left out.
+    `nominal` is best the world with the effects that replays found. Without `simulate`, which puts
+    worlds on the nominal engine, stick and contact are left out. A mechanism without fingertips has
+    neither skin nor stick.
     """
-    random = sensors(parts, catalogue)
-    if LOST in catalogue:
-        random += dropouts(parts, limbs)
-    touch = feel(log, nominal, catalogue)
-    held = grip(log, nominal, catalogue, simulate) if simulate else Report(missing=(NEEDS,))
+    if not nominal.hand.fingertips:
+        return Report()
+    held = (
+        grip(log, nominal, catalogue, simulate) if simulate else Report(missing=_unasked(catalogue))
+    )
+    touch = feel(log, corrected(nominal, held.findings, catalogue), catalogue)
     return Report(
-        findings=(*random, *touch.findings, *held.findings),
+        findings=(*touch.findings, *held.findings),
+        spots=(*touch.spots, *held.spots),
         missing=(*touch.missing, *held.missing),
     )
 
 
-def outdone(limb: LimbVerdict, found: Sequence[Finding]) -> bool:
-    """Whether a finding takes the place of a limb's verdict."""
-    joints = limb.attribution.fitter.evidence.joints
-    return any(one.instead and set(joints) & set(one.joints) for one in found)
+def _unasked(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
+    """What to say of stick and contact where there is no engine to replay them on."""
+    names = [name for name in (RADIUS, SOFTNESS, *MOTION) if name in catalogue]
+    return (f"{', '.join(names)}: {NEEDS}",) if names else ()
+
+
+def corrected(
+    nominal: Spec, found: Sequence[Finding], catalogue: Mapping[str, type[Effect]]
+) -> Spec:
+    """The nominal world with what was found."""
+    for one in found:
+        for joint in one.joints or (None,):
+            if one.effect in catalogue:
+                effect = catalogue[one.effect](magnitude=one.value, joint=joint)
+                nominal = effect.on_spec(nominal)
+    return nominal
+
+
+def outdone(limb: LimbVerdict, found: Sequence[Finding]) -> Finding | None:
+    """The finding that takes the place of a limb's verdict; None where there is none."""
+    joints = set(limb.attribution.fitter.evidence.joints)
+    return next((one for one in found if one.instead and joints & set(one.joints)), None)
 
 
 def magnitude(one: Finding, catalogue: Mapping[str, type[Effect]]) -> Magnitude | None:
@@ -74,3 +108,43 @@ def magnitude(one: Finding, catalogue: Mapping[str, type[Effect]]) -> Magnitude 
         interval=(one.interval[0] / size, one.interval[1] / size),
         joints=one.joints,
     )
+
+
+def ranking_of(one: Finding, catalogue: Mapping[str, type[Effect]]) -> list[dict]:
+    """A finding and what it is ahead of, as the ranking lists candidates."""
+    said = magnitude(one, catalogue)
+    bare = {
+        "limb": [one.family, *one.joints],
+        "effects": [NONE],
+        "joints": [],
+        "magnitudes": [],
+        "units": [],
+        "cost_nats": one.lead_nats,
+        "gap": one.gap_before,
+    }
+    if said is None:
+        return []
+    named = {
+        "effects": [one.effect],
+        "joints": [one.joint],
+        "magnitudes": [said.value],
+        "units": [said.unit],
+        "cost_nats": 0.0,
+        "gap": one.gap_after,
+    }
+    return [bare | named, bare]
+
+
+def told_apart(one: Finding) -> list[dict]:
+    """The effects that a log cannot tell from a finding, and what to do."""
+    return [
+        {
+            "effects": [one.effect, other],
+            "joints": [one.joint, None],
+            "apart_nats": nats,
+            "experiment": MORE,
+            "needed_sd": float(np.sqrt(2 * rules().tie_nats)),
+            "separations_sd": {},
+        }
+        for other, nats in one.ties
+    ]

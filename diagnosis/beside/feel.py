@@ -16,27 +16,32 @@ from backends.touch import taxel_grid
 from diagnosis.attribution.verdict import UNKNOWN, rules
 from diagnosis.beside._skin import Faults, Pressed, joined, nats
 from diagnosis.beside._taxel_fits import Fitting, Guess
-from diagnosis.beside.finding import Finding, Report, confidence, share
+from diagnosis.beside.finding import TOUCH, Finding, Report, Spot, share
 from diagnosis.beside.held import CALMER, Held, blur_m, gaps_m, held, pressed_m, smoothed
 from diagnosis.logs.log import Log
 
+THRESHOLD = "taxel-threshold"
 EFFECTS = {
-    "taxel-threshold": "threshold_m",
+    THRESHOLD: "threshold_m",
     "taxel-drift": "drift_m_s",
     "taxel-dropout": "dead_share",
     "taxel-halo": "halo_m",
 }
 """Effects and the numbers that they change."""
-ANSWERS = ("taxel-threshold", "taxel-halo")
+ANSWERS = (THRESHOLD, "taxel-halo")
 """Effects that change what counts and no depth."""
-PERIOD_S = 0.1
+PERIOD_S = 0.2
 """Samples are thinned to this."""
 BLOCK_S = 1.0
 """Blocks that judge each other in turn."""
-YIELD_M = 0.4e-3
-"""Contacts yield up to this; a tip further from the stick, or deeper in it, is misplaced."""
+YIELD_M = 0.65e-3
+"""Nominal contacts yield up to this; a tip deeper in the stick, or away from it, is misplaced."""
+FIRM_N = 12.0
+"""No finger of a grasp presses harder."""
 OUT_M = 0.02e-3
 """A tip further outside than this is misplaced: it is touched."""
+MOST = 2
+"""Faults that are told at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
 """A fault must raise the likelihood of the judging samples by this."""
 BLUR_M = 1e-5
@@ -52,35 +57,73 @@ MISPLACED = (
 
 def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Report:
     """The touch effects that a log shows, and which of them it cannot show."""
-    sought: list[str] = [name for name in EFFECTS if name in catalogue]
-    parts = [part for part in held(log, nominal) if part.touch is not None]
+    sought = [name for name in EFFECTS if name in catalogue]
     if not sought:
         return Report()
-    if not parts:
-        return Report(missing=(f"{', '.join(sought)}: {GRASP.format('stick and contact')}",))
+    parts = [part for part in held(log, nominal) if part.touch is not None]
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
+    if not parts:
+        return Report(missing=(_why(sought, GRASP.format("stick and contact")),))
     if parts[0].taxels != grid.shape[:2]:
-        why = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
-        return Report(missing=(f"{', '.join(sought)}: {why}",))
+        other = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
+        return Report(missing=(_why(sought, other),))
     binary = log.meta.channels["touch"].unit == "1"
-    mute = [] if binary else [name for name in sought if name in ANSWERS]
-    missing: tuple[str, ...] = (
-        (f"{', '.join(mute)}: {GRASP.format('stick and contact')}",) if mute else ()
+    skins, start, wrong = _skins(nominal, parts, grid, binary)
+    mute = _mute(sought, binary, wrong)
+    found, faults = _search(skins, start, [name for name in sought if name not in mute])
+    if wrong and any(f.effect == UNKNOWN for f in found):
+        return Report(missing=(_why(sought, MISPLACED.format(", ".join(wrong))),))
+    known = nominal.hand.taxels
+    beyond = [_beyond(f, getattr(known, EFFECTS.get(f.effect, ""), 0.0)) for f in found]
+    return Report(
+        findings=tuple(f for f in beyond if _is_new(f, start.blur_m)),
+        spots=_spots(nominal, skins.whole, start, faults),
+        missing=tuple(_why(names, why) for why, names in _by_reason(mute).items()),
     )
-    blur = max(blur_m(nominal, part) for part in parts)
-    if blur > BLUR_M:
-        parts, blur = [smoothed(part) for part in parts], blur * CALMER
+
+
+def _why(names: Sequence[str], why: str) -> str:
+    return f"{', '.join(names)}: {why}"
+
+
+def _skins(
+    nominal: Spec, parts: Sequence[Held], grid: Array, binary: bool
+) -> tuple["Skins", Faults, list[str]]:
+    """All samples, the nominal skin, and the fingers that the geometry misplaces."""
+    noise, steps = np.max([blur_m(nominal, part) for part in parts], axis=0)
+    if noise > BLUR_M:
+        parts, noise = [smoothed(part) for part in parts], noise * CALMER
     pressed = [_pressed(nominal, part, binary) for part in parts]
-    halves = _split([data for data, _ in pressed])
-    wrong = sorted({nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers})
-    if wrong and binary and "taxel-threshold" in sought:
-        mute.append("taxel-threshold")
-        missing += (f"taxel-threshold: {MISPLACED.format(', '.join(wrong))}",)
-    taxels = nominal.hand.taxels
-    start = Faults(threshold_m=taxels.threshold_m, blur_m=max(BLUR_M, blur))
-    found = _search(Skins(halves, grid), start, [n for n in sought if n not in mute])
-    beyond = [_beyond(f, getattr(taxels, EFFECTS.get(f.effect, ""), 0.0)) for f in found]
-    return Report(findings=tuple(f for f in beyond if _is_new(f)), missing=missing)
+    wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
+    blur = max(BLUR_M, float(np.hypot(noise, steps)))
+    start = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur)
+    return Skins(_split([data for data, _ in pressed]), grid), start, sorted(wrong)
+
+
+def _mute(sought: Sequence[str], binary: bool, wrong: Sequence[str]) -> dict[str, str]:
+    """Effects that such samples do not show, and why."""
+    if not binary:
+        return {name: GRASP.format("stick and contact") for name in sought if name in ANSWERS}
+    if wrong and THRESHOLD in sought:
+        return {THRESHOLD: MISPLACED.format(", ".join(wrong))}
+    return {}
+
+
+def _by_reason(mute: Mapping[str, str]) -> dict[str, list[str]]:
+    return {why: [n for n, own in mute.items() if own == why] for why in mute.values()}
+
+
+def _spots(nominal: Spec, skin: Fitting, start: Faults, faults: Faults) -> tuple[Spot, ...]:
+    """The gap of every finger's skin, before and after."""
+    return tuple(
+        Spot(
+            finger=tip.finger,
+            family=TOUCH,
+            gap_before=skin.gap(start, f),
+            gap_after=skin.gap(faults, f),
+        )
+        for f, tip in enumerate(nominal.hand.fingertips)
+    )
 
 
 def _beyond(found: Finding, known: float) -> Finding:
@@ -89,7 +132,10 @@ def _beyond(found: Finding, known: float) -> Finding:
     return replace(found, value=found.value - known, interval=(low - known, high - known))
 
 
-def _is_new(found: Finding) -> bool:
+def _is_new(found: Finding, blur: float) -> bool:
+    """Whether it is more than what is nominal, and a threshold more than the geometry's error."""
+    if found.effect == THRESHOLD and abs(found.value) < blur:
+        return False
     return found.effect == UNKNOWN or not found.interval[0] <= 0.0 <= found.interval[1]
 
 
@@ -107,7 +153,8 @@ def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int
         binary=binary,
     )
     off = np.median(gap_m, axis=0)
-    wrong = [f for f in range(len(off)) if not -YIELD_M <= off[f] <= OUT_M]
+    deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
+    wrong = [f for f in range(len(off)) if not -deepest_m <= off[f] <= OUT_M]
     for f in wrong:
         data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
     return data, wrong
@@ -155,51 +202,59 @@ class Skins:
         return gain
 
 
-def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[Finding, ...]:
-    """Faults one after the other, the clearest first, while halves ask for one."""
-    found: list[tuple[Guess, float, tuple[str, ...]]] = []
+Found = tuple[Guess, float, tuple[tuple[str, float], ...]]
+"""A guess, its lead [nats], and what is as near to it as its own lead."""
+
+
+def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Finding, ...], Faults]:
+    """Faults one after the other, the clearest first, while halves ask for one; the skin then."""
+    found: list[Found] = []
     faults, skin = start, skins.whole
-    while sought:
+    while sought and len(found) < MOST:
         leads = {name: skins.lead(name, faults) for name in sought}
         best = max(leads, key=lambda name: leads[name])
         guess = skin.guess(best, faults)
         if guess is None or leads[best] < ACCUSE_NATS:
             break
         lead = leads.pop(best)
-        near = tuple(n for n, other in leads.items() if lead - other < rules().tie_nats)
-        found.append((guess, min([lead, *(lead - other for other in leads.values())]), near))
+        behind = {name: lead - other for name, other in leads.items()}
+        near = tuple((n, nats) for n, nats in behind.items() if nats < rules().tie_nats)
+        found.append((guess, min([lead, *behind.values()]), near))
         faults, sought = guess.faults, [name for name in sought if name != best]
     before, after = skin.gap(start), skin.gap(faults)
     explained = share(before, after) >= rules().explained_share
-    if after > rules().settled_gap and not explained:
-        return (_unknown(before, after, [g.effect for g, _, _ in found]),)
-    return tuple(
+    strained = any(guess.extreme for guess, _, _ in found)
+    if strained or (after > rules().settled_gap and not explained):
+        return (_unknown(before, after),), faults
+    named = tuple(
         Finding(
             effect=guess.effect,
             joint=None,
+            family=TOUCH,
             value=guess.value,
             interval=guess.interval,
             share=share(before, after),
             gap_before=before,
             gap_after=after,
-            confidence=confidence(lead),
+            lead_nats=lead,
             ties=near,
             evidence=guess.evidence,
         )
         for guess, lead, near in found
     )
+    return named, faults
 
 
-def _unknown(before: float, after: float, tried: list[str]) -> Finding:
+def _unknown(before: float, after: float) -> Finding:
     return Finding(
         effect=UNKNOWN,
         joint=None,
+        family=TOUCH,
         value=0.0,
         interval=(0.0, 0.0),
         share=share(before, after),
         gap_before=before,
         gap_after=after,
-        confidence=confidence(after**2 - 1),
-        ties=tuple(tried),
+        lead_nats=float(after**2 - 1),
         evidence="taxels answer elsewhere than where stick and joints say that they are pressed",
     )

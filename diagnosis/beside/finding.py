@@ -8,6 +8,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.attribution.verdict import rules
 
+SENSING, TOUCH, STICK = "sensing", "touch", "stick"
 SURE = 0.999
 """No finding is surer than this."""
 ALIKE = 0.1
@@ -35,29 +36,44 @@ class Finding:
     """Root mean square of what it was judged by, over the floor, as nominal."""
     gap_after: float
     """The same with the effect."""
-    confidence: float
-    """Probability that it is right."""
-    ties: tuple[str, ...] = ()
-    """Effects that this log cannot tell from it."""
+    lead_nats: float
+    """How far it is ahead of the next best explanation."""
+    ties: tuple[tuple[str, float], ...] = ()
+    """Effects that this log cannot tell from it, and how far they are behind [nats]."""
     instead: bool = False
     """Whether it takes the place of what replays found on its joints, or stands beside it."""
     evidence: str
     """What in the log says so."""
+    family: str = SENSING
+    """What it is wrong with: `sensing`, `touch` or `stick`."""
+
+    @property
+    def confidence(self) -> float:
+        """Probability that it is right, by the frozen rules."""
+        a, b = rules().confidence
+        odds = a + b * np.log(max(self.lead_nats, 1e-3))
+        return min(float(1 / (1 + np.exp(-odds))), SURE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spot:
+    """What touch or stick show at one finger, root mean squares over the floor."""
+
+    finger: str
+    family: str
+    """`touch` or `stick`."""
+    gap_before: float
+    gap_after: float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Report:
-    """Findings, and what a log does not tell."""
+    """Findings, where they show, and what a log does not tell."""
 
     findings: tuple[Finding, ...] = ()
+    spots: tuple[Spot, ...] = ()
     missing: tuple[str, ...] = ()
     """Why effects could not be looked for, and what to record for them."""
-
-
-def confidence(lead_nats: float) -> float:
-    """Probability of being right at a lead over the next best, by the frozen rules."""
-    a, b = rules().confidence
-    return min(float(1 / (1 + np.exp(-(a + b * np.log(max(lead_nats, 1e-3)))))), SURE)
 
 
 def gap(residual: Array, sigma: Array | float) -> float:
@@ -81,7 +97,7 @@ def together(found: Sequence[Finding], concerned: Sequence[str]) -> tuple[Findin
     if apart and any(abs(f.value - value) > ALIKE * value for f in found):
         return tuple(found)
     gaps = [float(np.sqrt(np.mean([getattr(f, k) ** 2 for f in found]))) for k in _GAPS]
-    one = max(found, key=lambda f: f.confidence)
+    one = max(found, key=lambda f: f.lead_nats)
     return (
         replace(
             one,

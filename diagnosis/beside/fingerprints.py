@@ -15,7 +15,7 @@ from backends.spec import Encoder
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.verdict import rules
-from diagnosis.beside.finding import Finding, confidence, gap, share, together
+from diagnosis.beside.finding import Finding, gap, share, together
 from diagnosis.replay.replay import replay as play
 
 LEAST_STEP_RAD = 1e-5
@@ -79,13 +79,19 @@ def sensors(
 
 
 def widened(part: Evidence, found: Sequence[Finding]) -> Evidence:
-    """Evidence whose position residuals allow for the steps that were found: step^2 / 12."""
-    sigma = part.sigma.copy()
+    """Evidence whose position residuals allow for half of the steps that were found.
+
+    Their error is white where a joint moves and stays as long as it holds, so both parts of a
+    residual allow for it, and for its largest size rather than its spread.
+    """
+    sigma, floor = part.sigma.copy(), part.floor.copy()
     for one in found:
         for j, name in enumerate(part.joints):
             if one.effect == "encoder-resolution" and name in one.joints:
-                sigma[0, 0, j] = np.hypot(sigma[0, 0, j], one.value / np.sqrt(12))
-    return replace(part, sigma=sigma)
+                error = one.value / 2
+                floor[0, 0, j] = np.hypot(floor[0, 0, j], error)
+                sigma[0, 0, j] = np.hypot(sigma[0, 0, j], np.sqrt(2) * error)
+    return replace(part, sigma=sigma, floor=floor)
 
 
 def comb(readings: Array) -> Comb | None:
@@ -158,7 +164,7 @@ def _resolution(joint: str, teeth: Comb, known: Encoder, residual: Array) -> lis
             share=share(before, after),
             gap_before=before,
             gap_after=after,
-            confidence=confidence(-np.log(2 * ON_COMB) * (teeth.levels - 2)),
+            lead_nats=float(-np.log(2 * ON_COMB) * (teeth.levels - 2)),
             evidence=f"all readings lie on {teeth.levels} teeth of a comb, "
             f"{1e3 * teeth.step_rad:.4g} mrad apart",
         )
@@ -190,7 +196,7 @@ def _noise(
             share=share(before, after),
             gap_before=before,
             gap_after=after,
-            confidence=confidence(found.lead_nats),
+            lead_nats=found.lead_nats,
             evidence=f"readings are white with {1e3 * std:.3g} mrad where nothing moves",
         )
     ]

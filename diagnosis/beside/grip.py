@@ -15,7 +15,7 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.verdict import rules
 from diagnosis.beside._regrasp import Shown, Simulate, ends_m, regrasp
-from diagnosis.beside.finding import Finding, Report, confidence
+from diagnosis.beside.finding import STICK, Finding, Report
 from diagnosis.beside.held import Held, held, white_noise
 from diagnosis.beside.yields import RADIUS, SOFTNESS, shapes
 from diagnosis.logs.log import Log
@@ -41,11 +41,14 @@ CLOSE_NATS = 1.35
 FINER = (-0.8, -0.5, -0.25, 0.25, 0.5, 0.8)
 """Where later rounds look, as shares of the way from the best magnitude to its neighbours."""
 ROUNDS = 2
+WHOLE = 0.95
+"""An effect that explains this share of the squared gap by itself leaves nothing to the shapes."""
 STILL = 0.01
 """A gap this far under what engines differ by is none."""
 ENGINE = (
-    "the motion of the stick differs from the nominal engine's by {:.2f} of what engines differ "
-    "by among themselves, and neither of them alone explains it"
+    "not identifiable from this log: the stick moves otherwise than on the nominal engine, by "
+    "{:.2f} of what engines differ by among themselves, and neither explains it; weigh the stick, "
+    "and pull it until it slips"
 )
 
 
@@ -74,7 +77,7 @@ class Swept:
     @property
     def share(self) -> float:
         """Share of the squared gap that it explains."""
-        return float(1 - (self.gaps[self.best] / self.gaps[self.zero]) ** 2)
+        return 1.0 - float(self.gaps[self.best] / self.gaps[self.zero]) ** 2
 
     @property
     def lead(self) -> float:
@@ -109,14 +112,16 @@ def grip(
         return Report()
     if not parts:
         return Report(missing=(f"{', '.join(sought)}: {NEEDS}",))
-    shape = shapes(nominal, parts, catalogue, simulate)
     moving = {name: catalogue[name] for name in MOTION if name in catalogue}
-    if len(parts) < 2:
-        missing = (f"{', '.join(moving)}: {AGREE}",) if moving else ()
-        return Report(findings=shape.findings, missing=(*shape.missing, *missing))
-    moved = motions(shape.world, parts, moving, simulate)
+    alone = motions(nominal, parts, moving, simulate)
+    if any(one.share >= WHOLE for one in alone.findings):
+        return alone
+    shape = shapes(nominal, parts, catalogue, simulate)
+    moved = motions(shape.world, parts, moving, simulate) if shape.world != nominal else alone
     return Report(
-        findings=(*shape.findings, *moved.findings), missing=(*shape.missing, *moved.missing)
+        findings=(*shape.findings, *moved.findings),
+        spots=shape.spots,
+        missing=(*shape.missing, *moved.missing),
     )
 
 
@@ -126,6 +131,8 @@ def motions(
     """The one effect that all episodes agree on and that explains the motion."""
     if not kinds:
         return Report()
+    if len(parts) < 2:
+        return Report(missing=(f"{', '.join(kinds)}: {AGREE}",))
     singles = [_sweep(world, parts, name, kind, simulate) for name, kind in kinds.items()]
     base_gap = singles[0].gaps[singles[0].zero]
     if base_gap < STILL:
@@ -133,27 +140,25 @@ def motions(
     agreed = {s.effect: s.lead for s in singles}
     best = max(singles, key=lambda s: agreed[s.effect])
     if best.lead >= ACCUSE_NATS and best.share >= rules().explained_share:
-        ties = [n for n, lead in agreed.items() if n != best.effect and best.lead - lead < _tie()]
+        behind = {n: best.lead - lead for n, lead in agreed.items() if n != best.effect}
+        ties = [(n, nats) for n, nats in behind.items() if nats < rules().tie_nats]
         return Report(findings=(_finding(best, base_gap, ties),))
     text = f"{', '.join(kinds)}: {ENGINE.format(base_gap)}"
     return Report(missing=(text,))
 
 
-def _tie() -> float:
-    return rules().tie_nats
-
-
-def _finding(swept: Swept, before: float, ties: Sequence[str]) -> Finding:
+def _finding(swept: Swept, before: float, ties: Sequence[tuple[str, float]]) -> Finding:
     after = float(swept.gaps[swept.best])
     return Finding(
         effect=swept.effect,
         joint=None,
+        family=STICK,
         value=float(swept.magnitudes[swept.best]),
         interval=swept.interval,
-        share=1 - (after / before) ** 2,
+        share=swept.share,
         gap_before=before,
         gap_after=after,
-        confidence=confidence(swept.lead),
+        lead_nats=swept.lead,
         ties=tuple(ties),
         evidence=f"every one of {swept.nats.shape[1]} grasps is replayed better, by "
         f"{swept.lead:.0f} nats in all",

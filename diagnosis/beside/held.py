@@ -120,14 +120,16 @@ def gaps_m(spec: Spec, part: Held) -> Array:
     return _gaps(origin, forward, tips, stick_shape(spec.stick), part.stick[:, :3], stick)
 
 
-def blur_m(spec: Spec, part: Held) -> float:
-    """How uncertain white noise of joints and stick makes a distance between them [m]."""
+def blur_m(spec: Spec, part: Held) -> tuple[float, float]:
+    """How uncertain noise of joints and stick, and steps of encoders, make their distance [m]."""
     middle = np.median(part.joint_rad, axis=0)
     turned = np.concatenate([middle[None], middle + STEP_RAD * np.eye(len(middle))])
     origin, _ = tip_frames(spec.hand, turned)
     arm_m = np.linalg.norm(origin[1:] - origin[0], axis=-1) / STEP_RAD
     joints, stick = white_noise(part.joint_rad), white_noise(part.stick[:, :3])
-    return float(np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max()))
+    noise = np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max())
+    steps = np.array([b.joint.encoder.resolution_rad for b in spec.hand.driven]) / np.sqrt(12)
+    return float(noise), float(np.sqrt(((arm_m * steps[:, None]) ** 2).sum(axis=0).max()))
 
 
 def white_noise(values: Array) -> Array:

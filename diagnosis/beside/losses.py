@@ -14,7 +14,7 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.verdict import LimbVerdict
-from diagnosis.beside.finding import Finding, confidence, gap, share
+from diagnosis.beside.finding import Finding, gap, share
 from diagnosis.beside.packets import Decoding, Path, decisive, decoding, news
 
 ACCUSE_NATS, LEAST_LOST = 30.0, 5
@@ -79,7 +79,7 @@ def _finding(paths: Sequence[tuple[Decoding, Path]], lead: float) -> tuple[Findi
             share=share(before, after),
             gap_before=before,
             gap_after=after,
-            confidence=confidence(lead),
+            lead_nats=lead,
             instead=not any(d.richer for d, _ in paths if d.lead(d.all) >= ACCUSE_NATS),
             evidence=f"{losses} of {count} packets whose loss would show were lost, at random",
         ),

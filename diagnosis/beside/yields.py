@@ -3,10 +3,12 @@
 A tip lies nearer to the stick's axis by what the contact yields, and further by what the stick is
 thicker, whatever engine or robot it is:
 
-    gap = extra radius - compliance force,   per finger and episode
+    gap = extra radius - compliance force - own yield,   per finger and episode
 
 where `gap` is the distance between the surfaces of tip and nominal stick, and forces are those of a
-replay. Fingers bear unequal loads, which tells the two apart.
+replay. Fingers bear unequal loads, which tells the two apart. Contacts of the nominal engine yield
+somewhat by themselves, which those of another engine or robot may not: both are tried, and the one
+that needs fewer effects is believed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -18,21 +20,21 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.verdict import UNKNOWN
-from diagnosis.beside._regrasp import Shown, Simulate, regrasp
-from diagnosis.beside.finding import Finding, confidence, share
+from diagnosis.beside._regrasp import Simulate, regrasp
+from diagnosis.beside.finding import STICK, Finding, Spot, share
 from diagnosis.beside.held import Held, gaps_m
 
 RADIUS, SOFTNESS = "stick-radius", "contact-softness"
 SETTLED_S = 0.3
 """Gaps and forces are taken after this."""
 FLOOR_M = 2.5e-5
-"""Nominal worlds on three engines differ by this in the intercept: 0, -0.010 and -0.022 mm."""
-OWN_M_N = 0.08e-3
-"""Yield of nominal contacts: 0.060 mm/N in MuJoCo with the reference stick, none in the others."""
+"""Nominal worlds on Bullet and SAPIEN differ from rigid contacts by 0.010 mm."""
 SOFT_M_N = 0.03e-3
 """Smallest compliance that is worth a finding: MuJoCo's own changes by 0.02 with the mass."""
 ODD_M, ODD_SHARE = 6e-5, 0.15
 """Fingers that disagree by more than this, and this share of what they yield, are misplaced."""
+FORCE_SHARE = 0.05
+"""Forces are those of a replay, whose drives are known no better."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 Z90, SURE_Z = 1.645, 3.0
@@ -53,6 +55,23 @@ class Line:
     left_m: float
     """Root mean square of what it does not explain."""
 
+    @property
+    def odds(self) -> tuple[float, float]:
+        """Standard deviations by which radius and compliance are something."""
+        soft_std = max(self.std[1], SOFT_M_N / SURE_Z)
+        return self.radius_m / float(np.hypot(self.std[0], FLOOR_M)), self.compliance_m_n / soft_std
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects that it asks for."""
+        thick, soft = abs(self.odds[0]) >= SURE_Z, self.odds[1] >= SURE_Z
+        return (RADIUS,) * thick + (SOFTNESS,) * (soft and self.compliance_m_n >= SOFT_M_N)
+
+    @property
+    def price(self) -> tuple[int, float]:
+        """What speaks against it: effects, one more where contacts push out, and what is left."""
+        return len(self.effects) + (self.odds[1] <= -SURE_Z), self.left_m
+
 
 @dataclass(frozen=True, kw_only=True)
 class Shapes:
@@ -60,6 +79,7 @@ class Shapes:
 
     world: Spec
     findings: tuple[Finding, ...] = ()
+    spots: tuple[Spot, ...] = ()
     missing: tuple[str, ...] = ()
 
 
@@ -79,6 +99,21 @@ def line(gap_m: Array, force_n: Array) -> Line:
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Seen:
+    """The better of two readings of the gaps, and what it is about."""
+
+    line: Line
+    rigid: bool
+    """Whether contacts yield by nothing but the line, or by the nominal engine's own as well."""
+    gap_m: Array
+    """Gaps without the engine's own, shape (E, F)."""
+    force_n: Array
+    """Shape (E, F)."""
+    soft_m_n: tuple[float, float]
+    """Compliance with the engine's own taken off in full, and not at all."""
+
+
 def shapes(
     nominal: Spec,
     parts: Sequence[Held],
@@ -88,36 +123,63 @@ def shapes(
     """The radius and softness that the gaps of these episodes show."""
     sought = [name for name in (RADIUS, SOFTNESS) if name in catalogue]
     real = np.array([_gap(nominal, p) for p in parts])
-    world, own = nominal, None
-    found: tuple[Finding, ...] = ()
+    force, own = _replayed(nominal, nominal, parts, simulate)
     for _ in range(ROUNDS):
-        shown = regrasp(simulate, [world], parts)[0]
-        force = np.array([_middle(p, s.force_n) for p, s in zip(parts, shown, strict=True)])
-        own = own or line(_played(nominal, parts, shown), force)
-        seen = line(real, force)
-        odd = ODD_M + ODD_SHARE * abs(seen.compliance_m_n) * float(force.mean())
-        if seen.left_m > odd:
-            why = MISPLACED.format(1e3 * seen.left_m)
-            return Shapes(world=nominal, missing=(f"{', '.join(sought)}: {why}",) if sought else ())
-        found = _findings(nominal, seen, own, sought, float(force.mean()))
-        world = nominal
+        seen = _seen(real, own, force)
+        left_m = seen.line.left_m
+        if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
+            why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"
+            return Shapes(world=nominal, missing=(why,) if sought else ())
+        found = _findings(nominal, seen, sought)
+        world = _stiff(nominal) if seen.rigid else nominal
         for one in found:
             if one.effect in catalogue:
                 world = catalogue[one.effect](magnitude=one.value).on_spec(world)
-        world = _stiffened(world, seen, own)
-    return Shapes(world=world, findings=found)
+        force, _ = _replayed(world, nominal, parts, simulate)
+    return Shapes(world=world, findings=found, spots=_spots(nominal, seen))
 
 
-def _stiffened(world: Spec, seen: Line, own: Line) -> Spec:
-    """The world with harder contacts where the gaps show less yield than its own.
+def _replayed(
+    world: Spec, nominal: Spec, parts: Sequence[Held], simulate: Simulate
+) -> tuple[Array, Array]:
+    """Forces and gaps to the nominal stick in a replay of a world, both (E, F)."""
+    shown = regrasp(simulate, [world], parts)[0]
+    pairs = list(zip(parts, shown, strict=True))
+    force = np.array([_middle(p, s.force_n) for p, s in pairs])
+    played = [replace(p, joint_rad=s.joint_rad, stick=s.stick) for p, s in pairs]
+    return force, np.array([_gap(nominal, p) for p in played])
 
-    A soft contact yields as the square of its time constant; drive periods end that.
-    """
-    shrink = max(seen.compliance_m_n, 0.0) / max(own.compliance_m_n, 1e-9)
-    if shrink >= 1.0 or own.compliance_m_n < SOFT_M_N:
-        return world
-    time_s = world.contact.time_constant_s * float(np.sqrt(shrink))
-    contact = replace(world.contact, time_constant_s=max(time_s, 2 * world.timing.drive_s))
+
+def _seen(real: Array, own: Array, force: Array) -> Seen:
+    rigid, yielding = line(real, force), line(real - own, force)
+    own_m_n = float(np.median(-own / force))
+    stiff = rigid.price < yielding.price
+    best = rigid if stiff else yielding
+    total_m_n = best.compliance_m_n + (0.0 if stiff else own_m_n)
+    return Seen(
+        line=best,
+        rigid=stiff,
+        gap_m=real if stiff else real - own,
+        force_n=force,
+        soft_m_n=(total_m_n - own_m_n, total_m_n),
+    )
+
+
+def _spots(nominal: Spec, seen: Seen) -> tuple[Spot, ...]:
+    """Gaps at every finger before and after the effects of a line."""
+    thick, soft = (name in seen.line.effects for name in (RADIUS, SOFTNESS))
+    yielded = soft * seen.line.compliance_m_n * seen.force_n
+    left_m = seen.gap_m - thick * seen.line.radius_m + yielded
+    sizes = (np.sqrt(1 + np.mean((v / FLOOR_M) ** 2, axis=0)) for v in (seen.gap_m, left_m))
+    return tuple(
+        Spot(finger=tip.finger, family=STICK, gap_before=float(before), gap_after=float(after))
+        for tip, before, after in zip(nominal.hand.fingertips, *sizes, strict=True)
+    )
+
+
+def _stiff(world: Spec) -> Spec:
+    """The world with contacts as hard as its drive period allows."""
+    contact = replace(world.contact, time_constant_s=2 * world.timing.drive_s)
     return replace(world, contact=contact)
 
 
@@ -130,49 +192,52 @@ def _gap(nominal: Spec, part: Held) -> Array:
     return _middle(part, gaps_m(nominal, part))
 
 
-def _played(nominal: Spec, parts: Sequence[Held], shown: Sequence[Shown]) -> Array:
-    """Gaps of a replay, (E, F)."""
-    pairs = zip(parts, shown, strict=True)
-    return np.array(
-        [_gap(nominal, replace(p, joint_rad=s.joint_rad, stick=s.stick)) for p, s in pairs]
+def _findings(nominal: Spec, seen: Seen, sought: Sequence[str]) -> tuple[Finding, ...]:
+    """The effects that a line asks for; `unknown` where one is not in the catalogue."""
+    before = float(np.sqrt(1 + np.mean((seen.gap_m / FLOOR_M) ** 2)))
+    after = float(np.sqrt(1 + (seen.line.left_m / FLOOR_M) ** 2))
+    odds = dict(zip((RADIUS, SOFTNESS), seen.line.odds, strict=True))
+    sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
+    return tuple(
+        _finding(name if name in sought else UNKNOWN, *sizes[name], odds[name], before, after)
+        for name in seen.line.effects
     )
 
 
-def _findings(
-    nominal: Spec, seen: Line, own: Line, sought: Sequence[str], force_n: float
-) -> tuple[Finding, ...]:
-    radius_m, radius_std = seen.radius_m - own.radius_m, float(np.hypot(seen.std[0], FLOOR_M))
-    soft, soft_std = seen.compliance_m_n - own.compliance_m_n, seen.std[1]
-    worth = max(SOFT_M_N, OWN_M_N - own.compliance_m_n)
-    odds = radius_m / radius_std, soft / max(soft_std, SOFT_M_N / SURE_Z)
-    before = float(np.sqrt(1 + (radius_m / FLOOR_M) ** 2 + (max(soft, 0) * force_n / FLOOR_M) ** 2))
-    after = float(np.sqrt(1 + (seen.left_m / FLOOR_M) ** 2))
+def _radius(nominal: Spec, seen: Line) -> tuple[float, float, str]:
+    """Relative change of the radius, half of its interval, and what says so."""
+    half = Z90 * float(np.hypot(seen.std[0], FLOOR_M)) / nominal.stick.radius_m
+    text = (
+        f"tips touch {1e3 * seen.radius_m:+.2f} mm from where the nominal stick's surface is; so "
+        "would they if all joint zeros were off alike"
+    )
+    return seen.radius_m / nominal.stick.radius_m, half, text
 
-    def finding(
-        effect: str, value: float, ends: tuple[float, float], z: float, text: str
-    ) -> Finding:
-        known = effect in sought
-        return Finding(
-            effect=effect if known else UNKNOWN,
-            joint=None,
-            value=value if known else 0.0,
-            interval=ends if known else (0.0, 0.0),
-            share=share(before, after) if known else 0.0,
-            gap_before=before,
-            gap_after=after if known else before,
-            confidence=confidence(z**2 / 2),
-            ties=("encoder-bias",) if effect == RADIUS else (),
-            evidence=text,
-        )
 
-    found = []
-    if abs(odds[0]) >= SURE_Z:
-        size, width = radius_m / nominal.stick.radius_m, radius_std / nominal.stick.radius_m
-        text = f"tips touch {1e3 * radius_m:+.2f} mm from where the nominal stick's surface is"
-        ends = size - Z90 * width, size + Z90 * width
-        found.append(finding(RADIUS, size, ends, odds[0], text))
-    if soft >= worth and odds[1] >= SURE_Z:
-        text = f"tips sink into the stick by {1e3 * seen.compliance_m_n:.2f} mm/N"
-        ends = soft - Z90 * soft_std, seen.compliance_m_n + Z90 * soft_std
-        found.append(finding(SOFTNESS, soft, ends, odds[1], text))
-    return tuple(found)
+def _softness(seen: Seen) -> tuple[float, float, str]:
+    """The compliance, half of its interval, and what says so."""
+    low, high = seen.soft_m_n
+    text = (
+        f"tips sink into the stick by {1e3 * high:.2f} mm/N, of which the nominal contact may "
+        f"make {1e3 * (high - low):.2f}"
+    )
+    half = (high - low) / 2 + Z90 * float(np.hypot(seen.line.std[1], FORCE_SHARE * high))
+    return (low + high) / 2, half, text
+
+
+def _finding(
+    effect: str, value: float, half: float, text: str, z: float, before: float, after: float
+) -> Finding:
+    known = effect != UNKNOWN
+    return Finding(
+        effect=effect,
+        joint=None,
+        family=STICK,
+        value=value if known else 0.0,
+        interval=(value - half, value + half) if known else (0.0, 0.0),
+        share=share(before, after) if known else 0.0,
+        gap_before=before,
+        gap_after=after if known else before,
+        lead_nats=float(z**2 / 2),
+        evidence=text,
+    )

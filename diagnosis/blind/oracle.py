@@ -6,13 +6,14 @@ own fitter, with the answers opened.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from backends.effect import Effect
 from backends.state import Array
+from diagnosis.attribution.attribute import LAST
 from diagnosis.attribution.candidates import RANDOM, nuisances
 from diagnosis.attribution.evidence import Evidence, gather
 from diagnosis.attribution.fit import Fit, Fitter
@@ -37,7 +38,7 @@ class Oracle:
     shrinkage: float | None
     """Share of the squared held-out gap that is gone with all of them; None: not replayable."""
     cost_nats: float | None
-    """Cost of the fit with all of them, over all limbs; None: not replayable."""
+    """Cost of the fit with all of them, to all samples, over all limbs; None: not replayable."""
 
     @property
     def detectable(self) -> bool:
@@ -71,9 +72,10 @@ def consult(case: Case, folder: Path, catalogue: Mapping[str, type[Effect]]) -> 
             left = _here([f for f in shown if f is not fault], part, catalogue)
             less = _fitted(fitter, left, [whole.deviations, nominal.deviations])
             nats[fault] += less.cost - whole.cost
-        cost_nats += whole.cost
-        before.append(_judged(fitter, Fit(effects=(), deviations=bare, cost=0.0)))
-        after.append(_judged(fitter, whole))
+        every = Fitter(part, fitter.nuisances, None)
+        cost_nats += every.refit(every.at(whole.effects, whole.deviations), LAST).cost
+        before.append(fitter.left(fitter.at((), bare)))
+        after.append(fitter.left(whole))
     gone = shrinkage(np.concatenate(before), np.concatenate(after)).value
     found = tuple(nats.get(fault) for fault in case.faults)
     return Oracle(nats=found, shrinkage=gone, cost_nats=cost_nats)
@@ -81,10 +83,7 @@ def consult(case: Case, folder: Path, catalogue: Mapping[str, type[Effect]]) -> 
 
 def _fitted(fitter: Fitter, effects: tuple[Effect, ...], starts: Sequence[Array]) -> Fit:
     """Effects refitted from their magnitudes, with nominal parameters free from several starts."""
-    free = fitter.free(effects)
-    tries = [Fit(effects=effects, deviations=d * free, cost=np.inf) for d in starts]
-    tries = [replace(fit, cost=fitter.cost(effects, fit.deviations)) for fit in tries]
-    return min((fitter.refit(fit) for fit in tries), key=lambda fit: fit.cost)
+    return min((fitter.refit(fitter.at(effects, d)) for d in starts), key=lambda fit: fit.cost)
 
 
 def _here(
@@ -98,8 +97,3 @@ def _here(
 
 def _zeros(fitter: Fitter) -> Array:
     return np.zeros(len(fitter.nuisances))
-
-
-def _judged(fitter: Fitter, fit: Fit) -> Array:
-    """Squared residuals of a fit on held-out samples."""
-    return fitter.residual(fit.effects, fit.deviations, True, False) ** 2

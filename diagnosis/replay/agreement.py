@@ -24,12 +24,15 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     """Largest difference of a position between the two as free-air episodes begin [rad].
 
     Without what is random, which a replay leaves out: noise, the steps of an encoder, lost targets.
-    Raises ValueError where the engine refuses a number of the world.
+    Zero where there is no such episode. Raises ValueError where the engine refuses a number of the
+    world.
     """
     spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
     names, drive_s = spec.hand.joint_names, spec.timing.drive_s
     horizon = round(HORIZON_S / drive_s)
     motions = [_unread(m.first(horizon)) for m in worlds.motions(log, names, drive_s, FREE_AIR)]
+    if not motions:
+        return 0.0
     shown = worlds.replay(simulate, [spec], motions)
     apart = 0.0
     for limb in limbs(spec):

@@ -6,7 +6,8 @@ they are recognised from a log by themselves.
 """
 
 import dataclasses
-from dataclasses import astuple, dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numba
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from backends.command import follow, ring_ticks
 from backends.drive import drive_table, motor_tick
 from backends.encoder import note, read
-from backends.spec import Hand, Spec
+from backends.spec import Command, Encoder, Hand, Spec
 from backends.state import Array
 from diagnosis.replay.chain import chain, dynamics, solve, workspace
 from diagnosis.replay.expansion import accelerate, expand
@@ -35,6 +36,15 @@ class Commands:
     """External torque on the joint from each sample on [Nm], shape (T, J)."""
     start: Array
     """What the sensors read at rest at the start [rad], shape (J,)."""
+
+    def first(self, samples: int) -> "Commands":
+        """The first samples alone."""
+        return dataclasses.replace(
+            self,
+            ticks=self.ticks[:samples],
+            target=self.target[:samples],
+            load=self.load[:samples],
+        )
 
 
 @numba.njit(cache=True)
@@ -96,33 +106,44 @@ def replay(spec: Spec, commands: Commands) -> Array:
 
     Positions [rad] are what its sensors read, torques [Nm] those of the PD law.
     """
+    return replays(spec, (commands,))[0]
+
+
+def replays(spec: Spec, episodes: Sequence[Commands]) -> list[Array]:
+    """See `replay`, for several episodes."""
     joints = [body.joint for body in spec.hand.driven]
-    path = np.array([[astuple(j.command) for j in joints]])
+    path = np.array([[_numbers(j.command) for j in joints]])
     path[..., 2] = 0.0
-    encoder = np.array([[astuple(j.encoder) for j in joints]])
+    encoder = np.array([[_numbers(j.encoder) for j in joints]])
     encoder[..., 2:4] = 0.0
     dt_s = spec.timing.drive_s
-    rings = tuple(
-        np.zeros((1, len(joints), ring_ticks(delay, dt_s)))
-        for delay in (path[..., 0], encoder[..., 4])
-    )
-    start = (commands.start - encoder[0, :, 0]) / (1.0 + encoder[0, :, 1])
-    out = np.zeros((len(commands.target), len(CHANNELS), len(joints)))
-    _replay(
-        commands.ticks,
-        commands.target,
-        commands.load,
-        start,
-        chain(spec).numbers,
-        drive_table(spec),
-        path,
-        encoder,
-        np.array([j.sensor == "motor" for j in joints]),
-        dt_s,
-        rings,
-        out,
-    )
-    return out.transpose(1, 0, 2)
+    ticks = [ring_ticks(delay, dt_s) for delay in (path[..., 0], encoder[..., 4])]
+    numbers, drives = chain(spec).numbers, drive_table(spec)
+    at_motor = np.array([j.sensor == "motor" for j in joints])
+    shown = []
+    for one in episodes:
+        start = (one.start - encoder[0, :, 0]) / (1.0 + encoder[0, :, 1])
+        rings = tuple(np.zeros((1, len(joints), count)) for count in ticks)
+        out = np.zeros((len(one.target), len(CHANNELS), len(joints)))
+        _replay(
+            *(one.ticks, one.target, one.load, start, numbers, drives, path, encoder),
+            *(at_motor, dt_s, rings, out),
+        )
+        shown.append(out.transpose(1, 0, 2))
+    return shown
+
+
+def _numbers(part: Command | Encoder) -> list[float]:
+    """The numbers of a part of the spec in field order."""
+    return [getattr(part, f.name) for f in fields(part)]
+
+
+def link_inertias_kgm2(spec: Spec) -> Array:
+    """What each joint turns beside its rotor, stretched out [kg m2, on a slide kg], shape (J,)."""
+    numbers, joints = chain(spec).numbers, len(spec.drives)
+    mass, bias, still = np.zeros((joints, joints)), np.zeros(joints), np.zeros(joints)
+    dynamics(still, still, numbers, workspace(len(numbers[0]), joints), mass, bias)
+    return np.diag(mass).copy()
 
 
 def limbs(spec: Spec) -> tuple[Spec, ...]:

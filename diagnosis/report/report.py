@@ -12,10 +12,12 @@ from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.evidence import FREE_AIR, LEAST_SAMPLES, USED
 from diagnosis.attribution.locate import PHASES, Place
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
+from diagnosis.beside.finding import Finding, Spot
+from diagnosis.beside.held import PROTOCOLS as HELD
 from diagnosis.diagnose import Diagnosis
 from diagnosis.logs.log import Log
-from diagnosis.report._figures import overlays, shrinking
 from diagnosis.report import wording
+from diagnosis.report._figures import overlays, shrinking
 
 LARGEST = 8
 """Places that are listed with all their numbers."""
@@ -48,6 +50,8 @@ def page(found: Diagnosis, log: Log, facts: Mapping[str, str], commands: Mapping
         heat=_heat(found.where, log),
         largest=[p for p in found.where if p.share >= FAINT][:LARGEST],
         limbs=[_limb(limb) for limb in found.limbs],
+        fingers=_fingers(found.spots),
+        beside=[(one, _size(one, found)) for one in found.beside],
         overlays=list(overlays(found)),
         shrinking=shrinking(found),
         episodes=[_episode(log, e.episode, e.protocol) for e in log.episodes],
@@ -69,6 +73,23 @@ def _heat(where: tuple[Place, ...], log: Log) -> dict:
         "protocols": [(name, len(list(group))) for name, group in groupby(columns, lambda c: c[0])],
         "phases": [phase for _, phase in columns],
         "rows": [(row, [_cell(cells.get((*row, *column))) for column in columns]) for row in rows],
+    }
+
+
+def _size(one: Finding, found: Diagnosis) -> str:
+    """The magnitude of a finding, nothing of an unknown."""
+    said = [m for m in found.magnitudes if (m.effect, m.joint) == (one.effect, one.joint)]
+    return wording.size(said[0]) if said else ""
+
+
+def _fingers(spots: tuple[Spot, ...]) -> dict:
+    """Gaps of touch and stick: fingers down, families across."""
+    families = list(dict.fromkeys(spot.family for spot in spots))
+    cells = {(spot.finger, spot.family): spot for spot in spots}
+    fingers = dict.fromkeys(spot.finger for spot in spots)
+    return {
+        "families": families,
+        "rows": [(name, [cells.get((name, family)) for family in families]) for name in fingers],
     }
 
 
@@ -109,7 +130,8 @@ def _limb(limb: LimbVerdict) -> dict:
             for one in tried
         ],
         "moved": [
-            f"{_name(n.at(d))}@{n.joint} {wording.amount(n.at(d))} ({d:+.1f} sd)"
+            f"{_name(n.at(d))}{f'@{n.joint}' if n.joint else ''} "
+            f"{wording.amount(n.at(d))} ({d:+.1f} sd)"
             for n, d in moved
             if abs(d) >= MOVED
         ],
@@ -130,17 +152,20 @@ def _meaning(ranked: Ranked) -> str:
 def _episode(log: Log, number: int, protocol: str) -> dict:
     """What was used of an episode."""
     frame = log.episode(number)
-    reason = ""
-    if protocol not in FREE_AIR:
-        reason = "left out: not in free air"
+    use = "used"
+    if protocol in HELD:
+        seen = log.stick(number) is not None
+        use = "used for touch and stick" if seen else "left out: no pose of the stick"
+    elif protocol not in FREE_AIR:
+        use = "left out: not in free air"
     elif len(frame) < LEAST_SAMPLES:
-        reason = f"left out: under {LEAST_SAMPLES} samples"
+        use = f"left out: under {LEAST_SAMPLES} samples"
     return {
         "number": number,
         "protocol": protocol,
         "samples": len(frame),
         "seconds": float(frame["t_s"].iloc[-1] - frame["t_s"].iloc[0]),
-        "use": reason or "used",
+        "use": use,
     }
 
 
@@ -153,4 +178,5 @@ def _channels(log: Log) -> list[str]:
             found.append(
                 kind if len(joints) == len(log.joints) else f"{kind} ({', '.join(joints)})"
             )
-    return found
+    stick = any(log.stick(e.episode) is not None for e in log.episodes)
+    return [*found, *["touch"] * bool(log.fingers), *["stick"] * stick]

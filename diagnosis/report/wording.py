@@ -6,7 +6,9 @@ from backends.effect import UNITS, Effect
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
-from diagnosis.diagnose import Diagnosis, Share
+from diagnosis.beside.finding import Finding
+from diagnosis.diagnose import Diagnosis
+from diagnosis.shrinkage import Share
 
 LOOSE = 100.0
 """An interval whose ends differ by this factor says nothing of a magnitude."""
@@ -34,20 +36,46 @@ def sentence(found: Diagnosis) -> str:
         whole = "Part of the gap" if UNKNOWN in found.verdict else "The gap"
         parts.append(f"{whole} is explained by {explained}{also}.")
     if UNKNOWN in found.verdict:
-        accused = {joint for m in found.magnitudes for joint in m.joints}
-        strange = [joint for joint in found.joints if joint not in accused]
-        where = f"On {listed(strange)} there" if strange else "There"
-        parts.append(f"{where} is a gap that no effect of the catalogue explains.")
+        where = _strange(found)
+        there = f"{where[0].upper()}{where[1:]} there" if where else "There"
+        parts.append(f"{there} is a gap that no effect of the catalogue explains.")
     return " ".join(parts)
+
+
+def _strange(found: Diagnosis) -> str:
+    """Where the gap is unknown: 'on J3', 'in touch', or nothing."""
+    accused = {joint for m in found.magnitudes for joint in m.joints}
+    strange = [joint for joint in found.joints if joint not in accused]
+    families = [one.family for one in found.beside if one.effect == UNKNOWN]
+    places = [f"on {listed(strange)}"] if strange else []
+    return listed([*places, *(f"in {family}" for family in families)])
 
 
 def phrase(magnitude: Magnitude) -> str:
     """A finding with its interval, such as 'backlash of 1.02 deg (0.99 to 1.05) on J3'."""
+    where = f" on {listed(magnitude.joints)}" if magnitude.joints else ""
+    return f"{magnitude.effect} of {size(magnitude)}{where}"
+
+
+def size(magnitude: Magnitude) -> str:
+    """A magnitude with its interval."""
     low, high = magnitude.interval
-    size = f"{number(magnitude.value)} {magnitude.unit}"
     loose = low * high <= 0 or max(low / high, high / low) > LOOSE
     interval = "not bounded by this log" if loose else f"{number(low)} to {number(high)}"
-    return f"{magnitude.effect} of {size} ({interval}) on {listed(magnitude.joints)}"
+    return f"{number(magnitude.value)} {magnitude.unit} ({interval})"
+
+
+def beside(one: Finding) -> str:
+    """What says so, and how far the gap that it was judged by shrinks."""
+    return (
+        f"{one.effect}: {one.evidence}; its gap falls from {digits(one.gap_before)} to "
+        f"{digits(one.gap_after)} times the floor"
+    )
+
+
+def digits(value: float) -> str:
+    """A gap in three digits."""
+    return f"{value:.3g}"
 
 
 def candidate(ranked: Ranked) -> str:
@@ -82,7 +110,7 @@ def tried(limb: LimbVerdict) -> list[Ranked]:
 def confidence(found: Diagnosis) -> str:
     """How sure the verdict is."""
     return (
-        f"over {100 * SURE:g} %" if found.confidence > SURE else f"{100 * found.confidence:.0f} %"
+        f"over {100 * SURE:g} %" if found.confidence >= SURE else f"{100 * found.confidence:.0f} %"
     )
 
 
@@ -93,7 +121,7 @@ def shrinkage(found: Diagnosis) -> str:
     if found.gap_before <= found.noise_floor:
         return f"{text}."
     text += f", {nominal} with the nominal parameters refitted"
-    if found.verdict == (NONE,):
+    if found.verdict == (NONE,) or found.gaps["after"] == found.gaps["nominal"]:
         return f"{text}."
     return (
         f"{text}, {after} with {after_name(found)}. That takes {percent(found.shrinkage)} of the "
@@ -112,6 +140,8 @@ def tie(row: dict) -> str:
     text = f"{first} and {second} fit alike ({row['apart_nats']:.1f} nats apart)"
     if row["experiment"] is None:
         return f"{text}; no channel or protocol that this log lacks would separate them"
+    if row["experiment"] not in row["separations_sd"]:
+        return f"{text}; {row['experiment']}"
     apart = row["separations_sd"][row["experiment"]]
     return f"{text}; {row['experiment']}: that would set them {apart:.1f} deviations apart"
 

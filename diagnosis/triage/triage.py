@@ -17,11 +17,11 @@ from scipy.optimize import linear_sum_assignment
 
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.logs.log import LogError
-from diagnosis.triage._bugs import CLEAR, Finding
-from diagnosis.triage._tracks import Track, line, tracks
 from diagnosis.triage import _clocks as _bug_clocks
 from diagnosis.triage import _scales as _bug_scales
 from diagnosis.triage import _zeros as _bug_zeros
+from diagnosis.triage._bugs import CLEAR, Finding
+from diagnosis.triage._tracks import Track, line, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
 UNCLEAR = 0.5

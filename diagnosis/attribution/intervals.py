@@ -1,0 +1,107 @@
+"""How sure a magnitude is: where its profile cost has risen by what a 90 % interval allows.
+
+All else follows to first order: nominal parameters within their uncertainty, other magnitudes. Both
+ends are found by themselves, so what is sure to one side only is said so.
+"""
+
+import numpy as np
+from scipy.stats import chi2
+
+from backends.effect import Effect
+from diagnosis.attribution.candidates import RUB
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import Fit, Fitter, Profile, grown
+from diagnosis.attribution.whiten import alike
+
+RISE = float(chi2.ppf(0.9, 1)) / 2
+"""Nats above the best at the ends of a 90 % interval."""
+FIRST, WIDEST = 1e-3, 100.0
+"""Logarithm of the first factor tried, and the largest factor."""
+CLOSE = 0.05
+"""The rise at an end is right within this share."""
+TRIES = 14
+Z90 = 1.645
+"""Half width of a 90 % interval in standard deviations."""
+SHIFT = 0.2
+"""A time is known to this share of a drive period."""
+CALM = 0.1
+"""Unrest from which a fit is restless."""
+RESTLESS = 10.0
+"""Weight of the squared unrest: it is of a change that is smaller than any interval."""
+COARSE = 2.0
+"""Variance of block means, over that of white innovations, from which a fit is coarse."""
+
+
+def settled(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
+    """A fit and its fitter; where it leaves more than the model allows, both with errors as large.
+
+    Intervals then come from how much what is left resembles its neighbours. A restless fit is left
+    as it is: nothing follows such a log for long.
+    """
+    new = fitter.innovations(fit.effects, fit.deviations)
+    if alike(new) < COARSE or fitter.unrest(fit) > CALM:
+        return fitter, fit
+    wider = fitter.allowing_for(fit)
+    return wider, wider.refit(wider.at(fit.effects, fit.deviations))
+
+
+def intervals(fitter: Fitter, fit: Fit, evidence: Evidence) -> list[tuple[float, float]]:
+    """Ends of the 90 % interval of every magnitude of a fit, smaller size first.
+
+    The cost rises by more where innovations resemble their neighbours, and where the candidate is
+    restless: then they tell less. And no model knows better than `_own_error` where an effect ends
+    and the mechanism begins, by the floor of the evidence.
+    """
+    profile = Profile(fitter, fit)
+    rise = RISE * alike(fitter.innovations(fit.effects, fit.deviations))
+    rise *= 1 + RESTLESS * fitter.unrest(fit) ** 2
+    found = []
+    for index, effect in enumerate(fit.effects):
+        blur = Z90 * _own_error(effect, evidence)
+        ends = [_end(profile, fit, index, rise, way) for way in (-1.0, 1.0)]
+        found.append(tuple(_widened(effect, end, blur) for end in ends))
+    return [(low, high) for low, high in found]
+
+
+def _widened(effect: Effect, end: float, blur: float) -> float:
+    """An end of an interval with another error beside, within the effect's bounds and sign."""
+    apart = end - effect.magnitude
+    far = effect.magnitude + float(np.copysign(np.hypot(apart, blur), apart))
+    low, high = sorted((0.0, max(effect.bounds, key=lambda bound: bound * effect.magnitude)))
+    return float(np.clip(far, low, high))
+
+
+def _own_error(effect: Effect, evidence: Evidence) -> float:
+    """The model's own error as a magnitude of this effect: a little play, friction or time."""
+    if effect.dimension == "time":
+        return SHIFT * evidence.nominal.timing.drive_s
+    if not effect.per_joint or effect.dimension not in ("angle", "torque"):
+        return 0.0
+    drives = zip(evidence.joints, evidence.nominal.drives, evidence.floor[0, 0], strict=True)
+    errors = [
+        floor if effect.dimension == "angle" else RUB / 2 * drive.torque_limit_nm
+        for joint, drive, floor in drives
+        if effect.joint in (None, joint)
+    ]
+    return float(min(errors))
+
+
+def _end(profile: Profile, fit: Fit, index: int, rise: float, way: float) -> float:
+    """The magnitude to one side at which the profile cost is `rise` above the best."""
+    effect, best = fit.effects[index], profile.at(fit.effects, index).cost
+    inside, outside, step = 0.0, np.inf, FIRST
+    for _ in range(TRIES):
+        moved = grown(effect, np.exp(way * step))
+        effects = (*fit.effects[:index], moved, *fit.effects[index + 1 :])
+        risen = profile.at(effects, index).cost - best
+        if abs(risen - rise) < CLOSE * rise:
+            break
+        inside, outside = (step, outside) if risen < rise else (inside, step)
+        # A parabola through the best is right where the cost is one; else halve or go on.
+        guess = step * np.sqrt(rise / risen) if risen > 0 else 3 * step
+        if outside < np.inf:
+            fits = inside < guess < outside
+            step = guess if fits else (inside + outside) / 2
+        else:
+            step = min(max(guess, 1.5 * step), 3 * step, float(np.log(WIDEST)))
+    return moved.magnitude

@@ -1,0 +1,71 @@
+"""What is new in each residual: noise is white, a model's own error comes slowly and stays a while.
+
+The model's error is taken as an Ornstein-Uhlenbeck process beside white noise. A Kalman filter
+foretells each residual from the ones before; what it did not foretell is white, so its squares add
+up to a likelihood, whatever the rate of a log (Anderson and Moore, Optimal Filtering, 1979).
+"""
+
+import numba
+import numpy as np
+
+from backends.state import Array
+
+MEMORY_S = 0.1
+"""How long a model's error stays [s]: friction and play change it at a reversal."""
+ROUGH = 0.5
+"""No model's error is all slow: the white part is at least this share of the slow one."""
+
+
+@numba.njit(cache=True)
+def _innovations(left, white, slow, keep, out):
+    channels, samples, joints = left.shape
+    for c in range(channels):
+        for j in range(joints):
+            noise, model = white[c, j] ** 2, slow[c, j] ** 2
+            guess, variance = 0.0, model
+            for k in range(samples):
+                if np.isfinite(left[c, k, j]):
+                    spread = variance + noise
+                    new = left[c, k, j] - guess
+                    out[c, k, j] = new / np.sqrt(spread)
+                    gain = variance / spread
+                    guess += gain * new
+                    variance *= 1 - gain
+                guess *= keep
+                variance = keep * keep * variance + (1 - keep * keep) * model
+
+
+def innovations(left: Array, white: Array, slow: Array, sample_s: float) -> Array:
+    """Innovations over their standard deviations of residuals `left`, both (C, T, J).
+
+    `white` and `slow` are standard deviations (C, J); NaN stays NaN.
+    """
+    out = np.full(left.shape, np.nan)
+    _innovations(left, white, slow, np.exp(-sample_s / MEMORY_S), out)
+    return out
+
+
+def surprise(new: Array, sizes: tuple[int, ...] = (4, 16, 64)) -> float:
+    """How far innovations (n,) are from white, in standard deviations.
+
+    Squared means of blocks would be chi-square; the size of block that tells most counts.
+    """
+    worst = -np.inf
+    for size in sizes:
+        squares = _block_squares(new, size)
+        if len(squares) > 1:
+            excess = squares.sum() - len(squares)
+            worst = max(worst, float(excess / np.sqrt(2 * len(squares))))
+    return worst if np.isfinite(worst) else 0.0
+
+
+def _block_squares(new: Array, size: int) -> Array:
+    """Squared block means over their variance."""
+    count = len(new) // size
+    return size * new[: count * size].reshape(count, size).mean(axis=1) ** 2
+
+
+def alike(new: Array, size: int = 64) -> float:
+    """Variance of block means over what white innovations have, at least 1."""
+    squares = _block_squares(new, size)
+    return max(1.0, float(squares.mean())) if len(squares) else 1.0

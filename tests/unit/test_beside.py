@@ -1,0 +1,121 @@
+"""Sensors, touch and stick in one diagnosis with the joints: what it names, ranks and shows."""
+
+import json
+from functools import cache
+
+import pytest
+
+from backends.shard import simulate
+from benchmark import registry
+from benchmark._diagnosis_texts import effects_text
+from benchmark.run_spec import RunSpec
+from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.logs.log import Log
+from diagnosis.recording.record import Plan, record
+from diagnosis.report.report import page
+from diagnosis.report.wording import sentence
+
+FEW = (
+    "coulomb-friction",
+    "command-delay",
+    "command-dropout",
+    "encoder-noise",
+    "encoder-resolution",
+)
+HELD = ("stick-radius", "contact-softness", "taxel-threshold", "taxel-dropout")
+CATALOGUE = {name: registry.load("effect", name) for name in (*FEW, *HELD)}
+NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
+
+
+def on(backend: str):
+    engine = registry.load("backend", backend)
+    return lambda specs: simulate(engine, specs, 1)
+
+
+@cache
+def log(effects: str, backend: str = "mujoco", protocols: tuple[str, ...] = ("steps",)) -> Log:
+    """A log of the hand with effects on an engine."""
+    plan = Plan(
+        protocols=protocols,
+        channels=("command", "position", "push", "stick", "contact"),
+        seed=4,
+    )
+    spec = RunSpec(backend=backend, task="circle", effects=effects).world()
+    return record(on(backend), spec, plan, "test")
+
+
+@cache
+def told(effects: str, backend: str, protocols: tuple[str, ...]) -> Diagnosis:
+    """Its diagnosis against MuJoCo."""
+    return diagnose(log(effects, backend, protocols), NOMINAL, CATALOGUE, map, on("mujoco"))
+
+
+@pytest.fixture(scope="module")
+def held() -> Diagnosis:
+    """Of a log on another engine with a thick stick, deaf taxels and friction."""
+    effects = "coulomb-friction=60mNm@J3,stick-radius=10%,taxel-threshold=0.3mm"
+    return told(effects, "bullet", ("steps", "grasp"))
+
+
+def test_joints_touch_and_stick_together(held):
+    """Name an effect of each, with its size."""
+    assert set(held.verdict) == {"coulomb-friction", "stick-radius", "taxel-threshold"}
+    assert held.joints == ("J3",)
+    sizes = {m.effect: m for m in held.magnitudes}
+    assert sizes["stick-radius"].interval[0] <= 10 <= sizes["stick-radius"].interval[1]
+    assert sizes["taxel-threshold"].value == pytest.approx(0.3, abs=0.03)
+    text = sentence(held)
+    assert "taxel-threshold of 0." in text and "coulomb-friction of" in text
+
+
+def test_the_corrected_world_can_be_written(held):
+    """Write effects for the command line that hold all three."""
+    text = effects_text("none", held.magnitudes, NOMINAL)
+    assert {item.split("=")[0] for item in text.split(",")} == set(held.verdict)
+
+
+def test_the_row_is_plain_data(held):
+    """Give findings, fingers, ranking and what is missing as JSON."""
+    row = json.loads(json.dumps(held.row(), allow_nan=False))
+    assert {one["effect"] for one in row["beside"]} == {"stick-radius", "taxel-threshold"}
+    places = {(spot["finger"], spot["family"]) for spot in row["spots"]}
+    assert places == {(f"finger{k}", f) for k in (1, 2, 3) for f in ("touch", "stick")}
+    assert all(s["gap_after"] < s["gap_before"] for s in row["spots"] if s["family"] == "stick")
+    bare = {tuple(r["limb"]) for r in row["ranking"] if r["effects"] == ["none"]}
+    assert {tuple(r["limb"]) for r in row["ranking"]} == bare
+
+
+def test_the_page_shows_them(held):
+    """Show findings with what says so, fingers, and episodes that were used."""
+    effects = "coulomb-friction=60mNm@J3,stick-radius=10%,taxel-threshold=0.3mm"
+    text = page(held, log(effects, "bullet", ("steps", "grasp")), {"log": "x"}, {})
+    for said in ("Sensors, touch and stick", "finger2", "mm of press on", "used for touch and"):
+        assert said in text
+
+
+def test_coarse_encoders_are_named():
+    """Name the steps of encoders and no other cause for the gap that they leave."""
+    found = told("encoder-resolution=0.3deg", "mujoco", ("steps",))
+    assert found.verdict == ("encoder-resolution",)
+    assert found.magnitudes[0].value == pytest.approx(0.3, abs=1e-3)
+
+
+def test_steps_under_the_floor_are_nothing():
+    """Say none of encoder steps that are less than the model's own error."""
+    assert told("encoder-resolution=0.02deg", "mujoco", ("steps",)).verdict == ("none",)
+
+
+def test_lost_packets_take_the_place_of_a_delay():
+    """Name lost packets where a replay would take them for a delay."""
+    found = told("command-dropout=20%", "mujoco", ("steps", "multisine"))
+    assert found.verdict == ("command-dropout",)
+    assert found.magnitudes[0].value == pytest.approx(20, abs=3)
+    assert all(limb.names == ("none",) for limb in found.limbs)
+    assert found.gap_after < 0.2 * found.gap_nominal
+
+
+def test_a_free_log_asks_for_a_grasp():
+    """Say what to record for touch and stick where nothing was held."""
+    missing = " ".join(told("encoder-resolution=0.02deg", "mujoco", ("steps",)).missing)
+    assert "taxel-threshold" in missing and "stick-radius" in missing
+    assert "record --protocol grasp" in missing
