@@ -36,8 +36,9 @@ def write(result: dict, rows: list[dict], out: Path) -> None:
 def _plot(rows: list[dict], path: Path) -> None:
     """Time per environment step over the number of worlds, the bare engine's dashed."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import LogLocator, ScalarFormatter
 
-    figure = Figure(figsize=(6, 4), layout="constrained")
+    figure = Figure(figsize=(7, 4), layout="constrained")
     axes = figure.add_subplot(xscale="log", yscale="log", xlabel="worlds")
     axes.set_ylabel("time per environment step [us]")
     for backend, cores in dict.fromkeys((row["backend"], row["processes"]) for row in rows):
@@ -47,7 +48,14 @@ def _plot(rows: list[dict], path: Path) -> None:
         raw = [row["us_per_env_step"]["engine"] for row in own]
         (line,) = axes.plot(worlds, whole, "o-", label=f"{backend}, {cores}")
         axes.plot(worlds, raw, "--", color=line.get_color())
-    axes.legend(title="engine, cores (dashed: engine alone)", fontsize="small")
+    seen = sorted({row["envs"] for row in rows})
+    axes.set_xticks(seen, map(str, seen))
+    axes.minorticks_off()
+    axes.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+    axes.yaxis.set_major_formatter(ScalarFormatter())
+    axes.grid(alpha=0.25)
+    title = "engine, cores\n(dashed: the engine alone)"
+    figure.legend(title=title, fontsize="small", loc="outside right upper")
     figure.savefig(path, dpi=150)
 
 
