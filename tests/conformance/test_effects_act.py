@@ -122,7 +122,7 @@ def targets(excitation: str) -> Array:
         wave += 0.05 * np.sign(np.sin(2 * np.pi * 1.3 * time_s + 2 * joint))
     if excitation == "grasp":
         wave = 0.03 * np.sin(2 * np.pi * 2 * time_s + joint)
-    squeeze = 0.1 if excitation == "slip" else 1.0
+    squeeze = 0.05 if excitation == "slip" else 1.0
     return np.array(IDEAL.hand.grasp_rad) + squeeze * np.array(IDEAL.hand.preload_rad) + wave
 
 

@@ -47,14 +47,18 @@ def test_engine_agrees_with_the_reference(name: str, compare: Compare) -> None:
 
 
 def test_contacts_lie_on_the_fingertips(engine: type[Engine]) -> None:
-    """Press on the tips' surface, where numpy's kinematics has it, towards the tips' axis."""
+    """Press on the tips' surface, where numpy's kinematics has it, towards the tips' axis.
+
+    A contact that yields lies halfway in the overlap: 0.04 mm/N in MuJoCo's.
+    """
     spec = rigs.hand("built")
     path = squeeze(engine, [spec], 0.5)
     center, rotation = kinematics.tip_frames(spec.hand, path.joint_rad[-1])
     local = np.einsum("nfji,nfj->nfi", rotation, path.contact_point_m[-1] - center)
     local[..., 0] -= np.clip(local[..., 0], -trx.TIP_LENGTH_M, 0.0)
     distance_m = np.linalg.norm(local, axis=-1)
-    assert np.abs(distance_m - trx.TIP_RADIUS_M).max() < 2e-4
+    force_n = np.linalg.norm(path.contact_force_n[-1], axis=-1)
+    assert (np.abs(distance_m - trx.TIP_RADIUS_M) < 1e-5 + 4e-5 * force_n).all()
     push = np.einsum("nfji,nfj->nfi", rotation, path.contact_force_n[-1])
     push /= np.linalg.norm(push, axis=-1, keepdims=True)
     assert (push * -local / distance_m[..., None]).sum(axis=-1).min() > 0.9999
