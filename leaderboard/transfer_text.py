@@ -111,7 +111,7 @@ def cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
         lines = [panel.lines.get((train, world)) for world in panel.deploy]
         cells = ["" if line is None else _cell(line) for line in lines]
         rows.append([train, *cells, f"x {interval(panel.any_line(train), 'floor', 2)}"])
-    return ["trained in", *panel.deploy, FLOOR], rows
+    return _upright(["trained in", *panel.deploy, FLOOR], rows)
 
 
 def _cell(line: dict[str, Any]) -> str:
@@ -124,7 +124,16 @@ def error_cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
     for train in panel.train:
         lines = [panel.lines.get((train, world)) for world in panel.deploy]
         rows.append([train, *("" if line is None else _errors(line) for line in lines)])
-    return ["trained in", *panel.deploy], rows
+    return _upright(["trained in", *panel.deploy], rows)
+
+
+def _upright(head: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
+    """The table, or, where it has a single train world, a row per deploy world instead."""
+    if len(rows) != 1:
+        return head, rows
+    (row,) = rows
+    title = ["deployed in", f"trained in {row[0]}"]
+    return title, [list(pair) for pair in zip(head[1:], row[1:], strict=True)]
 
 
 def _errors(line: dict[str, Any]) -> str:
