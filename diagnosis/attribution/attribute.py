@@ -84,6 +84,8 @@ class Attribution:
         found = self.fitter.nominal()
         strained = found.deviations @ found.deviations / 2 >= 1.5 * STRAINED * len(known)
         self._base = bare if strained else found
+        self.pairs: list[Ranked] = []
+        """All that were tried."""
         self.singles = self._rank((), self._base)
         self.nominal = self._settled(found)
 
@@ -99,12 +101,22 @@ class Attribution:
 
     def second(self, first: Ranked, worth_nats: float = 0.0) -> list[Ranked]:
         """The best pairs that hold `first`; of those that promise to lower the cost by so much."""
-        return self._rank(first.names, self._trained(first.fit), PARTNERS, COUPLES, worth_nats)
+        around = self._trained(first.fit)
+        return self._noted(self._rank(first.names, around, PARTNERS, COUPLES, worth_nats))
 
     def exchanged(self, pair: Ranked) -> list[Ranked]:
         """The best pairs that hold the later one of a pair: the first may have been a stand-in."""
         alone = self.fitter.at(pair.fit.effects[1:], pair.fit.deviations)
-        return self._rank(pair.names[1:], self.fitter.refit(alone), PARTNERS, COUPLES)
+        around = self.fitter.refit(alone)
+        return self._noted(self._rank(pair.names[1:], around, PARTNERS, COUPLES))
+
+    def _noted(self, pairs: list[Ranked]) -> list[Ranked]:
+        self.pairs += pairs
+        return pairs
+
+    def forgiving(self, one: Ranked) -> Evidence:
+        """The evidence with residuals counted in what a candidate cannot foretell."""
+        return self.whole.forgiving(one.fit)
 
     def _trained(self, fit: Fit) -> Fit:
         return self.fitter.at(fit.effects, fit.deviations)

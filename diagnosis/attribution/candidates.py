@@ -58,6 +58,8 @@ LEVELS: dict[str, tuple[float, ...]] = {
     "slowness": (0.08, 0.3, 1.0),
 }
 """Sizes to try by dimension, over the scale that `scale_of` gives."""
+FIRM = 4.0
+"""A lock of so many torque limits holds any load."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +144,9 @@ def scale_of(kind: type[Effect], evidence: Evidence, joint: str | None) -> float
 
 
 def _levels(kind: type[Effect], scale: float) -> tuple[float, ...]:
-    sizes = [scale * level for level in LEVELS[kind.dimension]]
+    locks = issubclass(kind, NumberEffect) and kind.number == "drive.lock_nm"
+    more = (FIRM,) if locks else ()
+    sizes = [scale * level for level in (*LEVELS[kind.dimension], *more)]
     low, high = kind.bounds
     inside = {min(max(m, low), high) for size in sizes for m in (-size, size)}
     return tuple(sorted(inside - {0.0}))

@@ -39,6 +39,12 @@ class Conditions(Evidence):
         """See `Evidence.allowing_for`: each setting by itself."""
         return replace(self, parts=tuple(part.allowing_for(effects) for part in self.parts))
 
+    def forgiving(
+        self, effects: Sequence[Effect], moved: Sequence[Sequence[Effect]]
+    ) -> "Conditions":
+        """See `Evidence.forgiving`: each setting by itself."""
+        return replace(self, parts=tuple(part.forgiving(effects, moved) for part in self.parts))
+
     def _with(self, judged: bool | None) -> list[Evidence]:
         """The settings with samples for judging, for fitting, or any (None)."""
         if judged is None:

@@ -67,6 +67,8 @@ class Evidence:
     """What counts as a radian on each joint, shape (J,): 1, or on a slide how far it moved [m]."""
     stride: int = 1
     """Every so-manieth sample is compared."""
+    astray: tuple[Array, ...] = ()
+    """How far a joint in its play may be from any replay, in `sigma`: per recording (C, T, J)."""
 
     @property
     def joints(self) -> tuple[str, ...]:
@@ -138,7 +140,14 @@ class Evidence:
             if shift_s.any():
                 moved = later(moved, commands.ticks * self.nominal.timing.drive_s, shift_s)
             left.append((measured - np.clip(moved, -_LOST, _LOST))[:, :: self.stride])
-        return left
+        if not self.astray:
+            return left
+        ends = self._ends[judged]
+        far = [one for one, end in zip(self.astray, ends, strict=True) if end]
+        return [
+            one / np.hypot(1.0, apart[:, : one.shape[1]])
+            for one, apart in zip(left, far, strict=True)
+        ]
 
     @cached_property
     def _asked(self) -> dict[bool | None, list[tuple[Commands, Array]]]:
@@ -165,13 +174,32 @@ class Evidence:
         starts that no sensor tells apart, a joint takes other ways, so no world fits better.
         """
         here = self._flat([left / self.sigma for left in self._left(effects, True)], True)
-        other = dataclasses.replace(self, recordings=tuple(self._nudged()))
+        other = self._elsewhere()
         there = other._flat([left / self.sigma for left in other._left(moved, True)], True)
         return float(np.sqrt(np.mean(compressed(here - there) ** 2)))
 
-    def _nudged(self) -> Iterator[Recording]:
+    def forgiving(self, effects: Sequence[Effect], moved: Sequence[Sequence[Effect]]) -> "Evidence":
+        """The evidence with residuals counted in what a candidate cannot foretell, where more.
+
+        A joint in its play goes its own way after the smallest change, so replays of the candidate
+        as each of `moved`, nudged at the start, are spread at every sample as the truth is around
+        any of them. All candidates are then compared with the same weights.
+        """
+        plain = dataclasses.replace(self, astray=())
+        base = plain._left(effects, None)
+        squares = [np.zeros_like(left) for left in base]
+        for times, one in zip(np.linspace(-1, 1, len(moved)), moved, strict=True):
+            elsewhere = plain._elsewhere(times)._left(one, None)
+            for total, here, there in zip(squares, base, elsewhere, strict=True):
+                total += np.nan_to_num((there - here) / self.sigma) ** 2 / len(moved)
+        return dataclasses.replace(self, astray=tuple(np.sqrt(total) for total in squares))
+
+    def _elsewhere(self, times: float = 1.0) -> "Evidence":
+        return dataclasses.replace(self, recordings=tuple(self._nudged(times)))
+
+    def _nudged(self, times: float) -> Iterator[Recording]:
         for recording in self.recordings:
-            start = recording.commands.start + NUDGE_RAD * self.size
+            start = recording.commands.start + times * NUDGE_RAD * self.size
             commands = dataclasses.replace(recording.commands, start=start)
             yield dataclasses.replace(recording, commands=commands)
 

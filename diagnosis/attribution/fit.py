@@ -22,6 +22,10 @@ GROW = 0.01
 """Step of a derivative by a magnitude, relative."""
 NUDGE = 2e-3
 """A change of a magnitude that should change next to nothing, relative."""
+CALM = 0.1
+"""Unrest from which a fit is restless, see `Evidence.unrest`."""
+SWAY, SWAYS = 0.01, 6
+"""How far off magnitudes may be when a fit foretells a joint in its play, and worlds tried."""
 FARTHEST = 5.0
 """Nominal parameters stay within so many standard deviations."""
 LEAP = 0.7
@@ -89,6 +93,12 @@ class Fitter:
         moved = [grown(effect, 1 + NUDGE) for effect in fit.effects]
         both = (self._all(effects, fit.deviations) for effects in (fit.effects, moved))
         return self.evidence.unrest(*both)
+
+    def forgiving(self, fit: Fit) -> Evidence:
+        """`Evidence.forgiving` of a fit, with magnitudes that are up to `SWAY` off."""
+        sways = 1 + SWAY * np.linspace(-1, 1, SWAYS)
+        moved = [self._all([grown(e, s) for e in fit.effects], fit.deviations) for s in sways]
+        return self.evidence.forgiving(self._all(fit.effects, fit.deviations), moved)
 
     def innovations(self, effects: Iterable[Effect], deviations: Array) -> Array:
         """Innovations of a candidate on the samples that are fitted."""

@@ -10,7 +10,7 @@ from scipy.stats import chi2
 from backends.effect import Effect
 from diagnosis.attribution.candidates import RUB
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.fit import Fit, Fitter, Profile, grown
+from diagnosis.attribution.fit import CALM, Fit, Fitter, Profile, grown
 from diagnosis.attribution.whiten import alike
 
 RISE = float(chi2.ppf(0.9, 1)) / 2
@@ -24,8 +24,6 @@ Z90 = 1.645
 """Half width of a 90 % interval in standard deviations."""
 SHIFT = 0.2
 """A time is known to this share of a drive period."""
-CALM = 0.1
-"""Unrest from which a fit is restless."""
 RESTLESS = 10.0
 """Weight of the squared unrest: it is of a change that is smaller than any interval."""
 COARSE = 2.0
@@ -59,14 +57,15 @@ def intervals(fitter: Fitter, fit: Fit, evidence: Evidence) -> list[tuple[float,
     for index, effect in enumerate(fit.effects):
         blur = Z90 * _own_error(effect, evidence)
         ends = [_end(profile, fit, index, rise, way) for way in (-1.0, 1.0)]
-        found.append(tuple(_widened(effect, end, blur) for end in ends))
+        pairs = zip(ends, (-1.0, 1.0), strict=True)
+        found.append(tuple(_widened(effect, end, blur, way) for end, way in pairs))
     return [(low, high) for low, high in found]
 
 
-def _widened(effect: Effect, end: float, blur: float) -> float:
+def _widened(effect: Effect, end: float, blur: float, way: float) -> float:
     """An end of an interval with another error beside, within the effect's bounds and sign."""
-    apart = end - effect.magnitude
-    far = effect.magnitude + float(np.copysign(np.hypot(apart, blur), apart))
+    apart = np.hypot(end - effect.magnitude, blur)
+    far = effect.magnitude + float(np.copysign(apart, way * effect.magnitude))
     low, high = sorted((0.0, max(effect.bounds, key=lambda bound: bound * effect.magnitude)))
     return float(np.clip(far, low, high))
 
@@ -87,13 +86,23 @@ def _own_error(effect: Effect, evidence: Evidence) -> float:
 
 
 def _end(profile: Profile, fit: Fit, index: int, rise: float, way: float) -> float:
-    """The magnitude to one side at which the profile cost is `rise` above the best."""
-    effect, best = fit.effects[index], profile.at(fit.effects, index).cost
+    """The magnitude to one side at which the profile cost is `rise` above the best.
+
+    The farthest one, where that is not refuted: a lock that holds all loads may be any stronger.
+    """
+    best = profile.at(fit.effects, index).cost
+
+    def at(step: float) -> tuple[Effect, float]:
+        moved = grown(fit.effects[index], np.exp(way * step))
+        effects = (*fit.effects[:index], moved, *fit.effects[index + 1 :])
+        return moved, profile.at(effects, index).cost - best
+
+    moved, risen = at(float(np.log(WIDEST)))
+    if risen < rise:
+        return moved.magnitude
     inside, outside, step = 0.0, np.inf, FIRST
     for _ in range(TRIES):
-        moved = grown(effect, np.exp(way * step))
-        effects = (*fit.effects[:index], moved, *fit.effects[index + 1 :])
-        risen = profile.at(effects, index).cost - best
+        moved, risen = at(step)
         if abs(risen - rise) < CLOSE * rise:
             break
         inside, outside = (step, outside) if risen < rise else (inside, step)

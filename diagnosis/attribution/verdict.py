@@ -11,13 +11,16 @@ from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
 from diagnosis.attribution.attribute import Attribution, Ranked
-from diagnosis.attribution.candidates import RUB
+from diagnosis.attribution.candidates import RUB, nuisances
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.timing import Late
 
 WORTH = 0.3
 """A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
 this share of what it needs on all."""
+OTHERS = 2
+"""Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
 
 
@@ -83,9 +86,38 @@ class LimbVerdict:
 def judge(
     evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
 ) -> LimbVerdict:
-    """The verdict on one limb."""
-    found, rule = Attribution(evidence, catalogue, uncertainty), rules()
-    nominal = found.nominal
+    """The verdict on one limb; once more by what can be foretold, where a joint plays.
+
+    A world with play foretells a log for a moment only, so what it leaves says little, whoever is
+    right. Its replays' spread says how much, and all are judged anew by that. A verdict that held
+    without keeps its effects.
+    """
+    fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
+    bare = fitter.at((), np.zeros(len(fitter.nuisances)))
+    if fitter.unrest(bare) > CALM:
+        evidence = fitter.forgiving(bare)
+    first = _judged(Attribution(evidence, catalogue, uncertainty))
+    stray = _stray(first)
+    if stray is None:
+        return first
+    again = _judged(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
+    if first.names == (UNKNOWN,):
+        return again if set(stray.names) & set(again.names) else first
+    return again if set(first.names) == set(again.names) else first
+
+
+def _stray(verdict: LimbVerdict) -> Ranked | None:
+    """The best restless candidate, where what the verdict leaves is not white."""
+    if verdict.chosen.surprise <= rules().white_sd:
+        return None
+    found = verdict.attribution
+    tried = min((*found.singles, *found.pairs), key=lambda r: r.fit.cost, default=None)
+    return tried if tried is not None and tried.unrest > CALM else None
+
+
+def _judged(found: Attribution) -> LimbVerdict:
+    """The verdict that the fits give by the rules."""
+    rule, nominal = rules(), found.nominal
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
     gain = _lead(nominal, singles[0]) if singles else -np.inf
     if gain < rule.accuse_nats:
@@ -124,8 +156,9 @@ def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> 
     pairs = plain(found.second(best, WORTH * needed))
     if needed < rule.strict_nats and (not pairs or pairs[0].surprise > rule.white_sd):
         pairs += plain(found.exchanged(pairs[0])) if pairs else []
-        other = next((r for r in found.singles[1:] if r.names != best.names), None)
-        pairs += plain(found.second(other, WORTH * needed)) if other is not None else []
+        others = [r for r in found.singles[1:] if r.names != best.names]
+        for other in others[:OTHERS]:
+            pairs += plain(found.second(other, WORTH * needed))
     return min(pairs, key=lambda r: r.fit.cost, default=None)
 
 

@@ -14,6 +14,7 @@ from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
+from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.timing import Late
 from diagnosis.attribution.verdict import judge
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
@@ -220,3 +221,56 @@ def test_a_little_friction_that_shows_is_named():
     found = judge(part, {name: kind(name) for name in ("stiction", "encoder-bias")}, 0.05)
     assert found.names == ("stiction",)
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.015, rel=0.2)
+
+
+def started_elsewhere(part: Evidence, by_rad: float = 1e-7) -> Evidence:
+    """The evidence with starts that are off by less than any sensor shows."""
+    recordings = tuple(
+        dataclasses.replace(
+            r, commands=dataclasses.replace(r.commands, start=r.commands.start + by_rad)
+        )
+        for r in part.recordings
+    )
+    return dataclasses.replace(part, recordings=recordings)
+
+
+def built() -> tuple[Effect, ...]:
+    """A worm gear as built: it plays, and does not let the load drive it back."""
+    return (
+        kind("backlash")(magnitude=np.radians(1.0), joint="A0"),
+        kind("self-lock")(magnitude=10.0, joint="A0"),
+    )
+
+
+AS_BUILT = ("backlash", "self-lock", "load-friction", "kd-scale")
+"""Effects of a worm gear as built, and those that mimic them."""
+
+
+def test_a_gear_as_built_is_named_although_it_rattles():
+    """Name play and self-lock, and no mimic of both, where no replay follows the joint."""
+    part = started_elsewhere(evidence(built(), noise_rad=1e-5, protocols=("steps",)))
+    found = judge(part, {name: kind(name) for name in AS_BUILT}, 0.05)
+    assert set(found.names) == {"backlash", "self-lock"}
+    play = next(m for m in magnitudes(found) if m.effect == "backlash")
+    assert play.interval[0] < 1.0 < play.interval[1]
+
+
+def test_a_lock_that_holds_is_bounded_below_alone():
+    """Leave open how much more a lock holds than the loads of the log."""
+    part = evidence(built(), noise_rad=1e-5, protocols=("multisine",))
+    fitter = Fitter(part, nuisances(part.nominal, 0.05), None)
+    ends = intervals(fitter, fitter.at(built(), np.zeros(len(fitter.nuisances))), part)
+    low, high = ends[1]
+    assert 0.01 < low < 10.0
+    assert high == kind("self-lock").bounds[1]
+    assert ends[0][0] < built()[0].magnitude < ends[0][1]
+
+
+def test_a_known_gear_that_rattles_is_none():
+    """Accuse nothing where play and lock are known: no replay follows the joint, nor need it."""
+    part = started_elsewhere(evidence(built(), noise_rad=1e-5, protocols=("steps", "multisine")))
+    known = dataclasses.replace(part, nominal=part.world(built()))
+    names = (*AS_BUILT, "command-rate-limit", "encoder-scale")
+    found = judge(known, {name: kind(name) for name in names}, 0.05)
+    assert found.names == ("none",)
+    assert found.chosen.gap < 1.2
