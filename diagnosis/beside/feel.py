@@ -39,7 +39,8 @@ YIELD_M = 0.65e-3
 FIRM_N = 12.0
 """No finger of a grasp presses harder."""
 OUT_M = 0.02e-3
-"""A tip further outside than this is misplaced: it is touched."""
+"""A tip that is touched and further outside than this is misplaced. One that answers nowhere has
+let go, unless it is further inside than this."""
 MOST = 2
 """Faults that are told at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
@@ -149,7 +150,7 @@ def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int
         time_s=part.time_s,
         depth_m=pressed_m(nominal, part),
         reading=touch,
-        touched=touch.any(axis=2) | (gap_m < OUT_M),
+        touched=touch.any(axis=2) | (gap_m < -OUT_M),
         binary=binary,
     )
     off = np.median(gap_m, axis=0)

@@ -6,11 +6,13 @@ import numpy as np
 import pytest
 
 from backends.shard import simulate
-from benchmark import registry
+from benchmark import cli, registry
+from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
 from diagnosis.beside.feel import feel
 from diagnosis.beside.finding import Report
-from diagnosis.logs.log import Log
+from diagnosis.beside.held import held
+from diagnosis.logs.log import Log, read_log
 from diagnosis.recording.record import Plan, record
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
@@ -121,6 +123,18 @@ def test_no_grasp_no_touch():
     report = feel(free, NOMINAL, CATALOGUE)
     assert report.findings == ()
     assert "record --protocol grasp" in report.missing[0]
+
+
+def test_a_finger_that_lets_go_accuses_nobody(tmp_path):
+    """Find nothing wrong with a good skin while a policy lifts fingers off the stick and back."""
+    policy = min((ROOT / "leaderboard/policies").glob("mujoco-circle-*-s0-*"))
+    made = ["record", "--backend", "mujoco", "--policy", str(policy), "--protocol", "policy"]
+    options = ["--channels", "touch,stick", "--workers", "1", "--out", str(tmp_path / "log")]
+    assert cli._run([*made, *options]) == 0
+    playing = read_log(tmp_path / "log")
+    readings = held(playing, NOMINAL)[0].touch
+    assert not readings.any(axis=2).all()
+    assert feel(playing, NOMINAL, CATALOGUE).findings == ()
 
 
 def test_what_is_nominal_is_no_finding():
