@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import onnx
 import torch
 
 REWARD_SCALE = 0.1
@@ -84,3 +85,15 @@ def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
             external_data=False,
             verbose=False,
         )
+    _anonymize(path)
+
+
+def _anonymize(path: Path) -> None:
+    """Take out of a policy what its export noted: stack traces with folders of this machine."""
+    model = onnx.load(path)
+    graph = model.graph
+    for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info):
+        del part.metadata_props[:]
+    for tensor in graph.initializer:
+        del tensor.metadata_props[:]
+    onnx.save(model, path)

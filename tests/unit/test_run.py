@@ -14,6 +14,7 @@ import pandas as pd
 import pytest
 
 from benchmark import cli
+from benchmark.registry import ROOT
 from benchmark.run_folder import RunFolder
 from benchmark.run_spec import RunSpec
 
@@ -244,6 +245,11 @@ def test_leaderboard_counts_runs_that_are_not_done(tmp_path, capfd):
     assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["problems"] == []
     assert "1 interrupted" in (board / "leaderboard.md").read_text()
+
+
+def test_a_policy_names_no_folder(finished: Path) -> None:
+    """Export nothing of the machine that trained it."""
+    assert str(ROOT).encode() not in (finished / "policy.onnx").read_bytes()
 
 
 def test_a_kept_policy_acts_as_it_did_and_says_what_it_is(finished: Path, tmp_path: Path) -> None:
