@@ -2,7 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,9 @@ from benchmark.errors import UsageError, unknown
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import within
 from diagnosis.blind import draw, files, frozen, motion, rigs
+from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
+from diagnosis.blind.grasp import GRASP
 from diagnosis.blind.make import PLANT, write_case
 
 MOST_CASES = 999
@@ -33,17 +35,49 @@ def settings(
 ) -> draw.Settings:
     """What options ask for; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
-    chosen = _words("effect", effects, draw.EFFECTS)
+    places = _rigs(rig)
+    holding = places[0] in rigs.HOLDING
+    every = draw.HELD_EFFECTS if holding else draw.EFFECTS
+    named = (*every, *draw.EFFECTS) if holding else every
+    chosen = every if effects == "all" else _words("effect", effects, named)
     if len(chosen) < FEWEST_EFFECTS:
         raise UsageError(f"--effects names {len(chosen)}; allowed: {FEWEST_EFFECTS} or more, 'all'")
+    moved = _words("protocol", protocols, (*motion.PROTOCOLS, *(GRASP,) * holding))
+    if holding and GRASP not in moved:
+        raise UsageError(f"--protocols has no '{GRASP}', in which the stick is held; add it")
     return draw.Settings(
         cases=cases,
-        reals=_words("real side", real, (*registry.names("backend"), PLANT)),
-        rigs=_words("rig", rig, rigs.RIGS),
+        reals=_reals(real, holding),
+        rigs=places,
         modes=_words("mode", modes, tuple(draw.SHARES)),
         effects=chosen,
-        protocols=_words("protocol", protocols, motion.PROTOCOLS),
+        protocols=moved,
+        channels=draw.HELD_CHANNELS if holding else draw.CHANNELS,
     )
+
+
+def _rigs(text: str) -> tuple[str, ...]:
+    """Rigs in free air, 'all' being all of these, or one that holds the stick."""
+    if text == "all":
+        return tuple(rigs.FREE)
+    places = _words("rig", text, rigs.RIGS)
+    if len(places) > 1 and set(places) & set(rigs.HOLDING):
+        raise UsageError(
+            f"--rig {text} mixes free air and held stick, which have other effects and protocols; "
+            f"make one set of {', '.join(rigs.FREE)}, and another of {', '.join(rigs.HOLDING)}"
+        )
+    return places
+
+
+def _reals(text: str, holding: bool) -> tuple[str, ...]:
+    """Real sides, 'all' being all that can carry the rig."""
+    engines = registry.names("backend")
+    if holding and PLANT in text.split(","):
+        raise UsageError(
+            f"--real {text}: the plant has joints alone and no contacts, so it cannot hold a "
+            f"stick; known: {', '.join(engines)}, or all"
+        )
+    return _words("real side", text, engines if holding else (*engines, PLANT))
 
 
 def make(
@@ -111,8 +145,9 @@ def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dic
 
     blind = BlindSet(path=folder)
 
-    def consult(cases: list[draw.Case]) -> list:
-        return _each("oracle", _consult_one, [(blind, case) for case in cases], jobs)
+    def consult(opened: files.Answers) -> list:
+        tasks = [(blind, case, opened.seed) for case in opened.cases]
+        return _each("oracle", _consult_one, tasks, jobs)
 
     found = _told(lambda: scoring.score(blind, answers, _catalogue(), consult))
     written = scoring.write(found, out) if out is not None else []
@@ -134,17 +169,21 @@ def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
 
     excluded = blind.excluded(number)
     try:
-        said = solve(blind.log(number), excluded, _catalogue())
+        said = solve(blind.log(number), excluded, _catalogue(), partial(_start, frozen.ENGINE))
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
         left = sorted(set(_catalogue()) - set(excluded))
         said = {"refused": f"broke: {type(error).__name__}: {error}", "catalogue": left}
     files.write_json(blind.result(number), {"number": number, **said, **solver})
 
 
-def _consult_one(blind: BlindSet, case: draw.Case) -> Any:
+def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
     from diagnosis.blind.oracle import consult
 
-    return consult(case, blind.log(case.number), _catalogue())
+    def apart(fault: draw.Fault) -> float:
+        grasps = Grasps(case=case, catalogue=_catalogue(), simulate=_start, seed=seed)
+        return grasps.apart_nats(fault, registry.names("backend"))
+
+    return consult(case, blind.log(case.number), _catalogue(), apart)
 
 
 def _start(engine: str, specs: Sequence[Spec]) -> Simulator:

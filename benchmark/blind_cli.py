@@ -31,13 +31,15 @@ def make(
     real: Annotated[
         str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
     ] = "all",
-    rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "finger",
+    rig: Annotated[
+        str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")
+    ] = "finger",
     modes: Annotated[str, typer.Option(help="all, or some of single,pair,none,unknown.")] = "all",
     effects: Annotated[
-        str, typer.Option(help="Effects to draw from: all that show in free air, or some.")
+        str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
     ] = "all",
     protocols: Annotated[
-        str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
+        str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
     ] = "all",
     seed: Annotated[
         int | None, typer.Option(help="Decides every draw; a small one can be guessed. (secret)")

@@ -207,9 +207,9 @@ def _judged(shown: Sequence[Shown], parts: Sequence[Held], world: Spec) -> tuple
             if np.isfinite(real).all():
                 square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
                 told = real.shape[1] * part.time_s[-1] / ALIKE_S
-                floor = eps**2 + float(white_noise(real).max()) ** 2
-                cost += told / 2 * np.log(square + floor)
-                ratios.append(square / far**2)
+                noise = float(np.mean(white_noise(real) ** 2))
+                cost += told / 2 * np.log(square + eps**2 + noise)
+                ratios.append(max(square - noise, 0.0) / far**2)
         nats.append(cost)
         gaps.append(np.mean(ratios))
     return np.array(nats), float(np.sqrt(np.mean(gaps)))

@@ -112,12 +112,20 @@ def pressed_m(spec: Spec, part: Held) -> Array:
 
 
 def gaps_m(spec: Spec, part: Held) -> Array:
-    """Distance [m] between every tip's surface and the stick's, negative inside, shape (T, F)."""
-    origin, rotation = tip_frames(spec.hand, part.joint_rad)
+    """`tip_gaps_m` of an episode, shape (T, F)."""
+    return tip_gaps_m(spec, part.joint_rad, part.stick)
+
+
+def tip_gaps_m(spec: Spec, joint_rad: Array, stick: Array) -> Array:
+    """Distance [m] between every tip's surface and the stick's, negative inside, shape (T, F).
+
+    Of joints (T, J) and poses (T, 7).
+    """
+    origin, rotation = tip_frames(spec.hand, joint_rad)
     tips = np.array([(tip.length_m, tip.radius_m) for tip in spec.hand.fingertips])
     forward = np.ascontiguousarray(rotation[..., 0])
-    stick = quat_to_matrix(part.stick[:, 3:])
-    return _gaps(origin, forward, tips, stick_shape(spec.stick), part.stick[:, :3], stick)
+    turned = quat_to_matrix(stick[:, 3:])
+    return _gaps(origin, forward, tips, stick_shape(spec.stick), stick[:, :3], turned)
 
 
 def blur_m(spec: Spec, part: Held) -> tuple[float, float]:

@@ -38,6 +38,12 @@ NOMINAL = {
 """Nominal parameters that are off, by the effect that changes them, and what a share is of."""
 CHANNELS = (("position",), ("position", "torque"), ("position", "motor"))
 """What is logged, one of these."""
+HELD_CHANNELS = (
+    ("position", "stick", "contact"),
+    ("position", "torque", "stick", "contact"),
+    ("position", "torque", "stick", "touch"),
+)
+"""The same where the stick is held."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +84,19 @@ SIZES = {
     "encoder-noise": Size(levels=(5e-4, 1.5e-3, 5e-3)),
     "sensor-delay": Size(levels=(0.002, 0.006, 0.02)),
 }
-"""By effect; those of touch, stick and contact show nothing in free air and are not drawn."""
-EFFECTS = tuple(SIZES)
+"""By effect; what shows in free air."""
+HELD_SIZES = {
+    "taxel-threshold": Size(levels=(5e-5, 1.5e-4, 4e-4), falls=(4e-5, 8e-5, 1.5e-4)),
+    "taxel-drift": Size(levels=(2e-5, 7e-5, 2.5e-4)),
+    "taxel-dropout": Size(levels=(0.05, 0.15, 0.4)),
+    "taxel-halo": Size(levels=(0.003, 0.005, 0.008)),
+    "stick-radius": Size(levels=(0.03, 0.08, 0.2), falls=(0.03, 0.08, 0.2)),
+    "stick-mass": Size(levels=(0.3, 0.8, 2.0), falls=(0.2, 0.4, 0.7)),
+    "contact-friction": Size(levels=(0.15, 0.3, 0.6), falls=(0.15, 0.3, 0.5)),
+    "contact-softness": Size(levels=(5e-5, 1.5e-4, 5e-4)),
+}
+"""What shows with the stick in the hand alone: touch, stick and contact."""
+EFFECTS, HELD_EFFECTS = tuple(SIZES), tuple(HELD_SIZES)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,7 +233,7 @@ def _hidden(
 def _fault(
     name: str, level: str, kind: type[Effect], spec: Spec, rng: np.random.Generator
 ) -> Fault:
-    size, index = SIZES[name], LEVELS.index(level)
+    size, index = (SIZES | HELD_SIZES)[name], LEVELS.index(level)
     joint = _joint(kind, spec, rng)
     rises = size.falls is None or (size.levels[index] > 0 and bool(rng.integers(2)))
     amount = size.levels[index] if rises or size.falls is None else -size.falls[index]

@@ -12,6 +12,8 @@ from diagnosis.blind.files import Commitment
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = "diagnosis.diagnose"
 RULES = "diagnosis/attribution/rules.yaml"
+ENGINE = "mujoco"
+"""What the solver replays grasps on, whatever engine is real."""
 
 
 def imported(entry: str) -> set[str]:
@@ -42,7 +44,7 @@ def _named(tree: ast.AST) -> list[str]:
 def solver_files() -> dict[str, str]:
     """SHA-256 of every file that decides what the solver says, as this process first saw them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
-    names = sorted({*imported(ENTRY), *effects, RULES})
+    names = sorted({*imported(ENTRY), *imported(f"backends.{ENGINE}"), *effects, RULES})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}
 
 

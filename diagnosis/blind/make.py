@@ -17,9 +17,12 @@ from backends.state import Array, InitialState
 from diagnosis.blind import motion, rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
+from diagnosis.blind.grasp import GRASP, Touching, fallen, grasp, tracked
 from diagnosis.blind.motion import RATE_HZ, Motion
 from diagnosis.blind.plant import Plant
+from diagnosis.logs._columns import STICK
 from diagnosis.logs.log import (
+    Channel,
     EpisodeMeta,
     HandMechanism,
     Log,
@@ -32,8 +35,7 @@ from diagnosis.logs.log import (
 PLANT = "plant"
 TORQUE_NOISE = 0.02
 """Noise of a logged torque over the drive's limit, standard deviation."""
-ASIDE_M = (5.0, 0.0, 0.0)
-"""Where the stick floats without weight, for engines that must have one [m]."""
+FOREVER_S = 1e6
 
 Simulate = Callable[[str, Sequence[Spec]], Simulator]
 """Puts worlds on the engine of that name."""
@@ -47,39 +49,55 @@ def write_case(
     seed: int,
 ) -> None:
     """Make a case's log and say what its solver may use; nothing of the answer is written."""
-    log = real_log(case, catalogue, simulate, np.random.SeedSequence([seed, 2, case.number]))
+    log = real_log(case, catalogue, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
     write_json(blind.log(case.number) / "case.json", {"excluded": list(case.excluded)})
+
+
+def case_rng(case: Case, seed: int) -> np.random.Generator:
+    """What decides the motions and noise of a case."""
+    return np.random.default_rng([seed, 2, case.number])
 
 
 def real_log(
     case: Case,
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
-    seed: np.random.SeedSequence,
+    rng: np.random.Generator,
 ) -> Log:
     """What the hidden world of a case would log."""
-    rng, spec = np.random.default_rng(seed), rigs.nominal(case.rig)
-    motions = [motion.motion(p, spec, rng) for p in case.protocols for _ in range(case.variants)]
+    spec = rigs.nominal(case.rig)
+    world = spec if case.real == PLANT else hidden_world(case, spec, catalogue)
+    moved = motions(case, spec, world, rng)
     if case.real == PLANT:
-        episodes = _on_plant(case, spec, motions, rng)
+        episodes = _on_plant(case, spec, moved, rng)
     else:
-        world = _world(case, spec, catalogue)
-        episodes = _on_engine(lambda specs: simulate(case.real, specs), world, motions, rng)
+        episodes = engine_readings(lambda specs: simulate(case.real, specs), world, moved, rng)
     frames = [
         _frame(number, spec, one, _noisy(spec, read, rng), case.channels)
-        for number, (one, read) in enumerate(zip(motions, episodes, strict=True))
+        for number, (one, read) in enumerate(zip(moved, episodes, strict=True))
     ]
     meta = LogMeta(
         schema=1,
         source=f"blind case {case.number}",
         mechanism=HandMechanism(hand=case.rig),
-        episodes=tuple(EpisodeMeta(episode=k, protocol=m.protocol) for k, m in enumerate(motions)),
+        channels={"touch": Channel(unit="1")} if "contact" in case.channels else {},
+        episodes=tuple(EpisodeMeta(episode=k, protocol=m.protocol) for k, m in enumerate(moved)),
     )
     return make_log(meta, pd.concat(frames, ignore_index=True))
 
 
-def _world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
+def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> list[Motion]:
+    """Random episodes: in free air of the nominal hand, in a grasp of the stick that is there."""
+    return [
+        grasp(world, rng) if protocol == GRASP else motion.motion(protocol, spec, rng)
+        for protocol in case.protocols
+        for _ in range(case.variants)
+    ]
+
+
+def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
+    """The nominal world with the nominal errors and effects of a case."""
     for fault in (*case.nominal, *case.faults):
         effect = catalogue[fault.effect](magnitude=fault.magnitude, joint=fault.joint)
         spec = effect.on_spec(spec)
@@ -95,49 +113,76 @@ def _on_plant(
     return [plant.run(m.target_rad, m.push_nm, 1 / RATE_HZ, rng) for m in motions]
 
 
-def _on_engine(
+def engine_readings(
     simulate: Callable[[Sequence[Spec]], Simulator],
     spec: Spec,
     motions: Sequence[Motion],
     rng: np.random.Generator,
 ) -> list[dict[str, Array]]:
-    """What an engine's sensors read in every episode; episodes run side by side."""
-    timing = dataclasses.replace(spec.timing, policy_s=1 / RATE_HZ, weightless_s=1e6)
-    count = len(motions)
-    worlds = [dataclasses.replace(spec, timing=timing)] * count
-    start = InitialState(
-        joint_rad=np.tile(motion.center_rad(spec), (count, 1)),
-        stick_pos_m=np.tile(ASIDE_M, (count, 1)),
-        stick_quat_wxyz=np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)),
-        noise_seed=rng.integers(1 << 53, size=count),
-    )
+    """What an engine's sensors read in every episode; those with and without stick side by side."""
+    seeds = rng.integers(1 << 53, size=len(motions))
+    read: dict[int, dict[str, Array]] = {}
+    for held in (False, True):
+        chosen = [k for k, one in enumerate(motions) if (one.protocol == GRASP) == held]
+        if chosen:
+            timing = dataclasses.replace(
+                spec.timing,
+                policy_s=1 / RATE_HZ,
+                weightless_s=spec.timing.weightless_s if held else FOREVER_S,
+            )
+            engine = simulate([dataclasses.replace(spec, timing=timing)] * len(chosen))
+            done = _played(engine, [motions[k] for k in chosen], seeds[chosen], held)
+            read |= dict(zip(chosen, done, strict=True))
+    return [read[k] for k in range(len(motions))]
+
+
+def _played(
+    engine: Simulator, motions: Sequence[Motion], seeds: Array, held: bool
+) -> list[dict[str, Array]]:
+    """What the sensors of an engine's worlds read, each in its own motion; ends the engine."""
+    touching = Touching(engine.specs) if held else None
     target = np.stack([m.target_rad for m in motions], axis=1)
     push = np.stack([m.push_nm for m in motions], axis=1)
-    read: dict[str, list[Array]] = {"position": [], "motor": [], "torque": []}
-    engine = simulate(worlds)
+    rows: list[dict[str, Array]] = []
     try:
-        state = engine.reset(start, np.ones(count, dtype=bool))
+        state = engine.reset(_together(motions, seeds), np.ones(len(motions), dtype=bool))
         for k in range(len(target)):
-            read["position"].append(state.measured_rad.copy())
-            read["motor"].append(state.motor_rad.copy())
-            read["torque"].append(state.drive_torque_nm.copy())
+            row = {
+                "position": state.measured_rad.copy(),
+                "motor": state.motor_rad.copy(),
+                "torque": state.drive_torque_nm.copy(),
+            }
+            rows.append(row | (touching.read(state, k / RATE_HZ) if touching else {}))
             if k + 1 < len(target):
                 state = engine.advance(target[k], push[k])
     finally:
         engine.close()
-    stacked = {kind: np.stack(values, axis=1) for kind, values in read.items()}
-    return [{kind: values[e] for kind, values in stacked.items()} for e in range(count)]
+    stacked = {kind: np.stack([row[kind] for row in rows], axis=1) for kind in rows[0]}
+    return [{kind: values[e] for kind, values in stacked.items()} for e in range(len(motions))]
+
+
+def _together(motions: Sequence[Motion], seeds: Array) -> InitialState:
+    """All starts, each with the seed of its sensors' noise."""
+    starts = [m.start for m in motions]
+    return InitialState(
+        joint_rad=np.concatenate([s.joint_rad for s in starts]),
+        stick_pos_m=np.concatenate([s.stick_pos_m for s in starts]),
+        stick_quat_wxyz=np.concatenate([s.stick_quat_wxyz for s in starts]),
+        noise_seed=seeds,
+    )
 
 
 def _noisy(spec: Spec, read: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
-    """The readings with the noise of motor encoders and current sensors."""
+    """The readings with the noise of motor encoders, current sensors and the stick's tracker."""
     limit = np.array([drive.torque_limit_nm for drive in spec.drives])
     shape = read["motor"].shape
-    return {
-        "position": read["position"],
+    noisy = {
         "motor": read["motor"] + rigs.NOISE_RAD * rng.normal(size=shape),
         "torque": read["torque"] + TORQUE_NOISE * limit * rng.normal(size=shape),
     }
+    if "stick" in read:
+        noisy["stick"] = tracked(read["stick"], rng)
+    return read | noisy
 
 
 def _frame(
@@ -145,8 +190,18 @@ def _frame(
 ) -> pd.DataFrame:
     columns: dict[str, object] = {"episode": number, "t_s": motion.times_s()}
     signals = {"command": one.target_rad, "push": one.push_nm}
-    signals |= {kind: read[kind] for kind in channels}
+    signals |= {kind: read[kind] for kind in channels if kind in read}
     for kind, values in signals.items():
-        for j, joint in enumerate(spec.hand.joint_names):
-            columns[name_of(kind, joint)] = values[:, j]
-    return pd.DataFrame(columns)
+        columns |= _columns(spec, kind, values)
+    frame = pd.DataFrame(columns)
+    return frame[: fallen(read["stick"])] if "stick" in read else frame
+
+
+def _columns(spec: Spec, kind: str, values: Array) -> dict[str, object]:
+    """A signal as a log has it."""
+    if kind == "stick":
+        return dict(zip(STICK, values.T, strict=True))
+    if kind in ("touch", "contact"):
+        tips = enumerate(spec.hand.fingertips)
+        return {f"touch.{tip.finger}": list(values[:, f]) for f, tip in tips}
+    return {name_of(kind, n): values[:, j] for j, n in enumerate(spec.hand.joint_names)}

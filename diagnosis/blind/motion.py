@@ -10,12 +10,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.spec import Spec
-from backends.state import Array
+from backends.state import Array, InitialState
 
 RATE_HZ = 200.0
 LENGTH_S = 3.0
 REST_S = 0.15
 """Rest before the first motion [s]."""
+ASIDE_M = (5.0, 0.0, 0.0)
+"""Where the stick floats without weight, for engines that must have one [m]."""
 STEP_S, STEP_SHARES = (0.2, 0.5), (0.02, 0.45)
 """How long a level is held, and how high it is as a share of the room."""
 TRIANGLE_SHARE, TRIANGLE_HZ = (0.15, 0.35), (0.4, 0.9)
@@ -35,6 +37,8 @@ class Motion:
     """Targets from each sample on [rad], shape (T, J)."""
     push_nm: Array
     """External torques from each sample on [Nm], shape (T, J)."""
+    start: InitialState
+    """Where joints and stick of the one world start."""
 
 
 def times_s() -> Array:
@@ -58,6 +62,11 @@ def motion(protocol: str, spec: Spec, rng: np.random.Generator) -> Motion:
         protocol=protocol,
         target_rad=center_rad(spec) + room * moved,
         push_nm=limit * pushed,
+        start=InitialState(
+            joint_rad=center_rad(spec)[None],
+            stick_pos_m=np.array([ASIDE_M]),
+            stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
+        ),
     )
 
 
@@ -65,7 +74,7 @@ def _steps(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Levels of random height, small and large alike, each held for a random time."""
     count = int(LENGTH_S / STEP_S[0]) + 1
     ends = np.cumsum(rng.uniform(*STEP_S, count))
-    levels = rng.choice([-1.0, 1.0], count) * _evenly(rng, STEP_SHARES, count)
+    levels = rng.choice([-1.0, 1.0], count) * evenly(rng, STEP_SHARES, count)
     moved = levels[np.searchsorted(ends, inside_s, side="right")] * (inside_s > 0)
     return moved, 0.0 * moved
 
@@ -80,7 +89,7 @@ def _triangle(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
 def _multisine(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     """Sines of random frequency and equal speed."""
     moved = 0.0 * inside_s
-    for hz in _evenly(rng, SINE_HZ, SINES):
+    for hz in evenly(rng, SINE_HZ, SINES):
         phase = rng.uniform(0, 2 * np.pi)
         moved += (np.sin(2 * np.pi * hz * inside_s + phase) - np.sin(phase)) / hz
     return moved * rng.uniform(*SINE_SHARE) / np.abs(moved).max(), 0.0 * moved
@@ -97,7 +106,7 @@ def _push(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     return held, pushed + 0.0 * held
 
 
-def _evenly(rng: np.random.Generator, ends: tuple[float, float], count: int) -> Array:
+def evenly(rng: np.random.Generator, ends: tuple[float, float], count: int) -> Array:
     """Numbers between two ends, even in their logarithm."""
     return np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]), count))
 

@@ -5,7 +5,7 @@ nominal refit by DETECTABLE_NATS; of a pair each must do so beside the other. Th
 own fitter, with the answers opened.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from diagnosis.attribution.evidence import Evidence, gather
 from diagnosis.attribution.fit import Fit, Fitter
 from diagnosis.attribution.verdict import rules
 from diagnosis.blind import rigs
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
 from diagnosis.diagnose import shrinkage
 from diagnosis.logs.log import read_log
 
@@ -51,18 +51,25 @@ class Oracle:
         return all(n is None or n >= STRONG_NATS for n in self.nats)
 
 
-def consult(case: Case, folder: Path, catalogue: Mapping[str, type[Effect]]) -> Oracle:
-    """The oracle's word on a case."""
-    shown = [f for f in case.faults if f.effect not in RANDOM]
+def consult(
+    case: Case,
+    folder: Path,
+    catalogue: Mapping[str, type[Effect]],
+    apart_nats: Callable[[Fault], float],
+) -> Oracle:
+    """The oracle's word on a case; `apart_nats` on effects of touch, stick and contact."""
+    touching = {f: apart_nats(f) for f in case.faults if f.effect in HELD_EFFECTS}
+    shown = [f for f in case.faults if f.effect not in (*RANDOM, *HELD_EFFECTS)]
     if not shown:
-        return Oracle(nats=(None,) * len(case.faults), shrinkage=None, cost_nats=None)
+        told = tuple(touching.get(fault) for fault in case.faults)
+        return Oracle(nats=told, shrinkage=None, cost_nats=None)
     log, rule = read_log(folder), rules()
     floor = {
         "position": rule.floor_position_rad,
         "motor": rule.floor_position_rad,
         "torque": rule.floor_torque_share,
     }
-    nats = dict.fromkeys(shown, 0.0)
+    nats = touching | dict.fromkeys(shown, 0.0)
     before, after, cost_nats = [], [], 0.0
     for part in gather(log, rigs.nominal(case.rig), floor):
         fitter = Fitter(part, nuisances(part.nominal, log.meta.nominal_uncertainty))

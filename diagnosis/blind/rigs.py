@@ -13,6 +13,9 @@ from backends.sticks import STICKS
 
 NOISE_RAD = 5e-4
 """Noise of every position sensor by its data sheet [rad], standard deviation."""
+TRACKER_M, TRACKER_RAD = 1e-4, 1e-3
+"""Noise of the stick's tracker by its data sheet, standard deviations."""
+
 
 _ARM_DRIVE = Drive(
     kp_nm_rad=8.0,
@@ -78,13 +81,15 @@ def _with_hand(name: str, bodies: tuple[Body, ...], tip: Fingertip) -> Spec:
     return dataclasses.replace(trx.spec(STICKS["reference"]), hand=hand)
 
 
-_RIGS: dict[str, Callable[[], Spec]] = {"finger": _finger, "hand": _hand, "joint": _joint}
-RIGS = tuple(_RIGS)
+FREE: dict[str, Callable[[], Spec]] = {"finger": _finger, "hand": _hand, "joint": _joint}
+HOLDING: dict[str, Callable[[], Spec]] = {"held": _hand}
+"""Rigs in free air, and those that hold the stick in some episodes."""
+RIGS = (*FREE, *HOLDING)
 
 
 def nominal(rig: str) -> Spec:
     """The nominal world of a rig: what a solver is told of the mechanism."""
-    spec = _RIGS[rig]()
+    spec = (FREE | HOLDING)[rig]()
     encoder = Encoder(noise_rad=NOISE_RAD)
     return spec.with_driven(
         dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=encoder))

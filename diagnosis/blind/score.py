@@ -8,13 +8,12 @@ import pandas as pd
 
 from backends.effect import Effect
 from diagnosis.blind import judged, tables
-from diagnosis.blind.draw import Case
-from diagnosis.blind.files import BlindError, BlindSet, open_answers, write_json
+from diagnosis.blind.files import Answers, BlindError, BlindSet, open_answers, write_json
 from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
 from diagnosis.blind.oracle import DETECTABLE_NATS, STRONG_NATS, Oracle
 
-Consult = Callable[[list[Case]], list[Oracle]]
-"""Asks the oracle about cases, in order, maybe on several cores."""
+Consult = Callable[[Answers], list[Oracle]]
+"""Asks the oracle about all cases, in order, maybe on several cores."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,7 +52,8 @@ def score(
 ) -> Score:
     """The score of a set; raises BlindError for wrong answers or unfinished results."""
     promised = blind.commitment()
-    cases = list(open_answers(answers, promised).cases)
+    opened = open_answers(answers, promised)
+    cases = opened.cases
     results = {case.number: blind.read_result(case.number) for case in cases}
     missing = [number for number, said in results.items() if said is None]
     if missing:
@@ -62,7 +62,7 @@ def score(
             f"solve them with: bench blind run {blind.path}"
         )
     rows, faults = [], []
-    for case, oracle in zip(cases, consult(cases), strict=True):
+    for case, oracle in zip(cases, consult(opened), strict=True):
         said = results[case.number] or {}
         rows.append(judged.case_row(case, said, oracle, catalogue))
         faults += judged.fault_rows(case, said, oracle, catalogue)

@@ -7,13 +7,20 @@ import numpy as np
 
 from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
+from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import Diagnosis, diagnose, shrinkage
 from diagnosis.logs.log import HandMechanism, LogError, read_log
 
 
-def solve(folder: Path, excluded: tuple[str, ...], catalogue: Mapping[str, type[Effect]]) -> dict:
+def solve(
+    folder: Path,
+    excluded: tuple[str, ...],
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+) -> dict:
     """What the solver says of a log without the excluded effects; magnitudes in SI units.
 
+    `simulate` puts worlds on the nominal engine, for grasps.
     A log that it refuses gives its reason as `refused`, and is no answer.
     """
     known = {name: kind for name, kind in catalogue.items() if name not in excluded}
@@ -21,7 +28,7 @@ def solve(folder: Path, excluded: tuple[str, ...], catalogue: Mapping[str, type[
     mechanism = log.meta.mechanism
     assert isinstance(mechanism, HandMechanism)
     try:
-        found = diagnose(log, rigs.nominal(mechanism.hand), known)
+        found = diagnose(log, rigs.nominal(mechanism.hand), known, map, simulate)
     except LogError as error:
         return {"refused": str(error), "catalogue": sorted(known)}
     return {"refused": None, "catalogue": sorted(known), **_said(found)}
@@ -43,6 +50,7 @@ def _said(found: Diagnosis) -> dict:
         "confidence": found.confidence,
         "ranking": list(found.ranking),
         "indistinguishable": [row["effects"] for row in found.indistinguishable],
+        "missing": list(found.missing),
         "gap_before": found.gap_before,
         "gap_nominal": found.gap_nominal,
         "gap_after": found.gap_after,

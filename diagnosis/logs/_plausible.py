@@ -26,6 +26,8 @@ SEARCH_S = (-0.5, 3.0)
 SPEED_S = 0.05
 """Speeds are differences over this [s], so that sensor noise does not hide them."""
 _LAGS = 141
+HELD = ("grasp", "policy")
+"""Protocols in which a joint need not follow: the stick holds it, and other joints move it."""
 TURNS_RAD = 4 * np.pi
 STILL = 1e-9
 
@@ -43,7 +45,7 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
         if not linear and largest > TURNS_RAD:
             warnings.append(f"'{names[1]}' reaches {largest:.0f} rad: are these degrees?")
         for number, part in samples.groupby("episode", sort=False):
-            if protocols[int(str(number))] != "policy":
+            if protocols[int(str(number))] not in HELD:
                 position_follows(names[1], int(str(number)), part, names)
     channels_are_not_swapped(pairs)
     return warnings

@@ -223,6 +223,12 @@ def test_unusable_samples_give_one_clear_error(write, samples, words):
         read_log(write(samples))
 
 
+def test_a_held_joint_need_not_follow(write):
+    """Accept a grasp in which the stick and other joints decide when a joint moves."""
+    grasp = write(shifted(1.5), episodes=[{"episode": 0, "protocol": "grasp"}])
+    assert read_log(grasp).joints == ("J0",)
+
+
 @pytest.mark.parametrize(
     ("fields", "words"),
     [

@@ -1,0 +1,115 @@
+"""How plainly an effect of touch, stick or contact shows in a case: its readings with and without.
+
+The same motions and noise, once more without the effect. What skin reads is geometry; how joints
+and stick move in a grasp is not, and engines are apart in it by more than sensors see. So an effect
+shows there as far as it moves them further than that.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.beside._regrasp import ends_m
+from diagnosis.beside.held import tip_gaps_m
+from diagnosis.blind import rigs
+from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.grasp import GRASP
+from diagnosis.blind.make import (
+    TORQUE_NOISE,
+    Simulate,
+    case_rng,
+    engine_readings,
+    hidden_world,
+    motions,
+)
+from diagnosis.blind.motion import RATE_HZ, Motion
+
+ALIKE_S = 0.5
+"""Readings tell anew after this: a grasp moves slowly [s]."""
+FLIP_NATS = 1.0
+"""What a taxel tells that answers otherwise."""
+SKIN = ("touch", "contact")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Grasps:
+    """The grasps of a case, to be played on any engine."""
+
+    case: Case
+    catalogue: Mapping[str, type[Effect]]
+    simulate: Simulate
+    seed: int
+    """Of the set."""
+
+    def apart_nats(self, fault: Fault, engines: Sequence[str]) -> float:
+        """Log-likelihood ratio with an effect and without, by the channel that tells most.
+
+        `engines` are all that there are.
+        """
+        case = self.case
+        less = replace(case, faults=tuple(f for f in case.faults if f is not fault))
+        real, without = (self._signals(one, case.real) for one in (case, less))
+        skin = next(name for name in SKIN if name in case.channels)
+        if fault.effect.startswith("taxel"):
+            return _skin_nats(skin, real[skin], without[skin])
+        others = [self._signals(case, engine) for engine in engines if engine != case.real]
+        names = [name for name in _noise(self._spec) if name in real]
+        return max(
+            _nats(real[n] - without[n], _noise(self._spec)[n], [real[n] - o[n] for o in others])
+            for n in names
+        )
+
+    @property
+    def _spec(self) -> Spec:
+        return rigs.nominal(self.case.rig)
+
+    def _motions(self) -> list[Motion]:
+        world = hidden_world(self.case, self._spec, self.catalogue)
+        drawn = motions(self.case, self._spec, world, case_rng(self.case, self.seed))
+        return [one for one in drawn if one.protocol == GRASP]
+
+    def _signals(self, case: Case, engine: str) -> dict[str, Array]:
+        """What every sensor of a case reads on an engine, every `ALIKE_S`, shape (S, ...)."""
+        read = engine_readings(
+            lambda specs: self.simulate(engine, specs),
+            hidden_world(case, self._spec, self.catalogue),
+            self._motions(),
+            case_rng(self.case, self.seed),
+        )
+        some = slice(None, None, round(ALIKE_S * RATE_HZ))
+        rows = {k: np.concatenate([one[k][some] for one in read]) for k in read[0]}
+        kept = {k: v for k, v in rows.items() if k in self.case.channels}
+        stick = rows["stick"]
+        return kept | {
+            "stick": ends_m(stick, self._spec.stick.length_m),
+            "gap": tip_gaps_m(self._spec, rows["position"], stick),
+        }
+
+
+def _skin_nats(kind: str, one: Array, other: Array) -> float:
+    """Of depths by what a tracker's noise makes of them, of answers by how many turn."""
+    moved = np.abs(one - other).astype(float)
+    if kind == "contact":
+        return FLIP_NATS * float(moved.sum())
+    return float((moved**2).sum() / (2 * rigs.TRACKER_M**2))
+
+
+def _noise(spec: Spec) -> dict[str, float | Array]:
+    """Standard deviation of what each sensor adds to a signal."""
+    limit = np.array([drive.torque_limit_nm for drive in spec.drives])
+    return {
+        "position": rigs.NOISE_RAD,
+        "torque": TORQUE_NOISE * limit,
+        "stick": np.hypot(rigs.TRACKER_M, rigs.TRACKER_RAD * spec.stick.length_m / 2),
+        "gap": rigs.TRACKER_M,
+    }
+
+
+def _nats(moved: Array, noise: float | Array, engines: Sequence[Array]) -> float:
+    """By noise, and by how far engines are apart."""
+    spread = np.mean([np.mean(one**2) for one in engines])
+    return float((moved**2 / (np.square(noise) + spread)).sum() / 2)

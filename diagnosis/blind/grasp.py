@@ -1,0 +1,78 @@
+"""A blind case's episodes with the stick in the hand: how it moves, what skin and tracker log.
+
+Fingers close on the stick, which has no weight until they hold it, and move a little. Knows no
+solver; the skin's equations are those that every engine has.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from backends.spec import Spec
+from backends.state import Array, State
+from backends.touch import Skin
+from diagnosis.blind import rigs
+from diagnosis.blind.motion import REST_S, Motion, evenly, times_s
+from tasks.initial_states import sample_initial_states
+
+GRASP = "grasp"
+SINES, SINE_HZ, SWAY_RAD = 3, (0.3, 3.0), (0.015, 0.04)
+"""Sines of random frequency, and the largest excursion of a joint about its grip."""
+SQUEEZE = (0.8, 1.4)
+"""Squeeze of a grasp over the hand's own."""
+FALLEN_M = 0.02
+"""A stick that has sunk by this falls: the episode ends [m]."""
+LEAST = 100
+"""An episode has so many samples [1]."""
+
+
+def grasp(world: Spec, rng: np.random.Generator) -> Motion:
+    """A random grasp of the stick of a hidden world, and a random small motion in it."""
+    start = sample_initial_states([world], rng)
+    squeeze = rng.uniform(*SQUEEZE) * np.array(world.hand.preload_rad)
+    moved = np.stack([_sway(times_s() - REST_S, rng) for _ in squeeze], axis=1)
+    return Motion(
+        protocol=GRASP,
+        target_rad=start.joint_rad[0] + squeeze + moved,
+        push_nm=0.0 * moved,
+        start=start,
+    )
+
+
+def _sway(since_s: Array, rng: np.random.Generator) -> Array:
+    """A joint's excursion (T,) [rad], none before it begins."""
+    inside_s, phases = np.maximum(since_s, 0.0), rng.uniform(0, 2 * np.pi, SINES)
+    pairs = zip(evenly(rng, SINE_HZ, SINES), phases, strict=True)
+    moved = sum(np.sin(2 * np.pi * hz * inside_s + at) - np.sin(at) for hz, at in pairs)
+    return rng.uniform(*SWAY_RAD) * moved / np.abs(moved).max()
+
+
+class Touching:
+    """What skin and tracker read of worlds on an engine."""
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        self._skin = Skin(specs)
+
+    def read(self, state: State, now_s: float) -> dict[str, Array]:
+        """Depths [m] and answers (N, F, K), poses of the stick (N, 7)."""
+        felt = self._skin.feel(state, np.full(len(state.joint_rad), now_s))
+        return {
+            "touch": felt.reading_m.astype(np.float32),
+            "contact": felt.active.astype(np.float32),
+            "stick": np.hstack([state.stick_pos_m, state.stick_quat_wxyz]),
+        }
+
+
+def tracked(pose: Array, rng: np.random.Generator) -> Array:
+    """Poses x y z [m], qw qx qy qz (T, 7) with the tracker's noise."""
+    turned = Rotation.from_rotvec(rigs.TRACKER_RAD * rng.normal(size=(len(pose), 3)))
+    quat = (turned * Rotation.from_quat(pose[:, 3:], scalar_first=True)).as_quat(scalar_first=True)
+    quat *= np.where((quat * pose[:, 3:]).sum(axis=1, keepdims=True) < 0, -1.0, 1.0)
+    return np.hstack([pose[:, :3] + rigs.TRACKER_M * rng.normal(size=(len(pose), 3)), quat])
+
+
+def fallen(pose: Array) -> int:
+    """Samples before the stick falls, of poses (T, 7); at least `LEAST`."""
+    low = pose[:, 2] < pose[0, 2] - FALLEN_M
+    return max(int(np.argmax(low)), LEAST) if low.any() else len(pose)
