@@ -98,7 +98,9 @@ def diagnose(
 def _with(
     nominal: Spec, limbs: Sequence[LimbVerdict], catalogue: Mapping[str, type[Effect]]
 ) -> Spec:
-    """The nominal world with what replays found."""
+    """The nominal world, its parameters as replays refitted them, with what they found."""
+    for effect in (one for limb in limbs if limb.names != (UNKNOWN,) for one in limb.refitted):
+        nominal = effect.on_spec(nominal)
     for m in _found(limbs):
         everywhere = m.joint is None and not catalogue[m.effect].per_joint
         for joint in (None,) if everywhere else m.joints:

@@ -77,6 +77,12 @@ class LimbVerdict:
     """How far the verdict is ahead of the next one, or of `none` or `unknown` [nats]."""
 
     @property
+    def refitted(self) -> tuple[Effect, ...]:
+        """What the chosen fit makes of the joints' nominal parameters, as effects."""
+        pairs = zip(self.attribution.fitter.nuisances, self.chosen.fit.deviations, strict=True)
+        return tuple(n.at(d) for n, d in pairs if n.joint is not None)
+
+    @property
     def confidence(self) -> float:
         """Probability that the verdict is right."""
         a, b = rules().confidence

@@ -20,6 +20,10 @@ from scipy.special import ndtr
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 
+EXACT_M = 1e-5
+"""Numerical error of depths: the blur of a taxel that nothing is near."""
+NEAR = 4.0
+"""Blurs within which it may be felt or not."""
 WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far off a wild depth may be."""
 MISSED = 0.02
@@ -37,7 +41,7 @@ class Pressed:
     time_s: Array
     """Since the start of the episode, shape (S,)."""
     depth_m: Array
-    """How deep the geometry presses every taxel, shape (S, F, K)."""
+    """How deep the geometry presses every taxel, negative where it is away, shape (S, F, K)."""
     reading: Array
     """Depths [m], or 1 and 0, shape (S, F, K)."""
     touched: Array
@@ -66,6 +70,10 @@ class Faults:
     blur_m: float
     """Standard deviation of the depth: the geometry's own error."""
 
+    def blurs_m(self, data: Pressed) -> Array:
+        """The same of every answer, shape (S, F, K): it matters where something is near."""
+        return np.where(data.depth_m > -NEAR * self.blur_m, self.blur_m, EXACT_M)
+
 
 def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Readings [m], or probabilities of an answer, shape (S, F, K).
@@ -74,10 +82,11 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
     drifted = data.time_s[:, None, None] * faults.slope_m_s
-    reading = (np.where(data.touched[..., None], data.depth_m, 0.0) + drifted) * alive
+    pressed = np.where(data.touched[..., None], np.maximum(data.depth_m, 0.0), 0.0)
+    reading = (pressed + drifted) * alive
     if not data.binary:
         return reading
-    chance = ndtr((reading - THRESHOLD_M - faults.threshold_m) / faults.blur_m)
+    chance = ndtr((reading - THRESHOLD_M - faults.threshold_m) / faults.blurs_m(data))
     if near is not None:
         chance = _spread(np.broadcast_to(chance, data.depth_m.shape), near)
     return WILD + (1 - 2 * WILD) * chance * alive
@@ -103,9 +112,10 @@ def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     shown = expected(data, faults, near)
     if data.binary:
         return np.log(np.where(data.reading > 0.5, shown, 1 - shown)) / ALIKE
-    off = (data.reading - shown) / faults.blur_m
-    density = np.exp(-0.5 * np.minimum(off**2, 500.0)) / (np.sqrt(2 * np.pi) * faults.blur_m)
-    likely = np.where(data.reading > 0, density, ndtr(-shown / faults.blur_m))
+    blur_m = faults.blurs_m(data)
+    off = (data.reading - shown) / blur_m
+    density = np.exp(-0.5 * np.minimum(off**2, 500.0)) / (np.sqrt(2 * np.pi) * blur_m)
+    likely = np.where(data.reading > 0, density, ndtr(-shown / blur_m))
     wild = np.where(data.reading > 0, WILD / ANYWHERE_M, WILD)
     return np.log((1 - WILD) * likely + wild) / ALIKE
 
@@ -129,7 +139,7 @@ def gap(
     if data.binary:
         wrong = np.where(data.reading > 0.5, shown < 0.5, shown >= 0.5)[some].mean()
         return float(np.sqrt(wrong / (MISSED + np.minimum(shown, 1 - shown)[some].mean())))
-    return float(np.sqrt(np.mean(((data.reading - shown)[some] / faults.blur_m) ** 2)))
+    return float(np.sqrt(np.mean(((data.reading - shown) / faults.blurs_m(data))[some] ** 2)))
 
 
 def joined(parts: Sequence[Pressed]) -> Pressed:

@@ -15,7 +15,9 @@ FINER = np.arange(-5, 6) / 5
 """Steps around the best threshold, in steps of the first grid."""
 HALO_M = 0.02
 """The widest halo."""
-DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1e-3, 97)])
+DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1.15e-3, 99)])
+AROUND = np.geomspace(0.93, 1.08, 16)
+"""Factors of the best of these that are tried next."""
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 NEXT_M = 1e-5
 """Distances between taxels that differ by less are one."""
@@ -93,34 +95,41 @@ class Fitting:
         if best == 0:
             return None
         good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+        low, high = float(ends[good[0]]), float(ends[good[-1] + 1])
         return Guess(
             effect="taxel-halo",
-            value=float(middles[best]),
-            interval=(float(ends[good[0]]), float(ends[good[-1] + 1])),
+            value=(low + high) / 2,
+            interval=(low, high),
             faults=tries[best],
             evidence=f"taxels answer within {1e3 * middles[best]:.1f} mm of a pressed one",
         )
 
     def _drift(self, faults: Faults) -> Guess | None:
-        evidence, mean = self._drifting(faults)
-        best, low, high = profile(DRIFTS_M_S[1:], evidence.sum(axis=(1, 2)))
-        k = int(np.searchsorted(DRIFTS_M_S[1:], best))
-        if k == 0:
+        coarse, _ = self._drifting(faults, DRIFTS_M_S)
+        near = int(np.argmax(coarse.sum(axis=(1, 2))))
+        if near == 0:
             return None
+        tried = np.unique([*DRIFTS_M_S[: near + 1], *(DRIFTS_M_S[near + 1] * AROUND)])
+        evidence, mean = self._drifting(faults, tried)
+        scores = evidence.sum(axis=(1, 2))
+        best = int(np.argmax(scores))
+        good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+        value = float(tried[best + 1])
         return Guess(
             effect="taxel-drift",
-            value=best,
-            interval=(low, float(high * DRIFTS_M_S[2] / DRIFTS_M_S[1])),
-            faults=replace(faults, slope_m_s=mean[k], fastest_m_s=best),
-            evidence=f"readings grow by up to {1e3 * best:.3g} mm/s, pressed or not",
+            value=value,
+            interval=(float(tried[good[0]]), float(tried[min(good[-1] + 2, len(tried) - 1)])),
+            faults=replace(faults, slope_m_s=mean[best], fastest_m_s=value),
+            evidence=f"readings grow by up to {1e3 * value:.3g} mm/s, pressed or not",
         )
 
-    def _drifting(self, faults: Faults) -> tuple[Array, Array]:
-        """Log-evidence of every taxel and its mean slope, by the fastest drift, (D, F, K).
+    def _drifting(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
+        """Log-evidence of every taxel and its mean slope, by the fastest drift, (D - 1, F, K).
 
-        Slopes are spread evenly between none and the fastest.
+        Slopes are spread evenly between none and the fastest, which is any of `slopes_m_s` (D,)
+        but the first.
         """
-        near, slope = self._near(faults), DRIFTS_M_S[:, None, None]
+        near, slope = self._near(faults), slopes_m_s[:, None, None]
         each = np.stack(
             [nats(self._data, replace(faults, slope_m_s=a), near).sum(axis=0) for a in slope]
         )
@@ -136,8 +145,8 @@ class Fitting:
         near = self._near(faults)
         dead = nats(self._data, replace(faults, dead=~none), near).sum(axis=0)
         if faults.fastest_m_s > 0:  # a living taxel would drift
-            fastest = int(np.searchsorted(DRIFTS_M_S[1:], faults.fastest_m_s))
-            alive = self._drifting(faults)[0][fastest]
+            slopes = np.append(DRIFTS_M_S[faults.fastest_m_s > DRIFTS_M_S], faults.fastest_m_s)
+            alive = self._drifting(faults, slopes)[0][-1]
         else:
             alive = nats(self._data, replace(faults, dead=none), near).sum(axis=0)
         shares = DEAD_SHARES[:, None, None]

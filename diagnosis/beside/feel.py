@@ -34,19 +34,23 @@ PERIOD_S = 0.2
 """Samples are thinned to this."""
 BLOCK_S = 1.0
 """Blocks that judge each other in turn."""
-YIELD_M = 0.65e-3
-"""Nominal contacts yield up to this; a tip deeper in the stick, or away from it, is misplaced."""
 FIRM_N = 12.0
 """No finger of a grasp presses harder."""
+YIELD_M = FIRM_N * 0.072e-3
+"""Nominal contacts yield up to this; a tip deeper in the stick, or away from it, is misplaced."""
 OUT_M = 0.02e-3
 """A tip that is touched and further outside than this is misplaced. One that answers nowhere has
 let go, unless it is further inside than this."""
+SURE, MEDIAN = 3.0, 1.25
+"""Standard deviations that noise may add, and that of a median over that of a mean."""
 MOST = 2
 """Faults that are told at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
 """A fault must raise the likelihood of the judging samples by this."""
 BLUR_M = 1e-5
 """The geometry is at least so uncertain."""
+ASKEW = 1.12
+"""Taxels beside the nearest point are inclined, and feel half of the noise along them as well."""
 MOVED_M = 5e-5
 """Blur while a misplaced tip is moved."""
 GRASP = "not identifiable from this log: record --protocol grasp with the channels {}"
@@ -93,10 +97,10 @@ def _skins(
     """All samples, the nominal skin, and the fingers that the geometry misplaces."""
     noise, steps = np.max([blur_m(nominal, part) for part in parts], axis=0)
     if noise > BLUR_M:
-        parts, noise = [smoothed(part) for part in parts], noise * CALMER
-    pressed = [_pressed(nominal, part, binary) for part in parts]
-    wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
+        parts, noise = [smoothed(part) for part in parts], noise * CALMER * ASKEW
     blur = max(BLUR_M, float(np.hypot(noise, steps)))
+    pressed = [_pressed(nominal, part, binary, blur) for part in parts]
+    wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
     start = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur)
     return Skins(_split([data for data, _ in pressed]), grid), start, sorted(wrong)
 
@@ -140,7 +144,7 @@ def _is_new(found: Finding, blur: float) -> bool:
     return found.effect == UNKNOWN or not found.interval[0] <= 0.0 <= found.interval[1]
 
 
-def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int]]:
+def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[int]]:
     """Thinned samples, and the fingers that the geometry puts elsewhere than they are."""
     step = max(round(PERIOD_S / float(np.median(np.diff(part.time_s)))), 1)
     part = part.every(np.arange(step, len(part.time_s), step))
@@ -150,12 +154,12 @@ def _pressed(nominal: Spec, part: Held, binary: bool) -> tuple[Pressed, list[int
         time_s=part.time_s,
         depth_m=pressed_m(nominal, part),
         reading=touch,
-        touched=touch.any(axis=2) | (gap_m < -OUT_M),
+        touched=touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur),
         binary=binary,
     )
-    off = np.median(gap_m, axis=0)
+    off, slack = np.median(gap_m, axis=0), SURE * MEDIAN * blur / np.sqrt(len(gap_m))
     deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
-    wrong = [f for f in range(len(off)) if not -deepest_m <= off[f] <= OUT_M]
+    wrong = [f for f in range(len(off)) if not -deepest_m - slack <= off[f] <= OUT_M + slack]
     for f in wrong:
         data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
     return data, wrong

@@ -19,6 +19,10 @@ POINTS = 64
 """Points on a tip's axis of which the nearest to the stick is sought: 0.2 mm apart, which is
 0.0002 mm in the distance."""
 
+LOST_M, LEAST_S = 5e-3, 1.0
+"""A stick further from all tips is lost; what was before is used if it is as long as this."""
+AWAY_M = 1e-3
+"""How far from a skin distances are told."""
 SMOOTH, CUBIC = 21, 3
 """Samples and degree of the cubics that noise is smoothed by."""
 CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
@@ -65,11 +69,19 @@ def held(log: Log, nominal: Spec) -> list[Held]:
     """The episodes of a log in which the stick is held and its pose was logged."""
     if any(name not in log.joints for name in nominal.hand.joint_names):
         return []
-    return [
+    parts = [
         _held(log, nominal, meta.episode, meta.protocol, stick)
         for meta in log.episodes
         if meta.protocol in PROTOCOLS and (stick := log.stick(meta.episode)) is not None
     ]
+    kept = [_while_held(nominal, part) for part in parts]
+    return [part for part in kept if len(part.time_s) and part.time_s[-1] >= LEAST_S]
+
+
+def _while_held(nominal: Spec, part: Held) -> Held:
+    """An episode until the stick is lost."""
+    lost = gaps_m(nominal, part).min(axis=1) > LOST_M
+    return part.every(np.arange(np.argmax(lost))) if lost.any() else part
 
 
 def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
@@ -100,15 +112,19 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
 
 
 def pressed_m(spec: Spec, part: Held) -> Array:
-    """Depth [m] to which every taxel is pressed where its finger is touched, shape (T, F, K)."""
+    """Depth [m] to which every taxel is pressed where its finger is touched, shape (T, F, K).
+
+    Negative is the distance to what it would feel, up to `AWAY_M`.
+    """
     count, tips = len(part.time_s), len(spec.hand.fingertips)
-    taxels = replace(spec.hand.taxels, drift_m_s=0.0, dead_share=0.0, halo_m=0.0)
+    reach_m = spec.hand.taxels.reach_m + AWAY_M
+    taxels = replace(spec.hand.taxels, reach_m=reach_m, drift_m_s=0.0, dead_share=0.0, halo_m=0.0)
     bare = replace(spec, hand=replace(spec.hand, taxels=taxels))
     state = State.allocate(count, len(spec.hand.joint_names), tips)
     state.joint_rad[:] = part.joint_rad
     state.stick_pos_m[:], state.stick_quat_wxyz[:] = part.stick[:, :3], part.stick[:, 3:]
     state.contact_force_n[:] = 1.0
-    return Skin([bare] * count).feel(state).reading_m
+    return Skin([bare] * count).feel(state).reading_m - AWAY_M
 
 
 def gaps_m(spec: Spec, part: Held) -> Array:
@@ -134,10 +150,9 @@ def blur_m(spec: Spec, part: Held) -> tuple[float, float]:
     turned = np.concatenate([middle[None], middle + STEP_RAD * np.eye(len(middle))])
     origin, _ = tip_frames(spec.hand, turned)
     arm_m = np.linalg.norm(origin[1:] - origin[0], axis=-1) / STEP_RAD
-    joints, stick = white_noise(part.joint_rad), white_noise(part.stick[:, :3])
-    noise = np.sqrt(((arm_m * joints[:, None]) ** 2).sum(axis=0).max() + (stick**2).max())
     steps = np.array([b.joint.encoder.resolution_rad for b in spec.hand.driven]) / np.sqrt(12)
-    return float(noise), float(np.sqrt(((arm_m * steps[:, None]) ** 2).sum(axis=0).max()))
+    stepped = np.sqrt(((arm_m * steps[:, None]) ** 2).sum(axis=0).max())
+    return float(white_noise(gaps_m(spec, part)).max()), float(stepped)
 
 
 def white_noise(values: Array) -> Array:

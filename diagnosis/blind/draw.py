@@ -93,9 +93,10 @@ HELD_SIZES = {
     "stick-radius": Size(levels=(0.03, 0.08, 0.2), falls=(0.03, 0.08, 0.2)),
     "stick-mass": Size(levels=(0.3, 0.8, 2.0), falls=(0.2, 0.4, 0.7)),
     "contact-friction": Size(levels=(0.15, 0.3, 0.6), falls=(0.15, 0.3, 0.5)),
-    "contact-softness": Size(levels=(5e-5, 1.5e-4, 5e-4)),
+    "contact-softness": Size(levels=(4e-5, 1e-4, 2.5e-4)),
 }
-"""What shows with the stick in the hand alone: touch, stick and contact."""
+"""What shows with the stick in the hand alone: touch, stick and contact. A grasp presses by up to
+12 N, and engines hold a stick while contacts yield less than 3.5 mm."""
 EFFECTS, HELD_EFFECTS = tuple(SIZES), tuple(HELD_SIZES)
 
 

@@ -33,10 +33,16 @@ def on(backend: str):
 
 
 @cache
-def log(effects: str, backend: str = "mujoco", protocols: tuple[str, ...] = ("steps",)) -> Log:
+def log(
+    effects: str,
+    backend: str = "mujoco",
+    protocols: tuple[str, ...] = ("steps",),
+    variants: int = 1,
+) -> Log:
     """A log of the hand with effects on an engine."""
     plan = Plan(
         protocols=protocols,
+        variants=variants,
         channels=("command", "position", "push", "stick", "contact"),
         seed=4,
     )
@@ -66,6 +72,15 @@ def test_joints_touch_and_stick_together(held):
     assert sizes["taxel-threshold"].value == pytest.approx(0.3, abs=0.03)
     text = sentence(held)
     assert "taxel-threshold of 0." in text and "coulomb-friction of" in text
+
+
+def test_grasps_are_replayed_with_refitted_drives():
+    """Measure a heavy stick although gains are off by what nominal ones may be."""
+    real = log("kp-scale=4%,stick-mass=100%", "mujoco", ("multisine", "grasp"), 2)
+    few = {name: registry.load("effect", name) for name in (*FEW, "stick-mass")}
+    found = diagnose(real, NOMINAL, few, map, on("mujoco"))
+    assert found.verdict == ("stick-mass",)
+    assert found.magnitudes[0].value == pytest.approx(100, abs=15)
 
 
 def test_the_corrected_world_can_be_written(held):

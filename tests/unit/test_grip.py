@@ -1,5 +1,6 @@
 """Stick and contact: told from grasps by geometry on any engine, by motion on the nominal one."""
 
+import dataclasses
 from functools import cache
 
 import numpy as np
@@ -64,6 +65,26 @@ def test_gaps_are_what_the_radius_says():
     thick = CATALOGUE["stick-radius"](magnitude=0.1).on_spec(NOMINAL)
     extra = gaps_m(NOMINAL, part) - gaps_m(thick, part)
     assert extra == pytest.approx(0.1 * NOMINAL.stick.radius_m, abs=1e-12)
+
+
+def test_a_lost_stick_ends_the_grasp():
+    """Use a grasp up to where the stick falls, and not at all where that is at once."""
+    whole = log("none")
+    dropped = whole.samples.copy()
+    dropped.loc[(dropped.episode == 0) & (dropped.t_s >= 2.0), "stick_z_m"] -= 0.3
+    dropped.loc[(dropped.episode == 1) & (dropped.t_s >= 0.5), "stick_z_m"] -= 0.3
+    (part,) = held(dataclasses.replace(whole, samples=dropped), NOMINAL)
+    assert part.episode == 0
+    assert part.time_s[-1] == pytest.approx(2.0, abs=0.01)
+
+
+def test_a_soft_contact_is_no_light_stick():
+    """Name the softness, not a mass that an engine's contacts would yield alike with."""
+    few = some(*SHAPES, *MOTIONS)
+    report = grip(log("contact-softness=0.06mm/N"), NOMINAL, few, on_mujoco)
+    (one,) = report.findings
+    assert one.effect == "contact-softness"
+    assert one.value == pytest.approx(0.06e-3, rel=0.05)
 
 
 @pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
