@@ -9,11 +9,7 @@ per survivor: Raheli, Polydoros and Tzou, IEEE Trans. Communications 43, 1995).
 import numba
 import numpy as np
 
-from backends.command import follow
-from backends.drive import motor_tick
-from backends.encoder import note, read
-from diagnosis.replay.chain import dynamics, solve, workspace
-from diagnosis.replay.expansion import accelerate, expand
+from diagnosis.replay.limb import rest, run
 
 MEMORY = 3
 """Decisions that are kept open."""
@@ -43,30 +39,6 @@ def _surprise(shown, logged, last, has_last, weight, memory):
 
 
 @numba.njit(cache=True)
-def _tick_all(alive, wanted, load, x, chain_, weights, drive, dt, mass, bias, torque, acc, work):
-    """One drive period of the living worlds: x (W, 5, J) holds q, q', motor, motor' and torque."""
-    joints = wanted.shape[1]
-    closed = len(weights[0]) > 0
-    for w in range(len(alive)):
-        if not alive[w]:
-            continue
-        q, qd, motor, speed = x[w, 0], x[w, 1], x[w, 2], x[w, 3]
-        for j in range(joints):
-            motor[j], speed[j], x[w, 4, j], torque[j] = motor_tick(
-                wanted[w, j], q[j], qd[j], motor[j], speed[j], drive[j], dt
-            )
-            torque[j] += load[j]
-        if closed:
-            accelerate(q, qd, torque, weights[0], weights[1], acc)
-        else:
-            dynamics(q, qd, chain_, work, mass, bias)
-            solve(mass, torque - bias, acc)
-        for j in range(joints):
-            qd[j] += dt * acc[j]
-            q[j] += dt * qd[j]
-
-
-@numba.njit(cache=True)
 def decode(
     ticks,
     target,
@@ -77,12 +49,7 @@ def decode(
     charge,
     weight,
     memory,
-    chain_,
-    drive,
-    path,
-    encoder,
-    at_motor,
-    dt,
+    limb,
     rings,
     forced,
 ):
@@ -91,20 +58,15 @@ def decode(
     `logged` is (T, C, J) with channels position, motor and torque; `lossy` (J,) are the joints
     whose packets may be lost; each loss costs `charge`. `weight` and `memory` (C, J) are one over
     the scale of an innovation and how much of a residual lives on to the next sample. `forced` (T,)
-    fixes a packet: 0 arrived, 1 lost, -1 is decoded. `path`, `encoder` and `rings` are of 2^(MEMORY
-    + 1) worlds.
+    fixes a packet: 0 arrived, 1 lost, -1 is decoded. `limb` and `rings` are those of `replay.limb`
+    for 2^(MEMORY + 1) worlds.
     """
     samples, joints = target.shape
     half = 1 << MEMORY
     worlds = 2 * half
-    x = np.zeros((worlds, 5, joints))
-    for w in range(worlds):
-        x[w, 0], x[w, 2] = start, start
-    held, kept, wanted = np.zeros((3, worlds, joints))
-    angle, reading = np.zeros((2, worlds, joints))
-    age, seed = np.zeros(worlds, dtype=np.int64), np.zeros(worlds, dtype=np.int64)
-    last = np.zeros((worlds, 3, joints))
-    shown = np.zeros((worlds, 3, joints))
+    state, age = rest(start, limb), np.zeros(worlds, dtype=np.int64)
+    held, last = np.zeros((1, worlds, joints)), np.zeros((worlds, 3, joints))
+    shown = np.zeros((1, worlds, 4, joints))
     cost = np.full(worlds, np.inf)
     cost[0] = 0.0
     alive = np.zeros(worlds, dtype=np.bool_)
@@ -112,27 +74,16 @@ def decode(
     picture = np.zeros((samples, half, 3, joints))
     lost_now = np.zeros((samples, half), dtype=np.bool_)
     winner = np.zeros(worlds, dtype=np.int64)
-    mass, bias = np.zeros((joints, joints)), np.zeros(joints)
-    torque, acc = np.zeros(joints), np.zeros(joints)
-    work = workspace(len(chain_[0]), joints)
-    weights = expand(chain_)
-    late, read_late = path.any(), encoder.any()
-    for w in range(half):
-        alive[w] = w == 0
+    alive[0] = True
+    gaps = np.diff(ticks)
+    run(gaps[:1] - gaps[:1], held, load[:1], alive, limb, rings, state, age, shown)
     for k in range(samples):
-        # What is read now; survivors are worlds 0 .. half - 1 here.
-        for w in range(half):
-            angle[w] = np.where(at_motor, x[w, 2], x[w, 0])
-        if read_late:
-            note(angle, age, rings[1])
-            read(age, seed, encoder, dt, rings[1], reading)
-        else:
-            reading[:] = angle
+        # Survivors are worlds 0 .. half - 1 here.
         for w in range(half):
             if alive[w]:
-                shown[w, 0], shown[w, 1], shown[w, 2] = reading[w], x[w, 2], x[w, 4]
-                cost[w] += _surprise(shown[w], logged[k], last[w], k > 0, weight, memory)
-                picture[k, w] = shown[w]
+                seen = shown[0, w, :3]
+                cost[w] += _surprise(seen, logged[k], last[w], k > 0, weight, memory)
+                picture[k, w] = seen
         if k + 1 == samples:
             break
         # Packet k: it arrives in world w, and is lost in world half + w.
@@ -142,35 +93,22 @@ def decode(
                 continue
             news = False
             for j in range(joints):
-                if lossy[j] and abs(target[k, j] - held[w, j]) > SAME:
+                if lossy[j] and abs(target[k, j] - held[0, w, j]) > SAME:
                     news = True
             if k > 0 and news and forced[k] != 0:
                 v = half + w
                 alive[v] = True
-                x[v], last[v], age[v] = x[w], last[w], age[w]
+                state[v], last[v], age[v], held[0, v] = state[w], last[w], age[w], held[0, w]
                 rings[0][v], rings[1][v] = rings[0][w], rings[1][w]
-                kept[v], wanted[v], held[v] = kept[w], wanted[w], held[w]
                 cost[v] = cost[w] + charge
                 for j in range(joints):
                     if not lossy[j]:
-                        held[v, j] = target[k, j]
+                        held[0, v, j] = target[k, j]
                 if forced[k] == 1:
                     cost[w] = np.inf
                     alive[w] = False
-            held[w] = target[k]
-        for _ in range(ticks[k + 1] - ticks[k]):
-            if late:
-                follow(held, age, 1, seed, path, dt, kept, rings[0], wanted)
-            else:
-                wanted[:] = held
-            _tick_all(
-                alive, wanted, load[k], x, chain_, weights, drive, dt, mass, bias, torque, acc, work
-            )
-            age += 1
-            if read_late:
-                for w in range(worlds):
-                    angle[w] = np.where(at_motor, x[w, 2], x[w, 0])
-                note(angle, age, rings[1])
+            held[0, w] = target[k]
+        run(gaps[k : k + 1], held, load[k : k + 1], alive, limb, rings, state, age, shown)
         # Of worlds with the same last decisions the cheapest so far survives.
         winner[:half] = -1
         for w in range(worlds):
@@ -179,7 +117,7 @@ def decode(
                 if winner[slot] < 0 or cost[w] < cost[winner[slot]]:
                     winner[slot] = w
         if winner[0] != 0 or (winner[1:half] >= 0).any():
-            _survive(winner, half, x, held, kept, wanted, last, cost, age, rings)
+            _survive(winner, half, state, held[0], shown[0], last, cost, age, rings)
         for s in range(half):
             alive[s] = winner[s] >= 0
             parent[k + 1, s] = winner[s] % half if alive[s] else -1
@@ -200,15 +138,15 @@ def decode(
 
 
 @numba.njit(cache=True)
-def _survive(winner, half, x, held, kept, wanted, last, cost, age, rings):
+def _survive(winner, half, state, held, shown, last, cost, age, rings):
     """Move the winners to the worlds 0 .. half - 1."""
-    old = (x.copy(), held.copy(), kept.copy(), wanted.copy(), last.copy(), cost.copy(), age.copy())
+    old = (state.copy(), held.copy(), shown.copy(), last.copy(), cost.copy(), age.copy())
     old_rings = (rings[0].copy(), rings[1].copy())
     for s in range(half):
         w = winner[s]
         if w < 0:
             cost[s] = np.inf
             continue
-        x[s], held[s], kept[s], wanted[s] = old[0][w], old[1][w], old[2][w], old[3][w]
-        last[s], cost[s], age[s] = old[4][w], old[5][w], old[6][w]
+        state[s], held[s], shown[s] = old[0][w], old[1][w], old[2][w]
+        last[s], cost[s], age[s] = old[3][w], old[4][w], old[5][w]
         rings[0][s], rings[1][s] = old_rings[0][w], old_rings[1][w]

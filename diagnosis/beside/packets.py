@@ -7,17 +7,15 @@ one did not foretell. Their scale comes from the log, so a badly explained one a
 """
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 
 import numpy as np
 
-from backends.command import ring_ticks
-from backends.drive import drive_table
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.beside._packets import MEMORY, SAME, TAIL, decode
-from diagnosis.replay.chain import chain
+from diagnosis.replay.limb import memory, numbers
 from diagnosis.replay.replay import Commands
 
 FIRST_SHARE, SHARES = 0.1, (0.01, 0.5)
@@ -156,33 +154,19 @@ def _decoded(
     forced: Array,
 ) -> tuple[Array, Array, float]:
     """See `_packets.decode`; the world's own losses, noise and steps are left out."""
-    joints = [body.joint for body in world.hand.driven]
-    worlds = 1 << (MEMORY + 1)
-    path = np.tile([astuple(j.command) for j in joints], (worlds, 1, 1))
-    encoder = np.tile([astuple(j.encoder) for j in joints], (worlds, 1, 1))
-    path[..., 2], encoder[..., 2:4] = 0.0, 0.0
-    dt_s = world.timing.drive_s
-    rings = tuple(
-        np.zeros((worlds, len(joints), ring_ticks(delay, dt_s)))
-        for delay in (path[..., 0], encoder[..., 4])
-    )
+    limb = numbers(world, 1 << (MEMORY + 1))
     return decode(
         commands.ticks,
         commands.target,
         commands.load,
-        (commands.start - encoder[0, :, 0]) / (1.0 + encoder[0, :, 1]),
+        commands.start,
         np.ascontiguousarray(measured.transpose(1, 0, 2)),
-        np.array([j.name in lossy for j in joints]),
+        np.array([name in lossy for name in world.hand.joint_names]),
         charge,
         scale.weight,
         scale.memory,
-        chain(world).numbers,
-        drive_table(world),
-        path,
-        encoder,
-        np.array([j.sensor == "motor" for j in joints]),
-        dt_s,
-        rings,
+        limb,
+        memory(limb),
         forced.astype(np.int64),
     )
 

@@ -59,31 +59,28 @@ def expand(chain):
     return mass, gravity
 
 
-@numba.njit(cache=True)
-def accelerate(q, qd, torque, mass, gravity, out):
-    """Write the accelerations (J,) that `torque` (J,) gives; J is one or two."""
-    a, b = np.cos(q[0]), np.sin(q[0])
-    if len(q) == 1:
-        g = gravity[0]
-        out[0] = (torque[0] - g[0] - a * g[3] - b * g[6]) / mass[0, 0]
-        return
-    c, s = np.cos(q[1]), np.sin(q[1])
+@numba.njit(cache=True, error_model="numpy")
+def accelerate_one(q, torque, mass, gravity):
+    """The acceleration of a lone joint."""
+    g = np.cos(q) * gravity[0, 3], np.sin(q) * gravity[0, 6]
+    return (torque - gravity[0, 0] - g[0] - g[1]) / mass[0, 0]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def accelerate_two(q1, q2, qd1, qd2, torque1, torque2, mass, g):
+    """The accelerations of two joints."""
+    a, b, c, s = np.cos(q1), np.sin(q1), np.cos(q2), np.sin(q2)
     c2, s2 = c * c - s * s, 2.0 * c * s
     m11 = mass[0, 0] + c * mass[0, 1] + s * mass[0, 2] + c2 * mass[0, 3] + s2 * mass[0, 4]
     m12 = mass[1, 0] + c * mass[1, 1] + s * mass[1, 2] + c2 * mass[1, 3] + s2 * mass[1, 4]
     m22 = mass[2, 0]
     d11 = c * mass[0, 2] - s * mass[0, 1] + 2.0 * (c2 * mass[0, 4] - s2 * mass[0, 3])
     d12 = c * mass[1, 2] - s * mass[1, 1] + 2.0 * (c2 * mass[1, 4] - s2 * mass[1, 3])
-    t0 = torque[0] - qd[1] * (d11 * qd[0] + d12 * qd[1])
-    t1 = torque[1] + 0.5 * d11 * qd[0] * qd[0]
-    for j in range(2):
-        g = gravity[j]
-        pull = g[0] + c * g[1] + s * g[2] + a * (g[3] + c * g[4] + s * g[5])
-        pull += b * (g[6] + c * g[7] + s * g[8])
-        if j == 0:
-            t0 -= pull
-        else:
-            t1 -= pull
+    t1 = torque1 - qd2 * (d11 * qd1 + d12 * qd2)
+    t2 = torque2 + 0.5 * d11 * qd1 * qd1
+    pull = g[0, 0] + c * g[0, 1] + s * g[0, 2] + a * (g[0, 3] + c * g[0, 4] + s * g[0, 5])
+    t1 -= pull + b * (g[0, 6] + c * g[0, 7] + s * g[0, 8])
+    pull = g[1, 0] + c * g[1, 1] + s * g[1, 2] + a * (g[1, 3] + c * g[1, 4] + s * g[1, 5])
+    t2 -= pull + b * (g[1, 6] + c * g[1, 7] + s * g[1, 8])
     determinant = m11 * m22 - m12 * m12
-    out[0] = (m22 * t0 - m12 * t1) / determinant
-    out[1] = (m11 * t1 - m12 * t0) / determinant
+    return (m22 * t1 - m12 * t2) / determinant, (m11 * t2 - m12 * t1) / determinant

@@ -1,0 +1,40 @@
+"""Worlds of a limb side by side: what replays and the decoding of lost packets share."""
+
+import numpy as np
+import pytest
+
+from benchmark import registry
+from diagnosis.blind import motion, rigs
+from diagnosis.replay import limb
+from diagnosis.replay.replay import Commands, replay
+
+EFFECTS = {"backlash": 0.01, "command-delay": 6.3e-3, "sensor-delay": 4.1e-3, "encoder-bias": 0.02}
+
+
+def asked(rig: str, seed: int) -> Commands:
+    """Steps of a rig, with samples 5 and 6 ticks apart."""
+    one = motion.motion("steps", rigs.nominal(rig), np.random.default_rng(seed))
+    ticks = np.cumsum(np.resize([0, 5, 6], len(one.target_rad)))
+    return Commands(
+        ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0] + 0.01
+    )
+
+
+@pytest.mark.parametrize("rig", rigs.RIGS)
+def test_worlds_side_by_side_are_worlds_alone(rig):
+    """Move two worlds at once, and sample by sample, as each moves by itself, bit by bit."""
+    spec = rigs.nominal(rig)
+    for name, size in EFFECTS.items():
+        spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
+    one, other = asked(rig, 0), asked(rig, 1)
+    numbers = limb.numbers(spec, 2)
+    rings, state = limb.memory(numbers), limb.rest(one.start, numbers)
+    age, alive = np.zeros(2, dtype=np.int64), np.ones(2, dtype=bool)
+    shown = np.zeros((len(one.ticks), 2, 4, len(spec.drives)))
+    targets = np.stack([one.target, other.target], axis=1)
+    for k, ticks in enumerate(np.diff(one.ticks, prepend=one.ticks[:1])):
+        held = targets[max(k - 1, 0)][None]
+        now = np.array([ticks]), held, one.load[:1]
+        limb.run(*now, alive, numbers, rings, state, age, shown[k : k + 1])
+    for w, commands in enumerate((one, other)):
+        assert np.array_equal(shown[:, w].transpose(1, 0, 2), replay(spec, commands))
