@@ -15,14 +15,16 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
+from diagnosis.attribution.replayed import Replayed
 from diagnosis.attribution.timing import late_s, later
 from diagnosis.attribution.whiten import ROUGH, innovations
 from diagnosis.logs.log import Log, LogError
-from diagnosis.replay.replay import CHANNELS, Commands, limbs, replays
+from diagnosis.replay.limb import CHANNELS
+from diagnosis.replay.replay import Commands, limbs
 
 FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""
-USED = ("position", "motor", "torque")
+USED = CHANNELS[:3]
 """Channels that are compared; velocity follows from position."""
 LEAST_SAMPLES = 100
 """An episode shorter than this is left out."""
@@ -34,7 +36,6 @@ RATE_HZ = 200.0
 """Faster logs are compared this often: joints do nothing quicker."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
-_ROWS = [CHANNELS.index(name) for name in USED]
 _LOST = 1e6
 """What an unstable world shows [rad or Nm]."""
 REST_SAMPLES = 3
@@ -75,12 +76,14 @@ class Evidence:
         """Names of the limb's joints."""
         return self.nominal.hand.joint_names
 
+    @property
+    def settings(self) -> tuple["Evidence", ...]:
+        """The evidence by settings of the mechanism, each with its own nominal world: one."""
+        return (self,)
+
     def world(self, effects: Sequence[Effect]) -> Spec:
         """The nominal world with effects."""
-        spec = self.nominal
-        for effect in effects:
-            spec = effect.on_spec(spec)
-        return spec
+        return self._replayed.world(effects)
 
     def residual(
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
@@ -132,13 +135,13 @@ class Evidence:
     def _left(self, effects: Sequence[Effect], judged: bool | None) -> list[Array]:
         """Residuals (C, T, J) of every recording that has samples of the kind, up to the last."""
         shift_s = late_s(effects, USED)
-        pairs = self._asked[judged]
-        shown = replays(self.world(effects), [commands for commands, _ in pairs])
+        asked = self._asked[judged]
+        shown = self._replayed.shown(effects, self._ends[judged])
         left = []
-        for (commands, measured), all_channels in zip(pairs, shown, strict=True):
-            moved = all_channels[_ROWS]
+        for (time_s, measured), channels in zip(asked, shown, strict=True):
+            moved = channels[: len(USED)]
             if shift_s.any():
-                moved = later(moved, commands.ticks * self.nominal.timing.drive_s, shift_s)
+                moved = later(moved, time_s, shift_s)
             left.append((measured - np.clip(moved, -_LOST, _LOST))[:, :: self.stride])
         if not self.astray:
             return left
@@ -150,11 +153,16 @@ class Evidence:
         ]
 
     @cached_property
-    def _asked(self) -> dict[bool | None, list[tuple[Commands, Array]]]:
-        """Commands and readings of each recording up to the last sample that is compared."""
+    def _replayed(self) -> Replayed:
+        return Replayed(self.nominal, [r.commands for r in self.recordings])
+
+    @cached_property
+    def _asked(self) -> dict[bool | None, list[tuple[Array, Array]]]:
+        """Times [s] and readings of each recording up to the last sample that is compared."""
+        drive_s = self.nominal.timing.drive_s
         return {
             wanted: [
-                (r.commands.first(end), r.measured[:, :end])
+                (r.commands.ticks[:end] * drive_s, r.measured[:, :end])
                 for r, end in zip(self.recordings, ends, strict=True)
                 if end
             ]

@@ -5,8 +5,6 @@ targets that reached them. Nothing here is random: lost packets, noise and the s
 are left out.
 """
 
-from dataclasses import astuple
-
 import numba
 import numpy as np
 
@@ -30,8 +28,8 @@ def numbers(spec: Spec, worlds: int = 1) -> tuple:
     Bodies, their closed form, drives, command paths and sensors of all worlds, the period [s].
     """
     joints = [body.joint for body in spec.hand.driven]
-    path = np.array([[astuple(j.command) for j in joints]] * worlds)
-    encoder = np.array([[astuple(j.encoder) for j in joints]] * worlds)
+    path = np.array([[list(vars(j.command).values()) for j in joints]] * worlds)
+    encoder = np.array([[list(vars(j.encoder).values()) for j in joints]] * worlds)
     path[..., 2], encoder[..., 2:4] = 0.0, 0.0
     at_motor = np.array([j.sensor == "motor" for j in joints])
     bodies, dt_s = chain(spec).numbers, spec.timing.drive_s
@@ -73,8 +71,9 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
     work = workspace(len(bodies[0]), joints)
     closed, late, read_late = len(weights) > 0, path.any(), encoder.any()
     for k in range(len(ticks)):
-        if not late:
-            wanted[:] = target[k]
+        for w in range(worlds):
+            for j in range(0 if late else joints):
+                wanted[w, j] = target[k, w, j]
         for _ in range(ticks[k]):
             if late:
                 follow(target[k], age, 1, seed, path, dt, kept, rings[0], wanted)
@@ -106,17 +105,19 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
                 for j in range(joints):
                     state[w, SPEED, j] += dt * acceleration[j]
                     state[w, JOINT, j] += dt * state[w, SPEED, j]
-            age += 1
+            for w in range(worlds):
+                age[w] += 1
             if read_late:
                 _sense(state, at_motor, angle)
                 note(angle, age, rings[1])
-        _sense(state, at_motor, angle)
         if read_late:
+            _sense(state, at_motor, angle)
             note(angle, age, rings[1])
             read(age, seed, encoder, dt, rings[1], reading)
         for w in range(worlds):
             for j in range(joints):
-                out[k, w, 0, j] = reading[w, j] if read_late else angle[w, j]
+                sensed = state[w, MOTOR, j] if at_motor[j] else state[w, JOINT, j]
+                out[k, w, 0, j] = reading[w, j] if read_late else sensed
                 out[k, w, 1, j], out[k, w, 2, j] = state[w, MOTOR, j], state[w, TORQUE, j]
                 out[k, w, 3, j] = state[w, SPEED, j]
 

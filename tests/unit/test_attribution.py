@@ -1,6 +1,7 @@
 """Fits, whiteness and intervals: what a verdict is made of."""
 
 import dataclasses
+import pickle
 from collections.abc import Sequence
 
 import numpy as np
@@ -9,18 +10,19 @@ import pytest
 from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
+from diagnosis.attribution import replayed
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
-from diagnosis.attribution.timing import Late
+from diagnosis.attribution.timing import Late, TorqueLate
 from diagnosis.attribution.verdict import judge
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.blind import motion, rigs
 from diagnosis.replay.nominal import own_catalogue
-from diagnosis.replay.replay import Commands, link_inertias_kgm2, replay
+from diagnosis.replay.replay import Commands, link_inertias_kgm2, replay, replays
 
 SAMPLE_S, NOISE_RAD, FLOOR_RAD = 1 / motion.RATE_HZ, 5e-4, 2.5e-4
 
@@ -274,3 +276,22 @@ def test_a_known_gear_that_rattles_is_none():
     found = judge(known, {name: kind(name) for name in names}, 0.05)
     assert found.names == ("none",)
     assert found.chosen.gap < 1.2
+
+
+def test_a_world_is_replayed_once(monkeypatch):
+    """Replay no recording of a world twice, whatever samples are asked for, and show the same."""
+    part, asked = evidence(protocols=("steps",)), []
+    effects = (Late(magnitude=2e-4), TorqueLate(magnitude=1e-4), kind("kp-scale")(magnitude=0.1))
+
+    def counted(spec: Spec, episodes: Sequence[Commands]) -> list[np.ndarray]:
+        asked.append([len(one.target) for one in episodes])
+        return replays(spec, episodes)
+
+    monkeypatch.setattr(replayed, "replays", counted)
+    first, every = (part.residual(effects, judged) for judged in (False, None))
+    assert np.array_equal(part.residual(effects, False), first)
+    assert np.array_equal(part.residual(effects, True), every[len(first) :])
+    assert [len(one) for one in asked] == [1, 1, 0, 0]
+    elsewhere = pickle.loads(pickle.dumps(part))
+    assert np.array_equal(elsewhere.residual(effects), every)
+    assert part.world(effects) == effects[2].on_spec(effects[0].on_spec(part.nominal))

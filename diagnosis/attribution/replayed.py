@@ -1,0 +1,69 @@
+"""Replays of one limb's recordings in worlds with effects; the latest of them are kept.
+
+A fit comes back to where it has been: what it refined is judged, and what was fitted to some
+samples is fitted to all. Neighbouring worlds share most of their effects.
+"""
+
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.replay.replay import Commands, replays
+
+WORLDS = 1000
+"""Worlds that are kept; each takes as long to build as a fifth of a second to replay."""
+NUMBERS = 2_000_000
+"""Numbers of replays that are kept: 16 MB."""
+
+
+@dataclass
+class _World:
+    """A world, and those with one more effect."""
+
+    spec: Spec
+    more: dict[Effect, "_World"] = field(default_factory=dict)
+
+
+class Replayed:
+    """What worlds with effects show when they are told what was told in the recordings."""
+
+    def __init__(self, nominal: Spec, commands: Sequence[Commands]) -> None:
+        self._nominal, self._commands = nominal, tuple(commands)
+        self._root, self._worlds = _World(nominal), 0
+        self._shown: OrderedDict[tuple[Effect, ...], dict[int, Array]] = OrderedDict()
+        self._kept = 0
+
+    def __reduce__(self) -> tuple:
+        """To another process go no replays."""
+        return Replayed, (self._nominal, self._commands)
+
+    def world(self, effects: Sequence[Effect]) -> Spec:
+        """The nominal world with effects, one after the other."""
+        if self._worlds > WORLDS:
+            self._root, self._worlds = _World(self._nominal), 0
+        here = self._root
+        for effect in effects:
+            if effect not in here.more:
+                here.more[effect] = _World(effect.on_spec(here.spec))
+                self._worlds += 1
+            here = here.more[effect]
+        return here.spec
+
+    def shown(self, effects: Sequence[Effect], samples: Sequence[int]) -> list[Array]:
+        """The first so many samples of each recording, shape (4, T, J); none asked, none shown."""
+        acting = tuple(e for e in effects if type(e).on_spec is not Effect.on_spec)
+        known = self._shown.pop(acting, {})
+        asked = [k for k, count in enumerate(samples) if count]
+        short = [k for k in asked if k not in known or known[k].shape[1] < samples[k]]
+        fresh = replays(self.world(acting), [self._commands[k].first(samples[k]) for k in short])
+        self._kept += sum(one.size for one in fresh)
+        self._kept -= sum(known[k].size for k in short if k in known)
+        known.update(zip(short, fresh, strict=True))
+        self._shown[acting] = known
+        while self._kept > NUMBERS and len(self._shown) > 1:
+            _, oldest = self._shown.popitem(last=False)
+            self._kept -= sum(one.size for one in oldest.values())
+        return [known[k][:, : samples[k]] for k in asked]
