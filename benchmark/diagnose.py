@@ -27,7 +27,14 @@ from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.verdict import NONE, rules
 from diagnosis.calibration.worlds import Simulate
-from diagnosis.diagnose import Diagnosis, Judge, Judged, SideBySide, diagnose
+from diagnosis.diagnose import (
+    Diagnosis,
+    Judge,
+    Judged,
+    SideBySide,
+    diagnose,
+    diagnose_settings,
+)
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
@@ -42,13 +49,21 @@ OUT = Path("diagnoses")
 class Settings:
     """What `bench diagnose` is asked for."""
 
-    path: Path
-    """Folder of the log."""
+    paths: tuple[Path, ...]
+    """Folders of the logs: one, or one for each setting of a mechanism."""
+    judging: tuple[Path, ...] = ()
+    """Those of several that judge; the others are for fitting."""
     nominal: str
     """Engine that the replays of the nominal world are held against."""
     effects_known: str | None
     """Effects of the nominal world; None: those that the log's mechanism names."""
     workers: int | None
+
+    @property
+    def words(self) -> str:
+        """The logs as on the command line."""
+        judging = (f"--judge {path}" for path in self.judging)
+        return " ".join([*map(str, self.paths), *judging])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,18 +82,27 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
 
     Raises UsageError for a log or setting that cannot be used, CommandError when a process stops.
     """
-    folder = out or OUT / settings.path.resolve().name
+    judging = _judging(settings)
+    main = judging[0] if judging else 0
+    folder = out or OUT / settings.paths[main].resolve().name
     if (folder / FILE).exists() and not force:
         raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
     engine = registry.load("backend", settings.nominal)
     workers = settings.workers or usable_cores()
     try:
-        log = read_log(settings.path)
-        world = _world(log, settings)
-        catalogue = own_catalogue(_catalogue(), world.spec)
-        apart = _apart_rad(log, world, settings.nominal, engine, workers)
-        limbs = _side_by_side(settings.path.name, workers)
-        found = diagnose(log, world.spec, catalogue, limbs, _on(engine, workers))
+        logs = [read_log(path) for path in settings.paths]
+        worlds = [_world(log, settings) for log in logs]
+        catalogue = _catalogue()
+        for world in worlds:
+            catalogue = own_catalogue(catalogue, world.spec)
+        pairs = list(zip(logs, worlds, strict=True))
+        apart = max(_apart_rad(*pair, settings.nominal, engine, workers) for pair in pairs)
+        limbs, (log, world) = _side_by_side(settings.paths[main].name, workers), pairs[main]
+        if judging:
+            every = [(one, its.spec) for one, its in pairs]
+            found = diagnose_settings(every, judging, catalogue, limbs)
+        else:
+            found = diagnose(log, world.spec, catalogue, limbs, _on(engine, workers))
     except LogError as error:
         raise UsageError(str(error)) from error
     except (WorkerError, BrokenProcessPool) as error:
@@ -91,6 +115,25 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
     write_atomically(folder / REPORT, text)
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
     return result, summary(found, result)
+
+
+def _judging(settings: Settings) -> list[int]:
+    """Numbers of the logs that judge, none of a log alone; raises UsageError."""
+    paths = [path.resolve() for path in settings.paths]
+    twice = [str(path) for path in settings.paths if paths.count(path.resolve()) > 1]
+    if twice:
+        raise UsageError(f"{twice[0]} is given twice; give each log once")
+    for path in settings.judging:
+        if path.resolve() not in paths:
+            raise UsageError(f"--judge {path} is none of the logs; name one of: {settings.words}")
+    if len(paths) > 1 and not settings.judging:
+        raise UsageError(
+            f"{len(paths)} logs, and none of them judges; say which with --judge LOG, such as "
+            f"--judge {settings.paths[-1]}: the others are fitted"
+        )
+    if settings.judging and len({path.resolve() for path in settings.judging}) == len(paths):
+        raise UsageError("every log judges; leave one to fit on, without --judge")
+    return sorted({paths.index(path.resolve()) for path in settings.judging})
 
 
 def _catalogue() -> dict[str, type[Effect]]:
@@ -184,7 +227,7 @@ def _result(
         "status": "done",
         "dir": str(folder),
         "written": [str(folder / FILE), str(folder / REPORT)],
-        "log": str(settings.path),
+        "log": settings.words,
         "nominal": {
             "backend": settings.nominal,
             "hand": world.spec.hand.name,
@@ -215,7 +258,7 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     nominal = result["nominal"]
     apart_mrad = 1e3 * nominal["replay_apart_rad"]
     return {
-        "log": settings.path.resolve().name,
+        "log": settings.words if settings.judging else settings.paths[0].resolve().name,
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": (
@@ -230,7 +273,7 @@ def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
     """Commands that go on with the effects of a corrected world, and what each does."""
     if text is None:
         return {}
-    further = {f"bench diagnose {settings.path} --effects-known {text}": "asks what remains"}
+    further = {f"bench diagnose {settings.words} --effects-known {text}": "asks what remains"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
     return {

@@ -46,7 +46,17 @@ def calibrate(
 
 
 def diagnose(
-    log: Log,
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG",
+            help="Folder of the log; several of one mechanism under several settings with --judge.",
+        ),
+    ],
+    judge: Annotated[
+        list[Path] | None,
+        typer.Option(help="Of several logs one that judges; the others are fitted. (repeatable)"),
+    ] = None,
     nominal: Annotated[
         str,
         typer.Option(
@@ -67,11 +77,17 @@ def diagnose(
     Writes diagnosis.json and report.html.
 
     Example: [bold]bench diagnose logs/one --effects-known built[/bold]
+
+    Settings: [bold]bench diagnose logs/gain100 logs/gain400 --judge logs/gain400[/bold]
     """
     from benchmark import diagnose as diagnoses
 
     settings = diagnoses.Settings(
-        path=log, nominal=nominal, effects_known=effects_known, workers=workers
+        paths=tuple(logs),
+        judging=tuple(judge or ()),
+        nominal=nominal,
+        effects_known=effects_known,
+        workers=workers,
     )
     result, summary = diagnoses.run(settings, out, force)
     emit(result, as_json, summary)

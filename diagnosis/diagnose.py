@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -13,6 +13,7 @@ from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
+from diagnosis.attribution.conditions import join
 from diagnosis.attribution.evidence import Evidence, gather
 from diagnosis.attribution.experiments import Trials, tie, told_of
 from diagnosis.attribution.locate import locate
@@ -37,12 +38,16 @@ from diagnosis.result import Diagnosis
 from diagnosis.shrinkage import gap, shrinkage
 from diagnosis.triage.triage import refuse_bugs
 
+ALONE = "lost packets, touch, stick and contact: diagnose each log by itself"
+"""What several settings leave out."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """One limb's verdict, and what its evidence cannot tell from it."""
+    """One limb's verdict, the effects that it names, and what cannot be told from it."""
 
     verdict: LimbVerdict
+    found: tuple[Magnitude, ...]
     ties: tuple[dict, ...]
 
 
@@ -64,42 +69,73 @@ def diagnose(
     where nothing can be said.
     """
     began_s = _cpu_s()
-    rule = rules()
-    floor = {
-        "position": rule.floor_position_rad,
-        "motor": rule.floor_position_rad,
-        "torque": rule.floor_torque_share,
-    }
-    parts = gather(log, nominal, floor)
-    refuse_bugs(parts)
-    sensors = sensed(parts, catalogue)
-    parts = tuple(widened(part, sensors) for part in parts)
-    told = [told_of(part, catalogue) for part in parts]
-    if not any(told):
-        raise LogError(
-            "not identifiable from this log: no joint moves or is pushed enough to show a change "
-            f"of any nominal parameter; record {', '.join(FREE)}"
-        )
+    parts, sensors = _gathered(log, nominal, catalogue)
+    clear, unseen = _told(parts, catalogue)
     uncertainty = log.meta.nominal_uncertainty
     judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
-    clear = [part for part, joints in zip(parts, told, strict=True) if joints]
     limbs = list(side_by_side(judge_one, clear))
-    seen = {joint for joints in told for joint in joints}
-    unseen = tuple(joint for part in parts for joint in part.joints if joint not in seen)
     verdicts = [one.verdict for one in limbs]
     random = (*sensors, *lost(clear, verdicts, catalogue))
-    kept = [limb for limb in verdicts if outdone(limb, random) is None]
+    kept = [one for one in limbs if outdone(one.verdict, random) is None]
     world = corrected(_with(nominal, kept, catalogue), sensors, catalogue)
     held = beside(log, world, catalogue, simulate)
     others = dataclasses.replace(held, findings=(*random, *held.findings))
     return _assemble(parts, limbs, others, catalogue, unseen, began_s)
 
 
-def _with(
-    nominal: Spec, limbs: Sequence[LimbVerdict], catalogue: Mapping[str, type[Effect]]
-) -> Spec:
+def diagnose_settings(
+    settings: Sequence[tuple[Log, Spec]],
+    judging: Collection[int],
+    catalogue: Mapping[str, type[Effect]],
+    side_by_side: SideBySide = map,
+) -> Diagnosis:
+    """The diagnosis of one mechanism's logs under several settings, each with its nominal world.
+
+    Limbs are fitted on some logs and judged on those numbered in `judging`. Lost packets, touch,
+    stick and contact are a matter of one log. Raises LogError where nothing can be said.
+    """
+    began_s = _cpu_s()
+    logs = [_gathered(log, nominal, catalogue) for log, nominal in settings]
+    if len({tuple(part.joints for part in parts) for parts, _ in logs}) > 1:
+        raise LogError("these logs are of different joints; give logs of one mechanism")
+    parts = tuple(join(limb, judging) for limb in zip(*(parts for parts, _ in logs), strict=True))
+    clear, unseen = _told(parts, catalogue)
+    uncertainty = max(log.meta.nominal_uncertainty for log, _ in settings)
+    judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
+    limbs = list(side_by_side(judge_one, clear))
+    others = Report(findings=logs[min(judging)][1], missing=(ALONE,))
+    return _assemble(parts, limbs, others, catalogue, unseen, began_s)
+
+
+def _gathered(
+    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]
+) -> tuple[tuple[Evidence, ...], tuple[Finding, ...]]:
+    """The evidence for every limb, and what its sensors do that replays do not."""
+    parts = gather(log, nominal, rules().floor)
+    refuse_bugs(parts)
+    sensors = sensed(parts, catalogue)
+    return tuple(widened(part, sensors) for part in parts), sensors
+
+
+def _told(
+    parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
+) -> tuple[list[Evidence], tuple[str, ...]]:
+    """Limbs of which the samples tell anything, and all joints of which they do not."""
+    told = [told_of(part, catalogue) for part in parts]
+    if not any(told):
+        raise LogError(
+            "not identifiable from this log: no joint moves or is pushed enough to show a change "
+            f"of any nominal parameter; record {', '.join(FREE)}"
+        )
+    clear = [part for part, joints in zip(parts, told, strict=True) if joints]
+    seen = {joint for joints in told for joint in joints}
+    return clear, tuple(joint for part in parts for joint in part.joints if joint not in seen)
+
+
+def _with(nominal: Spec, limbs: Sequence[Judged], catalogue: Mapping[str, type[Effect]]) -> Spec:
     """The nominal world, its parameters as replays refitted them, with what they found."""
-    for effect in (one for limb in limbs if limb.names != (UNKNOWN,) for one in limb.refitted):
+    verdicts = [limb.verdict for limb in limbs if limb.verdict.names != (UNKNOWN,)]
+    for effect in (one for verdict in verdicts for one in verdict.refitted):
         nominal = effect.on_spec(nominal)
     for m in _found(limbs):
         everywhere = m.joint is None and not catalogue[m.effect].per_joint
@@ -109,9 +145,8 @@ def _with(
     return nominal
 
 
-def _found(limbs: Sequence[LimbVerdict]) -> tuple[Magnitude, ...]:
-    guilty = [limb for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
-    return merge([m for limb in guilty for m in magnitudes(limb)])
+def _found(limbs: Sequence[Judged]) -> tuple[Magnitude, ...]:
+    return merge([m for limb in limbs for m in limb.found])
 
 
 def judge_limb(
@@ -119,9 +154,10 @@ def judge_limb(
 ) -> Judged:
     """The verdict on one limb and its ties, each with the experiment that would break it."""
     limb = judge(evidence, catalogue, uncertainty)
+    found = () if limb.names in ((NONE,), (UNKNOWN,)) else tuple(magnitudes(limb))
     trials = Trials(limb) if limb.tied else None
     ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)
-    return Judged(verdict=limb, ties=ties)
+    return Judged(verdict=limb, found=found, ties=ties)
 
 
 def _cpu_s() -> float:
@@ -140,7 +176,7 @@ def _assemble(
     kept = [one for one in judged if outdone(one.verdict, others.findings) is None]
     limbs = [one.verdict for one in kept]
     named = [magnitude(one, catalogue) for one in others.findings]
-    found = (*_found(limbs), *(m for m in named if m is not None))
+    found = (*_found(kept), *(m for m in named if m is not None))
     strange = [joint for limb in limbs if limb.names == (UNKNOWN,) for joint in _worst(limb)]
     verdict = tuple(dict.fromkeys(m.effect for m in found))
     verdict += (UNKNOWN,) if strange or None in named else ()

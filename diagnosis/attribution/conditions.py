@@ -21,6 +21,11 @@ class Conditions(Evidence):
 
     parts: tuple[Evidence, ...]
 
+    @property
+    def settings(self) -> tuple[Evidence, ...]:
+        """See `Evidence.settings`."""
+        return self.parts
+
     def residual(
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
     ) -> Array:

@@ -110,8 +110,13 @@ class Evidence:
 
     def whitened(self, left: Array) -> Array:
         """What is new in residuals (C, T, J) of samples that are compared."""
-        white = np.sqrt(np.maximum(self.sigma**2 - self.floor**2, (ROUGH * self.floor) ** 2))
-        return innovations(left, white[:, 0], self.floor[:, 0], self.sample_s)
+        return innovations(left, self._white, self.floor[:, 0], self.sample_s)
+
+    @cached_property
+    def _white(self) -> Array:
+        """Standard deviation of the white part of a residual, shape (C, J)."""
+        rough = (ROUGH * self.floor) ** 2
+        return np.sqrt(np.maximum(self.sigma**2 - self.floor**2, rough))[:, 0]
 
     def allowing_for(self, effects: Sequence[Effect]) -> "Evidence":
         """The evidence with white errors as large as what a candidate leaves, where that is more.

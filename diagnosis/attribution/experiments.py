@@ -38,12 +38,15 @@ class Experiment:
 
 
 class Trials:
-    """Rivals of one limb's verdict, put through the experiments that its log lacks."""
+    """Rivals of one limb's verdict, put through the experiments that its log lacks.
+
+    Of several settings, under the first.
+    """
 
     def __init__(self, limb: LimbVerdict) -> None:
         self._fitter, self._fit = limb.attribution.fitter, limb.chosen.fit
-        evidence = self._fitter.evidence
-        self._episodes, self.experiments, self._log = _experiments(evidence)
+        self._evidence = self._fitter.evidence.settings[0]
+        self._episodes, self.experiments, self._log = _experiments(self._evidence)
         here = self._fit.deviations
         self._base = self._shown(self._fit.effects, here)
         self._slopes = self._differences(
@@ -74,8 +77,8 @@ class Trials:
         """What is new in what a world shows in every episode, see `whiten`, each (C, T, J)."""
         fitter, rows = self._fitter, [CHANNELS.index(name) for name in USED]
         shifted = [n.at(d) for n, d in zip(fitter.nuisances, deviations, strict=True) if d != 0.0]
-        world = fitter.evidence.world([*shifted, *effects])
-        evidence, own = fitter.evidence, len(fitter.evidence.recordings)
+        evidence, own = self._evidence, len(self._evidence.recordings)
+        world = evidence.world([*shifted, *effects])
         strides = [evidence.stride if k < own else 1 for k in range(len(self._episodes))]
         shown = [
             evidence.whitened(replay(world, c)[rows, ::stride])

@@ -46,7 +46,8 @@ class Place:
 
 def locate(parts: Sequence[Evidence], seed: int = 0) -> list[Place]:
     """The gap between log and nominal world over all limbs, largest part first."""
-    table = pd.concat([_table(evidence) for evidence in parts], ignore_index=True)
+    settings = (pair for evidence in parts for pair in enumerate(evidence.settings))
+    table = pd.concat([_table(*pair) for pair in settings], ignore_index=True)
     table["square"] = (table["residual"] / table["noise"]) ** 2
     keys = ["joint", "channel", "protocol", "phase"]
     cells = table.groupby(keys, observed=True)
@@ -82,8 +83,8 @@ def _interval(by_block: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     return low, high
 
 
-def _table(evidence: Evidence) -> pd.DataFrame:
-    """A row per residual of one limb."""
+def _table(setting: int, evidence: Evidence) -> pd.DataFrame:
+    """A row per residual of one limb under one setting."""
     rows = [CHANNELS.index(name) for name in USED]
     frames = []
     for number, recording in enumerate(evidence.recordings):
@@ -100,7 +101,7 @@ def _table(evidence: Evidence) -> pd.DataFrame:
                         "channel": USED[c],
                         "protocol": recording.protocol,
                         "phase": np.array(PHASES)[phase[:, j]],
-                        "block": [f"{number}.{b}" for b in block],
+                        "block": [f"{setting}.{number}.{b}" for b in block],
                         "residual": residual[c, :, j],
                         "noise": float(evidence.sigma[c, 0, j]),
                     }

@@ -54,6 +54,12 @@ class Rules(BaseModel):
     confidence: tuple[float, float]
     """Confidence is the logistic function of a + b log(lead in nats)."""
 
+    @property
+    def floor(self) -> dict[str, float]:
+        """The model's own error by channel, as `evidence.gather` takes it."""
+        position = self.floor_position_rad
+        return {"position": position, "motor": position, "torque": self.floor_torque_share}
+
 
 @cache
 def rules() -> Rules:

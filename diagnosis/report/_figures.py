@@ -51,7 +51,7 @@ def overlays(found: Diagnosis) -> Iterator[Overlay]:
     """One for every accused joint; without any, for the joint with the largest share of the gap."""
     wanted = found.joints or tuple(place.joint for place in found.where[:1])
     for limb in found.limbs:
-        evidence = limb.attribution.fitter.evidence
+        evidence = _shown(limb)
         for j, joint in enumerate(evidence.joints):
             if joint in wanted:
                 number, channel = _worst(evidence, j)
@@ -62,6 +62,12 @@ def overlays(found: Diagnosis) -> Iterator[Overlay]:
                     protocol=evidence.recordings[number].protocol,
                     html=_html(figure),
                 )
+
+
+def _shown(limb: LimbVerdict) -> Evidence:
+    """The setting that a limb is shown under: the first that judges."""
+    settings = limb.attribution.fitter.evidence.settings
+    return next(one for one in settings if any(r.judged.any() for r in one.recordings))
 
 
 def shrinking(found: Diagnosis) -> str:
@@ -114,7 +120,7 @@ def _worst(evidence: Evidence, joint: int) -> tuple[int, int]:
 
 
 def _overlay(limb: LimbVerdict, joint: int, number: int, channel: int) -> go.Figure:
-    evidence = limb.attribution.fitter.evidence
+    evidence = _shown(limb)
     recording = evidence.recordings[number]
     angle, size, torque = UNITS[evidence.nominal.hand.driven[joint].joint.slides]
     unit, size = (torque, 1.0) if USED[channel] == "torque" else (angle, size)
@@ -156,8 +162,7 @@ def _overlay(limb: LimbVerdict, joint: int, number: int, channel: int) -> go.Fig
 
 def _signals(limb: LimbVerdict, joint: int, number: int, channel: int) -> dict[str, Array]:
     """What the worlds show of one joint: nominal, refitted, and of the verdict where it has one."""
-    fitter = limb.attribution.fitter
-    evidence = fitter.evidence
+    fitter, evidence = limb.attribution.fitter, _shown(limb)
     fits = {
         "nominal": limb.attribution.before.fit,
         "nominal parameters refitted": limb.attribution.nominal.fit,

@@ -44,12 +44,15 @@ def hand_log(path: Path, effects: str, protocol: str, channels: str = "push") ->
     return path
 
 
-def arm_log(effects: str, protocols: tuple[str, ...] = ("steps", "multisine")) -> Log:
-    """A log of the arm in MuJoCo, read by encoders with some noise."""
+def arm_log(
+    effects: str, protocols: tuple[str, ...] = ("steps", "multisine"), gain: float = 1.0
+) -> Log:
+    """A log of the arm in MuJoCo with its gains so many times as large, read with some noise."""
+    drives = {name: d.model_copy(update={"kp": gain * d.kp}) for name, d in DRIVES.items()}
     meta = LogMeta(
         schema=1,
         source="an arm",
-        mechanism=MjcfMechanism(mjcf="arm.xml", joints=DRIVES),
+        mechanism=MjcfMechanism(mjcf="arm.xml", joints=drives),
         episodes=tuple(EpisodeMeta(episode=k, protocol=p) for k, p in enumerate(protocols)),
     )
     joints = Joints(

@@ -123,6 +123,45 @@ def test_a_users_own_arm(tmp_path, capfd):
     assert [command.split()[1] for command in found["next"]] == ["diagnose"]
 
 
+@pytest.fixture(scope="module")
+def gains(tmp_path_factory) -> list[str]:
+    """Logs of one arm with friction under two gains."""
+    folders = []
+    for gain in (1.0, 0.5):
+        folder = tmp_path_factory.mktemp("gains") / f"gain{gain}"
+        write_log(arm_log("coulomb-friction=100mNm@elbow", ("steps",), gain), folder, "csv")
+        folders.append(str(folder))
+    return folders
+
+
+def test_settings_judge_each_other(gains, tmp_path, capfd):
+    """Fit under one gain, judge under another, and name the friction of both."""
+    words = ["diagnose", *gains, "--judge", gains[1], "--workers", "1"]
+    assert cli._run([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["coulomb-friction"] and found["joints"] == ["elbow"]
+    assert found["magnitudes"][0]["value"] == pytest.approx(100, rel=0.02)
+    assert found["gap_before"] > 3 * found["gap_after"]
+    assert found["log"] == f"{gains[0]} {gains[1]} --judge {gains[1]}"
+    assert "diagnose each log by itself" in found["missing"][0]
+    assert (tmp_path / "out" / "report.html").exists()
+
+
+def test_settings_that_cannot_judge_are_refused(gains, log, tmp_path, capfd):
+    """Say in one line which logs may judge, and that they are of one mechanism."""
+    one, other = gains
+    for words, said in (
+        ([one, other], "none of them judges; say which with --judge LOG"),
+        ([one, other, "--judge", str(log)], "is none of the logs"),
+        ([one, "--judge", one], "leave one to fit on"),
+        ([one, one, "--judge", one], "is given twice"),
+        ([one, str(log), "--judge", one], "of different joints"),
+    ):
+        assert cli._run(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
+        err = " ".join(capfd.readouterr().err.split())
+        assert said in err and "Traceback" not in err
+
+
 def test_limbs_side_by_side_give_the_same():
     """Judge on two cores as on one, and count the CPU time of the processes."""
     log = arm_log("coulomb-friction=100mNm@elbow", ("steps",))
