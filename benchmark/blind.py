@@ -28,10 +28,18 @@ MOST_CASES = 999
 FEWEST_EFFECTS = 3
 """A pair, and another one to take out of the catalogue."""
 SECRET_BITS = 128
+RIVALS = ("mujoco-sysid",)
+"""Methods besides the solver that are asked by name."""
 
 
 def settings(
-    cases: int, real: str, rig: str, modes: str, effects: str, protocols: str
+    cases: int,
+    real: str,
+    rig: str,
+    modes: str,
+    effects: str,
+    protocols: str,
+    fewest: int = FEWEST_EFFECTS,
 ) -> draw.Settings:
     """What options ask for; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
@@ -40,8 +48,8 @@ def settings(
     every = draw.HELD_EFFECTS if holding else draw.EFFECTS
     named = (*every, *draw.EFFECTS) if holding else every
     chosen = every if effects == "all" else _words("effect", effects, named)
-    if len(chosen) < FEWEST_EFFECTS:
-        raise UsageError(f"--effects names {len(chosen)}; allowed: {FEWEST_EFFECTS} or more, 'all'")
+    if len(chosen) < fewest:
+        raise UsageError(f"--effects names {len(chosen)}; allowed: {fewest} or more, 'all'")
     moved = _words("protocol", protocols, (*motion.PROTOCOLS, *(GRASP,) * holding))
     if holding and GRASP not in moved:
         raise UsageError(f"--protocols has no '{GRASP}', in which the stick is held; add it")
@@ -139,6 +147,24 @@ def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
     }
 
 
+def run_rival(folder: Path, name: str, jobs: int) -> dict[str, Any]:
+    """Let a rival name the cause of every case that it was not asked about yet."""
+    if name not in RIVALS:
+        raise unknown("rival", name, RIVALS)
+    blind = BlindSet(path=folder)
+    cases = _told(lambda: blind.numbers)
+    waiting = [n for n in cases if not blind.rival(name, n).exists()]
+    _told(lambda: _each("rival", _ask_one, [(blind, name, n) for n in waiting], jobs))
+    return {
+        "status": "done",
+        "dir": str(folder),
+        "rival": name,
+        "cases": len(cases),
+        "was_done": len(cases) - len(waiting),
+        "solved": len(waiting),
+    }
+
+
 def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dict, Table]:
     """Open the answers and score; writes the tables to `out` if it is given."""
     from diagnosis.blind import score as scoring
@@ -159,6 +185,40 @@ def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dic
     return {"status": "done", **found.plain(), "written": [str(file) for file in written]}, table
 
 
+def detectable(
+    wanted: draw.Settings, draws: int, seed: int, out: Path, jobs: int
+) -> tuple[dict[str, Any], Table]:
+    """Search the smallest detectable magnitudes and write them to `out`, as CSV and Markdown."""
+    from diagnosis.blind import detectable as searching
+
+    if holding := set(wanted.rigs) & set(rigs.HOLDING):
+        raise UsageError(f"--rig {min(holding)} holds a stick; allowed: {', '.join(rigs.FREE)}")
+    searches = [
+        searching.Search(
+            effect=effect, real=real, rig=rig, protocol=protocol, draws=draws, seed=seed
+        )
+        for rig in wanted.rigs
+        for effect in wanted.effects
+        for real in wanted.reals
+        for protocol in wanted.protocols
+        if effect in searching.EFFECTS
+    ]
+    rows = _each("search", _search_one, [(one,) for one in searches], jobs)
+    written = searching.write(rows, out)
+    shown = searching.table(rows)
+    table = Table(*map(str, shown.columns), header_style="bold")
+    for row in shown.itertuples(index=False):
+        table.add_row(*map(str, row))
+    result = {"status": "done", "rows": rows, "written": [str(file) for file in written]}
+    return result, table
+
+
+def _search_one(search: Any) -> dict:
+    from diagnosis.blind.detectable import smallest
+
+    return smallest(search, _catalogue(), _start)
+
+
 def _make_one(blind: BlindSet, case: draw.Case, seed: int) -> None:
     write_case(blind, case, _catalogue(), _start, seed)
 
@@ -174,6 +234,17 @@ def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
         left = sorted(set(_catalogue()) - set(excluded))
         said = {"refused": f"broke: {type(error).__name__}: {error}", "catalogue": left}
     files.write_json(blind.result(number), {"number": number, **said, **solver})
+
+
+def _ask_one(blind: BlindSet, name: str, number: int) -> None:
+    from diagnosis.blind.sysid import identify
+    from diagnosis.logs.log import LogError
+
+    try:
+        said = identify(blind.log(number), blind.excluded(number), _catalogue())
+    except LogError as error:
+        said = {"effect": "refused", "shrinkage": None, "refused": str(error)}
+    files.write_json(blind.rival(name, number), said)
 
 
 def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:

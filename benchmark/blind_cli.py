@@ -65,6 +65,10 @@ def run(
         bool,
         typer.Option("--anyway", help="Solve although rules or code changed since the draw."),
     ] = False,
+    rival: Annotated[
+        str | None,
+        typer.Option(help="Ask another method instead, for a line of the score: mujoco-sysid."),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Diagnose every case from its log alone; cases that this solver has solved are skipped.
@@ -73,7 +77,42 @@ def run(
     """
     from benchmark import blind
 
-    emit(blind.run(folder, jobs, anyway), as_json)
+    if rival is None:
+        result = blind.run(folder, jobs, anyway)
+    else:
+        result = blind.run_rival(folder, rival, jobs)
+    emit(result, as_json)
+
+
+@app.command()
+def detectable(
+    out: Annotated[Path, typer.Option(help="Folder for detectable.csv and detectable.md.")],
+    real: Annotated[
+        str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
+    ] = "mujoco,plant",
+    rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "joint",
+    effects: Annotated[
+        str, typer.Option(help="Effects to search: all that a replay can show, or some.")
+    ] = "all",
+    protocols: Annotated[
+        str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
+    ] = "all",
+    draws: Annotated[
+        int, typer.Option(help="Nominal errors and motions; half of them must show.", min=1)
+    ] = 4,
+    seed: Annotated[int, typer.Option(help="Decides every draw.")] = 0,
+    jobs: Jobs = 1,
+    as_json: Json = False,
+) -> None:
+    """Search the smallest magnitude of every effect that shows, each protocol by itself.
+
+    Example: [bold]bench blind detectable --out detectable --effects backlash[/bold]
+    """
+    from benchmark import blind
+
+    wanted = blind.settings(1, real, rig, "single", effects, protocols, 1)
+    result, table = blind.detectable(wanted, draws, seed, out, jobs)
+    emit(result, as_json, table)
 
 
 @app.command()

@@ -3,6 +3,7 @@
     DIR/commitment.json        hash of the answers, hashes of rules and solver, before any is solved
     DIR/cases/NNN/             one log each, and case.json: what the solver's catalogue lacks
     DIR/results/NNN.json       what the solver said
+    DIR/rivals/NAME/NNN.json   what another method said, where one was asked
     DIR/tried.json             every version of the solver that was run on this set
 
 Answers are a file of their own, outside DIR.
@@ -80,6 +81,15 @@ class BlindSet:
         """What the solver said of a case; None where it has not spoken."""
         file = self.result(number)
         return read_json(file) if file.exists() else None
+
+    def rival(self, name: str, number: int) -> Path:
+        """File of what a rival said of a case."""
+        return self.path / "rivals" / name / f"{number:03d}.json"
+
+    def read_rival(self, name: str, number: int) -> dict:
+        """What a rival said of a case; empty where it was not asked."""
+        file = self.rival(name, number)
+        return read_json(file) if file.exists() else {}
 
     def tried(self) -> list[dict]:
         """Every version of the solver that was run on this set, in order."""

@@ -18,8 +18,10 @@ FAULT_COLUMNS = (
 )
 
 
-def case_row(case: Case, said: dict, oracle: Oracle, catalogue: Mapping[str, type[Effect]]) -> dict:
-    """One case: what was there, what was said, and in which ways that is right."""
+def case_row(
+    case: Case, said: dict, sysid: dict, oracle: Oracle, catalogue: Mapping[str, type[Effect]]
+) -> dict:
+    """One case: what was there, what was said, also by the rival, and in which ways it is right."""
     verdict = said.get("verdict", ["refused"])
     truth = _truth(case)
     names = [f.effect for f in case.faults]
@@ -53,7 +55,9 @@ def case_row(case: Case, said: dict, oracle: Oracle, catalogue: Mapping[str, typ
         "shrinkage_nominal": said.get("shrinkage_nominal"),
         "shrinkage_greedy": greedy["shrinkage"],
         "shrinkage_oracle": oracle.shrinkage,
+        "shrinkage_sysid": sysid.get("shrinkage"),
         "greedy": greedy["effect"],
+        "sysid": sysid.get("effect"),
         "catalogue": len(said["catalogue"]),
         "cpu_s": said.get("cpu_s"),
         "rules_version": said["rules_version"],

@@ -5,7 +5,7 @@ nominal refit by DETECTABLE_NATS; of a pair each must do so beside the other. Th
 own fitter, with the answers opened.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from diagnosis.attribution.verdict import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
 from diagnosis.diagnose import shrinkage
-from diagnosis.logs.log import read_log
+from diagnosis.logs.log import Log, read_log
 
 DETECTABLE_NATS = 6.0
 """Chosen before any case was drawn: what the solver's first rules asked of an accusation."""
@@ -59,33 +59,57 @@ def consult(
 ) -> Oracle:
     """The oracle's word on a case; `apart_nats` on effects of touch, stick and contact."""
     touching = {f: apart_nats(f) for f in case.faults if f.effect in HELD_EFFECTS}
-    shown = [f for f in case.faults if f.effect not in (*RANDOM, *HELD_EFFECTS)]
-    if not shown:
+    if not _shown(case):
         told = tuple(touching.get(fault) for fault in case.faults)
         return Oracle(nats=told, shrinkage=None, cost_nats=None)
-    log, rule = read_log(folder), rules()
-    floor = {
-        "position": rule.floor_position_rad,
-        "motor": rule.floor_position_rad,
-        "torque": rule.floor_torque_share,
-    }
-    nats = touching | dict.fromkeys(shown, 0.0)
+    limbs = list(_explained(case, read_log(folder), catalogue))
     before, after, cost_nats = [], [], 0.0
-    for part in gather(log, rigs.nominal(case.rig), floor):
+    for fitter, whole, _ in limbs:
+        every = Fitter(fitter.evidence, fitter.nuisances, None)
+        cost_nats += every.refit(every.at(whole.effects, whole.deviations), LAST).cost
+        before.append(fitter.left(fitter.at((), _zeros(fitter))))
+        after.append(fitter.left(whole))
+    gone = shrinkage(np.concatenate(before), np.concatenate(after)).value
+    nats = touching | _nats(case, limbs)
+    told = tuple(nats.get(fault) for fault in case.faults)
+    return Oracle(nats=told, shrinkage=gone, cost_nats=cost_nats)
+
+
+def detectable(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
+    """See `Oracle.detectable`, from a log alone and without what else the oracle says."""
+    nats = _nats(case, _explained(case, log, catalogue))
+    return Oracle(nats=tuple(nats.values()), shrinkage=None, cost_nats=None).detectable
+
+
+Explained = tuple[Fitter, Fit, dict[Fault, float]]
+"""A limb, its fit with all true effects, and by how much each lowers the cost beside the others."""
+
+
+def _explained(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> Iterator[Explained]:
+    """Every limb of a case."""
+    shown = _shown(case)
+    for part in gather(log, rigs.nominal(case.rig), rules().floor):
         fitter = Fitter(part, nuisances(part.nominal, log.meta.nominal_uncertainty))
-        bare, nominal = _zeros(fitter), fitter.nominal()
-        whole = _fitted(fitter, _here(shown, part, catalogue), [bare, nominal.deviations])
+        nominal = fitter.nominal()
+        starts = [_zeros(fitter), nominal.deviations]
+        whole = _fitted(fitter, _here(shown, part, catalogue), starts)
+        lost = {}
         for fault in shown:
             left = _here([f for f in shown if f is not fault], part, catalogue)
             less = _fitted(fitter, left, [whole.deviations, nominal.deviations])
-            nats[fault] += less.cost - whole.cost
-        every = Fitter(part, fitter.nuisances, None)
-        cost_nats += every.refit(every.at(whole.effects, whole.deviations), LAST).cost
-        before.append(fitter.left(fitter.at((), bare)))
-        after.append(fitter.left(whole))
-    gone = shrinkage(np.concatenate(before), np.concatenate(after)).value
-    found = tuple(nats.get(fault) for fault in case.faults)
-    return Oracle(nats=found, shrinkage=gone, cost_nats=cost_nats)
+            lost[fault] = less.cost - whole.cost
+        yield fitter, whole, lost
+
+
+def _nats(case: Case, limbs: Iterable[Explained]) -> dict[Fault, float]:
+    """By how much each effect that a replay can show lowers the cost of all limbs."""
+    lost = [one for _, _, one in limbs]
+    return {fault: sum(one[fault] for one in lost) for fault in _shown(case)}
+
+
+def _shown(case: Case) -> list[Fault]:
+    """The effects that a replay can show."""
+    return [f for f in case.faults if f.effect not in (*RANDOM, *HELD_EFFECTS)]
 
 
 def _fitted(fitter: Fitter, effects: tuple[Effect, ...], starts: Sequence[Array]) -> Fit:

@@ -11,6 +11,7 @@ from diagnosis.blind import judged, tables
 from diagnosis.blind.files import Answers, BlindError, BlindSet, open_answers, write_json
 from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
 from diagnosis.blind.oracle import DETECTABLE_NATS, STRONG_NATS, Oracle
+from diagnosis.blind.sysid import NAME as SYSID
 
 Consult = Callable[[Answers], list[Oracle]]
 """Asks the oracle about all cases, in order, maybe on several cores."""
@@ -64,7 +65,8 @@ def score(
     rows, faults = [], []
     for case, oracle in zip(cases, consult(opened), strict=True):
         said = results[case.number] or {}
-        rows.append(judged.case_row(case, said, oracle, catalogue))
+        sysid = blind.read_rival(SYSID, case.number)
+        rows.append(judged.case_row(case, said, sysid, oracle, catalogue))
         faults += judged.fault_rows(case, said, oracle, catalogue)
     by_case, by_fault = judged.frames(rows, faults)
     by_case = enriched(by_case)
@@ -131,12 +133,12 @@ def markdown(found: Score) -> str:
         "Wilson 95 % of shares, order statistics of medians. Headline figures are over cases "
         f"whose true effects lower the cost by {DETECTABLE_NATS:g} nats or more; weaker ones "
         f"stand apart (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
-        _table(headline(found)),
+        tables.markdown(headline(found)),
     ]
     for name, title in _TITLES.items():
         table = found.tables[name]
         table = {"cases": _shown_cases, "groups": _turned}.get(name, lambda t: t)(table)
-        parts += [f"\n## {title}\n", _table(table)]
+        parts += [f"\n## {title}\n", tables.markdown(table)]
     return "\n".join(parts) + "\n"
 
 
@@ -149,22 +151,9 @@ def _turned(table: pd.DataFrame) -> pd.DataFrame:
     rows = []
     for measure in MEASURES:
         values = zip(table[measure.name], table[f"{measure.name}_n"], strict=True)
-        rows.append([measure.name, *(f"{_cell(v)} ({n})" if n else "" for v, n in values)])
+        rows.append([measure.name, *(f"{tables.cell(v)} ({n})" if n else "" for v, n in values)])
     head = [f"{of} ({count})" for of, count in zip(table["of"], table["cases"], strict=True)]
     return pd.DataFrame(rows, columns=["figure (count)", *head])
-
-
-def _table(table: pd.DataFrame) -> str:
-    head = [str(column) for column in table.columns]
-    lines = [head, ["---"] * len(head)]
-    lines += [[_cell(value) for value in row] for row in table.itertuples(index=False)]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
-
-
-def _cell(value: object) -> str:
-    if value is None or (isinstance(value, float) and pd.isna(value)):
-        return ""
-    return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
 def _records(table: pd.DataFrame) -> list[dict]:

@@ -30,9 +30,10 @@ SOLVER_FOLDERS = ("diagnosis/attribution/", "diagnosis/replay/", "diagnosis/besi
 
 
 def small(**changes) -> draw.Settings:
-    """A small set of one finger, two protocols and both kinds of real side."""
+    """A small set of one joint, two protocols and both kinds of real side."""
     wanted = {
-        "cases": 5,
+        "cases": 8,
+        "rigs": ("joint",),
         "reals": ("mujoco", "plant"),
         "effects": WORDS,
         "protocols": ("steps", "push"),
@@ -54,25 +55,42 @@ def solved(tmp_path_factory) -> tuple[Path, Path]:
     return folder, answers
 
 
-def test_score_counts_every_case(solved, tmp_path):
-    """Make, run and score a small set, and write all tables."""
+@pytest.fixture(scope="module")
+def scored(solved) -> tuple[dict, Path]:
+    """Its score, and the folder of the tables."""
     folder, answers = solved
-    result, _ = blind.score(folder, answers, tmp_path, 1)
+    return blind.score(folder, answers, folder.parent / "scores", 1)[0], folder.parent / "scores"
+
+
+def test_a_small_set_is_solved(scored):
+    """Solve a small set from its logs alone as well as its strong effects allow."""
+    result, _ = scored
+    assert result["top1"] >= 0.75 and result["joint_right"] == 1.0
+    assert result["none_false_alarm"] == 0.0 and result["pairs_one"] == 1.0
+    assert result["magnitude_error_median"] < 0.05 and result["shrinkage_vs_oracle"] > 0.95
+    assert result["unknown_recall"] > 0.0
+    rows = {row["method"]: row for row in result["tables"]["baselines"]}
+    assert result["top1"] > rows["chance: an effect of the catalogue at random"]["top1"]
+
+
+def test_score_counts_every_case(scored):
+    """Make, run and score a small set, and write all tables."""
+    result, tables = scored
     rows = result["tables"]["cases"]
-    assert result["cases"] == 5 and [row["number"] for row in rows] == list(range(5))
+    assert result["cases"] == 8 and [row["number"] for row in rows] == list(range(8))
     assert result["frozen"] and result["solvers_tried"] == 1
     modes = [row["mode"] for row in rows]
     assert {mode: modes.count(mode) for mode in draw.SHARES} == {
-        "single": 2, "pair": 1, "none": 1, "unknown": 1,
+        "single": 4, "pair": 1, "none": 1, "unknown": 2,
     }  # fmt: skip
     detectable = [r for r in rows if r["mode"] == "single" and r["detectable"]]
     assert result["intervals"]["top1"]["count"] == len(detectable) > 0
     assert result["top1"] == np.mean([r["verdict"] == r["truth"] for r in detectable])
     assert result["cpu_s_median"] == np.median([r["cpu_s"] for r in rows])
-    assert json.loads((tmp_path / "score.json").read_text())["top1"] == result["top1"]
+    assert json.loads((tables / "score.json").read_text())["top1"] == result["top1"]
     for name in ("headline", "cases", "groups", "confusion", "effects", "baselines"):
-        assert len(pd.read_csv(tmp_path / f"{name}.csv")) > 0
-    assert "# Blind score" in (tmp_path / "score.md").read_text()
+        assert len(pd.read_csv(tables / f"{name}.csv")) > 0
+    assert "# Blind score" in (tables / "score.md").read_text()
 
 
 def test_score_prints_one_object(solved, capfd):
@@ -83,7 +101,7 @@ def test_score_prints_one_object(solved, capfd):
     named = "top1 top3 joint_right none_false_alarm unknown_recall pairs_exact spurious_second "
     named += "magnitude_error_median interval_coverage shrinkage_vs_oracle cpu_s_median"
     assert all(printed[name] is None or 0 <= printed[name] < 60 for name in named.split())
-    assert printed["status"] == "done" and printed["cases"] == 5
+    assert printed["status"] == "done" and printed["cases"] == 8
 
 
 def test_a_case_that_breaks_the_solver_is_wrong(tmp_path):
@@ -97,9 +115,9 @@ def test_a_case_that_breaks_the_solver_is_wrong(tmp_path):
     assert result["none_false_alarm"] == 1.0 and result["none_accused"] == 0.0
 
 
-def test_refitting_nominal_parameters_names_nothing(solved):
+def test_refitting_nominal_parameters_names_nothing(scored):
     """Hold the baseline that only refits to its definition: no effect, no false alarm."""
-    result, _ = blind.score(*solved, None, 1)
+    result, _ = scored
     rows = {row["method"]: row for row in result["tables"]["baselines"]}
     nominal = rows["nominal parameters refitted alone"]
     assert nominal["top1"] == 0.0 and nominal["none_false_alarm"] == 0.0
@@ -108,16 +126,42 @@ def test_refitting_nominal_parameters_names_nothing(solved):
     assert rows["this solver"]["top1"] == result["top1"]
 
 
-def test_the_true_effect_closes_the_gap(solved):
+def test_the_true_effect_closes_the_gap(scored):
     """Let the oracle explain strong effects of an engine down to the noise."""
-    folder, answers = solved
-    result, _ = blind.score(folder, answers, None, 1)
+    result, _ = scored
     strong = [
         row
         for row in result["tables"]["cases"]
         if row["mode"] == "single" and row["strong"] and row["real"] == "mujoco"
     ]
     assert all(row["shrinkage_oracle"] > 0.95 for row in strong)
+
+
+def test_a_rival_is_scored_where_it_was_asked(solved, scored):
+    """Give mujoco.sysid a line beside the other baselines once it was asked about every case."""
+    method = "mujoco.sysid: every parameter free, largest change named"
+    assert method not in [row["method"] for row in scored[0]["tables"]["baselines"]]
+    pytest.importorskip("tabulate", reason="mujoco.sysid is not installed: pip install '.[sysid]'")
+    folder, answers = solved
+    with pytest.raises(UsageError, match="no rival named 'sysid'"):
+        blind.run_rival(folder, "sysid", 1)
+    assert blind.run_rival(folder, "mujoco-sysid", 1)["solved"] == 8
+    assert blind.run_rival(folder, "mujoco-sysid", 1)["was_done"] == 8
+    result, _ = blind.score(folder, answers, None, 1)
+    told = {row["method"]: row for row in result["tables"]["baselines"]}[method]
+    assert told["none_false_alarm"] == 1.0 and told["shrinkage_vs_oracle"] > 0.5
+
+
+def test_small_magnitudes_are_searched(tmp_path, capfd):
+    """Find how small a bias still shows, and no play of which a joint at rest shows nothing."""
+    words = ["blind", "detectable", "--effects", "encoder-scale,self-lock", "--draws", "2"]
+    words += ["--real", "mujoco", "--protocols", "multisine", "--out", str(tmp_path), "--json"]
+    assert cli._run(words) == 0
+    found = {row["effect"]: row for row in json.loads(capfd.readouterr().out)["rows"]}
+    scale = found["encoder-scale"]
+    assert 0.01 < scale["smallest"] < 10.0 and scale["bound"] == "" and scale["unit"] == "%"
+    assert len(pd.read_csv(tmp_path / "detectable.csv")) == 2
+    assert "encoder-scale" in (tmp_path / "detectable.md").read_text()
 
 
 def test_answers_stay_out_of_the_set(solved):
@@ -165,7 +209,7 @@ def test_solved_cases_are_skipped(solved):
     with pytest.raises(UsageError, match="case 003"):
         blind.score(*solved, None, 1)
     again = blind.run(folder, 1, False)
-    assert (again["solved"], again["was_done"]) == (1, 4)
+    assert (again["solved"], again["was_done"]) == (1, 7)
     assert BlindSet(path=folder).result(1).stat().st_mtime_ns == kept
 
 

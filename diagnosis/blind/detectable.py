@@ -1,0 +1,148 @@
+"""The smallest magnitudes that show: by bisection, with the oracle's word on cases drawn alike.
+
+A magnitude is detectable when in at least half of the draws the true effect, refitted together with
+the nominal parameters, lowers the cost of their refit by the oracle's limit.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from backends.effect import UNITS, Effect
+from diagnosis.attribution.candidates import RANDOM
+from diagnosis.blind import draw, rigs
+from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.make import Simulate, real_log
+from diagnosis.blind.oracle import detectable
+from diagnosis.blind.tables import markdown
+
+EFFECTS = tuple(name for name in draw.EFFECTS if name not in RANDOM)
+"""Those that a replay can show; noise, steps and lost packets are told by other means."""
+BELOW = 8.0
+"""The search begins at the small level over this; it ends at the large one."""
+HALVINGS = 4
+"""Halvings of the search's logarithmic range: to a third, where levels span a factor of nine."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Search:
+    """One cell of the table."""
+
+    effect: str
+    real: str
+    rig: str
+    protocol: str
+    channels: tuple[str, ...] = ("position",)
+    draws: int = 4
+    seed: int = 0
+
+
+def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Simulate) -> dict:
+    """A row: the smallest detectable magnitude in its unit.
+
+    `bound` is '>' where the largest one is not detectable, '<' where the smallest one tried is.
+    """
+    kind, sizes = catalogue[search.effect], _sizes(search)
+    cases = _cases(search, catalogue)
+    low, high, bound = sizes[0], sizes[1], ""
+    if not _shows(search, cases, high, catalogue, simulate):
+        low, bound = high, ">"
+    for _ in range(HALVINGS if low != high else 0):
+        middle = float(np.sqrt(low * high))
+        if _shows(search, cases, middle, catalogue, simulate):
+            high = middle
+        else:
+            low = middle
+    if low == sizes[0]:
+        bound = "<"
+    return {
+        "effect": search.effect,
+        "rig": search.rig,
+        "real": search.real,
+        "protocol": search.protocol,
+        "smallest": high / UNITS[kind.unit][1],
+        "unit": kind.unit,
+        "bound": bound,
+        "draws": search.draws,
+        "seed": search.seed,
+    }
+
+
+def _sizes(search: Search) -> tuple[float, float]:
+    """Ends of the search, both positive, SI."""
+    size, spec = draw.SIZES[search.effect], rigs.nominal(search.rig)
+    levels = size.levels if size.levels[2] > 0 or size.falls is None else size.falls
+    scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
+    return scale * levels[0] / BELOW, scale * levels[2]
+
+
+def _cases(search: Search, catalogue: Mapping[str, type[Effect]]) -> tuple[Case, ...]:
+    """Cases without an effect: nominal errors alone."""
+    settings = draw.Settings(
+        cases=search.draws,
+        reals=(search.real,),
+        rigs=(search.rig,),
+        modes=("none",),
+        protocols=(search.protocol,),
+        channels=(search.channels,),
+    )
+    return draw.draw(settings, catalogue, search.seed)
+
+
+def _shows(
+    search: Search,
+    cases: Sequence[Case],
+    size: float,
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+) -> bool:
+    """Whether a magnitude is detectable in at least half of the draws."""
+    hits, misses = 0, 0
+    while 2 * hits < len(cases) and 2 * misses <= len(cases):
+        bare = cases[hits + misses]
+        case = _with(bare, search, size, catalogue[search.effect])
+        rng = np.random.default_rng([search.seed, 3, bare.number])
+        log = real_log(case, catalogue, simulate, rng)
+        found = detectable(case, log, catalogue)
+        hits, misses = hits + found, misses + (not found)
+    return 2 * hits >= len(cases)
+
+
+def _with(bare: Case, search: Search, size: float, kind: type[Effect]) -> Case:
+    """The case with the effect, on the first joint that it concerns, and no error beside it."""
+    spec, falls = rigs.nominal(search.rig), draw.SIZES[search.effect].levels[2] == 0
+    joints = kind(magnitude=0.0).joints(spec)
+    fault = Fault(
+        effect=search.effect,
+        joint=joints[0] if joints else None,
+        magnitude=-size if falls else size,
+    )
+    kept = (e for e in bare.nominal if (e.effect, e.joint) != (fault.effect, fault.joint))
+    return replace(bare, mode="single", faults=(fault,), nominal=tuple(kept))
+
+
+def table(rows: Sequence[dict]) -> pd.DataFrame:
+    """The cells as a table: a row per effect, a column per real side and protocol."""
+    cells = pd.DataFrame(rows)
+    cells["said"] = [
+        f"{'> ' * (r.bound == '>')}{'< ' * (r.bound == '<')}{r.smallest:.2g}"
+        for r in cells.itertuples()
+    ]
+    wide = cells.pivot(index=["rig", "effect", "unit"], columns=["real", "protocol"], values="said")
+    wide = wide.reindex(
+        columns=list(dict.fromkeys(zip(cells["real"], cells["protocol"], strict=True)))
+    )
+    wide.columns = [f"{real}, {protocol}" for real, protocol in wide.columns]
+    return wide.reset_index()
+
+
+def write(rows: Sequence[dict], folder: Path) -> list[Path]:
+    """Write detectable.csv, a row per cell, and detectable.md, the table."""
+    folder.mkdir(parents=True, exist_ok=True)
+    files = [folder / "detectable.csv", folder / "detectable.md"]
+    pd.DataFrame(rows).to_csv(files[0], index=False)
+    files[1].write_text(markdown(table(rows)) + "\n")
+    return files
