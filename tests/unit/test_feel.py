@@ -1,5 +1,6 @@
 """Touch effects: told from geometry, apart from each other and from what geometry gets wrong."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -63,6 +64,13 @@ def test_dead_taxels(kind):
     (one,) = told("taxel-dropout=20%", kind).findings
     assert one.effect == "taxel-dropout"
     assert one.interval[0] <= 0.2 <= one.interval[1]
+
+
+def test_confidence_grows_with_the_lead():
+    """Be as sure of a fault as those that were found in tuning cases, surer where it leads more."""
+    (one,) = told("taxel-dropout=20%", "contact").findings
+    small, large = (replace(one, lead_nats=nats).confidence for nats in (6.0, 600.0))
+    assert 0.9 < small < large < 1.0
 
 
 def test_halo():
