@@ -14,13 +14,9 @@ from backends.spec import Encoder, Spec
 from benchmark import blind, cli, registry
 from benchmark.errors import UsageError
 from diagnosis.blind import draw, files, frozen, make, motion, rigs
-from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindSet
-from diagnosis.blind.grasp import GRASP
 from diagnosis.blind.measures import median, share
-from diagnosis.blind.oracle import DETECTABLE_NATS
 from diagnosis.blind.plant import CHANGES, NUMBERS, Baseline, Plant
-from diagnosis.logs.log import read_log
 
 SEED = 5
 WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
@@ -230,74 +226,6 @@ def test_a_changed_solver_is_refused(solved, monkeypatch, tmp_path):
         "backends/drive.py",
     } <= set(files_now)
     assert "backends/effects/backlash.py" in files_now
-
-
-def held(**changes) -> draw.Settings:
-    """A set of grasps on one engine."""
-    wanted = {
-        "reals": ("bullet",),
-        "rigs": ("held",),
-        "effects": draw.HELD_EFFECTS,
-        "protocols": ("steps", GRASP),
-        "channels": draw.HELD_CHANNELS,
-    }
-    return draw.Settings(**({"cases": 3 * len(draw.HELD_EFFECTS)} | wanted | changes))
-
-
-def test_held_cases_draw_what_a_stick_shows():
-    """Deal effects of touch, stick and contact at all levels within bounds, with their channels."""
-    kinds = catalogue()
-    cases = draw.draw(held(modes=("single",)), kinds, 0)
-    assert len({(c.faults[0].effect, c.faults[0].level) for c in cases}) == len(cases)
-    for fault in (f for case in cases for f in case.faults):
-        low, high = kinds[fault.effect].bounds
-        assert low <= fault.magnitude <= high and fault.magnitude != 0.0
-        assert fault.joint is None and not kinds[fault.effect].per_joint
-    assert all({"stick", "position"} < set(case.channels) for case in cases)
-    assert {error.effect for case in cases for error in case.nominal} >= {"kp-scale", "link-mass"}
-
-
-def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
-    """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
-    kinds = {name: catalogue()[name] for name in ("backlash", *draw.NOMINAL, *draw.HELD_EFFECTS)}
-    monkeypatch.setattr(blind, "_catalogue", lambda: kinds)
-    folder, answers = tmp_path / "set", tmp_path / "answers.json"
-    few = ("taxel-dropout", "taxel-drift", "stick-mass")
-    wanted = held(cases=1, modes=("single",), effects=few, protocols=("push", GRASP))
-    seed = next(s for s in range(99) if _hides(wanted, s) == ("taxel-dropout", "large"))
-    blind.make(wanted, seed, folder, answers, 1)
-    log = read_log(folder / "cases" / "000")
-    assert [e.protocol for e in log.episodes] == ["push", "push", GRASP, GRASP]
-    assert log.stick(2) is not None and log.touch(2) is not None and log.stick(0) is None
-    blind.run(folder, 1, False)
-    result, _ = blind.score(folder, answers, None, 1)
-    (row,) = result["tables"]["cases"]
-    assert row["detectable"] and row["strong"]
-    assert row["verdict"] == "taxel-dropout" and result["top1"] == 1.0
-    assert result["interval_coverage"] == 1.0
-
-
-def _hides(wanted: draw.Settings, seed: int) -> tuple[str, str]:
-    (fault,) = draw.draw(wanted, catalogue(), seed)[0].faults
-    return fault.effect, fault.level
-
-
-def test_the_oracle_tells_what_shows(tmp_path):
-    """Call a taxel that answers early detectable from answers alone, a heavy stick from neither."""
-    wanted = held(cases=1, modes=("none",), channels=draw.HELD_CHANNELS[-1:])
-    (case,) = draw.draw(wanted, catalogue(), 0)
-    engines = registry.names("backend")
-
-    def nats(effect: str, magnitude: float, *channels: str) -> float:
-        fault = draw.Fault(effect=effect, joint=None, magnitude=magnitude)
-        hidden = dataclasses.replace(case, faults=(fault,), channels=("position", *channels))
-        grasps = Grasps(case=hidden, catalogue=catalogue(), simulate=blind._start, seed=0)
-        return grasps.apart_nats(fault, engines)
-
-    assert nats("taxel-threshold", -1e-4, "stick", "touch") == 0.0
-    assert nats("taxel-threshold", -1e-4, "stick", "contact") > DETECTABLE_NATS
-    assert nats("stick-radius", 0.1, "stick", "touch") > DETECTABLE_NATS
-    assert nats("stick-mass", 0.2, "stick", "touch") < DETECTABLE_NATS
 
 
 def test_equal_seeds_give_equal_bytes(tmp_path):
