@@ -27,6 +27,8 @@ SHRINKS = 2
 """How often a third of the smallest level is tried where that one is the best."""
 HARD = 2.0
 """Mean square of innovations from which a search may have gone astray, and starts once more."""
+HELPED = 0.9
+"""A new start that leaves a larger share of the cost is the last one."""
 HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
@@ -65,9 +67,9 @@ class Ranked:
         return float(np.sqrt((compressed(np.sqrt(self.plain)) ** 2).mean()))
 
     @property
-    def strain(self) -> float:
-        """Nats that the fitted nominal parameters cost."""
-        return float(self.fit.deviations @ self.fit.deviations / 2)
+    def bent(self) -> float:
+        """How far the nominal parameter that is farthest off is, in its standard deviations."""
+        return float(np.abs(self.fit.deviations).max(initial=0.0))
 
 
 class Attribution:
@@ -79,11 +81,12 @@ class Attribution:
         known = nuisances(evidence.nominal, uncertainty)
         self.fitter, self.whole = Fitter(evidence, known), Fitter(evidence, known, None)
         self._candidates = candidates(catalogue, evidence)
+        self._samples = len(evidence.tracks(False))
         bare = self.fitter.at((), np.zeros(len(known)))
         self.before = self._judged((), bare, bare)
         found = self.fitter.nominal()
         strained = found.deviations @ found.deviations / 2 >= 1.5 * STRAINED * len(known)
-        self._base = bare if strained else found
+        self._base, self._moved = bare if strained else found, found.deviations
         self.pairs: list[Ranked] = []
         """All that were tried."""
         self.singles = self._rank((), self._base)
@@ -136,16 +139,17 @@ class Attribution:
         tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
-            for c, fit in tried[:refined]
+            for c, fit in _with_everywhere(tried, refined)
         ]
         searched.sort(key=lambda pair: pair[1].cost)
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
         best = _various(worth, finalists)
         fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
-        if fits and min(fit.cost for fit in fits) > HARD * profile.samples / 2:
+        if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
             fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
         near = min(fit.cost for fit in fits) + HOPELESS * around.cost if fits else 0.0
         fits = [self.fitter.refit(f, POLISH[2:]) if f.cost < near else f for f in fits]
+        fits = [self._unbent(f) if f.cost == min(g.cost for g in fits) else f for f in fits]
         found = [self._ranked((*names, c.name), f) for (c, _), f in zip(best, fits, strict=True)]
         return self._closed(sorted(found, key=lambda one: one.fit.cost))
 
@@ -154,6 +158,18 @@ class Attribution:
         effects = (*around.effects, tried[1].effects[-1])
         start = self.fitter.at(effects, 0.0 * around.deviations)
         return min(fit, self.fitter.refit(start, POLISH[:2]), key=lambda one: one.cost)
+
+    def _unbent(self, fit: Fit) -> Fit:
+        """A fit begun anew from its magnitudes as long as that helps a lot, where it fits badly.
+
+        While a magnitude is far off, nominal parameters bend to make up for it, and hold it there.
+        """
+        while fit.cost > HARD * self._samples / 2:
+            again = self.fitter.refit(self.fitter.at(fit.effects, 0.0 * fit.deviations))
+            if again.cost > HELPED * fit.cost:
+                return min(fit, again, key=lambda one: one.cost)
+            fit = again
+        return fit
 
     def _closed(self, found: list[Ranked]) -> list[Ranked]:
         """Candidates with those that are near the best one refitted until nothing changes."""
@@ -172,12 +188,13 @@ class Attribution:
         return self.whole.refit(start, CLOSE) if start.cost < fit.cost + 10 * NEAR_NATS else fit
 
     def _with_moved(self, candidate: Candidate, around: Fit) -> Candidate:
-        """A candidate, also as large as a fit has moved the nominal parameter that it changes."""
-        pairs = zip(self.fitter.nuisances, around.deviations, strict=True)
+        """A candidate, also as large as fits have moved the nominal parameter that it changes."""
+        pairs = zip(self.fitter.nuisances, around.deviations, self._moved, strict=True)
         moved = [
             float(d * n.std)
-            for n, d in pairs
-            if issubclass(candidate.kind, n.kind) and candidate.joint in (None, n.joint) and d
+            for n, *fitted in pairs
+            if issubclass(candidate.kind, n.kind) and candidate.joint in (None, n.joint)
+            for d in set(fitted) - {0.0}
         ]
         low, high = candidate.kind.bounds
         inside = [m for m in moved if low <= m <= high and m != 0.0]
@@ -204,7 +221,7 @@ class Attribution:
             names=names,
             fit=whole,
             plain=self.fitter.left(trained),
-            surprise=surprise(new),
+            surprise=surprise(new, self.fitter.evidence.tracks(True)),
             spread=alike(new),
             unrest=self.fitter.unrest(trained),
         )
@@ -227,6 +244,18 @@ def _coarse(
         found.append((one, min(fits, key=lambda fit: fit.cost)))
         alone.add(found[-1][1].effects[-1].magnitude)
     return found
+
+
+def _with_everywhere(
+    tried: Sequence[tuple[Candidate, Fit]], count: int
+) -> list[tuple[Candidate, Fit]]:
+    """The first ones, and their effects on all joints.
+
+    There no nominal parameter takes a part of what a level that is tried first is off by.
+    """
+    first = list(tried[:count])
+    names = {c.name for c, _ in first}
+    return first + [(c, f) for c, f in tried[count:] if c.joint is None and c.name in names]
 
 
 def _alone(profile: Profile, around: Fit, candidate: Candidate, magnitude: float) -> Fit:

@@ -24,7 +24,7 @@ from backends.effects import (
 from backends.spec import Drive, Spec
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Nuisance
-from diagnosis.attribution.timing import Late, TorqueLate
+from diagnosis.attribution.timing import AngleLate, Late, TorqueLate
 
 NOMINAL: tuple[type[NumberEffect], ...] = (
     kp_scale.Effect,
@@ -44,6 +44,8 @@ SAG = 0.08
 """A torque limit is uncertain by at least this share: drives sag before they saturate."""
 RUB = 0.002
 """Friction is known no better than to this share of the torque limit."""
+TEETH = 0.1
+"""The damping of teeth is uncertain by at least this share: it is many losses taken as one."""
 DAMPED = 0.3
 """What a drive period takes from a rotor's inertia (see `Late`) is known to this share."""
 LATE = 0.5
@@ -78,7 +80,9 @@ def nuisances(nominal: Spec, share: float) -> list[Nuisance]:
     And the time of the readings, by half a drive period: so far may integrators be apart.
     """
     moment_s = LATE * nominal.timing.drive_s
-    found = [Nuisance(kind=kind, joint=None, std=moment_s) for kind in (Late, TorqueLate)]
+    found = [
+        Nuisance(kind=kind, joint=None, std=moment_s) for kind in (Late, AngleLate, TorqueLate)
+    ]
     drives = dict(zip(nominal.hand.joint_names, nominal.drives, strict=True))
     for kind in NOMINAL:
         values = _driven(nominal, nominal.values(kind.number))
@@ -94,6 +98,8 @@ def _unsure(kind: type[Effect], std: float, drive: Drive, moment_s: float) -> fl
     """A standard deviation, and with it how well any model knows the number."""
     if kind is torque_limit.Effect:
         return max(std, SAG)
+    if kind is gear_damping.Effect:
+        return max(std, TEETH)
     if kind is coulomb_friction.Effect:
         return float(np.hypot(std, RUB * drive.torque_limit_nm))
     if kind is rotor_inertia.Effect:

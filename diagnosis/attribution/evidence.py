@@ -16,7 +16,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.replayed import Replayed
-from diagnosis.attribution.timing import late_s, later
+from diagnosis.attribution.timing import late_s, rates
 from diagnosis.attribution.whiten import ROUGH, innovations
 from diagnosis.logs.log import Log, LogError
 from diagnosis.replay.limb import CHANNELS
@@ -108,6 +108,12 @@ class Evidence:
         flat = self._flat(parts, judged)
         return compressed(flat) if compress else flat
 
+    def tracks(self, judged: bool | None = None) -> Array:
+        """Which channel and joint each residual is of, as a number, in the order of `residual`."""
+        masks = [m for m, end in zip(self._masks[judged], self._ends[judged], strict=True) if end]
+        number = np.arange(self.sigma.size, dtype=float).reshape(self.sigma.shape)
+        return self._flat([np.broadcast_to(number, m.shape) for m in masks], judged)
+
     def whitened(self, left: Array) -> Array:
         """What is new in residuals (C, T, J) of samples that are compared."""
         return innovations(left, self._white, self.floor[:, 0], self.sample_s)
@@ -139,15 +145,16 @@ class Evidence:
 
     def _left(self, effects: Sequence[Effect], judged: bool | None) -> list[Array]:
         """Residuals (C, T, J) of every recording that has samples of the kind, up to the last."""
-        shift_s = late_s(effects, USED)
+        shift_s, world = late_s(effects), self.world(effects)
         asked = self._asked[judged]
         shown = self._replayed.shown(effects, self._ends[judged])
         left = []
-        for (time_s, measured), channels in zip(asked, shown, strict=True):
-            moved = channels[: len(USED)]
+        for (time_s, measured), wild in zip(asked, shown, strict=True):
+            every = np.clip(wild, -_LOST, _LOST)
+            moved = every[: len(USED)]
             if shift_s.any():
-                moved = later(moved, time_s, shift_s)
-            left.append((measured - np.clip(moved, -_LOST, _LOST))[:, :: self.stride])
+                moved = moved - shift_s[:, None, None] * rates(every, time_s, world)
+            left.append((measured - moved)[:, :: self.stride])
         if not self.astray:
             return left
         ends = self._ends[judged]

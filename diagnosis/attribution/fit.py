@@ -195,7 +195,6 @@ class Profile:
         self._fitter, self._around = fitter, around
         start, effects = around.deviations, around.effects
         base = fitter.innovations(effects, start)
-        self.samples = len(base)
         columns = [
             (fitter.innovations(effects, start + STEP * unit) - base) / STEP
             for unit in np.eye(len(start))
@@ -226,11 +225,10 @@ class Profile:
         pull = _products(slopes, base[:, None])[:, 0] + self._prior * np.concatenate(
             [start, np.zeros(given)]
         )
-        normal = np.where(np.outer(loose, loose), self._normal, np.eye(len(loose)))
-        damped = normal + damping * np.diag(np.diag(normal))
-        move = -np.linalg.solve(damped, pull) * loose
-        move[:count] = np.clip(start + move[:count], -FARTHEST, FARTHEST) - start
-        move[count:] = np.clip(move[count:], -LEAP, LEAP)
+        normal = self._normal
+        low = np.concatenate([-FARTHEST - start, np.full(given, -LEAP)]) * loose
+        high = np.concatenate([FARTHEST - start, np.full(given, LEAP)]) * loose
+        move = _lowest(normal + damping * np.diag(np.diag(normal)), pull, low, high)
         cost = base @ base + start @ start + 2 * pull @ move + move @ normal @ move
         moved = tuple(
             grown(e, np.exp(move[count + k])) if k < given and k != held else e
@@ -260,6 +258,18 @@ class Profile:
         if bounds[1] > bounds[0]:
             minimize_scalar(cost, bounds=bounds, method="bounded", options={"maxiter": SEARCHES})
         return min(tried, key=lambda one: one.cost)
+
+
+def _lowest(normal: Array, pull: Array, low: Array, high: Array) -> Array:
+    """The move m of least pull m + m normal m / 2 within bounds (K,), which stop it one by one."""
+    move, free = np.zeros(len(pull)), low < high
+    while True:
+        held = pull + normal @ (move * ~free)
+        move[free] = -np.linalg.solve(normal[np.ix_(free, free)], held[free])
+        inside = np.clip(move, low, high)
+        if (inside == move).all():
+            return move
+        move, free = inside, free & (inside == move)
 
 
 def _products(a: Array, b: Array) -> Array:

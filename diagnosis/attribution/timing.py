@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.effect import Effect
-from backends.spec import Drive, Spec
+from backends.spec import Drive, Joint, Spec
 from backends.state import Array
 from diagnosis.replay.replay import link_inertias_kgm2
 
@@ -56,16 +56,54 @@ class TorqueLate(Effect):
     per_joint = False
 
 
-def late_s(effects: Sequence[Effect], channels: Sequence[str]) -> Array:
-    """How much later each channel is read [s], shape (C,)."""
-    every = sum(e.magnitude for e in effects if isinstance(e, Late))
-    torque = sum(e.magnitude for e in effects if isinstance(e, TorqueLate))
-    return np.array([every + torque * (name == "torque") for name in channels])
+@dataclass(frozen=True, kw_only=True)
+class AngleLate(Effect):
+    """No effect of the catalogue: angles are read `magnitude` [s] later in a drive period.
+
+    A link that is moved after its motor is another part of a period early.
+    """
+
+    dimension, unit = "time", "ms"
+    bounds = (-1.0, 1.0)
+    per_joint = False
 
 
-def later(shown: Array, time_s: Array, late_s: Array) -> Array:
-    """Readings (C, T, J) of each channel a moment (C,) later, to first order."""
-    moved = shown.copy()
-    slope = (shown[:, 2:] - shown[:, :-2]) / (time_s[2:] - time_s[:-2])[:, None]
-    moved[:, 1:-1] -= late_s[:, None, None] * slope
-    return moved
+def late_s(effects: Sequence[Effect]) -> Array:
+    """How much later position, motor angle and torque are read [s], shape (3,)."""
+    every, angle, torque = (
+        sum(e.magnitude for e in effects if isinstance(e, kind))
+        for kind in (Late, AngleLate, TorqueLate)
+    )
+    return np.array([every + angle, every + angle, every + torque])
+
+
+def rates(shown: Array, time_s: Array, spec: Spec) -> Array:
+    """Rates of position, motor angle and torque, shape (3, T, J), of what a replay shows (4, T, J).
+
+    Samples are too far apart for differences of an angle: a joint's is its velocity, as old as its
+    sensor's readings, and differences say how much faster the motor turns.
+    """
+    position, motor, torque, velocity = shown
+    read = np.stack(
+        [
+            _read(body.joint, time_s, v)
+            for body, v in zip(spec.hand.driven, velocity.T, strict=True)
+        ],
+        axis=1,
+    )
+    at_motor = np.array([body.joint.sensor == "motor" for body in spec.hand.driven])
+    angle = np.where(at_motor, _slope(position, time_s), read)
+    return np.stack([angle, angle + _slope(motor - position, time_s), _slope(torque, time_s)])
+
+
+def _read(joint: Joint, time_s: Array, velocity_rad_s: Array) -> Array:
+    """How fast the readings (T,) of a joint's sensor change."""
+    age_s, scale = joint.encoder.delay_s, 1 + joint.encoder.scale_error
+    return scale * (np.interp(time_s - age_s, time_s, velocity_rad_s) if age_s else velocity_rad_s)
+
+
+def _slope(values: Array, time_s: Array) -> Array:
+    """Central differences of (T, J), zero at the ends."""
+    slope = np.zeros_like(values)
+    slope[1:-1] = (values[2:] - values[:-2]) / (time_s[2:] - time_s[:-2])[:, None]
+    return slope

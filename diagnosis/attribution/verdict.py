@@ -1,6 +1,6 @@
 """From fits to a verdict: an effect, a pair, `none` or `unknown`, by rules frozen in rules.yaml."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -45,6 +45,8 @@ class Rules(BaseModel):
     """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
     """Or else the verdict must explain this share of the held-out gap; if not, it is `unknown`."""
+    bent_stds: float
+    """No nominal parameter of an explained log is off by more of its standard deviations."""
     settled_gap: float
     """Held-out gap that counts as none."""
     nominal_stds: float
@@ -108,11 +110,11 @@ def judge(
     bare = fitter.at((), np.zeros(len(fitter.nuisances)))
     if fitter.unrest(bare) > CALM:
         evidence = fitter.forgiving(bare)
-    first = _judged(Attribution(evidence, catalogue, uncertainty))
+    first = ruled(Attribution(evidence, catalogue, uncertainty))
     stray = _stray(first)
     if stray is None:
         return first
-    again = _judged(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
+    again = ruled(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
     if first.names == (UNKNOWN,):
         return again if set(stray.names) & set(again.names) else first
     return again if set(first.names) == set(again.names) else first
@@ -127,15 +129,16 @@ def _stray(verdict: LimbVerdict) -> Ranked | None:
     return tried if tried is not None and tried.unrest > CALM else None
 
 
-def _judged(found: Attribution) -> LimbVerdict:
+def ruled(found: Attribution) -> LimbVerdict:
     """The verdict that the fits give by the rules."""
     rule, nominal = rules(), found.nominal
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
-    gain = _lead(nominal, singles[0]) if singles else -np.inf
+    small = _with_little(found, nominal, found.singles, rule)
+    gain = _lead(small, singles[0]) if singles else -np.inf
     if gain < rule.accuse_nats:
-        if nominal.surprise <= rule.white_sd:
+        if _is_plain(small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
-        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(nominal, rule))
+        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small, rule))
     best = singles[0]
     pair = _pair(found, best, rule)
     if pair is not None and _explains(nominal, pair, rule):
@@ -147,12 +150,28 @@ def _judged(found: Attribution) -> LimbVerdict:
     return _verdict(best.names, best, found, tied, lead)
 
 
+def _with_little(
+    found: Attribution, ranked: Ranked, tried: Sequence[Ranked], rule: Rules
+) -> Ranked:
+    """A candidate, or it with the effect that is too small to accuse where that fits better.
+
+    What the nominal world may have is no reason to accuse another: that must do better still.
+    """
+    count = len(ranked.names)
+    little = (
+        one
+        for one in tried
+        if one.names[:count] == ranked.names and not _beyond_nominal(found, one, rule)
+    )
+    return min((ranked, *little), key=lambda one: one.fit.cost)
+
+
 def _pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
     """The best pair, where the best single effect does not explain the log and a second adds."""
     explained = _explains(found.nominal, best, rule)
     needed = rule.strict_nats if explained else rule.pair_nats
     pair = _best_pair(found, best, needed, rule)
-    if pair is None or _lead(best, pair) < needed:
+    if pair is None or _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
         return None
     left = _excess(best.gap)
     halves = _excess(pair.gap) <= (1 - rule.pair_share) * left
@@ -176,7 +195,13 @@ def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> 
 
 def _strangeness(ranked: Ranked, rule: Rules) -> float:
     """How far a fit is beyond what may count as explained, as nats of a normal variable."""
-    return (ranked.surprise - rule.white_sd) ** 2 / 2
+    beyond = max(ranked.surprise - rule.white_sd, ranked.bent - rule.bent_stds, 0.0)
+    return beyond**2 / 2
+
+
+def _is_plain(ranked: Ranked, rule: Rules) -> bool:
+    """Whether a fit leaves nothing to explain: what is new is white, and no parameter is bent."""
+    return ranked.surprise <= rule.white_sd and ranked.bent <= rule.bent_stds
 
 
 def _lead(behind: Ranked, ahead: Ranked) -> float:
@@ -224,7 +249,13 @@ def _excess(gap: float) -> float:
 
 
 def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
-    """Whether what a candidate leaves is white, or little of what there was."""
+    """Whether what a candidate leaves is white, or little of what there was.
+
+    With nominal parameters that are as they may be: one that is bent beyond belief is a stand-in
+    for what no effect explains.
+    """
+    if candidate.bent > rule.bent_stds and candidate.unrest <= CALM:
+        return False
     if candidate.surprise <= rule.white_sd:
         return True
     allowed = (1 - rule.explained_share) * _excess(nominal.gap) + candidate.unrest**2

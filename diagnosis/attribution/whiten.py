@@ -45,18 +45,24 @@ def innovations(left: Array, white: Array, slow: Array, sample_s: float) -> Arra
     return out
 
 
-def surprise(new: Array, sizes: tuple[int, ...] = (4, 16, 64)) -> float:
+def surprise(new: Array, tracks: Array, sizes: tuple[int, ...] = (4, 16, 64)) -> float:
     """How far innovations (n,) are from white, in standard deviations.
 
-    Squared means of blocks would be chi-square; the size of block that tells most counts.
+    Squared means of blocks would be chi-square. The size of block that tells most counts, of all
+    innovations or of the track that is worst: of one channel and joint, whose numbers `tracks` (n,)
+    are. What is missing on one joint is lost among the others.
     """
-    worst = -np.inf
-    for size in sizes:
-        squares = _block_squares(new, size)
-        if len(squares) > 1:
-            excess = squares.sum() - len(squares)
-            worst = max(worst, float(excess / np.sqrt(2 * len(squares))))
-    return worst if np.isfinite(worst) else 0.0
+    parts = [new, *(new[tracks == track] for track in np.unique(tracks))]
+    found = [_excess(_block_squares(part, size)) for part in parts for size in sizes]
+    return max(found, default=0.0)
+
+
+def _excess(squares: Array) -> float:
+    """The sum of squared normal variables (n,) as one such variable (Wilson and Hilferty, 1931)."""
+    if len(squares) < 2:
+        return 0.0
+    blur = 2 / (9 * len(squares))
+    return float((np.cbrt(squares.mean()) - 1 + blur) / np.sqrt(blur))
 
 
 def _block_squares(new: Array, size: int) -> Array:

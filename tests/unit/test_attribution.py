@@ -11,14 +11,15 @@ from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
 from diagnosis.attribution import replayed
+from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
-from diagnosis.attribution.timing import Late, TorqueLate
-from diagnosis.attribution.verdict import judge
+from diagnosis.attribution.timing import Late, TorqueLate, rates
+from diagnosis.attribution.verdict import judge, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.blind import motion, rigs
 from diagnosis.replay.nominal import own_catalogue
@@ -98,7 +99,7 @@ def test_innovations_of_a_known_error_are_white():
     left = (3.0 * slow(rng, count) + 2.0 * rng.normal(size=count))[None, :, None]
     new = innovations(left, np.array([[2.0]]), np.array([[3.0]]), SAMPLE_S).ravel()
     assert np.mean(new**2) == pytest.approx(1.0, abs=3 * np.sqrt(2 / count))
-    assert surprise(new) < 3
+    assert surprise(new, np.zeros(count)) < 3
     assert abs(np.corrcoef(new[1:], new[:-1])[0, 1]) < 3 / np.sqrt(count)
 
 
@@ -107,8 +108,17 @@ def test_a_gap_hidden_in_noise_is_a_surprise():
     rng, count = np.random.default_rng(1), 5000
     gap = 0.33 * np.sign(np.sin(2 * np.pi * np.arange(count) / 200))
     new = rng.normal(size=count)
-    assert surprise(new) < 3 < 5 < surprise(new + gap)
+    track = np.zeros(count)
+    assert surprise(new, track) < 3 < 5 < surprise(new + gap, track)
     assert np.sqrt(np.mean((new + gap) ** 2)) < 1.1
+
+
+def test_a_gap_on_one_joint_is_a_surprise():
+    """Recognise a gap on one of six tracks, the others of which are quieter than white."""
+    rng, count = np.random.default_rng(2), 3000
+    new, tracks = 0.8 * rng.normal(size=6 * count), np.repeat(np.arange(6), count)
+    new[:count] += 0.25 * np.sign(np.sin(2 * np.pi * np.arange(count) / 200))
+    assert surprise(new, 0.0 * tracks) < 3 < 5 < surprise(new, tracks)
 
 
 def test_missing_samples_are_left_out():
@@ -130,6 +140,62 @@ def test_a_finer_drive_period_is_no_delay():
     assert np.mean(late**2) - noise < 0.1 * (np.mean(bare**2) - noise)
     names = ("command-delay", "rotor-inertia")
     assert judge(part, {name: kind(name) for name in names}, 0.05).names == ("none",)
+
+
+def test_readings_of_fast_motion_are_shifted_right():
+    """Read a step response half a period later within a tenth of what differences would be off."""
+    spec, late = rigs.nominal("joint"), 5e-4
+    one = motion.motion("steps", spec, np.random.default_rng(0))
+    ticks = np.round(motion.times_s() / spec.timing.drive_s).astype(np.int64)
+    asked = Commands(ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0])
+    delayed = replay(kind("sensor-delay")(magnitude=late).on_spec(spec), asked)[0]
+    shown, time_s = replay(spec, asked), ticks * spec.timing.drive_s
+    shifted = shown[0] - late * rates(shown, time_s, spec)[0]
+    coarse = shown[0] - late * np.gradient(shown[0], time_s, axis=0)
+    assert np.abs(shifted - delayed).max() < 0.1 * np.abs(coarse - delayed).max()
+
+
+def test_readings_of_a_late_sensor_change_as_late():
+    """Take the rate of a reading from when it was taken, and as large as its sensor makes it."""
+    spec = rigs.nominal("joint")
+    effects = (kind("sensor-delay")(magnitude=0.01), kind("encoder-scale")(magnitude=0.1))
+    for effect in effects:
+        spec = effect.on_spec(spec)
+    one = motion.motion("multisine", spec, np.random.default_rng(0))
+    ticks = np.round(motion.times_s() / spec.timing.drive_s).astype(np.int64)
+    shown = replay(
+        spec,
+        Commands(ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0]),
+    )
+    time_s = ticks * spec.timing.drive_s
+    found, slope = rates(shown, time_s, spec)[0], np.gradient(shown[0], time_s, axis=0)
+    assert np.abs(found - slope)[10:].max() < 0.1 * np.abs(slope).max()
+
+
+def costing(ranked: Ranked, cost: float) -> Ranked:
+    return dataclasses.replace(ranked, fit=dataclasses.replace(ranked.fit, cost=cost))
+
+
+def test_who_does_no_better_than_a_little_play_is_not_accused():
+    """Accuse nobody where a play that is too small to accuse explains more, and who does better."""
+    part = evidence((kind("backlash")(magnitude=5e-4, joint="A0"),), protocols=("push",))
+    names = ("backlash", "load-friction")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    play, friction = sorted(found.singles, key=lambda one: one.names)
+    cost = found.nominal.fit.cost
+    for gains, verdict in (((70.0, 20.0), "none"), ((20.0, 70.0), "load-friction")):
+        pairs = zip((play, friction), gains, strict=True)
+        tried = [costing(one, cost - gain) for one, gain in pairs]
+        found.singles = sorted(tried, key=lambda one: one.fit.cost)
+        assert ruled(found).names == (verdict,)
+
+
+def test_bent_nominal_parameters_are_unknown():
+    """Say unknown where only a gain that nobody would believe explains the log."""
+    part = evidence((kind("kd-scale")(magnitude=0.3, joint="A0"),))
+    found = judge(part, {name: kind(name) for name in ("gravity-tilt", "encoder-bias")}, 0.05)
+    assert found.names == ("unknown",)
+    assert found.attribution.nominal.surprise < rules().white_sd
 
 
 def test_refits_reach_the_best_nominal_parameters():
