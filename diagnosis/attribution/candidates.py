@@ -50,6 +50,8 @@ DAMPED = 0.3
 """What a drive period takes from a rotor's inertia (see `Late`) is known to this share."""
 LATE = 0.5
 """Standard deviation of the time of all readings, in drive periods."""
+EXACT = ("drive.kp_nm_rad", "drive.kd_nms_rad", "drive.rotor_inertia_kgm2")
+"""What drives do by the same equation everywhere."""
 LEVELS: dict[str, tuple[float, ...]] = {
     "share": (0.02, 0.1, 0.4, 1.5),
     "torque": (0.01, 0.05, 0.25),
@@ -156,6 +158,15 @@ def _levels(kind: type[Effect], scale: float) -> tuple[float, ...]:
     low, high = kind.bounds
     inside = {min(max(m, low), high) for size in sizes for m in (-size, size)}
     return tuple(sorted(inside - {0.0}))
+
+
+def is_modelled(effect: Effect) -> bool:
+    """Whether an effect's law is a model, and another one in another mechanism.
+
+    Friction, teeth, locks and limits are. A sensor's offset or a delay is what it is.
+    """
+    numbers = (number for number in effect.spec_fields() if number not in EXACT)
+    return any(number.startswith("drive.") for number in numbers)
 
 
 def _mechanical(kind: type[Effect]) -> bool:

@@ -236,6 +236,13 @@ class Profile:
         )
         return Fit(effects=moved, deviations=start + move[:count], cost=float(cost / 2))
 
+    def pulled(self, moved: Array) -> Array:
+        """How the logarithms of all magnitudes move when innovations do so (n,), to first order."""
+        given = len(self._around.effects)
+        free = np.array([*self._fitter.free(self._around.effects), *([True] * given)])
+        normal, pull = self._normal[np.ix_(free, free)], _products(self._slopes, moved[:, None])
+        return -np.linalg.solve(normal, pull[free, 0])[free.sum() - given :]
+
     def search(self, effects: tuple[Effect, ...], index: int, reach: float) -> Fit:
         """The best magnitude of one effect within a factor `reach` of the one it has.
 

@@ -8,7 +8,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from backends.effect import Effect
-from diagnosis.attribution.candidates import RUB
+from backends.effects import backlash
+from backends.state import Array
+from diagnosis.attribution.candidates import RUB, is_modelled
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import CALM, Fit, Fitter, Profile, grown
 from diagnosis.attribution.whiten import alike
@@ -22,6 +24,8 @@ CLOSE = 0.05
 TRIES = 14
 Z90 = 1.645
 """Half width of a 90 % interval in standard deviations."""
+OTHER_LAW = 0.08
+"""Numbers of two laws for one thing agree within this share, standard deviation."""
 SHIFT = 0.2
 """A time is known to this share of a drive period."""
 RESTLESS = 10.0
@@ -43,19 +47,25 @@ def settled(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     return wider, wider.refit(wider.at(fit.effects, fit.deviations))
 
 
-def intervals(fitter: Fitter, fit: Fit, evidence: Evidence) -> list[tuple[float, float]]:
+def intervals(
+    fitter: Fitter, fit: Fit, evidence: Evidence, other_law: bool = False
+) -> list[tuple[float, float]]:
     """Ends of the 90 % interval of every magnitude of a fit, smaller size first.
 
-    The cost rises by more where innovations resemble their neighbours, and where the candidate is
-    restless: then they tell less. And no model knows better than `_own_error` where an effect ends
-    and the mechanism begins, by the floor of the evidence.
+    The cost rises by more where innovations resemble their neighbours or are larger than they
+    should be, and where the candidate is restless: then they tell less. And no model knows better
+    than `_own_error` where an effect ends and the mechanism begins, by the floor of the evidence,
+    nor what a little play adds to it. `other_law`: what is left says that laws are others here,
+    so numbers of those that are models mean nearly the same at best.
     """
-    profile = Profile(fitter, fit)
-    rise = RISE * alike(fitter.innovations(fit.effects, fit.deviations))
+    profile, new = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)
+    shifts = _by_little_play(profile, fitter, fit, evidence)
+    rise = RISE * max(alike(new), float(np.mean(new**2)))
     rise *= 1 + RESTLESS * fitter.unrest(fit) ** 2
     found = []
     for index, effect in enumerate(fit.effects):
-        blur = Z90 * _own_error(effect, evidence)
+        share = np.hypot(shifts[index], OTHER_LAW * (other_law and is_modelled(effect)))
+        blur = Z90 * float(np.hypot(_own_error(effect, evidence), share * effect.magnitude))
         ends = [_end(profile, fit, index, rise, way) for way in (-1.0, 1.0)]
         pairs = zip(ends, (-1.0, 1.0), strict=True)
         found.append(tuple(_widened(effect, end, blur, way) for end, way in pairs))
@@ -83,6 +93,18 @@ def _own_error(effect: Effect, evidence: Evidence) -> float:
         if effect.joint in (None, joint)
     ]
     return float(min(errors))
+
+
+def _by_little_play(profile: Profile, fitter: Fitter, fit: Fit, evidence: Evidence) -> Array:
+    """By which share a play like the model's own error, on any joint, moves each magnitude."""
+    base, squares = fitter.innovations(fit.effects, fit.deviations), np.zeros(len(fit.effects))
+    drives = evidence.world(fit.effects).drives
+    for joint, drive, size in zip(evidence.joints, drives, evidence.floor[0, 0], strict=True):
+        if drive.play_rad == 0:
+            little = backlash.Effect(magnitude=float(size), joint=joint)
+            played = fitter.innovations((*fit.effects, little), fit.deviations)
+            squares += profile.pulled(played - base) ** 2
+    return np.sqrt(squares)
 
 
 def _end(profile: Profile, fit: Fit, index: int, rise: float, way: float) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.intervals import intervals, settled
-from diagnosis.attribution.verdict import LimbVerdict
+from diagnosis.attribution.verdict import LimbVerdict, rules
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,7 +29,8 @@ class Magnitude:
 def magnitudes(limb: LimbVerdict) -> list[Magnitude]:
     """The effects of a limb's verdict."""
     fitter, fit = settled(limb.attribution.whole, limb.chosen.fit)
-    ends = intervals(fitter, fit, limb.attribution.whole.evidence)
+    other_law = limb.chosen.surprise > rules().white_sd
+    ends = intervals(fitter, fit, limb.attribution.whole.evidence, other_law)
     found = []
     for name, effect, interval in zip(limb.names, fit.effects, ends, strict=True):
         size = UNITS[effect.unit][1]

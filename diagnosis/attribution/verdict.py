@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
 from diagnosis.attribution.attribute import Attribution, Ranked
-from diagnosis.attribution.candidates import RUB, nuisances
+from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.timing import Late
@@ -21,8 +21,6 @@ WORTH = 0.3
 this share of what it needs on all."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
-EXACT = ("drive.kp_nm_rad", "drive.kd_nms_rad", "drive.rotor_inertia_kgm2")
-"""What drives do by the same equation everywhere; friction, teeth, locks and limits are models."""
 NONE, UNKNOWN = "none", "unknown"
 
 
@@ -46,7 +44,7 @@ class Rules(BaseModel):
     white_sd: float
     """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
-    """Or else a law that is a model must explain this share of the held-out gap, see `EXACT`."""
+    """Or else a law that is a model, see `is_modelled`, must explain this share of the gap."""
     bent_stds: float
     """No nominal parameter of an explained log is off by more of its standard deviations."""
     settled_gap: float
@@ -261,13 +259,4 @@ def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
     if candidate.surprise <= rule.white_sd:
         return True
     allowed = (1 - rule.explained_share) * _excess(nominal.gap) + candidate.unrest**2
-    return _is_modelled(candidate) and _excess(candidate.gap) <= allowed
-
-
-def _is_modelled(candidate: Ranked) -> bool:
-    """Whether an effect follows a law that is another one in another mechanism.
-
-    A sensor's offset or a delay is what it is, so it leaves nothing that a right one would not.
-    """
-    numbers = {number for effect in candidate.fit.effects for number in effect.spec_fields()}
-    return any(n.startswith("drive.") and n not in EXACT for n in numbers)
+    return any(map(is_modelled, candidate.fit.effects)) and _excess(candidate.gap) <= allowed

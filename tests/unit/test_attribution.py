@@ -15,7 +15,7 @@ from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
-from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.fit import Fitter, Profile
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.timing import Late, TorqueLate, rates
@@ -251,6 +251,42 @@ def test_intervals_hold_the_truth():
         held += low < truth.magnitude < high
         assert low < fit.effects[0].magnitude < high
     assert held >= 8
+
+
+def interval_of(part: Evidence, effect: Effect, other_law: bool = False) -> tuple[float, float]:
+    """The interval of one effect that is fitted to all samples."""
+    fitter = Fitter(part, nuisances(part.nominal, 0.05), None)
+    fit = fitter.refit(fitter.at((effect,), np.zeros(len(fitter.nuisances))))
+    (found,) = intervals(fitter, fit, part, other_law)
+    return found
+
+
+def test_a_little_play_pulls_magnitudes_as_a_refit_does():
+    """Foretell within a third how far play, which no fit has, moves what a fit finds."""
+    truth = kind("series-elasticity")(magnitude=0.6, joint="A0")
+    play = kind("backlash")(magnitude=2.5e-4, joint="A0")
+    fits = {}
+    for real in ((truth,), (truth, play)):
+        part = evidence(real, noise_rad=1e-5, protocols=("push", "triangle"))
+        fitter = Fitter(part, nuisances(part.nominal, 0.05), None)
+        fits[real] = fitter, fitter.refit(fitter.at((truth,), np.zeros(len(fitter.nuisances))))
+    fitter, fit = fits[(truth,)]
+    profile, base = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)
+    played = fitter.innovations((*fit.effects, play), fit.deviations)
+    (pulled,) = profile.pulled(base - played)
+    there = fits[(truth, play)][1].effects[0].magnitude
+    assert pulled == pytest.approx(np.log(there / fit.effects[0].magnitude), rel=0.33)
+
+
+def test_numbers_of_other_laws_agree_roughly():
+    """Widen the interval of friction, whose law is a model, where the log says it is another."""
+    truth = kind("stiction")(magnitude=0.05, joint="A0")
+    part = evidence((truth,))
+    widths = [np.diff(interval_of(part, truth, other))[0] for other in (False, True)]
+    assert widths[0] < 0.3 * truth.magnitude * 0.9 < widths[1] / 0.9
+    exact = kind("encoder-scale")(magnitude=0.05, joint="A0")
+    part = evidence((exact,))
+    assert interval_of(part, exact) == interval_of(part, exact, True)
 
 
 def test_effects_with_wider_bounds_are_the_same_effect():
