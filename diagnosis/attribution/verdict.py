@@ -138,13 +138,13 @@ def ruled(found: Attribution) -> LimbVerdict:
     if gain < rule.accuse_nats:
         if _is_plain(small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
-        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small, rule))
+        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best = singles[0]
     pair = _pair(found, best, rule)
     if pair is not None and _explains(nominal, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not _explains(nominal, best, rule):
-        return _verdict((UNKNOWN,), best, found, (), _strangeness(best, rule))
+        return _verdict((UNKNOWN,), best, found, (), _strangeness(best))
     tied = tuple(r for r in singles[1:] if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in singles[1:]] + [gain])
     return _verdict(best.names, best, found, tied, lead)
@@ -193,10 +193,9 @@ def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> 
     return min(pairs, key=lambda r: r.fit.cost, default=None)
 
 
-def _strangeness(ranked: Ranked, rule: Rules) -> float:
-    """How far a fit is beyond what may count as explained, as nats of a normal variable."""
-    beyond = max(ranked.surprise - rule.white_sd, ranked.bent - rule.bent_stds, 0.0)
-    return beyond**2 / 2
+def _strangeness(ranked: Ranked) -> float:
+    """How far a fit is from what the nominal world with its effects may leave, in nats."""
+    return max(ranked.surprise, ranked.bent) ** 2 / 2
 
 
 def _is_plain(ranked: Ranked, rule: Rules) -> bool:

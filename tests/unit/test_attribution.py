@@ -233,6 +233,15 @@ def test_the_first_effect_gives_way_to_a_second():
     assert sizes["viscous-friction"].magnitude == pytest.approx(0.1, rel=0.2)
 
 
+def test_ties_are_not_sure():
+    """Give a verdict that is within a tie no better than even odds, and one far ahead most."""
+    found = judge(evidence(protocols=("push",)), {"gravity-tilt": kind("gravity-tilt")}, 0.05)
+    tied, far = (
+        dataclasses.replace(found, lead_nats=nats).confidence for nats in (rules().tie_nats, 1000.0)
+    )
+    assert tied < 0.5 < 0.95 < far
+
+
 def test_a_weak_effect_outside_of_the_catalogue_is_unknown():
     """Say unknown where what is left is under a tenth more than the floor, and not white."""
     part = evidence((kind("stiction")(magnitude=0.03, joint="A0"),))
