@@ -28,9 +28,10 @@ class Magnitude:
 
 def magnitudes(limb: LimbVerdict) -> list[Magnitude]:
     """The effects of a limb's verdict."""
-    fitter, fit = settled(limb.attribution.whole, limb.chosen.fit)
-    other_law = limb.chosen.surprise > rules().white_sd
-    ends = intervals(fitter, fit, limb.attribution.whole.evidence, other_law)
+    whole = limb.attribution.whole
+    fitter, fit = settled(whole, limb.chosen.fit)
+    other_law = fitter is whole and limb.chosen.surprise > rules().white_sd
+    ends = intervals(fitter, fit, whole.evidence, other_law)
     found = []
     for name, effect, interval in zip(limb.names, fit.effects, ends, strict=True):
         size = UNITS[effect.unit][1]
