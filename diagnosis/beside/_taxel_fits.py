@@ -16,7 +16,7 @@ FINER = np.arange(-5, 6) / 5
 HALO_M = 0.02
 """The widest halo."""
 DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1.15e-3, 99)])
-AROUND = np.geomspace(0.93, 1.08, 16)
+AROUND = np.geomspace(0.93, 1.08, 10)
 """Factors of the best of these that are tried next."""
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 NEXT_M = 1e-5

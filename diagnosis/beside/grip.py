@@ -25,7 +25,7 @@ MOTION = {
     "stick-mass": (-0.8, -0.5, -0.25, 0.4, 1.0, 2.0, 3.5),
 }
 """Effects that show in motion alone, and magnitudes to start from."""
-YIELDING = {SOFTNESS: (0.03e-3, 0.1e-3, 0.3e-3)}
+YIELDING = {SOFTNESS: (0.03e-3, 0.1e-3, 0.3e-3, 0.6e-3)}
 """What shows there as well: a lighter stick may yield more, as on engines whose contacts are
 tuned by the masses that meet."""
 NEEDS = "not identifiable from this log: record --protocol grasp with the channel stick"
