@@ -71,7 +71,8 @@ def identify(
 def _tool() -> ModuleType:
     tool = import_module("mujoco.sysid")
     if not hasattr(tool, "optimize"):  # it hides what it misses
-        raise BlindError("mujoco.sysid lacks what it needs; run: pip install -e '.[sysid]'")
+        needed = "pip install -c constraints.txt 'mujoco[sysid]'"
+        raise BlindError(f"mujoco.sysid lacks what it needs; run: {needed}")
     logging.getLogger("absl").setLevel(logging.ERROR)  # that friction starts at its bound: zero
     return tool
 

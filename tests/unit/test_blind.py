@@ -137,7 +137,6 @@ def test_a_rival_is_scored_where_it_was_asked(solved, scored):
     """Give mujoco.sysid a line beside the other baselines once it was asked about every case."""
     method = "mujoco.sysid: every parameter free, largest change named"
     assert method not in [row["method"] for row in scored[0]["tables"]["baselines"]]
-    pytest.importorskip("tabulate", reason="mujoco.sysid is not installed: pip install '.[sysid]'")
     folder, answers = solved
     with pytest.raises(UsageError, match="no rival named 'sysid'"):
         blind.run_rival(folder, "sysid", 1)
