@@ -55,8 +55,14 @@ DRAWN = line-s0-d7e7fc6e circle-s0-43bbd86c spiral-s0-1d1797ac eight-s0-94464651
 figures: install $(addprefix figure/,$(DRAWN))
 	for kind in joints touch hand; do $(VENV)/bin/bench view $(call POLICY,circle-s0-43bbd86c) \
 		--kind $$kind --out leaderboard/figures/circle-$$kind.png || exit 1; done
+	$(VENV)/bin/bench view --kind curve $(SEEN) --out leaderboard/figures/circle-observations.png
 	$(VENV)/bin/bench leaderboard leaderboard/results
 
+# What policies may see, three seeds each, on the reference.
+CENTERS = s0-a1f0b803 s1-4fe6c557 s2-b5289021
+SEEN = $(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-contact-centers-,$(CENTERS)) \
+	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-pose*) \
+	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-raw-taxels-*)
 TASK = $(word 1,$(subst -, ,$(1)))
 POLICY = leaderboard/policies/mujoco-$(TASK)-sb3-ppo-contact-centers$(patsubst $(TASK)%,%,$(1))
 figure/%:

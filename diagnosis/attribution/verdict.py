@@ -92,9 +92,10 @@ class LimbVerdict:
 
     @property
     def confidence(self) -> float:
-        """Probability that the verdict is right."""
+        """Probability that the verdict is right; effects that tie are as likely as each other."""
         a, b = rules().confidence
-        return float(1 / (1 + np.exp(-(a + b * np.log(max(self.lead_nats, 1e-3))))))
+        ahead = float(1 / (1 + np.exp(-(a + b * np.log(max(self.lead_nats, 1e-3))))))
+        return max(ahead, 1 / (1 + len(self.tied))) if self.tied else ahead
 
 
 def judge(

@@ -240,6 +240,8 @@ def test_ties_are_not_sure():
         dataclasses.replace(found, lead_nats=nats).confidence for nats in (rules().tie_nats, 1000.0)
     )
     assert tied < 0.5 < 0.95 < far
+    alike = dataclasses.replace(found, lead_nats=0.0, tied=(found.chosen, found.chosen))
+    assert alike.confidence == pytest.approx(1 / 3)
 
 
 def test_a_weak_effect_outside_of_the_catalogue_is_unknown():
