@@ -18,6 +18,9 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set."
 Answers = Annotated[
     Path, typer.Option(help="File of the sealed answers, outside the set's folder.")
 ]
+Real = Annotated[
+    str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
+]
 Jobs = Annotated[
     int, typer.Option("--jobs", "-j", help="Cases at a time, one core each.", min=1, max=256)
 ]
@@ -28,9 +31,7 @@ def make(
     out: Annotated[Path, typer.Option(help="Folder to write the set to; must be new.")],
     answers: Answers,
     cases: Annotated[int, typer.Option(help="Number of cases, 1 to 999.")] = 40,
-    real: Annotated[
-        str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
-    ] = "all",
+    real: Real = "all",
     rig: Annotated[
         str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")
     ] = "finger",
@@ -87,9 +88,7 @@ def run(
 @app.command()
 def detectable(
     out: Annotated[Path, typer.Option(help="Folder for detectable.csv and detectable.md.")],
-    real: Annotated[
-        str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
-    ] = "mujoco,plant",
+    real: Real = "mujoco,plant",
     rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "joint",
     effects: Annotated[
         str, typer.Option(help="Effects to search: all that a replay can show, or some.")
