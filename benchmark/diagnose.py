@@ -276,7 +276,8 @@ def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
     further = {f"bench diagnose {settings.words} --effects-known {text}": "asks what remains"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
+    train = f"bench run --backend {settings.nominal} --task circle --effects {text}"
     return {
-        f"bench run --backend mujoco --task circle --effects {text}": "trains in that world",
+        train: "trains in that world",
         f"bench eval RUN --effects {text}": "shows how a policy does in it",
     } | further

@@ -66,6 +66,7 @@ def told(log) -> tuple[dict, Path, str]:
     """What the command says of it, the folder it writes, and what it prints beside."""
     out = log.parent / "out"
     words = ["diagnose", str(log), "--out", str(out), "--workers", "1", "--json"]
+    words += ["--nominal", "bullet"]
     code = "import sys; from benchmark.cli import main; sys.argv[1:] = " + repr(words) + "; main()"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return json.loads(done.stdout), out, done.stderr
@@ -100,6 +101,12 @@ def test_the_effects_to_add_are_the_real_world(told):
     corrected, real = with_effects(told[0]["effects"]), with_effects("backlash=1deg@J3")
     play = [d.play_rad for d in corrected.drives], [d.play_rad for d in real.drives]
     assert play[0] == pytest.approx(play[1], abs=rules().floor_position_rad)
+
+
+def test_the_next_policy_trains_in_the_nominal_engine(told):
+    """Offer the corrected world in the engine that was asked for."""
+    train = f"bench run --backend bullet --task circle --effects {told[0]['effects']}"
+    assert train in told[0]["next"]
 
 
 def test_what_is_known_is_not_found_again(log, tmp_path, capfd):
