@@ -149,6 +149,9 @@ def view(
     backend: Annotated[
         str | None, typer.Option(help="Engine to replay in, if not the run's.")
     ] = None,
+    radius: Radius = None,
+    speed: Speed = None,
+    stick: Stick = None,
     effects: Effects = None,
     workers: Workers = None,
     as_json: Json = False,
@@ -160,5 +163,7 @@ def view(
     from benchmark import commands
     from benchmark.view import view
 
-    changes = commands.changes(backend=backend, effects=effects)
+    changes = commands.changes(
+        backend=backend, radius=radius, speed=speed, stick=stick, effects=effects
+    )
     emit(view(run_folders, out, kind, changes, episodes, time, workers), as_json)

@@ -23,7 +23,7 @@ from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
 from benchmark.run_spec import RunSpec, within
-from tasks.task import EPISODE_S
+from tasks.task import EPISODE_S, RADIUS_M
 
 SHOWN_EPISODES = 10
 SHOWN_S = 2.0
@@ -152,6 +152,8 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
         parts.insert(2, f"trained on {trained.backend}")
     parts += [f"effects {run.effects}"] if run.effects != "built" else []
     parts += [f"{run.stick} stick"] if run.stick != "reference" else []
+    parts += [f"radius {100 * run.radius_m:g} cm"] if run.radius_m != RADIUS_M else []
+    parts += [f"{run.speed:g} times the pace"] if run.speed != 1 else []
     errors = f"errors {s['p_err_cm']:.2f} cm and {s['q_err_deg']:.1f}°"
     fractions = f"held {100 * s['held']:.0f} %, tracked {100 * s['tracked']:.0f} %"
     what = textwrap.wrap(", ".join(parts), TITLE_WIDTH, break_on_hyphens=False)
@@ -160,7 +162,10 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
 
 def _command(folder: Path, out: Path, kind: str, changed: dict) -> str:
     """The command that draws this again, without the folders of this machine."""
-    options = " ".join(f"--{name} {value}" for name, value in changed.items())
+    words = {name: value for name, value in changed.items() if name != "radius_m"}
+    if "radius_m" in changed:
+        words["radius"] = f"{100 * changed['radius_m']:g}cm"
+    options = " ".join(f"--{name} {value}" for name, value in words.items())
     made = f"bench view {folder.resolve().name} --kind {kind} {options} --out {out.name}"
     return " ".join(made.split())
 
@@ -187,6 +192,8 @@ def _check(
     if time_s is not None and (kind != "hand" or out.suffix.lower() in EVERY):
         raise UsageError(f"--time is {time_s:g}; give it with --kind hand and a .png only")
     if kind == "curve" and (changed or episodes):
-        raise UsageError("--kind curve replays nothing; leave out --backend, --effects, --episodes")
+        raise UsageError(
+            "--kind curve replays nothing; leave out what changes the world, and --episodes"
+        )
     if episodes is not None:
         within("--episodes", episodes, 1, EPISODES)
