@@ -32,6 +32,7 @@ from diagnosis.beside.beside import (
 from diagnosis.beside.finding import Finding, Report
 from diagnosis.beside.fingerprints import widened
 from diagnosis.calibration.worlds import Simulate
+from diagnosis.leading import leading
 from diagnosis.logs.log import Log, LogError
 from diagnosis.recording.excitation import FREE
 from diagnosis.result import Diagnosis
@@ -196,6 +197,7 @@ def _assemble(
             *(row for one in kept for row in one.ties),
             *(row for one in others.findings for row in told_apart(one)),
         ),
+        leading=leading(limbs),
         unseen=unseen,
         where=tuple(locate(parts)),
         gap_before=gaps["before"].value,

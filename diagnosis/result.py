@@ -7,6 +7,7 @@ from diagnosis.attribution.locate import Place
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import LimbVerdict
 from diagnosis.beside.finding import Finding, Spot
+from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
 
@@ -22,6 +23,8 @@ class Diagnosis:
     """Per limb, what was tried: effects, joints, magnitudes, cost in nats and held-out gap."""
     indistinguishable: tuple[dict, ...]
     """Effects that this log cannot tell apart, and the experiment that would."""
+    leading: tuple[Leading, ...]
+    """What unknown gaps are mostly like; no part of the verdict."""
     unseen: tuple[str, ...]
     """Joints of which this log tells nothing."""
     where: tuple[Place, ...]
@@ -53,6 +56,7 @@ class Diagnosis:
         return said | {
             "verdict": list(self.verdict),
             "joints": list(self.joints),
+            "leading": [asdict(one) for one in self.leading],
             "unseen": list(self.unseen),
             "magnitudes": [asdict(m) for m in self.magnitudes],
             "where": [place.row() for place in self.where],

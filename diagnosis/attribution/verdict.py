@@ -91,6 +91,21 @@ class LimbVerdict:
         return tuple(n.at(d) for n, d in pairs if n.joint is not None)
 
     @property
+    def leading(self) -> tuple[Ranked, ...]:
+        """Of an unknown gap the effect that is ahead of all others but one at most, and that one.
+
+        It must leave least on held-out samples, too.
+        """
+        found, best, rule = self.attribution, self.chosen, rules()
+        if self.names != (UNKNOWN,) or len(best.names) != 1:
+            return ()
+        others = [one for one in found.singles if one is not best]
+        tied = [one for one in others if _lead(one, best) < rule.tie_nats]
+        left = min(one.plain.mean() for one in (found.nominal, *others))
+        ahead = _lead(found.nominal, best) >= rule.accuse_nats and left > best.plain.mean()
+        return (best, *tied) if ahead and len(tied) <= 1 else ()
+
+    @property
     def confidence(self) -> float:
         """Probability that the verdict is right; effects that tie are as likely as each other."""
         a, b = rules().confidence

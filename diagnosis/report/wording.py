@@ -8,6 +8,7 @@ from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
 from diagnosis.beside.finding import Finding
 from diagnosis.diagnose import Diagnosis
+from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
 LOOSE = 100.0
@@ -39,7 +40,18 @@ def sentence(found: Diagnosis) -> str:
         where = _strange(found)
         there = f"{where[0].upper()}{where[1:]} there" if where else "There"
         parts.append(f"{there} is a gap that no effect of the catalogue explains.")
+        parts += [_led(one) for one in found.leading]
     return " ".join(parts)
+
+
+def _led(one: Leading) -> str:
+    """What an unknown gap is mostly like."""
+    what = f"{one.effect} of {number(one.value)} {one.unit} on {one.joint or listed(one.limb)}"
+    others = f"every effect but {listed(one.tied)}" if one.tied else "every other effect"
+    return (
+        f"Nearest is {what}, ahead of {others}: it takes {percent(one.share)} of the squared gap "
+        "that the nominal parameters leave, too little to be the verdict."
+    )
 
 
 def _strange(found: Diagnosis) -> str:

@@ -22,6 +22,7 @@ from diagnosis.attribution.timing import Late, TorqueLate, rates
 from diagnosis.attribution.verdict import judge, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.blind import motion, rigs
+from diagnosis.leading import leading
 from diagnosis.replay.nominal import own_catalogue
 from diagnosis.replay.replay import Commands, link_inertias_kgm2, replay, replays
 
@@ -249,6 +250,20 @@ def test_a_weak_effect_outside_of_the_catalogue_is_unknown():
     part = evidence((kind("stiction")(magnitude=0.03, joint="A0"),))
     found = judge(part, {name: kind(name) for name in ("gravity-tilt", "encoder-bias")}, 0.05)
     assert found.names == ("unknown",)
+
+
+def test_the_effect_that_leads_an_unknown_gap_is_named():
+    """Name an effect that takes most of an unknown gap, with its share; none where none leads."""
+    late = kind("command-delay")(magnitude=0.01, joint="A0")
+    scaled = kind("encoder-scale")(magnitude=0.1, joint="A0")
+    known = {name: kind(name) for name in ("encoder-scale", "gravity-tilt")}
+    both, other = (judge(evidence(truth), known, 0.05) for truth in ((late, scaled), (late,)))
+    assert both.names == other.names == ("unknown",)
+    (nearest,) = leading([both])
+    assert (nearest.effect, nearest.joint, nearest.limb) == ("encoder-scale", "A0", ("A0",))
+    assert nearest.value == pytest.approx(10, rel=0.1)
+    assert nearest.share.interval[0] > 0.9 and nearest.tied == ()
+    assert leading([other]) == ()
 
 
 def test_intervals_hold_the_truth():

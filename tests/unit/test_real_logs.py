@@ -15,10 +15,11 @@ from benchmark import registry
 from diagnosis.attribution.attribute import Attribution
 from diagnosis.attribution.conditions import join
 from diagnosis.attribution.evidence import gather
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.verdict import UNKNOWN, LimbVerdict, rules
 from diagnosis.calibration.backlash import Play, push_test
 from diagnosis.calibration.worlds import motions
 from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.leading import leading
 from diagnosis.logs.log import Log, LogError
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.triage.triage import triage
@@ -101,7 +102,10 @@ def test_emps_intervals_hold_what_the_authors_identified(emps):
 
 
 def test_bam_is_load_dependent_friction():
-    """Rank load-dependent friction first on a gain that none was fitted on: that of 400."""
+    """Rank load-dependent friction first on a gain that none was fitted on: that of 400.
+
+    It leads, and takes most of the gap there, also where what it leaves is too much for a verdict.
+    """
     every = logs("bam")
     worlds = {name: mjcf_world(log) for name, log in every.items()}
     parts = [gather(log, worlds[name], floor())[0] for name, log in every.items()]
@@ -115,6 +119,12 @@ def test_bam_is_load_dependent_friction():
     )
     assert by_cost[0].names == by_gap[0].names == ("load-friction",)
     assert by_gap[0].plain.mean() < 0.5 * by_gap[1].plain.mean()
+    best = found.singles[0]
+    strange = LimbVerdict(
+        names=(UNKNOWN,), chosen=best, attribution=found, tied=(), lead_nats=best.surprise
+    )
+    (nearest,) = leading([strange])
+    assert nearest.effect == "load-friction" and nearest.share.interval[0] > 0.5
 
 
 def played(log: Log) -> list[Play]:

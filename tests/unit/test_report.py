@@ -15,9 +15,11 @@ from diagnosis.attribution.evidence import gather
 from diagnosis.attribution.experiments import TOGETHER, Trials
 from diagnosis.attribution.verdict import NONE, UNKNOWN, rules
 from diagnosis.diagnose import Diagnosis, Judged, diagnose, judge_limb
+from diagnosis.leading import Leading
 from diagnosis.logs.log import Log, read_log
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.report import FAINT, page, wording
+from diagnosis.shrinkage import Share
 
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}
 FINGER = 1
@@ -107,6 +109,20 @@ def test_verdicts_in_words(found):
     assert wording.sentence(lost) == (
         "On elbow there is a gap that no effect of the catalogue explains."
     )
+    nearest = Leading(
+        effect="load-friction",
+        joint=None,
+        limb=("shoulder", "elbow"),
+        value=40.0,
+        unit="%",
+        share=Share(value=0.7, interval=(0.6, 0.8)),
+    )
+    for tied, others in ((), "every other effect"), (("self-lock",), "every effect but self-lock"):
+        led = dataclasses.replace(lost, leading=(dataclasses.replace(nearest, tied=tied),))
+        assert (
+            f"explains. Nearest is load-friction of 40 % on shoulder and elbow, ahead of {others}: "
+            "it takes 70.0 % (60.0 to 80.0) of the squared gap"
+        ) in wording.sentence(led)
     both = dataclasses.replace(
         found, verdict=("coulomb-friction", UNKNOWN), joints=("shoulder", "elbow")
     )

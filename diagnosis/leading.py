@@ -1,0 +1,45 @@
+"""What an unknown gap is mostly like: an effect that leads, though it is no explanation."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from backends.effect import UNITS
+from diagnosis.attribution.verdict import LimbVerdict
+from diagnosis.shrinkage import Share, shrinkage
+
+
+@dataclass(frozen=True, kw_only=True)
+class Leading:
+    """The effect that takes most of an unknown gap."""
+
+    effect: str
+    joint: str | None
+    """None: every joint that the effect concerns."""
+    limb: tuple[str, ...]
+    """Joints of the limb."""
+    value: float
+    """In `unit`."""
+    unit: str
+    share: Share
+    """Of the squared gap above the floor that the refit of nominal parameters leaves."""
+    tied: tuple[str, ...] = ()
+    """An effect that it is not told apart from."""
+
+
+def leading(limbs: Iterable[LimbVerdict]) -> tuple[Leading, ...]:
+    """The effects that lead in limbs whose gap is unknown."""
+    return tuple(_leading(limb) for limb in limbs if limb.leading)
+
+
+def _leading(limb: LimbVerdict) -> Leading:
+    best, *tied = limb.leading
+    (name,), (effect,) = best.names, best.fit.effects
+    return Leading(
+        effect=name,
+        joint=effect.joint,
+        limb=limb.attribution.fitter.evidence.joints,
+        value=effect.magnitude / UNITS[effect.unit][1],
+        unit=effect.unit,
+        share=shrinkage(limb.attribution.nominal.plain, best.plain),
+        tied=tuple(name for one in tied for name in one.names),
+    )
