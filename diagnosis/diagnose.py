@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import compress
 
 import numpy as np
 
@@ -31,6 +32,8 @@ from diagnosis.beside.beside import (
 )
 from diagnosis.beside.finding import Finding, Report
 from diagnosis.beside.fingerprints import widened
+from diagnosis.beside.lost_motion import plays
+from diagnosis.beside.slow import at_rest, unjudged
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.leading import leading
 from diagnosis.logs.log import Log, LogError
@@ -70,17 +73,24 @@ def diagnose(
     where nothing can be said.
     """
     began_s = _cpu_s()
-    parts, sensors = _gathered(log, nominal, catalogue)
-    clear, unseen = _told(parts, catalogue)
+    whole, found = _gathered(log, nominal, catalogue)
+    told, unseen = _told(whole, catalogue)
+    parts = tuple(map(at_rest, whole))
+    clear = list(compress(parts, told))
     uncertainty = log.meta.nominal_uncertainty
-    judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
+    settled = frozenset(joint for one in found if one.instead for joint in one.joints)
+    judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty, settled=settled)
     limbs = list(side_by_side(judge_one, clear))
     verdicts = [one.verdict for one in limbs]
-    random = (*sensors, *lost(clear, verdicts, catalogue))
-    kept = [one for one in limbs if outdone(one.verdict, random) is None]
-    world = corrected(_with(nominal, kept, catalogue), sensors, catalogue)
+    before = (*found, *lost(clear, verdicts, catalogue))
+    kept = [one for one in limbs if outdone(one.verdict, before) is None]
+    world = corrected(_with(nominal, kept, catalogue), found, catalogue)
     held = beside(log, world, catalogue, simulate)
-    others = dataclasses.replace(held, findings=(*random, *held.findings))
+    others = dataclasses.replace(
+        held,
+        findings=(*before, *held.findings),
+        missing=(*unjudged(parts), *held.missing),
+    )
     return _assemble(parts, limbs, others, catalogue, unseen, began_s)
 
 
@@ -99,38 +109,43 @@ def diagnose_settings(
     logs = [_gathered(log, nominal, catalogue) for log, nominal in settings]
     if len({tuple(part.joints for part in parts) for parts, _ in logs}) > 1:
         raise LogError("these logs are of different joints; give logs of one mechanism")
-    parts = tuple(join(limb, judging) for limb in zip(*(parts for parts, _ in logs), strict=True))
-    clear, unseen = _told(parts, catalogue)
+    rests = [tuple(map(at_rest, parts)) for parts, _ in logs]
+    parts = tuple(join(limb, judging) for limb in zip(*rests, strict=True))
+    told, unseen = _told(parts, catalogue)
+    clear = list(compress(parts, told))
     uncertainty = max(log.meta.nominal_uncertainty for log, _ in settings)
     judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
     limbs = list(side_by_side(judge_one, clear))
-    others = Report(findings=logs[min(judging)][1], missing=(ALONE,))
+    slow = [text for setting, _ in logs for text in unjudged(setting)]
+    others = Report(findings=logs[min(judging)][1], missing=(*dict.fromkeys(slow), ALONE))
     return _assemble(parts, limbs, others, catalogue, unseen, began_s)
 
 
 def _gathered(
     log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]
 ) -> tuple[tuple[Evidence, ...], tuple[Finding, ...]]:
-    """The evidence for every limb, and what its sensors do that replays do not."""
+    """The evidence for every limb, and what its sensors and rests tell that replays do not."""
     parts = gather(log, nominal, rules().floor)
     refuse_bugs(parts)
     sensors = sensed(parts, catalogue)
-    return tuple(widened(part, sensors) for part in parts), sensors
+    seen = tuple(widened(part, sensors) for part in parts)
+    found = plays(seen, catalogue, log.meta.nominal_uncertainty)
+    return seen, (*sensors, *found)
 
 
 def _told(
     parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
-) -> tuple[list[Evidence], tuple[str, ...]]:
-    """Limbs of which the samples tell anything, and all joints of which they do not."""
+) -> tuple[list[bool], tuple[str, ...]]:
+    """Which limbs the samples tell anything of, and all joints of which they do not."""
     told = [told_of(part, catalogue) for part in parts]
     if not any(told):
         raise LogError(
             "not identifiable from this log: no joint moves or is pushed enough to show a change "
             f"of any nominal parameter; record {', '.join(FREE)}"
         )
-    clear = [part for part, joints in zip(parts, told, strict=True) if joints]
     seen = {joint for joints in told for joint in joints}
-    return clear, tuple(joint for part in parts for joint in part.joints if joint not in seen)
+    unseen = tuple(joint for part in parts for joint in part.joints if joint not in seen)
+    return list(map(bool, told)), unseen
 
 
 def _with(nominal: Spec, limbs: Sequence[Judged], catalogue: Mapping[str, type[Effect]]) -> Spec:
@@ -151,10 +166,17 @@ def _found(limbs: Sequence[Judged]) -> tuple[Magnitude, ...]:
 
 
 def judge_limb(
-    evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+    evidence: Evidence,
+    catalogue: Mapping[str, type[Effect]],
+    uncertainty: float,
+    settled: Collection[str] = (),
 ) -> Judged:
-    """The verdict on one limb and its ties, each with the experiment that would break it."""
-    limb = judge(evidence, catalogue, uncertainty)
+    """The verdict on one limb and its ties, each with the experiment that would break it.
+
+    Where a joint is settled by other evidence, only the nominal parameters are refitted.
+    """
+    known = {} if set(settled) & set(evidence.joints) else catalogue
+    limb = judge(evidence, known, uncertainty)
     found = () if limb.names in ((NONE,), (UNKNOWN,)) else tuple(magnitudes(limb))
     trials = Trials(limb) if limb.tied else None
     ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)

@@ -22,7 +22,6 @@ from diagnosis.beside.yields import RADIUS, SOFTNESS
 from diagnosis.logs.log import Log
 
 LOST, STEPS = "command-dropout", "encoder-resolution"
-MORE = "record --protocol grasp with more --variants"
 
 
 def sensed(parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
@@ -140,9 +139,9 @@ def told_apart(one: Finding) -> list[dict]:
     return [
         {
             "effects": [one.effect, other],
-            "joints": [one.joint, None],
+            "joints": [one.joint, one.joint],
             "apart_nats": nats,
-            "experiment": MORE,
+            "experiment": one.experiment,
             "needed_sd": float(np.sqrt(2 * rules().tie_nats)),
             "separations_sd": {},
         }

@@ -8,7 +8,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.attribution.verdict import rules
 
-SENSING, TOUCH, STICK = "sensing", "touch", "stick"
+SENSING, PUSH, TOUCH, STICK = "sensing", "push", "touch", "stick"
 CONFIDENCE = (2.1, 0.25)
 """Of touch and stick, as `Rules.confidence`: from 23 findings of a tuning set, of which all were
 right, so by Firth's likelihood, which takes no share as certain (Biometrika 80, 1993)."""
@@ -43,17 +43,19 @@ class Finding:
     """How far it is ahead of the next best explanation."""
     ties: tuple[tuple[str, float], ...] = ()
     """Effects that this log cannot tell from it, and how far they are behind [nats]."""
+    experiment: str = "record --protocol grasp with more --variants"
+    """What would tell them from it."""
     instead: bool = False
     """Whether it takes the place of what replays found on its joints, or stands beside it."""
     evidence: str
     """What in the log says so."""
     family: str = SENSING
-    """What it is wrong with: `sensing`, `touch` or `stick`."""
+    """What it is wrong with: `sensing`, `touch` or `stick`; `push`: a joint that was pushed."""
 
     @property
     def confidence(self) -> float:
-        """Probability that it is right: of sensors by the frozen rules."""
-        a, b = rules().confidence if self.family == SENSING else CONFIDENCE
+        """Probability that it is right: of touch and stick by their own rules."""
+        a, b = CONFIDENCE if self.family in (TOUCH, STICK) else rules().confidence
         odds = a + b * np.log(max(self.lead_nats, 1e-3))
         return min(float(1 / (1 + np.exp(-odds))), SURE)
 

@@ -16,6 +16,7 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.verdict import rules
 from diagnosis.beside.finding import Finding, gap, share, together
+from diagnosis.beside.slow import is_slow
 from diagnosis.replay.replay import replay as play
 
 LEAST_STEP_RAD = 1e-5
@@ -61,7 +62,7 @@ class Noise:
 def sensors(
     parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
 ) -> tuple[Finding, ...]:
-    """Noise and steps of the position sensors."""
+    """Noise and steps of the position sensors; in slow logs motion is as rough as noise."""
     steps, noises = [], []
     for part in parts:
         residuals = [r.measured[0] - play(part.nominal, r.commands)[0] for r in part.recordings]
@@ -72,7 +73,7 @@ def sensors(
             joint = body.joint.name
             if teeth is not None and "encoder-resolution" in catalogue:
                 steps += _resolution(joint, teeth, known, np.concatenate(left))
-            if "encoder-noise" in catalogue:
+            if "encoder-noise" in catalogue and not is_slow(part):
                 noises += _noise(joint, left, teeth, known)
     names = [name for part in parts for name in part.joints]
     return (*together(steps, names), *together(noises, names))

@@ -1,0 +1,188 @@
+"""Play in logs that are slower than their drives: told by where joints rest, else not claimed."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backends.effect import Effect
+from benchmark import registry
+from benchmark.effects import parse_effects
+from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.beside.finding import Finding
+from diagnosis.beside.lost_motion import lost_motion, plays
+from diagnosis.beside.slow import at_rest, is_slow, unjudged
+from diagnosis.diagnose import diagnose
+from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
+from diagnosis.replay.nominal import mjcf_world, own_catalogue
+from diagnosis.replay.replay import replay
+
+LEVER = """
+<mujoco model="lever"><worldbody><body>
+  <joint name="servo" axis="0 0 1" armature="0.03"/>
+  <inertial pos="0.05 0 0" mass="0.02" diaginertia="1e-7 2e-5 2e-5"/>
+</body></worldbody></mujoco>
+"""
+KP, PUSH_NM, ROW_S = 40.0, 0.3, 0.1
+FLOOR = {"position": 2.5e-4, "motor": 2.5e-4, "torque": 5e-3}
+SHARE = 0.1
+"""Uncertainty of the nominal drive."""
+RAMP = PUSH_NM * np.array([0.3, 0.7, 1, 1, 1, 1, 1, 0.7, 0.3])
+REST, STROKE = np.zeros(9), np.zeros(12)
+CYCLE = np.concatenate([STROKE, RAMP, REST, -RAMP, REST, RAMP, REST])
+"""Pushes of one cycle, which begins with a stroke to the side and back."""
+PUSH = np.concatenate([CYCLE, -CYCLE, CYCLE, -CYCLE])
+STROKES = np.concatenate([np.where(np.arange(len(CYCLE)) < 6, s, 0.0) for s in (1, -1, 1, -1)])
+COMMAND = 0.15 * STROKES
+DRIVES = {
+    "free": (0.0, "motor"),
+    "light": (0.3, "motor"),
+    "half": (0.5, "motor"),
+    "heavy": (0.8, "motor"),
+    "held": (1.2, "motor"),
+    "on the joint": (0.7, "joint"),
+}
+"""Friction over the push, and where the loop is closed."""
+
+
+def recorded(reading: np.ndarray, row_s: float = ROW_S) -> Log:
+    """A log of the lever."""
+    servo = DriveSettings(kp=KP, kd=1.0, limit=8.0)
+    meta = LogMeta(
+        schema=1,
+        source="a lever",
+        mechanism=MjcfMechanism(mjcf="lever.xml", joints={"servo": servo}),
+        episodes=(EpisodeMeta(episode=0, protocol="push"),),
+        nominal_uncertainty=SHARE,
+    )
+    columns = {
+        "t_s": row_s * np.arange(len(PUSH)),
+        "command_rad.servo": COMMAND,
+        "position_rad.servo": reading,
+        "push_nm.servo": PUSH,
+    }
+    return make_log(meta, pd.DataFrame(columns), LEVER)
+
+
+def evidence(reading: np.ndarray, row_s: float = ROW_S) -> Evidence:
+    """Evidence of a log of the lever."""
+    log = recorded(reading, row_s)
+    (part,) = gather(log, mjcf_world(log), FLOOR)
+    return part
+
+
+@cache
+def catalogue() -> dict[str, type[Effect]]:
+    kinds = {name: registry.load("effect", name) for name in registry.names("effect")}
+    return own_catalogue(kinds, evidence(COMMAND).nominal)
+
+
+def at_equilibrium(half_rad: float, friction_nm: float, loop: str) -> np.ndarray:
+    """Where a joint that stays where nothing moves it would be read: a plant of other equations.
+
+    Motor and joint move no further than friction, teeth without give and the drive's pull ask for.
+    """
+    motor = joint = 0.0
+    read = [0.0]
+    for push, command in zip(PUSH[:-1], COMMAND[:-1], strict=True):
+        about = motor if loop == "motor" else joint
+        if push != 0.0 and loop == "joint":
+            about = motor + np.sign(push) * half_rad
+        low, high = command + (push - friction_nm) / KP, command + (push + friction_nm) / KP
+        moved = np.clip(about, low, high) - about
+        if loop == "joint" and push == 0.0 and moved != 0.0:
+            moved += joint - motor - np.sign(-moved) * half_rad
+        motor += moved
+        ends = motor - half_rad, motor + half_rad
+        joint = ends[int(push > 0)] if push != 0.0 else float(np.clip(joint, *ends))
+        read.append(joint)
+    return np.array(read)
+
+
+def found(reading: np.ndarray) -> tuple[Finding, ...]:
+    return plays((evidence(reading),), catalogue(), SHARE)
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+@pytest.mark.parametrize("half_rad", [0.008, 0.016])
+def test_play_is_found_whatever_the_friction(drive, half_rad):
+    """Name backlash, and hold its size in the interval; a loop on the joint pulls some back."""
+    share, loop = DRIVES[drive]
+    (one,) = found(at_equilibrium(half_rad, share * PUSH_NM, loop))
+    assert one.effect == "backlash" and one.joints == ("servo",) and one.instead
+    assert one.interval[0] <= half_rad
+    assert half_rad <= one.interval[1] or loop == "joint"
+    assert one.gap_after < one.gap_before
+
+
+@pytest.mark.parametrize("drive", DRIVES)
+def test_friction_is_no_play(drive):
+    """Find nothing where friction alone makes a joint rest on the side that it was pushed to."""
+    share, loop = DRIVES[drive]
+    assert found(at_equilibrium(0.0, share * PUSH_NM, loop)) == ()
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        "none",
+        "coulomb-friction=150mNm",
+        "stiction=200mNm",
+        "kp-scale=-60%",
+        "series-elasticity=900%",
+    ],
+)
+def test_what_moves_otherwise_is_no_play(effects):
+    """Find nothing in what the drive law shows of friction and of softer drives and teeth."""
+    part = evidence(COMMAND)
+    real = part.nominal
+    for effect in parse_effects(effects, real.hand):
+        real = effect.on_spec(real)
+    assert found(replay(real, part.recordings[0].commands)[0, :, 0]) == ()
+
+
+def test_a_slow_log_is_diagnosed_at_rest():
+    """Name play, say what is not told, and search no other cause of what rests show."""
+    log = recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor"))
+    said = diagnose(log, mjcf_world(log), catalogue())
+    assert said.verdict == ("backlash",) and said.joints == ("servo",)
+    (row,) = said.indistinguishable
+    assert row["effects"] == ["backlash", "dead-zone"] and row["joints"] == ["servo", "servo"]
+    assert any("only its rests" in text for text in said.missing)
+    assert said.shrinkage.interval[0] > 0.9
+    assert said.limbs[0].attribution.singles == []
+
+
+def test_lost_motion_is_what_lies_between_the_sides():
+    """Measure play and yield under a push, and the play after it, of a drive without friction."""
+    measured = lost_motion(evidence(at_equilibrium(0.005, 0.0, "motor")), 0)
+    assert measured is not None
+    assert measured.pushed_rad == pytest.approx(2 * (0.005 + PUSH_NM / KP), rel=1e-6)
+    assert measured.released_rad == pytest.approx(2 * 0.005, rel=1e-6)
+    assert measured.push_nm == pytest.approx(PUSH_NM)
+
+
+def test_a_log_without_pushes_both_ways_has_no_lost_motion():
+    """Say nothing where pushes come from one side."""
+    part = evidence(at_equilibrium(0.01, 0.0, "motor"))
+    (recording,) = part.recordings
+    commands = dataclasses.replace(recording.commands, load=np.abs(recording.commands.load))
+    one_way = dataclasses.replace(recording, commands=commands)
+    assert lost_motion(dataclasses.replace(part, recordings=(one_way,)), 0) is None
+
+
+def test_slow_logs_are_compared_at_rest():
+    """Leave out what moves of a slow log, and say what to record; touch no other log."""
+    reading = np.convolve(at_equilibrium(0.01, 0.0, "motor"), np.full(5, 0.2), mode="same")
+    slow, quick = evidence(reading), evidence(reading, row_s=0.01)
+    assert is_slow(slow) and not is_slow(quick)
+    assert at_rest(quick) is quick and unjudged((quick,)) == ()
+    compared = np.isfinite(at_rest(slow).recordings[0].measured[0, :, 0])
+    steps = np.abs(np.diff(reading)) > 0.02
+    moves = np.append(False, steps) & np.append(steps, False)
+    assert compared.sum() > 100 and moves.any() and not compared[moves].any()
+    (text,) = unjudged((slow,))
+    assert "a row takes 100 ms" in text and "record" in text
+    assert plays((quick,), catalogue(), SHARE) == ()
