@@ -7,8 +7,9 @@ import numpy as np
 
 from backends.state import Array
 
-BLOCK, RESAMPLES = 50, 400
-"""Samples that are resampled together, and how often, for intervals over held-out samples."""
+BLOCK, BLOCKS, RESAMPLES = 50, 8, 400
+"""Samples that are resampled together, for intervals over held-out samples: no more of them than
+leave so many blocks; and how often."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,7 +32,7 @@ def gap(squares: Array, seed: int = 0) -> Share:
 
 def _resampled(of: Callable[..., float], squares: tuple[Array, ...], seed: int) -> Share:
     """A function of the means of squares, with the interval that resampled blocks give."""
-    size = min(BLOCK, len(squares[0]))
+    size = min(BLOCK, max(len(squares[0]) // BLOCKS, 1))
     count = len(squares[0]) // size
     blocks = [v[: count * size].reshape(count, size).mean(axis=1) for v in squares]
     draws = np.random.default_rng(seed).integers(count, size=(RESAMPLES, count))
