@@ -15,8 +15,9 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.conditions import join
-from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.experiments import Trials, tie, told_of
+from diagnosis.attribution.gather import gather
 from diagnosis.attribution.locate import locate
 from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules

@@ -13,7 +13,8 @@ from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
-from diagnosis.attribution.fit import POLISH, Fit, Fitter, Profile
+from diagnosis.attribution.fit import POLISH, Fitter
+from diagnosis.attribution.profile import Fit, Profile
 from diagnosis.attribution.whiten import alike, surprise
 
 REFINED, FINALISTS, NAMESAKES = 10, 5, 2
@@ -133,7 +134,7 @@ class Attribution:
         worth_nats: float = -np.inf,
     ) -> list[Ranked]:
         """Candidates beside the effects of a fit, the best first."""
-        profile, last = Profile(self.fitter, around), len(around.effects)
+        profile, last = self.fitter.profile(around), len(around.effects)
         fresh = [c for c in self._candidates if not _there(c, around)]
         fresh = [self._with_moved(c, around) for c in fresh]
         tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)

@@ -16,30 +16,21 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.replayed import Replayed
-from diagnosis.attribution.timing import late_s, rates
+from diagnosis.attribution.timing import late_s, later
 from diagnosis.attribution.whiten import ROUGH, innovations
-from diagnosis.logs.log import Log, LogError
 from diagnosis.replay.limb import CHANNELS
-from diagnosis.replay.replay import Commands, limbs
+from diagnosis.replay.replay import Commands
 
-FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
-"""Protocols without a stick in the hand."""
 USED = CHANNELS[:3]
 """Channels that are compared; velocity follows from position."""
-LEAST_SAMPLES = 100
-"""An episode shorter than this is left out."""
 FAR = 1e4
 """Residuals end here: a candidate that is unstable is merely very bad."""
 NUDGE_RAD = 1e-5
 """A shift of the start that no sensor shows [rad]."""
-RATE_HZ = 200.0
-"""Faster logs are compared this often: joints do nothing quicker."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
 _LOST = 1e6
 """What an unstable world shows [rad or Nm]."""
-REST_SAMPLES = 3
-"""The start is the mean of so many readings at rest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -150,10 +141,7 @@ class Evidence:
         shown = self._replayed.shown(effects, self._ends[judged])
         left = []
         for (time_s, measured), wild in zip(asked, shown, strict=True):
-            every = np.clip(wild, -_LOST, _LOST)
-            moved = every[: len(USED)]
-            if shift_s.any():
-                moved = moved - shift_s[:, None, None] * rates(every, time_s, world)
+            moved = later(np.clip(wild, -_LOST, _LOST), time_s, world, shift_s)
             left.append((measured - moved)[:, :: self.stride])
         if not self.astray:
             return left
@@ -247,98 +235,3 @@ class Evidence:
 def compressed(flat: Array) -> Array:
     """Residuals that grow as their logarithm beyond `CORE`."""
     return CORE * np.arcsinh(flat / CORE)
-
-
-def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, ...]:
-    """The evidence for every limb of the nominal world.
-
-    `floor` is the model's own error per channel: radians, and of torques a share of the limit.
-    Raises LogError where the log lacks a joint or has no usable episode.
-    """
-    missing = [name for name in nominal.hand.joint_names if name not in log.joints]
-    if missing:
-        raise LogError(f"this log has no commands for {', '.join(missing)}; record every joint")
-    numbers = [
-        e.episode
-        for e in log.episodes
-        if e.protocol in FREE_AIR and len(log.episode(e.episode)) >= LEAST_SAMPLES
-    ]
-    if not numbers:
-        raise LogError(
-            f"not identifiable from this log: no free-air episode of {LEAST_SAMPLES} samples or "
-            f"more; record {', '.join(FREE_AIR[:4])}"
-        )
-    return tuple(_limb(log, part, numbers, floor) for part in limbs(nominal))
-
-
-def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) -> Evidence:
-    judged = _judged(log, numbers)
-    recordings = tuple(_recording(log, nominal, number, judged[number]) for number in numbers)
-    size = _sizes(nominal, recordings)
-    limit = np.array([drive.torque_limit_nm for drive in nominal.drives])
-    allowed = np.stack([floor[name] * (limit if name == "torque" else size) for name in USED])
-    with warnings.catch_warnings():
-        warnings.filterwarnings("ignore", "All-NaN slice")  # a channel that nobody logged
-        noise = np.nanmedian([_noise(r.measured) for r in recordings], axis=0)
-    sigma = np.sqrt(np.nan_to_num(noise) ** 2 + allowed**2)
-    period = np.median(np.diff(recordings[0].commands.ticks)) * nominal.timing.drive_s
-    return Evidence(
-        nominal=nominal,
-        recordings=recordings,
-        sigma=sigma[:, None, :],
-        floor=allowed[:, None, :],
-        size=size,
-        stride=max(1, round(1 / (RATE_HZ * period))),
-    )
-
-
-def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
-    """See `Evidence.size`."""
-    position = np.concatenate([r.measured[0] for r in recordings])
-    moved = np.maximum(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), 1e-9)
-    slides = [body.joint.slides for body in nominal.hand.driven]
-    return np.where(slides, moved, 1.0)
-
-
-def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:
-    names, frame = nominal.hand.joint_names, log.episode(number)
-
-    def read(kind: str) -> Array:
-        blank = np.full(len(frame), np.nan)
-        columns = [log.column(kind, n) if log.has(kind, n) else None for n in names]
-        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
-
-    time_s = frame["t_s"].to_numpy(float)
-    measured = np.stack([read(kind) for kind in USED])
-    commands = Commands(
-        ticks=np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64),
-        target=read("command"),
-        load=np.nan_to_num(read("push")),
-        start=measured[0, :REST_SAMPLES].mean(axis=0),
-    )
-    protocol = next(e.protocol for e in log.episodes if e.episode == number)
-    return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged)
-
-
-def _judged(log: Log, numbers: list[int]) -> dict[int, Array]:
-    """Which samples judge: every second episode of a protocol, or the end of its only one."""
-    seen: dict[str, int] = {}
-    counts: dict[str, int] = {}
-    protocol = {e.episode: e.protocol for e in log.episodes}
-    for number in numbers:
-        counts[protocol[number]] = counts.get(protocol[number], 0) + 1
-    masks = {}
-    for number in numbers:
-        name, length = protocol[number], len(log.episode(number))
-        seen[name] = seen.get(name, 0) + 1
-        if counts[name] > 1:
-            masks[number] = np.full(length, seen[name] % 2 == 0)
-        else:
-            masks[number] = np.arange(length) >= 0.6 * length
-    return masks
-
-
-def _noise(measured: Array) -> Array:
-    """White noise of a recording (C, J): third differences take smooth motion away."""
-    third = np.diff(measured, n=3, axis=1)
-    return np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0)

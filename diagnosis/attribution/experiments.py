@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import FAR, USED, Evidence
-from diagnosis.attribution.fit import GROW, LOOSE, STEP, grown
+from diagnosis.attribution.profile import GROW, LOOSE, STEP, grown
 from diagnosis.attribution.verdict import LimbVerdict, rules
 from diagnosis.recording.excitation import FREE, RATE_HZ, hand_joints
 from diagnosis.replay.replay import CHANNELS, Commands, replay

@@ -12,7 +12,8 @@ from backends.effects import backlash
 from backends.state import Array
 from diagnosis.attribution.candidates import RUB, is_modelled
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.fit import CALM, Fit, Fitter, Profile, grown
+from diagnosis.attribution.fit import CALM, Fitter
+from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.whiten import alike
 
 RISE = float(chi2.ppf(0.9, 1)) / 2

@@ -33,6 +33,7 @@ class Replayed:
     def __init__(self, nominal: Spec, commands: Sequence[Commands]) -> None:
         self._nominal, self._commands = nominal, tuple(commands)
         self._root, self._worlds = _World(nominal), 0
+        self._latest: tuple[tuple[Effect, ...], Spec] = ((), nominal)
         self._shown: OrderedDict[tuple[Effect, ...], dict[int, Array]] = OrderedDict()
         self._kept = 0
 
@@ -42,19 +43,23 @@ class Replayed:
 
     def world(self, effects: Sequence[Effect]) -> Spec:
         """The nominal world with effects, one after the other."""
+        acting = _acting(effects)
+        if acting == self._latest[0]:
+            return self._latest[1]
         if self._worlds > WORLDS:
             self._root, self._worlds = _World(self._nominal), 0
         here = self._root
-        for effect in effects:
+        for effect in acting:
             if effect not in here.more:
                 here.more[effect] = _World(effect.on_spec(here.spec))
                 self._worlds += 1
             here = here.more[effect]
+        self._latest = acting, here.spec
         return here.spec
 
     def shown(self, effects: Sequence[Effect], samples: Sequence[int]) -> list[Array]:
         """The first so many samples of each recording, shape (4, T, J); none asked, none shown."""
-        acting = tuple(e for e in effects if type(e).on_spec is not Effect.on_spec)
+        acting = _acting(effects)
         known = self._shown.pop(acting, {})
         asked = [k for k, count in enumerate(samples) if count]
         short = [k for k in asked if k not in known or known[k].shape[1] < samples[k]]
@@ -67,3 +72,8 @@ class Replayed:
             _, oldest = self._shown.popitem(last=False)
             self._kept -= sum(one.size for one in oldest.values())
         return [known[k][:, : samples[k]] for k in asked]
+
+
+def _acting(effects: Sequence[Effect]) -> tuple[Effect, ...]:
+    """Those that change the world, and not when it is read."""
+    return tuple(e for e in effects if type(e).on_spec is not Effect.on_spec)

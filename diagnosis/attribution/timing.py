@@ -7,10 +7,11 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from backends.effect import Effect
-from backends.spec import Drive, Joint, Spec
+from backends.spec import Drive, Spec
 from backends.state import Array
 from diagnosis.replay.replay import link_inertias_kgm2
 
@@ -77,33 +78,45 @@ def late_s(effects: Sequence[Effect]) -> Array:
     return np.array([every + angle, every + angle, every + torque])
 
 
+def later(shown: Array, time_s: Array, spec: Spec, late: Array) -> Array:
+    """Position, motor angle and torque of a replay (4, T, J), read `late` (3,) [s] later."""
+    moved = shown[: len(late)]
+    return moved - late[:, None, None] * rates(shown, time_s, spec) if late.any() else moved
+
+
 def rates(shown: Array, time_s: Array, spec: Spec) -> Array:
     """Rates of position, motor angle and torque, shape (3, T, J), of what a replay shows (4, T, J).
 
     Samples are too far apart for differences of an angle: a joint's is its velocity, as old as its
     sensor's readings, and differences say how much faster the motor turns.
     """
-    position, motor, torque, velocity = shown
-    read = np.stack(
-        [
-            _read(body.joint, time_s, v)
-            for body, v in zip(spec.hand.driven, velocity.T, strict=True)
-        ],
-        axis=1,
-    )
-    at_motor = np.array([body.joint.sensor == "motor" for body in spec.hand.driven])
-    angle = np.where(at_motor, _slope(position, time_s), read)
-    return np.stack([angle, angle + _slope(motor - position, time_s), _slope(torque, time_s)])
+    joints = [body.joint for body in spec.hand.driven]
+    age_s = np.array([joint.encoder.delay_s for joint in joints])
+    scale = np.array([1 + joint.encoder.scale_error for joint in joints])
+    at_motor = np.array([joint.sensor == "motor" for joint in joints])
+    return _rates(shown, time_s, age_s, scale, at_motor)
 
 
-def _read(joint: Joint, time_s: Array, velocity_rad_s: Array) -> Array:
-    """How fast the readings (T,) of a joint's sensor change."""
-    age_s, scale = joint.encoder.delay_s, 1 + joint.encoder.scale_error
-    return scale * (np.interp(time_s - age_s, time_s, velocity_rad_s) if age_s else velocity_rad_s)
+@numba.njit(cache=True)
+def _rates(shown, time_s, age_s, scale, at_motor):
+    out = np.zeros((3, len(time_s), len(age_s)))
+    for j in range(len(age_s)):
+        position, motor, torque, speed = shown[:, :, j]
+        if at_motor[j]:
+            out[0, :, j] = _slope(position, time_s)
+        elif age_s[j] > 0.0:
+            out[0, :, j] = scale[j] * np.interp(time_s - age_s[j], time_s, speed)
+        else:
+            out[0, :, j] = scale[j] * speed
+        out[1, :, j] = out[0, :, j] + _slope(motor - position, time_s)
+        out[2, :, j] = _slope(torque, time_s)
+    return out
 
 
-def _slope(values: Array, time_s: Array) -> Array:
-    """Central differences of (T, J), zero at the ends."""
+@numba.njit(cache=True)
+def _slope(values, time_s):
+    """Central differences of (T,), zero at the ends."""
     slope = np.zeros_like(values)
-    slope[1:-1] = (values[2:] - values[:-2]) / (time_s[2:] - time_s[:-2])[:, None]
+    for k in range(1, len(values) - 1):
+        slope[k] = (values[k + 1] - values[k - 1]) / (time_s[k + 1] - time_s[k - 1])
     return slope

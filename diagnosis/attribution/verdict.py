@@ -58,7 +58,7 @@ class Rules(BaseModel):
 
     @property
     def floor(self) -> dict[str, float]:
-        """The model's own error by channel, as `evidence.gather` takes it."""
+        """The model's own error by channel, as `gather.gather` takes it."""
         position = self.floor_position_rad
         return {"position": position, "motor": position, "torque": self.floor_torque_share}
 

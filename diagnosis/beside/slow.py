@@ -11,7 +11,8 @@ import numpy as np
 
 from backends.spec import Drive
 from backends.state import Array
-from diagnosis.attribution.evidence import LEAST_SAMPLES, Evidence, Recording
+from diagnosis.attribution.evidence import Evidence, Recording
+from diagnosis.attribution.gather import LEAST_SAMPLES
 
 SLOW = 2.0
 """A log is slow where a row takes more than so many time constants of a drive."""

@@ -15,8 +15,10 @@ from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.attribute import LAST
 from diagnosis.attribution.candidates import RANDOM, nuisances
-from diagnosis.attribution.evidence import Evidence, gather
-from diagnosis.attribution.fit import Fit, Fitter
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.gather import gather
+from diagnosis.attribution.profile import Fit
 from diagnosis.attribution.verdict import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault

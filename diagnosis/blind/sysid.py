@@ -19,7 +19,8 @@ import numpy as np
 from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, scale_of
-from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.gather import gather
 from diagnosis.attribution.verdict import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.files import BlindError

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 
 from backends.spec import Body, Spec
-from diagnosis.attribution.evidence import FREE_AIR
+from diagnosis.attribution.gather import FREE_AIR
 from diagnosis.calibration import worlds
 from diagnosis.calibration.worlds import Motion, Simulate
 from diagnosis.logs.log import Log

@@ -9,7 +9,8 @@ from plotly.offline import get_plotlyjs
 
 from backends.effect import Effect
 from diagnosis.attribution.attribute import Ranked
-from diagnosis.attribution.evidence import FREE_AIR, LEAST_SAMPLES, USED
+from diagnosis.attribution.evidence import USED
+from diagnosis.attribution.gather import FREE_AIR, LEAST_SAMPLES
 from diagnosis.attribution.locate import PHASES, Place
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
 from diagnosis.beside.finding import Finding, Spot

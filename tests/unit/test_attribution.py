@@ -15,9 +15,10 @@ from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
-from diagnosis.attribution.fit import Fitter, Profile
+from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
+from diagnosis.attribution.profile import Profile, grown
 from diagnosis.attribution.timing import Late, TorqueLate, rates
 from diagnosis.attribution.verdict import judge, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
@@ -232,6 +233,23 @@ def test_the_first_effect_gives_way_to_a_second():
     sizes = dict(zip(found.names, found.chosen.fit.effects, strict=True))
     assert sizes["coulomb-friction"].magnitude == pytest.approx(0.08, rel=0.1)
     assert sizes["viscous-friction"].magnitude == pytest.approx(0.1, rel=0.2)
+
+
+def test_slopes_follow_a_fit():
+    """Foretell what was seen of a move, and take slopes anew where they did not foretell it."""
+    part = evidence((kind("kp-scale")(magnitude=0.1, joint="A0"),))
+    fitter = Fitter(part, nuisances(part.nominal, 0.05))
+    gain = (kind("kp-scale")(magnitude=0.1, joint="A0"),)
+    start = fitter.at(gain, np.zeros(len(fitter.nuisances)))
+    near = fitter.at((grown(gain[0], 1.05),), start.deviations)
+    profile = fitter.profile(start)
+    moved = profile.moved(near)
+    assert moved is not None
+    back = np.concatenate([start.deviations, [-np.log(1.05)]])
+    seen = fitter.innovations(start.effects, start.deviations) - moved._base
+    errors = [np.linalg.norm(p._slopes @ back - seen) for p in (moved, profile)]
+    assert errors[0] < 1e-6 * np.linalg.norm(seen) < 1e-3 * np.linalg.norm(seen) < errors[1]
+    assert profile.moved(fitter.at((grown(gain[0], 9.0),), start.deviations)) is None
 
 
 def test_ties_are_not_sure():

@@ -20,8 +20,8 @@ from benchmark import cli, diagnose, registry
 from benchmark._diagnosis_texts import effects_text
 from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
-from diagnosis.attribution.evidence import gather
 from diagnosis.attribution.experiments import told_of
+from diagnosis.attribution.gather import gather
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import rules
 from diagnosis.diagnose import gap, judge_limb, shrinkage

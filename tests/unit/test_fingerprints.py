@@ -11,7 +11,8 @@ from backends.shard import simulate
 from backends.spec import Spec
 from benchmark import registry
 from benchmark.run_spec import RunSpec
-from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.gather import gather
 from diagnosis.beside.fingerprints import comb, sensors, white_noise, widened
 from diagnosis.beside.losses import dropouts
 from diagnosis.beside.packets import decisive, decoding

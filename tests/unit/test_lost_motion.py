@@ -10,7 +10,8 @@ import pytest
 from backends.effect import Effect
 from benchmark import registry
 from benchmark.effects import parse_effects
-from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.gather import gather
 from diagnosis.beside.finding import Finding
 from diagnosis.beside.lost_motion import lost_motion, plays
 from diagnosis.beside.slow import at_rest, is_slow, unjudged

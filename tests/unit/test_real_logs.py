@@ -14,7 +14,7 @@ from backends.shard import simulate
 from benchmark import registry
 from diagnosis.attribution.attribute import Attribution
 from diagnosis.attribution.conditions import join
-from diagnosis.attribution.evidence import gather
+from diagnosis.attribution.gather import gather
 from diagnosis.attribution.verdict import UNKNOWN, LimbVerdict, rules
 from diagnosis.beside.lost_motion import lost_motion
 from diagnosis.calibration.backlash import Play, push_test

@@ -11,8 +11,8 @@ from backends import trx
 from backends.sticks import STICKS
 from benchmark import registry
 from benchmark._diagnosis_texts import summary
-from diagnosis.attribution.evidence import gather
 from diagnosis.attribution.experiments import TOGETHER, Trials
+from diagnosis.attribution.gather import gather
 from diagnosis.attribution.verdict import NONE, UNKNOWN, rules
 from diagnosis.diagnose import Diagnosis, Judged, diagnose, judge_limb
 from diagnosis.leading import Leading

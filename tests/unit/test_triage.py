@@ -10,7 +10,8 @@ from backends import sticks, trx
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.effects import parse_effects
-from diagnosis.attribution.evidence import Evidence, gather
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.gather import gather
 from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record

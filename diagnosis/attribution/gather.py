@@ -1,0 +1,116 @@
+"""What a log says of every limb, as the evidence that candidates are held against."""
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.attribution.evidence import USED, Evidence, Recording
+from diagnosis.logs.log import Log, LogError
+from diagnosis.replay.replay import Commands, limbs
+
+FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
+"""Protocols without a stick in the hand."""
+LEAST_SAMPLES = 100
+"""An episode shorter than this is left out."""
+RATE_HZ = 200.0
+"""Faster logs are compared this often: joints do nothing quicker."""
+REST_SAMPLES = 3
+"""The start is the mean of so many readings at rest."""
+
+
+def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, ...]:
+    """The evidence for every limb of the nominal world.
+
+    `floor` is the model's own error per channel: radians, and of torques a share of the limit.
+    Raises LogError where the log lacks a joint or has no usable episode.
+    """
+    missing = [name for name in nominal.hand.joint_names if name not in log.joints]
+    if missing:
+        raise LogError(f"this log has no commands for {', '.join(missing)}; record every joint")
+    numbers = [
+        e.episode
+        for e in log.episodes
+        if e.protocol in FREE_AIR and len(log.episode(e.episode)) >= LEAST_SAMPLES
+    ]
+    if not numbers:
+        raise LogError(
+            f"not identifiable from this log: no free-air episode of {LEAST_SAMPLES} samples or "
+            f"more; record {', '.join(FREE_AIR[:4])}"
+        )
+    return tuple(_limb(log, part, numbers, floor) for part in limbs(nominal))
+
+
+def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) -> Evidence:
+    judged = _judged(log, numbers)
+    recordings = tuple(_recording(log, nominal, number, judged[number]) for number in numbers)
+    size = _sizes(nominal, recordings)
+    limit = np.array([drive.torque_limit_nm for drive in nominal.drives])
+    allowed = np.stack([floor[name] * (limit if name == "torque" else size) for name in USED])
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "All-NaN slice")  # a channel that nobody logged
+        noise = np.nanmedian([_noise(r.measured) for r in recordings], axis=0)
+    sigma = np.sqrt(np.nan_to_num(noise) ** 2 + allowed**2)
+    period = np.median(np.diff(recordings[0].commands.ticks)) * nominal.timing.drive_s
+    return Evidence(
+        nominal=nominal,
+        recordings=recordings,
+        sigma=sigma[:, None, :],
+        floor=allowed[:, None, :],
+        size=size,
+        stride=max(1, round(1 / (RATE_HZ * period))),
+    )
+
+
+def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
+    """See `Evidence.size`."""
+    position = np.concatenate([r.measured[0] for r in recordings])
+    moved = np.maximum(np.nanmax(position, axis=0) - np.nanmin(position, axis=0), 1e-9)
+    slides = [body.joint.slides for body in nominal.hand.driven]
+    return np.where(slides, moved, 1.0)
+
+
+def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:
+    names, frame = nominal.hand.joint_names, log.episode(number)
+
+    def read(kind: str) -> Array:
+        blank = np.full(len(frame), np.nan)
+        columns = [log.column(kind, n) if log.has(kind, n) else None for n in names]
+        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
+
+    time_s = frame["t_s"].to_numpy(float)
+    measured = np.stack([read(kind) for kind in USED])
+    commands = Commands(
+        ticks=np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64),
+        target=read("command"),
+        load=np.nan_to_num(read("push")),
+        start=measured[0, :REST_SAMPLES].mean(axis=0),
+    )
+    protocol = next(e.protocol for e in log.episodes if e.episode == number)
+    return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged)
+
+
+def _judged(log: Log, numbers: list[int]) -> dict[int, Array]:
+    """Which samples judge: every second episode of a protocol, or the end of its only one."""
+    seen: dict[str, int] = {}
+    counts: dict[str, int] = {}
+    protocol = {e.episode: e.protocol for e in log.episodes}
+    for number in numbers:
+        counts[protocol[number]] = counts.get(protocol[number], 0) + 1
+    masks = {}
+    for number in numbers:
+        name, length = protocol[number], len(log.episode(number))
+        seen[name] = seen.get(name, 0) + 1
+        if counts[name] > 1:
+            masks[number] = np.full(length, seen[name] % 2 == 0)
+        else:
+            masks[number] = np.arange(length) >= 0.6 * length
+    return masks
+
+
+def _noise(measured: Array) -> Array:
+    """White noise of a recording (C, J): third differences take smooth motion away."""
+    third = np.diff(measured, n=3, axis=1)
+    return np.median(np.abs(third), axis=1) / 0.6745 / np.sqrt(20.0)
