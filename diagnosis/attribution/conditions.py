@@ -26,6 +26,11 @@ class Conditions(Evidence):
         """See `Evidence.settings`."""
         return self.parts
 
+    def knowing(self, effects: Sequence[Effect]) -> "Conditions":
+        """See `Evidence.knowing`: each setting by itself."""
+        parts = tuple(part.knowing(effects) for part in self.parts)
+        return replace(self, nominal=parts[0].nominal, parts=parts)
+
     def residual(
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
     ) -> Array:

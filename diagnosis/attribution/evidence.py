@@ -76,6 +76,10 @@ class Evidence:
         """The nominal world with effects."""
         return self._replayed.world(effects)
 
+    def knowing(self, effects: Sequence[Effect]) -> "Evidence":
+        """The evidence against a nominal world with effects."""
+        return dataclasses.replace(self, nominal=self.world(effects))
+
     def residual(
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
     ) -> Array:

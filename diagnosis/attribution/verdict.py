@@ -1,6 +1,6 @@
 """From fits to a verdict: an effect, a pair, `none` or `unknown`, by rules frozen in rules.yaml."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,6 +10,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
+from backends.effects import backlash
 from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
 from diagnosis.attribution.evidence import Evidence
@@ -120,13 +121,20 @@ def judge(
 
     A world with play foretells a log for a moment only, so what it leaves says little, whoever is
     right. Its replays' spread says how much, and all are judged anew by that. A verdict that held
-    without keeps its effects.
+    without keeps its effects. And what is unknown is judged once more beside the little play
+    that every mechanism has.
     """
     fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
     bare = fitter.at((), np.zeros(len(fitter.nuisances)))
     if fitter.unrest(bare) > CALM:
         evidence = fitter.forgiving(bare)
     first = ruled(Attribution(evidence, catalogue, uncertainty))
+    little = little_play(first)
+    if little:
+        world = first.attribution.fitter.evidence.knowing(little)
+        again = ruled(Attribution(world, catalogue, uncertainty))
+        again.attribution.before = first.attribution.before
+        first = first if again.names == (UNKNOWN,) else again
     stray = _stray(first)
     if stray is None:
         return first
@@ -134,6 +142,26 @@ def judge(
     if first.names == (UNKNOWN,):
         return again if set(stray.names) & set(again.names) else first
     return again if set(first.names) == set(again.names) else first
+
+
+def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
+    """The little play on every joint that explains part of an unknown gap; none where it does not.
+
+    It starts as large as the model's own error, and is too small to accuse.
+    """
+    rule, chosen, whole = rules(), verdict.chosen, verdict.attribution.whole
+    evidence = whole.evidence
+    drives = evidence.world(chosen.fit.effects).drives
+    rows = zip(evidence.joints, drives, evidence.floor[0, 0], strict=True)
+    floor = {joint: float(size) for joint, drive, size in rows if drive.play_rad == 0.0}
+    if verdict.names != (UNKNOWN,) or not floor:
+        return ()
+    little = tuple(backlash.Effect(magnitude=size, joint=joint) for joint, size in floor.items())
+    fit = whole.refit(whole.at((*chosen.fit.effects, *little), chosen.fit.deviations))
+    plays = fit.effects[len(chosen.fit.effects) :]
+    helps = chosen.fit.cost - fit.cost >= rule.pair_nats * chosen.spread
+    small = all(e.magnitude <= rule.nominal_stds * floor[str(e.joint)] for e in plays)
+    return plays if helps and small else ()
 
 
 def _stray(verdict: LimbVerdict) -> Ranked | None:
@@ -155,14 +183,14 @@ def ruled(found: Attribution) -> LimbVerdict:
         if _is_plain(small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
-    best = singles[0]
-    pair = _pair(found, best, rule)
+    best, pair = _pair(found, singles[0], rule)
     if pair is not None and _explains(nominal, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not _explains(nominal, best, rule):
         return _verdict((UNKNOWN,), best, found, (), _strangeness(best))
-    tied = tuple(r for r in singles[1:] if _lead(r, best) < rule.tie_nats)
-    lead = min([_lead(r, best) for r in singles[1:]] + [gain])
+    others = [r for r in singles if r.joints != best.joints or r.names != best.names]
+    tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
+    lead = min([_lead(r, best) for r in others] + [gain])
     return _verdict(best.names, best, found, tied, lead)
 
 
@@ -171,42 +199,66 @@ def _with_little(
 ) -> Ranked:
     """A candidate, or it with the effect that is too small to accuse where that fits better.
 
-    What the nominal world may have is no reason to accuse another: that must do better still.
+    What the nominal world may have is no reason to accuse another: that must do better still. A
+    nominal parameter that is bent beyond belief it may not have.
     """
     count = len(ranked.names)
     little = (
         one
         for one in tried
-        if one.names[:count] == ranked.names and not _beyond_nominal(found, one, rule)
+        if one.names[:count] == ranked.names
+        and one.bent <= rule.bent_stds
+        and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=lambda one: one.fit.cost)
 
 
-def _pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
-    """The best pair, where the best single effect does not explain the log and a second adds."""
-    explained = _explains(found.nominal, best, rule)
-    needed = rule.strict_nats if explained else rule.pair_nats
+def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked | None]:
+    """The best single effect, and the best pair where that does not explain and a second adds.
+
+    The single one is fitted again from where the pair has taken the nominal parameters: a refit
+    that stopped early would make any second effect look needed.
+    """
+    needed = _needed(found, best, rule)
     pair = _best_pair(found, best, needed, rule)
-    if pair is None or _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
-        return None
+    if pair is None:
+        return best, None
+    halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
+    best = min((best, *halves), key=lambda one: one.fit.cost)
+    explained, needed = _explains(found.nominal, best, rule), _needed(found, best, rule)
+    if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
+        return best, None
     left = _excess(best.gap)
-    halves = _excess(pair.gap) <= (1 - rule.pair_share) * left
-    return pair if not explained or best.surprise <= rule.white_sd or halves else None
+    enough = _excess(pair.gap) <= (1 - rule.pair_share) * left
+    return best, pair if not explained or best.surprise <= rule.white_sd or enough else None
+
+
+def _needed(found: Attribution, best: Ranked, rule: Rules) -> float:
+    """What a second effect must lower the cost by [nats]: more where the first needs none."""
+    sure = _explains(found.nominal, best, rule) and best.bent <= rule.bent_stds
+    return rule.strict_nats if sure else rule.pair_nats
 
 
 def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> Ranked | None:
-    """The pair that fits best, from the best single effect and, where that fails, from others."""
-
-    def plain(pairs: list[Ranked]) -> list[Ranked]:
-        return [r for r in pairs if _beyond_nominal(found, r, rule)]
-
-    pairs = plain(found.second(best, WORTH * needed))
-    if needed < rule.strict_nats and (not pairs or pairs[0].surprise > rule.white_sd):
-        pairs += plain(found.exchanged(pairs[0])) if pairs else []
-        others = [r for r in found.singles[1:] if r.names != best.names]
-        for other in others[:OTHERS]:
-            pairs += plain(found.second(other, WORTH * needed))
+    """The pair that fits best: from the best single effect, and on while no pair explains."""
+    pairs: list[Ranked] = []
+    for more in _pairs(found, best, needed, needed < rule.strict_nats):
+        pairs += [r for r in more if _beyond_nominal(found, r, rule)]
+        if any(_explains(found.nominal, r, rule) for r in pairs):
+            break
     return min(pairs, key=lambda r: r.fit.cost, default=None)
+
+
+def _pairs(found: Attribution, best: Ranked, needed: float, hard: bool) -> Iterator[list[Ranked]]:
+    """Pairs with the best single effect; of a hard log with what joined it, then with others."""
+    seconds = found.second(best, WORTH * needed)
+    yield seconds
+    if not hard:
+        return
+    if seconds:
+        yield found.exchanged(seconds[0])
+    for other in [r for r in found.singles[1:] if r.names != best.names][:OTHERS]:
+        yield found.second(other, WORTH * needed)
 
 
 def _strangeness(ranked: Ranked) -> float:

@@ -20,7 +20,7 @@ from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
 from diagnosis.attribution.timing import Late, TorqueLate, rates
-from diagnosis.attribution.verdict import judge, ruled, rules
+from diagnosis.attribution.verdict import judge, little_play, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.blind import motion, rigs
 from diagnosis.leading import leading
@@ -192,6 +192,22 @@ def test_who_does_no_better_than_a_little_play_is_not_accused():
         assert ruled(found).names == (verdict,)
 
 
+def test_a_small_effect_beside_a_bent_parameter_accuses_nobody_less():
+    """Accuse who explains a log better than nominal parameters bent beyond belief, alone or not."""
+    part = evidence((kind("rotor-inertia")(magnitude=5e-4, joint="A0"),), protocols=("push",))
+    names = ("rotor-inertia", "kd-scale")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    gain, rotor = sorted(found.singles, key=lambda one: one.names)
+    size = dataclasses.replace(gain.fit.effects[0], magnitude=0.07, joint="A0")
+    cost = found.nominal.fit.cost
+    for deviations, verdict in ((4.0, "rotor-inertia"), (1.0, "none")):
+        off = deviations * np.eye(len(gain.fit.deviations))[0]
+        fit = dataclasses.replace(gain.fit, effects=(size,), deviations=off)
+        little = costing(dataclasses.replace(gain, fit=fit), cost - 3)
+        found.singles = [costing(rotor, cost - 1.2 * rules().accuse_nats), little]
+        assert ruled(found).names == (verdict,)
+
+
 def test_bent_nominal_parameters_are_unknown():
     """Say unknown where only a gain that nobody would believe explains the log."""
     part = evidence((kind("kd-scale")(magnitude=0.3, joint="A0"),))
@@ -233,6 +249,68 @@ def test_the_first_effect_gives_way_to_a_second():
     sizes = dict(zip(found.names, found.chosen.fit.effects, strict=True))
     assert sizes["coulomb-friction"].magnitude == pytest.approx(0.08, rel=0.1)
     assert sizes["viscous-friction"].magnitude == pytest.approx(0.1, rel=0.2)
+
+
+def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
+    """Go on from other singles where the first pair needs a gain that nobody would believe."""
+    truth = (
+        kind("coulomb-friction")(magnitude=0.08, joint="A0"),
+        kind("viscous-friction")(magnitude=0.1, joint="A0"),
+    )
+    names = ("coulomb-friction", "viscous-friction", "stiction")
+    part = evidence(truth, protocols=("steps", "push"))
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    right = found.second(found.singles[0])[0]
+    first = {"coulomb-friction", "viscous-friction"} & {found.singles[0].names[0]}
+    off = 5.0 * np.eye(len(right.fit.deviations))[-1]
+    bent = dataclasses.replace(right, fit=dataclasses.replace(right.fit, deviations=off))
+    answers = iter([[costing(bent, right.fit.cost + 50)], [right]])
+    monkeypatch.setattr(found, "second", lambda *_: next(answers, []))
+    monkeypatch.setattr(found, "exchanged", lambda *_: [])
+    assert first and set(ruled(found).names) == {"coulomb-friction", "viscous-friction"}
+
+
+def test_a_single_effect_is_refitted_from_its_pair(monkeypatch):
+    """Name one effect where a second is needed by a refit of the first alone that stopped early."""
+    part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
+    names = ("command-delay", "sensor-delay")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    right = found.singles[0]
+    both = (*right.fit.effects, kind("sensor-delay")(magnitude=2e-3, joint="A0"))
+    fit = dataclasses.replace(right.fit, effects=both)
+    pair = dataclasses.replace(right, names=names, fit=fit)
+    found.singles[0] = costing(right, right.fit.cost + 200)
+    monkeypatch.setattr(found, "second", lambda *_: [pair])
+    assert right.names == ruled(found).names == ("command-delay",)
+
+
+def test_a_little_play_is_nominal_where_all_else_is_unknown():
+    """Take the play that explains part of an unknown gap for nominal, and none where none is."""
+    truth = kind("encoder-scale")(magnitude=0.03, joint="A0")
+    play = kind("backlash")(magnitude=6e-4, joint="A0")
+    for real, plays in (((truth, play), 1), ((truth,), 0)):
+        part = evidence(real, noise_rad=5e-5, protocols=("triangle", "push"))
+        found = ruled(Attribution(part, {"encoder-scale": kind("encoder-scale")}, 0.05))
+        unknown = dataclasses.replace(found, names=("unknown",))
+        little = little_play(unknown)
+        assert not little_play(found) and len(little) == plays
+        world = part.knowing(little).nominal
+        assert world.drives[0].play_rad == pytest.approx(plays * 6e-4, rel=0.2)
+
+
+def test_what_bends_is_a_suspect():
+    """Try a parameter that is bent beyond belief as an effect, whatever slopes foretell."""
+    truth = (
+        kind("encoder-bias")(magnitude=0.02, joint="A0"),
+        kind("kd-scale")(magnitude=-0.4, joint="A0"),
+    )
+    part = evidence(truth, protocols=("steps",))
+    names = ("encoder-bias", "kd-scale", "stiction")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    assert found.singles[0].names == ("encoder-bias",)
+    (pair,) = found.second(found.singles[0], worth_nats=1e9)
+    assert pair.names == ("encoder-bias", "kd-scale")
+    assert pair.fit.effects[1].magnitude == pytest.approx(-0.4, rel=0.25)
 
 
 def test_slopes_follow_a_fit():
