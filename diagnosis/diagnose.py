@@ -261,10 +261,12 @@ def _squares(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> list[Arr
 
 
 def _confidence(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> float:
-    """That all accusations are right, or that there is none to be made."""
+    """That all accusations are right; else of the surest unknown, or of the least sure none."""
     guilty = [limb.confidence for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
-    accused = [*guilty, *(one.confidence for one in found)]
-    return math.prod(accused or [limb.confidence for limb in limbs])
+    if accused := [*guilty, *(one.confidence for one in found)]:
+        return math.prod(accused)
+    strange = [limb.confidence for limb in limbs if limb.names == (UNKNOWN,)]
+    return max(strange) if strange else min(limb.confidence for limb in limbs)
 
 
 def _worst(limb: LimbVerdict) -> tuple[str, ...]:

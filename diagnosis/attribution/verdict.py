@@ -56,6 +56,8 @@ class Rules(BaseModel):
     """Effects whose cost is this near the best are not told apart."""
     confidence: tuple[float, float]
     """Confidence is the logistic function of a + b log(lead in nats)."""
+    confidence_none: tuple[float, float]
+    """The same of `none`, whose lead is no more than `accuse_nats`."""
 
     @property
     def floor(self) -> dict[str, float]:
@@ -109,7 +111,7 @@ class LimbVerdict:
     @property
     def confidence(self) -> float:
         """Probability that the verdict is right; effects that tie are as likely as each other."""
-        a, b = rules().confidence
+        a, b = rules().confidence_none if self.names == (NONE,) else rules().confidence
         ahead = float(1 / (1 + np.exp(-(a + b * np.log(max(self.lead_nats, 1e-3))))))
         return max(ahead, 1 / (1 + len(self.tied))) if self.tied else ahead
 

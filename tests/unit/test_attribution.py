@@ -332,7 +332,9 @@ def test_slopes_follow_a_fit():
 
 def test_ties_are_not_sure():
     """Give a verdict that is within a tie no better than even odds, and one far ahead most."""
-    found = judge(evidence(protocols=("push",)), {"gravity-tilt": kind("gravity-tilt")}, 0.05)
+    none = judge(evidence(protocols=("push",)), {"gravity-tilt": kind("gravity-tilt")}, 0.05)
+    assert none.names == ("none",)
+    found = dataclasses.replace(none, names=("gravity-tilt",))
     tied, far = (
         dataclasses.replace(found, lead_nats=nats).confidence for nats in (rules().tie_nats, 1000.0)
     )

@@ -1,5 +1,6 @@
 """`bench diagnose`: what it finds, says and refuses."""
 
+import dataclasses
 import json
 import os
 import shutil
@@ -24,7 +25,7 @@ from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.gather import gather
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import rules
-from diagnosis.diagnose import gap, judge_limb, shrinkage
+from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
 from diagnosis.logs.log import read_log, write_log
 from diagnosis.replay.nominal import mjcf_world
 
@@ -167,6 +168,20 @@ def test_settings_that_cannot_judge_are_refused(gains, log, tmp_path, capfd):
         assert cli._run(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         err = " ".join(capfd.readouterr().err.split())
         assert said in err and "Traceback" not in err
+
+
+def test_a_sound_hand_is_as_sure_as_its_least_sure_finger():
+    """Hold `none` of many limbs no less likely than of the worst, and believe one that accuses."""
+    log = arm_log("", ("steps",))
+    part = gather(log, mjcf_world(log), FLOOR)[0]
+    sound = judge_limb(part, catalogue={}, uncertainty=0.05).verdict
+    assert sound.names == ("none",)
+    worse = dataclasses.replace(sound, lead_nats=1.0)
+    assert 0.5 > worse.confidence == _confidence([sound, worse, sound], ())
+    strange = dataclasses.replace(sound, names=("unknown",), lead_nats=500.0)
+    assert _confidence([worse, strange], ()) == strange.confidence
+    accused = dataclasses.replace(sound, names=("kp-scale",), lead_nats=50.0)
+    assert _confidence([worse, strange, accused], ()) == accused.confidence
 
 
 def test_limbs_side_by_side_give_the_same():
