@@ -56,6 +56,7 @@ figures: install $(addprefix figure/,$(DRAWN))
 	for kind in joints touch hand; do $(VENV)/bin/bench view $(call POLICY,circle-s0-43bbd86c) \
 		--kind $$kind --out leaderboard/figures/circle-$$kind.png || exit 1; done
 	$(VENV)/bin/bench view --kind curve $(SEEN) --out leaderboard/figures/circle-observations.png
+	$(VENV)/bin/bench view --kind curve $(LEARNT) --out leaderboard/figures/circle-learners.png
 	$(VENV)/bin/bench leaderboard leaderboard/results
 
 # What policies may see, three seeds each, on the reference.
@@ -63,6 +64,11 @@ CENTERS = s0-a1f0b803 s1-4fe6c557 s2-b5289021
 SEEN = $(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-contact-centers-,$(CENTERS)) \
 	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-pose*) \
 	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-raw-taxels-*)
+# Both learners in every engine, three seeds each.
+LEARNT = $(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-contact-centers-,$(CENTERS)) \
+	$(addprefix leaderboard/policies/bullet-circle-sb3-ppo-contact-centers-,s0-dcc5760e s1-cb4a162c s2-ee9cdd29) \
+	$(addprefix leaderboard/policies/sapien-circle-sb3-ppo-contact-centers-,s0-2ff7fcd0 s1-f9f62a87 s2-bf278ae4) \
+	$(wildcard leaderboard/policies/*-circle-rsl-ppo-contact-centers-*)
 TASK = $(word 1,$(subst -, ,$(1)))
 POLICY = leaderboard/policies/mujoco-$(TASK)-sb3-ppo-contact-centers$(patsubst $(TASK)%,%,$(1))
 figure/%:
