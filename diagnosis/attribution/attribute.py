@@ -24,8 +24,6 @@ PARTNERS, COUPLES = 8, 3
 """The same of second effects."""
 STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
-SETTLED = 1.1
-"""Mean square of innovations up to which a bent refit hides little, and slopes there hold."""
 BENT = 3.5
 """Standard deviations from which a nominal parameter is a suspect."""
 SHRINKS = 2
@@ -91,8 +89,7 @@ class Attribution:
         self.before = self._judged((), bare, bare)
         found = self.fitter.nominal()
         strained = found.deviations @ found.deviations / 2 >= 1.5 * STRAINED * len(known)
-        settled = found.cost < SETTLED * self._samples / 2
-        self._base, self._moved = found if settled or not strained else bare, found.deviations
+        self._base, self._moved = bare if strained else found, found.deviations
         self.pairs: list[Ranked] = []
         """All that were tried."""
         self.singles = self._rank((), self._base)
@@ -148,20 +145,14 @@ class Attribution:
         profile, last = self.fitter.profile(around), len(around.effects)
         fresh = [c for c in self._candidates if not _there(c, around)]
         fresh = [self._with_moved(c, around) for c in fresh]
-        suspects = self._suspects(around)
-
-        def promise(pair: tuple[Candidate, Fit]) -> tuple[bool, float]:
-            return (pair[0].kind, pair[0].joint) not in suspects, pair[1].cost
-
-        tried = sorted(_coarse(profile, around, fresh), key=promise)
+        tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
-            for c, fit in _with_everywhere(tried, refined)
+            for c, fit in self._with_suspect(around, tried, _with_everywhere(tried, refined))
         ]
-        searched.sort(key=promise)
-        needed = around.cost - worth_nats
-        worth = [one for one in searched if one[1].cost <= needed or not promise(one)[0]]
-        best = _various(worth, finalists)
+        searched.sort(key=lambda pair: pair[1].cost)
+        worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
+        best = self._with_suspect(around, searched, _various(worth, finalists))
         fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
         if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
             fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
@@ -171,13 +162,23 @@ class Attribution:
         found = [self._ranked((*names, c.name), f) for (c, _), f in zip(best, fits, strict=True)]
         return self._closed(sorted(found, key=lambda one: one.fit.cost))
 
-    def _suspects(self, around: Fit) -> set[tuple[type[Effect], str | None]]:
-        """Effects that are, in a fit or the nominal refit, a nominal parameter bent beyond belief.
+    def _with_suspect(
+        self,
+        around: Fit,
+        tried: Sequence[tuple[Candidate, Fit]],
+        chosen: Sequence[tuple[Candidate, Fit]],
+    ) -> list[tuple[Candidate, Fit]]:
+        """What was chosen, and the effect that is the nominal parameter most bent beyond belief.
 
         A prior holds that back, and what it would do as an effect is more than slopes foretell.
         """
         pairs = zip(self.fitter.nuisances, around.deviations, strict=True)
-        return {(n.kind, n.joint) for n, d in pairs if abs(d) > BENT}
+        bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
+        found = [(bent.get((c.kind, c.joint), 0.0), c, fit) for c, fit in tried]
+        most, suspect, fit = max(found, key=lambda one: one[0], default=(0.0, None, around))
+        if suspect is None or most <= BENT or any(c is suspect for c, _ in chosen):
+            return list(chosen)
+        return [*chosen, (suspect, fit)]
 
     def _anew(self, around: Fit, fit: Fit, tried: tuple[Candidate, Fit]) -> Fit:
         """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""
