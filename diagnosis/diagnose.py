@@ -54,6 +54,8 @@ class Judged:
     verdict: LimbVerdict
     found: tuple[Magnitude, ...]
     ties: tuple[dict, ...]
+    first: LimbVerdict
+    """The verdict before lost packets were known; the same where none were lost."""
 
 
 Judge = Callable[[Evidence], Judged]
@@ -82,8 +84,9 @@ def diagnose(
     settled = frozenset(joint for one in found if one.instead for joint in one.joints)
     judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty, settled=settled)
     limbs = list(side_by_side(judge_one, clear))
-    verdicts = [one.verdict for one in limbs]
-    before = (*found, *lost(clear, verdicts, catalogue))
+    losses, heard = lost(clear, [one.verdict for one in limbs], catalogue)
+    limbs = _anew(limbs, clear, heard, partial(side_by_side, judge_one))
+    before = (*found, *losses)
     kept = [one for one in limbs if outdone(one.verdict, before) is None]
     world = corrected(_with(nominal, kept, catalogue), found, catalogue)
     held = beside(log, world, catalogue, simulate)
@@ -93,6 +96,30 @@ def diagnose(
         missing=(*unjudged(parts), *held.missing),
     )
     return _assemble(parts, limbs, others, catalogue, unseen, began_s)
+
+
+def _anew(
+    limbs: Sequence[Judged],
+    told: Sequence[Evidence],
+    heard: Sequence[Evidence],
+    judged: Callable[[Sequence[Evidence]], Iterable[Judged]],
+) -> list[Judged]:
+    """Limbs that did not hear all that they were told, judged by what they heard.
+
+    Which packets were lost is not known for sure: what is left beside them is not called unknown.
+    """
+    pairs = list(zip(told, heard, strict=True))
+    again = iter(judged([right for wrong, right in pairs if wrong is not right]))
+    return [
+        one if wrong is right else _heard(next(again), one)
+        for one, (wrong, right) in zip(limbs, pairs, strict=True)
+    ]
+
+
+def _heard(again: Judged, first: Judged) -> Judged:
+    """A limb's verdict beside lost packets."""
+    limb = _nominal(again.verdict) if again.verdict.names == (UNKNOWN,) else again.verdict
+    return dataclasses.replace(again, verdict=limb, first=first.first)
 
 
 def diagnose_settings(
@@ -181,7 +208,7 @@ def judge_limb(
     found = () if limb.names in ((NONE,), (UNKNOWN,)) else tuple(magnitudes(limb))
     trials = Trials(limb) if limb.tied else None
     ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)
-    return Judged(verdict=limb, found=found, ties=ties)
+    return Judged(verdict=limb, found=found, ties=ties, first=limb)
 
 
 def _cpu_s() -> float:
@@ -205,7 +232,8 @@ def _assemble(
     verdict = tuple(dict.fromkeys(m.effect for m in found))
     verdict += (UNKNOWN,) if strange or None in named else ()
     accused = {*strange, *(joint for m in found for joint in m.joints)}
-    before, nominal, after = _squares([one.verdict for one in judged], others.findings)
+    accused |= {joint for f in others.findings if f.effect == UNKNOWN for joint in f.joints}
+    before, nominal, after = _squares(judged, others.findings)
     gaps = {"before": gap(before), "nominal": gap(nominal), "after": gap(after)}
     return Diagnosis(
         verdict=verdict or (NONE,),
@@ -240,23 +268,25 @@ def _assemble(
 
 def _cleared(limb: LimbVerdict, found: Sequence[Finding]) -> LimbVerdict:
     """A limb's verdict, `none` where a finding takes its place."""
-    if outdone(limb, found) is None:
-        return limb
+    return limb if outdone(limb, found) is None else _nominal(limb)
+
+
+def _nominal(limb: LimbVerdict) -> LimbVerdict:
     return dataclasses.replace(limb, names=(NONE,), chosen=limb.attribution.nominal, tied=())
 
 
-def _squares(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> list[Array]:
+def _squares(judged: Sequence[Judged], found: Sequence[Finding]) -> list[Array]:
     """Squared held-out residuals of all limbs: nominal, refitted, and with the verdict.
 
     Where a finding takes a limb's place, it shrinks them as it shrinks what it was judged by.
     """
     before, nominal, after = [], [], []
-    for limb in limbs:
-        before.append(limb.attribution.before.plain)
-        nominal.append(limb.attribution.nominal.plain)
-        other = outdone(limb, found)
+    for one in judged:
+        before.append(one.first.attribution.before.plain)
+        nominal.append(one.first.attribution.nominal.plain)
+        other = outdone(one.verdict, found)
         shrunk = None if other is None else (other.gap_after / other.gap_before) ** 2
-        after.append(limb.chosen.plain if shrunk is None else shrunk * before[-1])
+        after.append(one.verdict.chosen.plain if shrunk is None else shrunk * before[-1])
     return [np.concatenate(v) for v in (before, nominal, after)]
 
 

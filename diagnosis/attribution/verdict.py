@@ -181,7 +181,7 @@ def ruled(found: Attribution) -> LimbVerdict:
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
-    if gain < rule.accuse_nats:
+    if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
         if _is_plain(small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
@@ -194,6 +194,18 @@ def ruled(found: Attribution) -> LimbVerdict:
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])
     return _verdict(best.names, best, found, tied, lead)
+
+
+def _became(found: Attribution, nominal: Ranked, single: Ranked, rule: Rules) -> bool:
+    """Whether an effect that explains is the nominal parameter which is bent beyond belief.
+
+    Then the world without it is none that a log could be of, however little worse it fits.
+    """
+    worst = int(np.abs(nominal.fit.deviations).argmax())
+    parameter, effect = found.fitter.nuisances[worst], single.fit.effects[-1]
+    same = isinstance(effect, parameter.kind) and effect.joint in (None, parameter.joint)
+    bent = nominal.bent > rule.bent_stds and nominal.surprise <= rule.white_sd
+    return same and bent and _is_plain(single, rule) and _lead(nominal, single) > 0.0
 
 
 def _with_little(

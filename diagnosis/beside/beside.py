@@ -27,7 +27,11 @@ LOST, STEPS = "command-dropout", "encoder-resolution"
 def sensed(parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
     """Noise and steps of position sensors that are above what a diagnosis takes as nothing."""
     floor = {n: part.floor[0, 0, j] for part in parts for j, n in enumerate(part.joints)}
-    return tuple(f for f in sensors(parts, catalogue) if _std(f) > max(floor[n] for n in f.joints))
+    return tuple(
+        one
+        for one in sensors(parts, catalogue)
+        if one.effect == UNKNOWN or _std(one) > max(floor[n] for n in one.joints)
+    )
 
 
 def _std(found: Finding) -> float:
@@ -39,9 +43,12 @@ def lost(
     parts: Sequence[Evidence],
     limbs: Sequence[LimbVerdict],
     catalogue: Mapping[str, type[Effect]],
-) -> tuple[Finding, ...]:
-    """Lost packets; `limbs` are the verdicts on `parts`, one each."""
-    return dropouts(parts, limbs) if LOST in catalogue else ()
+) -> tuple[tuple[Finding, ...], tuple[Evidence, ...]]:
+    """Lost packets, and the parts with the commands that arrived.
+
+    `limbs` are the verdicts on `parts`, one each.
+    """
+    return dropouts(parts, limbs) if LOST in catalogue else ((), tuple(parts))
 
 
 def beside(

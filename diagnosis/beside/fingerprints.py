@@ -14,7 +14,7 @@ from backends.effect import Effect
 from backends.spec import Encoder
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.verdict import UNKNOWN, rules
 from diagnosis.beside.finding import Finding, gap, share, together
 from diagnosis.beside.slow import is_slow
 from diagnosis.replay.replay import replay as play
@@ -62,8 +62,14 @@ class Noise:
 def sensors(
     parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
 ) -> tuple[Finding, ...]:
-    """Noise and steps of the position sensors; in slow logs motion is as rough as noise."""
-    steps, noises = [], []
+    """Noise and steps of the position sensors; in slow logs motion is as rough as noise.
+
+    Readings that are noisier than the nominal sensor's by neither are an unknown gap: replays take
+    noise as it is.
+    """
+    steps: list[Finding] = []
+    noises: list[Finding] = []
+    unknown: list[Finding] = []
     for part in parts:
         residuals = [r.measured[0] - play(part.nominal, r.commands)[0] for r in part.recordings]
         for j, body in enumerate(part.nominal.hand.driven):
@@ -71,12 +77,15 @@ def sensors(
             left = [residual[:, j] for residual in residuals]
             teeth, known = comb(readings), body.joint.encoder
             joint = body.joint.name
+            found = [len(steps), len(noises)]
             if teeth is not None and "encoder-resolution" in catalogue:
                 steps += _resolution(joint, teeth, known, np.concatenate(left))
             if "encoder-noise" in catalogue and not is_slow(part):
                 noises += _noise(joint, left, teeth, known)
+            if found == [len(steps), len(noises)] and not is_slow(part):
+                unknown += _louder(joint, left, known)
     names = [name for part in parts for name in part.joints]
-    return (*together(steps, names), *together(noises, names))
+    return (*together(steps, names), *together(noises, names), *unknown)
 
 
 def widened(part: Evidence, found: Sequence[Finding]) -> Evidence:
@@ -199,6 +208,31 @@ def _noise(
             gap_after=after,
             lead_nats=found.lead_nats,
             evidence=f"readings are white with {1e3 * std:.3g} mrad where nothing moves",
+        )
+    ]
+
+
+def _louder(joint: str, residuals: Sequence[Array], known: Encoder) -> list[Finding]:
+    """White readings that are noisier than the nominal sensor's, by more than the model's floor."""
+    expected = float(np.hypot(known.noise_rad, known.resolution_rad / np.sqrt(12)))
+    found, floor = white_noise(residuals, expected), rules().floor_position_rad
+    if found is None or found.interval_rad[0] < LEAST_EXCESS * np.hypot(expected, floor):
+        return []
+    residual = np.concatenate(residuals)
+    sigma = float(np.hypot(floor, expected))
+    return [
+        Finding(
+            effect=UNKNOWN,
+            joint=joint,
+            joints=(joint,),
+            value=0.0,
+            interval=(0.0, 0.0),
+            share=0.0,
+            gap_before=gap(residual, sigma),
+            gap_after=gap(residual, sigma),
+            lead_nats=found.lead_nats,
+            evidence=f"readings are white with {1e3 * found.std_rad:.3g} mrad, more than the "
+            f"sensor's {1e3 * expected:.3g} mrad",
         )
     ]
 

@@ -6,6 +6,7 @@ where a lost packet is lost by every joint, or by the one joint that has a bus o
 """
 
 from collections.abc import Sequence
+from itertools import zip_longest
 
 import numpy as np
 from scipy.stats import beta, fisher_exact, mannwhitneyu
@@ -13,40 +14,61 @@ from scipy.stats import beta, fisher_exact, mannwhitneyu
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.profile import Fit
 from diagnosis.attribution.verdict import LimbVerdict
 from diagnosis.beside.finding import Finding, gap, share
-from diagnosis.beside.packets import Decoding, Path, decisive, decoding, news
+from diagnosis.beside.packets import Decoding, Path, arrived, decisive, decoding, news
 
 ACCUSE_NATS, LEAST_LOST = 30.0, 5
 """Losses must lower the cost by this, and so many must be decisive."""
+WHITE_SD = 2.0
+"""Where no verdict leaves more than this, see `whiten.surprise`, no packets are looked for."""
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
 """Share of the losses which several limbs would show that they have to agree on."""
 
 
-def dropouts(parts: Sequence[Evidence], limbs: Sequence[LimbVerdict] = ()) -> tuple[Finding, ...]:
-    """Lost packets: of every joint, of one joint, or none."""
-    worlds = [_worlds(limb) for limb in limbs] or [[part.nominal] for part in parts]
-    found = [decoding(part, world) for part, world in zip(parts, worlds, strict=True)]
+def dropouts(
+    parts: Sequence[Evidence], limbs: Sequence[LimbVerdict] = ()
+) -> tuple[tuple[Finding, ...], tuple[Evidence, ...]]:
+    """Lost packets: of every joint, of one joint, or none; and what limbs say when they are known.
+
+    `limbs` are the verdicts on `parts` without losses. Nothing is lost where all that is new in
+    what they leave is white.
+    """
+    if limbs and not any(limb.chosen.surprise > WHITE_SD for limb in limbs):
+        return (), tuple(parts)
+    found = [_decoded(*one) for one in zip_longest(parts, limbs)]
     guilty = [d for d in found if d.lead(d.all) >= ACCUSE_NATS]
-    if not guilty:
-        return ()
-    single = guilty[0].single
-    if len(guilty) == 1 and single is not None and single.nats < guilty[0].all.nats:
-        return _finding([(guilty[0], single)], guilty[0].lead(single))
-    return _finding([(d, d.all) for d in found], sum(d.lead(d.all) for d in found))
+    alone = [d for d in found if d.single is not None and d.lead(d.single) >= ACCUSE_NATS]
+    paths = [(d, d.all) for d in found]
+    if len(guilty) <= 1 and len(alone) == 1:
+        d, single = alone[0], alone[0].single
+        paths = [(d, single)] if single is not None and single.nats < d.all.nats else paths
+    losses = _finding(paths, sum(d.lead(path) for d, path in paths))
+    if not losses:
+        return (), tuple(parts)
+    known = {id(d.part): arrived(d.part, path) for d, path in paths}
+    return losses, tuple(known.get(id(part), part) for part in parts)
 
 
-def _worlds(limb: LimbVerdict) -> list[Spec]:
-    """The nominal world refitted, and the one of the verdict."""
-    fitter, named = limb.attribution.fitter, (limb.attribution.nominal, limb.chosen)
-    return [
-        fitter.evidence.world(
-            [*(n.at(d) for n, d in zip(fitter.nuisances, f.deviations, strict=True)), *f.effects]
-        )
-        for f in {id(r): r.fit for r in named}.values()
-    ]
+def _decoded(part: Evidence, limb: LimbVerdict | None) -> Decoding:
+    """Losses in the nominal world, as it is and refitted, and in the one of the verdict."""
+    if limb is None:
+        return decoding(part, [part.nominal])
+    fitter, nominal, chosen = limb.attribution.fitter, limb.attribution.nominal, limb.chosen
+
+    def world(fit: Fit) -> Spec:
+        pairs = zip(fitter.nuisances, fit.deviations, strict=True)
+        return fitter.evidence.world([*(n.at(d) for n, d in pairs), *fit.effects])
+
+    def refit(evidence: Evidence) -> Spec:
+        return world(Fitter(evidence, fitter.nuisances).nominal())
+
+    explained = world(chosen.fit) if chosen.names else None
+    return decoding(part, [world(nominal.fit)], explained, refit)
 
 
 def _finding(paths: Sequence[tuple[Decoding, Path]], lead: float) -> tuple[Finding, ...]:
@@ -80,7 +102,6 @@ def _finding(paths: Sequence[tuple[Decoding, Path]], lead: float) -> tuple[Findi
             gap_before=before,
             gap_after=after,
             lead_nats=lead,
-            instead=not any(d.richer for d, _ in paths if d.lead(d.all) >= ACCUSE_NATS),
             evidence=f"{losses} of {count} packets whose loss would show were lost, at random",
         ),
     )

@@ -6,8 +6,8 @@ time and a lost packet is abrupt, so what counts are innovations: what a residua
 one did not foretell. Their scale comes from the log, so a badly explained one accuses less.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -36,6 +36,10 @@ APART = 16
 """Samples after which a packet's effect has faded: so many runs try the opposite of every one."""
 
 
+Refit = Callable[[Evidence], Spec]
+"""The nominal world refitted to evidence."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Scale:
     """How innovations spread."""
@@ -58,7 +62,7 @@ class Path:
     shown: tuple[Array, ...]
     """What the world then shows by recording, each (T, C, J)."""
     nats: float
-    """Cost of the innovations and of saying which packets were lost."""
+    """Cost of the innovations, their scale, and of saying which packets were lost."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,41 +76,86 @@ class Decoding:
     all: Path
     """Losses of all joints' packets together."""
     single: Path | None
-    """Losses of one joint's packets alone; None where there is one joint, or nothing was lost."""
-    richer: bool
-    """Whether that is in a later one of the worlds, which has effects of its own."""
+    """Losses of one joint's packets alone; None where there is one joint."""
 
     def lead(self, path: Path) -> float:
         """How far a path is ahead of none [nats]."""
         return self.plain.nats - path.nats
 
 
-def decoding(part: Evidence, worlds: Sequence[Spec]) -> Decoding:
-    """Lost packets in a limb's evidence, in the world that explains it best; the nominal first."""
-    tries = [_searched(part, world, part.joints) for world in worlds]
-    best = min(range(len(worlds)), key=lambda k: tries[k][0].nats + EFFECT_NATS * k)
-    if len(part.joints) > 1 and any(lost.any() for lost in tries[best][0].lost):
-        tries += [_searched(part, worlds[best], (name,)) for name in part.joints]
-    scale = max((s for _, s in tries), key=lambda s: float(np.log(s.weight).sum()))
-    paths = [_path(part, p.world, p.lossy, scale, 0.0, p.lost) for p, _ in tries]
+def decoding(
+    part: Evidence,
+    worlds: Sequence[Spec],
+    explained: Spec | None = None,
+    refit: Refit | None = None,
+) -> Decoding:
+    """Lost packets in a limb's evidence, in whichever world fits them best.
+
+    In nominal `worlds`, in the one that `refit` makes of the commands that arrived, or in
+    `explained`, which has effects and must be better by `EFFECT_NATS`.
+    """
+    every = [*worlds, *([] if explained is None else [explained])]
+    apart = [(name,) for name in part.joints] if len(part.joints) > 1 else []
+
+    def cost(tried: tuple[Path, Scale]) -> float:
+        return tried[0].nats + EFFECT_NATS * (tried[0].world is explained)
+
+    best = []
+    for lossy in (part.joints, *apart):
+        tried = [_settled(part, w, lossy, _scale(part, _without(part, w, None))) for w in every]
+        best.append(min((*tried, *_relearned(part, lossy, refit)), key=cost))
+    scale = max((s for _, s in best), key=lambda s: float(np.log(s.weight).sum()))
+    paths = [_path(part, p.world, p.lossy, scale, 0.0, p.lost) for p, _ in best]
     return Decoding(
         part=part,
         scale=scale,
-        plain=min((_without(part, w, scale) for w in worlds), key=lambda p: p.nats),
-        all=paths[best],
-        single=min(paths[len(worlds) :], key=lambda p: p.nats, default=None),
-        richer=best > 0,
+        plain=min((_without(part, w, scale) for w in every), key=lambda p: p.nats),
+        all=paths[0],
+        single=min(paths[1:], key=lambda p: p.nats, default=None),
     )
 
 
-def _searched(part: Evidence, world: Spec, lossy: tuple[str, ...]) -> tuple[Path, Scale]:
-    """Losses in a world, with the share and scale that they themselves leave."""
-    path, lost_share = _without(part, world, None), FIRST_SHARE
-    for _ in range(ROUNDS):
-        scale = _scale(part, path)
-        path = _path(part, world, lossy, scale, np.log(1 / lost_share - 1))
+def arrived(part: Evidence, path: Path) -> Evidence:
+    """The evidence with the commands that arrived: where one was lost, the last one stood."""
+    column = [part.joints.index(name) for name in path.lossy]
+    recordings = []
+    for recording, lost in zip(part.recordings, path.lost, strict=True):
+        target = recording.commands.target.copy()
+        target[:, column] = target[_latest(lost)][:, column]
+        commands = replace(recording.commands, target=target)
+        recordings.append(replace(recording, commands=commands))
+    return replace(part, recordings=tuple(recordings))
+
+
+def _latest(lost: Array) -> Array:
+    """Number of the latest packet that arrived, (T,)."""
+    return np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
+
+
+def _relearned(
+    part: Evidence, lossy: tuple[str, ...], refit: Refit | None
+) -> list[tuple[Path, Scale]]:
+    """Losses in the world that is refitted to what they leave of the commands, if there are any.
+
+    A world that is refitted without them bends to make up for them. Where many are lost, what that
+    leaves is large and slow, so the first decoding expects noise alone.
+    """
+    path, _ = first = _settled(part, part.nominal, lossy, _even(part))
+    if refit is None or not any(lost.any() for lost in path.lost):
+        return [first]
+    return [first, _settled(part, refit(arrived(part, path)), lossy, _even(part))]
+
+
+def _settled(
+    part: Evidence, world: Spec, lossy: tuple[str, ...], scale: Scale
+) -> tuple[Path, Scale]:
+    """Losses decoded by a scale, and again by the scale and share that they leave."""
+    path = _path(part, world, lossy, scale, np.log(1 / FIRST_SHARE - 1))
+    for _ in range(ROUNDS - 1):
         lost, said = _counts(part, path)
         lost_share = float(np.clip(lost / max(said, 1), *SHARES))
+        scale = _scale(part, path)
+        path = _path(part, world, lossy, scale, np.log(1 / lost_share - 1))
     return path, scale
 
 
@@ -138,10 +187,16 @@ def _path(
     lost, shown = tuple(d[0] for d in done), tuple(d[1] for d in done)
     path = Path(world=world, lossy=lossy, lost=lost, shown=shown, nats=0.0)
     losses, said = _counts(part, path)
-    surprise = sum(d[2] for d in done) - charge * losses
+    surprise = sum(d[2] for d in done) - charge * losses + _spread_nats(part, scale)
     return Path(
         world=world, lossy=lossy, lost=lost, shown=shown, nats=surprise + code(losses, said)
     )
+
+
+def _spread_nats(part: Evidence, scale: Scale) -> float:
+    """Cost of the scale itself: what is expected to spread more is less likely to be anywhere."""
+    logged = sum(np.isfinite(r.measured).sum(axis=1) for r in part.recordings)
+    return -float((logged * np.log(scale.weight)).sum())
 
 
 def _decoded(
@@ -177,9 +232,8 @@ def news(part: Evidence, path: Path) -> list[Array]:
     found = []
     for recording, lost in zip(part.recordings, path.lost, strict=True):
         target = recording.commands.target[:, column]
-        arrived = np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
         moves = np.zeros_like(target)
-        moves[1:] = np.abs(target[1:] - target[arrived[:-1]])
+        moves[1:] = np.abs(target[1:] - target[_latest(lost)[:-1]])
         found.append(moves)
     return found
 

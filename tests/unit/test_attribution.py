@@ -22,6 +22,7 @@ from diagnosis.attribution.profile import Profile, grown
 from diagnosis.attribution.timing import Late, TorqueLate, rates
 from diagnosis.attribution.verdict import judge, little_play, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
+from diagnosis.beside.losses import dropouts
 from diagnosis.blind import motion, rigs
 from diagnosis.leading import leading
 from diagnosis.replay.nominal import own_catalogue
@@ -52,10 +53,12 @@ def evidence(
     slow_rad: float = 0.0,
     finer: int = 1,
     protocols: Sequence[str] = ("steps", "multisine", "push"),
+    lost_share: float = 0.0,
 ) -> Evidence:
     """What the one-joint rig with effects would log, two episodes of each protocol.
 
-    `finer`: how many periods the real drive has in one of the nominal one.
+    `finer`: how many periods the real drive has in one of the nominal one. Of its commands
+    `lost_share` are lost.
     """
     rng, nominal = np.random.default_rng(seed), rigs.nominal("joint")
     real: Spec = nominal
@@ -73,7 +76,10 @@ def evidence(
             asked = Commands(
                 ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0]
             )
-            shown = replay(real, dataclasses.replace(asked, ticks=ticks * finer))
+            lost = np.random.default_rng([seed, len(recordings)]).random(len(ticks)) < lost_share
+            latest = np.maximum.accumulate(np.where(lost, 0, np.arange(len(ticks))))
+            heard = one.target_rad[latest]
+            shown = replay(real, dataclasses.replace(asked, ticks=ticks * finer, target=heard))
             measured = np.full((3, *one.target_rad.shape), np.nan)
             measured[0] = shown[0] + noise_rad * rng.normal(size=one.target_rad.shape)
             measured[0, :, 0] += slow_rad * slow(rng, len(ticks))
@@ -214,6 +220,30 @@ def test_bent_nominal_parameters_are_unknown():
     found = judge(part, {name: kind(name) for name in ("gravity-tilt", "encoder-bias")}, 0.05)
     assert found.names == ("unknown",)
     assert found.attribution.nominal.surprise < rules().white_sd
+
+
+def test_a_parameter_bent_beyond_belief_is_the_effect():
+    """Name the effect that is the parameter, though the world without it fits hardly worse."""
+    part = evidence((kind("kd-scale")(magnitude=0.25, joint="A0"),), seed=4)
+    found = Attribution(part, {name: kind(name) for name in ("kd-scale", "kp-scale")}, 0.05)
+    best = found.singles[0]
+    assert best.names == ("kd-scale",) and found.nominal.bent > rules().bent_stds
+    found.nominal = costing(found.nominal, best.fit.cost + rules().accuse_nats - 1)
+    assert ruled(found).names == ("kd-scale",)
+    found.singles = [one for one in found.singles if one.names != ("kd-scale",)]
+    assert ruled(found).names == ("unknown",)
+
+
+@pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
+def test_many_lost_packets_are_told_from_nominal_parameters(truth):
+    """Find losses that nominal parameters bend for, and with them known what else there is."""
+    part = evidence((*truth, kind("link-mass")(magnitude=0.05, joint="A0")), lost_share=0.4)
+    known = {name: kind(name) for name in ("kd-scale", "command-delay")}
+    told = judge(part, known, 0.05)
+    (found,), (heard,) = dropouts([part], [told])
+    assert found.interval[0] * 0.9 <= 0.4 <= found.interval[1] * 1.1
+    before, after = (one.chosen.gap for one in (told, judge(heard, known, 0.05)))
+    assert after < 0.6 * before
 
 
 def test_refits_reach_the_best_nominal_parameters():
