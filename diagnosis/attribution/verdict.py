@@ -196,16 +196,17 @@ def ruled(found: Attribution) -> LimbVerdict:
     return _verdict(best.names, best, found, tied, lead)
 
 
-def _became(found: Attribution, nominal: Ranked, single: Ranked, rule: Rules) -> bool:
-    """Whether an effect that explains is the nominal parameter which is bent beyond belief.
+def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool:
+    """Whether an effect of a fit that explains is what is bent beyond belief without it.
 
     Then the world without it is none that a log could be of, however little worse it fits.
     """
-    worst = int(np.abs(nominal.fit.deviations).argmax())
-    parameter, effect = found.fitter.nuisances[worst], single.fit.effects[-1]
-    same = isinstance(effect, parameter.kind) and effect.joint in (None, parameter.joint)
-    bent = nominal.bent > rule.bent_stds and nominal.surprise <= rule.white_sd
-    return same and bent and _is_plain(single, rule) and _lead(nominal, single) > 0.0
+    worst = found.fitter.nuisances[int(np.abs(less.fit.deviations).argmax())]
+    same = any(
+        isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
+    )
+    bent = less.bent > rule.bent_stds and less.surprise <= rule.white_sd
+    return same and bent and _is_plain(more, rule) and _lead(less, more) > 0.0
 
 
 def _with_little(
@@ -239,6 +240,8 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
         return best, None
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
     best = min((best, *halves), key=lambda one: one.fit.cost)
+    if _became(found, best, pair, rule):
+        return best, pair
     explained, needed = _explains(found.nominal, best, rule), _needed(found, best, rule)
     if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
         return best, None

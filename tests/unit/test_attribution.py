@@ -234,6 +234,21 @@ def test_a_parameter_bent_beyond_belief_is_the_effect():
     assert ruled(found).names == ("unknown",)
 
 
+def test_a_parameter_bent_beyond_belief_is_the_second_effect():
+    """Name a pair whose second effect is what the first alone bends, though it adds little."""
+    truth = (
+        kind("encoder-bias")(magnitude=0.02, joint="A0"),
+        kind("kd-scale")(magnitude=0.2, joint="A0"),
+    )
+    part = evidence(truth, protocols=("steps", "push"))
+    names = ("encoder-bias", "kd-scale", "stiction")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    best, pair = found.singles[0], found.second(found.singles[0])[0]
+    assert best.names == ("encoder-bias",) and best.bent > rules().bent_stds > pair.bent
+    assert best.fit.cost - pair.fit.cost < rules().pair_nats
+    assert ruled(found).names == ("encoder-bias", "kd-scale")
+
+
 @pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
 def test_many_lost_packets_are_told_from_nominal_parameters(truth):
     """Find losses that nominal parameters bend for, and with them known what else there is."""
