@@ -54,8 +54,6 @@ class Judged:
     verdict: LimbVerdict
     found: tuple[Magnitude, ...]
     ties: tuple[dict, ...]
-    first: LimbVerdict
-    """The verdict before lost packets were known; the same where none were lost."""
 
 
 Judge = Callable[[Evidence], Judged]
@@ -119,7 +117,7 @@ def _anew(
 def _heard(again: Judged, first: Judged) -> Judged:
     """A limb's verdict beside lost packets."""
     limb = _nominal(again.verdict) if again.verdict.names == (UNKNOWN,) else again.verdict
-    return dataclasses.replace(again, verdict=limb, first=first.first)
+    return dataclasses.replace(again, verdict=dataclasses.replace(limb, told=first.verdict))
 
 
 def diagnose_settings(
@@ -208,7 +206,7 @@ def judge_limb(
     found = () if limb.names in ((NONE,), (UNKNOWN,)) else tuple(magnitudes(limb))
     trials = Trials(limb) if limb.tied else None
     ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)
-    return Judged(verdict=limb, found=found, ties=ties, first=limb)
+    return Judged(verdict=limb, found=found, ties=ties)
 
 
 def _cpu_s() -> float:
@@ -282,8 +280,9 @@ def _squares(judged: Sequence[Judged], found: Sequence[Finding]) -> list[Array]:
     """
     before, nominal, after = [], [], []
     for one in judged:
-        before.append(one.first.attribution.before.plain)
-        nominal.append(one.first.attribution.nominal.plain)
+        told = one.verdict.told or one.verdict
+        before.append(told.attribution.before.plain)
+        nominal.append(told.attribution.nominal.plain)
         other = outdone(one.verdict, found)
         shrunk = None if other is None else (other.gap_after / other.gap_before) ** 2
         after.append(one.verdict.chosen.plain if shrunk is None else shrunk * before[-1])

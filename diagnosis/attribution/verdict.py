@@ -86,6 +86,8 @@ class LimbVerdict:
     """Single effects that this evidence cannot tell from the chosen one."""
     lead_nats: float
     """How far the verdict is ahead of the next one, or of `none` or `unknown` [nats]."""
+    told: "LimbVerdict | None" = None
+    """The verdict by all commands, where this one is by those that arrived."""
 
     @property
     def refitted(self) -> tuple[Effect, ...]:

@@ -63,14 +63,14 @@ def _said(found: Diagnosis) -> dict:
 
 def _greedy(found: Diagnosis) -> dict:
     """The single largest improvement on training samples, whatever it is: a baseline."""
-    leads = []
-    for limb in found.limbs:
+    leads, limbs = [], [limb.told or limb for limb in found.limbs]
+    for limb in limbs:
         best = min(limb.attribution.singles, key=lambda one: one.fit.cost)
         leads.append((limb.attribution.nominal.fit.cost - best.fit.cost, limb, best))
     _, guilty, best = max(leads, key=lambda lead: lead[0])
-    before = np.concatenate([limb.attribution.before.plain for limb in found.limbs])
+    before = np.concatenate([limb.attribution.before.plain for limb in limbs])
     after = np.concatenate(
-        [best.plain if limb is guilty else limb.attribution.nominal.plain for limb in found.limbs]
+        [best.plain if limb is guilty else limb.attribution.nominal.plain for limb in limbs]
     )
     joint = best.joints[0]
     return {

@@ -51,7 +51,7 @@ def overlays(found: Diagnosis) -> Iterator[Overlay]:
     """One for every accused joint; without any, for the joint with the largest share of the gap."""
     wanted = found.joints or tuple(place.joint for place in found.where[:1])
     for limb in found.limbs:
-        evidence = _shown(limb)
+        evidence = _shown(limb.told or limb)
         for j, joint in enumerate(evidence.joints):
             if joint in wanted:
                 number, channel = _worst(evidence, j)
@@ -120,7 +120,7 @@ def _worst(evidence: Evidence, joint: int) -> tuple[int, int]:
 
 
 def _overlay(limb: LimbVerdict, joint: int, number: int, channel: int) -> go.Figure:
-    evidence = _shown(limb)
+    evidence = _shown(limb.told or limb)
     recording = evidence.recordings[number]
     angle, size, torque = UNITS[evidence.nominal.hand.driven[joint].joint.slides]
     unit, size = (torque, 1.0) if USED[channel] == "torque" else (angle, size)
@@ -161,18 +161,22 @@ def _overlay(limb: LimbVerdict, joint: int, number: int, channel: int) -> go.Fig
 
 
 def _signals(limb: LimbVerdict, joint: int, number: int, channel: int) -> dict[str, Array]:
-    """What the worlds show of one joint: nominal, refitted, and of the verdict where it has one."""
-    fitter, evidence = limb.attribution.fitter, _shown(limb)
+    """What the worlds show of one joint: nominal, refitted, and of the verdict where it has one.
+
+    The verdict's world does what arrived of the commands, where some of them were lost.
+    """
+    told = limb.told or limb
     fits = {
-        "nominal": limb.attribution.before.fit,
-        "nominal parameters refitted": limb.attribution.nominal.fit,
+        "nominal": (told, told.attribution.before.fit),
+        "nominal parameters refitted": (told, told.attribution.nominal.fit),
     }
-    if limb.names != (NONE,):
-        fits[f"with {BEST if limb.names == (UNKNOWN,) else VERDICT}"] = limb.chosen.fit
+    if limb.names != (NONE,) or limb.told:
+        fits[f"with {BEST if limb.names == (UNKNOWN,) else VERDICT}"] = (limb, limb.chosen.fit)
     row = CHANNELS.index(USED[channel])
     shown = {}
-    for name, fit in fits.items():
-        pairs = zip(fitter.nuisances, fit.deviations, strict=True)
+    for name, (one, fit) in fits.items():
+        evidence = _shown(one)
+        pairs = zip(one.attribution.fitter.nuisances, fit.deviations, strict=True)
         world = evidence.world([*(n.at(d) for n, d in pairs if d != 0.0), *fit.effects])
         shown[name] = replay(world, evidence.recordings[number].commands)[row, :, joint]
     return shown

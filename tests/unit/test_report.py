@@ -143,6 +143,13 @@ def test_a_page_without_a_finding(found, log, verdict):
     assert summary(lost, {"warnings": [], "next": {}, "written": []})
 
 
+def test_what_arrived_is_drawn_beside_what_was_told(found, log):
+    """Draw the verdict's world by what arrived of the commands, though it says none."""
+    limbs = tuple(dataclasses.replace(limb, names=(NONE,), told=limb) for limb in found.limbs)
+    lost = dataclasses.replace(found, limbs=limbs)
+    assert '"with the verdict"' in page(lost, log, {"log": "arm"}, {}).split("</script>", 1)[1]
+
+
 def test_a_tie_names_an_experiment_that_settles_it(tied, tmp_path):
     """Record what the tie asks for, and find the friction that it left open."""
     names = {effect for row in tied.ties for effect in row["effects"]}
