@@ -21,7 +21,8 @@ OFFSET_RETURN = 0.05
 """Share of the way back to the preload that the target's lead over the position goes in one step.
 
 No observation of the paper shows that lead, and with it the squeeze; as a bare sum of actions it
-wanders off, the stick creeps down or is dropped. A time constant of 0.4 s bounds it.
+wanders off, the stick creeps down or is dropped. A time constant of 0.4 s bounds it. The
+observation `centers-and-lead`, which is not the paper's, shows it.
 """
 ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
 """The paper's reward: [C, w0, w1 per m, w2 per N]."""
@@ -184,7 +185,8 @@ class BatchEnv:
         """Observations of all worlds, of which `worlds` (None: all) are new since the last ones."""
         _, axis = self.reference()
         touch = self._skin.feel(state, self.time_s, worlds)
-        return self.observation.read(Percept(state=state, touch=touch, desired_axis=axis))
+        percept = Percept(state=state, touch=touch, desired_axis=axis, target_rad=self._target)
+        return self.observation.read(percept)
 
     def _judge(self, state: State) -> Step:
         drawn, desired = self.reference()

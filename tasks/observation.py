@@ -34,6 +34,8 @@ class Percept:
     touch: Touch
     desired_axis: Array
     """u_d: unit vector from the drawn point to the pivot, shape (N, 3)."""
+    target_rad: Array
+    """Commanded joint angles [rad], shape (N, J)."""
 
 
 class Observation(ABC):

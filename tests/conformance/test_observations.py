@@ -26,6 +26,7 @@ REWRITE = (
     "python -c 'import test_observations as t; t.write_golden()')"
 )
 SCALE_M = 0.02
+LEAD_SCALE_RAD = 0.1
 
 
 def contracts() -> dict:
@@ -91,6 +92,7 @@ def expected_channels(env: BatchEnv) -> dict[str, Array]:
         "stick_axis": quat_to_matrix(state.stick_quat_wxyz)[:, :, 2],
         "in_contact": count > 0,
         "taxel": pressed.reshape(n, -1),
+        "target_lead": (env.target_rad - state.measured_rad) / LEAD_SCALE_RAD,
     }
 
 
@@ -135,7 +137,8 @@ def test_motor_side_sensor_reads_the_motor() -> None:
     assert measured.tolist() == [0.3 * (name == "J3") for name in spec.hand.joint_names]
     state = State.allocate(1, 6, 3)
     upright = np.array([[0.0, 0.0, 1.0]])
-    percept = Percept(state=state, touch=Skin([spec]).feel(state), desired_axis=upright)
+    felt = Skin([spec]).feel(state)
+    percept = Percept(state=state, touch=felt, desired_axis=upright, target_rad=np.zeros((1, 6)))
     before = observation("pose", spec.hand).read(percept)[0, :6]
     state.measured_rad[:] = measured
     moved = np.flatnonzero(observation("pose", spec.hand).read(percept)[0, :6] != before)
