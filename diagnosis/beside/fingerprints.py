@@ -85,7 +85,7 @@ def sensors(
             if found == [len(steps), len(noises)] and not is_slow(part):
                 unknown += _louder(joint, left, known)
     names = [name for part in parts for name in part.joints]
-    return (*together(steps, names), *together(noises, names), *unknown)
+    return (*together(steps, names), *together(noises, names), *together(unknown, names))
 
 
 def widened(part: Evidence, found: Sequence[Finding]) -> Evidence:

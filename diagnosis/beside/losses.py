@@ -50,7 +50,9 @@ def dropouts(
     losses = _finding(paths, sum(d.lead(path) for d, path in paths))
     if not losses:
         return (), tuple(parts)
-    known = {id(d.part): arrived(d.part, path) for d, path in paths}
+    known = {
+        id(d.part): arrived(d.part, path) for d, path in paths if np.concatenate(path.lost).any()
+    }
     return losses, tuple(known.get(id(part), part) for part in parts)
 
 

@@ -1,5 +1,6 @@
 """Random effects: found where they are, told apart from what replays explain, silent elsewhere."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -18,6 +19,7 @@ from diagnosis.beside.losses import dropouts
 from diagnosis.beside.packets import decisive, decoding
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.replay import replay
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}
@@ -93,6 +95,8 @@ def test_noise_that_nothing_explains_is_unknown():
     found = sensors(parts("encoder-noise=1mrad@J4"), known)
     assert [(f.effect, f.joints) for f in found] == [("unknown", ("J4",))]
     assert sensors(parts("encoder-noise=1mrad", "encoder-noise=1mrad"), known) == ()
+    everywhere = sensors(parts("encoder-noise=1mrad"), known)
+    assert [(f.effect, f.joint, len(f.joints)) for f in everywhere] == [("unknown", None, 6)]
 
 
 def test_resolution_with_noise_under_it():
@@ -163,6 +167,30 @@ def test_lost_packets_of_one_joint():
     assert found.joint == "J3"
     assert [wrong is right for wrong, right in zip(told, heard, strict=True)] == [True, False, True]
     assert found.interval[0] * 0.9 <= 0.1 <= found.interval[1] * 1.1
+
+
+def test_a_still_limb_heard_all_it_was_told():
+    """Judge no limb anew in which no lost packet shows, where those of all joints are lost."""
+    first, second, third = parts("command-dropout=10%")
+    noise = np.random.default_rng(0)
+    still = []
+    for one in third.recordings:
+        commands = replace(
+            one.commands, target=np.zeros_like(one.commands.target) + one.commands.start
+        )
+        shown = replay(third.nominal, commands)[:3]
+        measured = shown + np.where(np.isfinite(one.measured), 0.1 * MRAD, np.nan) * noise.normal(
+            size=shown.shape
+        )
+        still.append(replace(one, commands=commands, measured=measured))
+    quiet = replace(third, recordings=tuple(still))
+    (found,), heard = dropouts((first, second, quiet))
+    assert found.joint is None
+    assert [a is b for a, b in zip((first, second, quiet), heard, strict=True)] == [
+        False,
+        False,
+        True,
+    ]
 
 
 def test_packets_are_decoded_as_they_were_lost():
