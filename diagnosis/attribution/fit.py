@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.effect import Effect
+from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.profile import Fit, Profile, grown
@@ -63,12 +64,11 @@ class Fitter:
 
     def left(self, fit: Fit) -> Array:
         """Squared residuals of a fit on the samples for judging, see `Evidence.residual`."""
-        effects = self._all(fit.effects, fit.deviations)
-        return self.evidence.residual(effects, True, False) ** 2
+        return self.evidence.residual(self.effects(fit), True, False) ** 2
 
     def new(self, fit: Fit) -> Array:
         """Innovations of a fit on the samples for judging, see `Evidence.innovations`."""
-        return self.evidence.innovations(self._all(fit.effects, fit.deviations), True)
+        return self.evidence.innovations(self.effects(fit), True)
 
     def unrest(self, fit: Fit) -> float:
         """See `Evidence.unrest`: with magnitudes that are larger by `NUDGE`."""
@@ -80,7 +80,7 @@ class Fitter:
         """`Evidence.forgiving` of a fit, with magnitudes that are up to `SWAY` off."""
         sways = 1 + SWAY * np.linspace(-1, 1, SWAYS)
         moved = [self._all([grown(e, s) for e in fit.effects], fit.deviations) for s in sways]
-        return self.evidence.forgiving(self._all(fit.effects, fit.deviations), moved)
+        return self.evidence.forgiving(self.effects(fit), moved)
 
     def innovations(self, effects: Iterable[Effect], deviations: Array) -> Array:
         """Innovations of a candidate on the samples that are fitted."""
@@ -88,12 +88,20 @@ class Fitter:
 
     def allowing_for(self, fit: Fit) -> "Fitter":
         """The fitter on `Evidence.allowing_for` what a fit leaves."""
-        evidence = self.evidence.allowing_for(self._all(fit.effects, fit.deviations))
+        evidence = self.evidence.allowing_for(self.effects(fit))
         return Fitter(evidence, self.nuisances, self._judged)
 
     def _all(self, effects: Iterable[Effect], deviations: Array) -> list[Effect]:
         pairs = zip(self.nuisances, deviations, strict=True)
         return [*(n.at(d) for n, d in pairs if d != 0.0), *effects]
+
+    def effects(self, fit: Fit) -> list[Effect]:
+        """All that a fit adds to the nominal world."""
+        return self._all(fit.effects, fit.deviations)
+
+    def world(self, fit: Fit) -> Spec:
+        """The world of a fit."""
+        return self.evidence.world(self.effects(fit))
 
     def cost(self, effects: Iterable[Effect], deviations: Array) -> float:
         """See `Fit.cost`."""

@@ -46,17 +46,17 @@ def decode(
     start,
     logged,
     lossy,
-    charge,
+    price,
     weight,
     memory,
     limb,
     rings,
     forced,
 ):
-    """Lost packets (T,) bool, what is then shown (T, C, J), and the cost [nats].
+    """Lost packets (T,) bool, and what is then shown (T, C, J).
 
     `logged` is (T, C, J) with channels position, motor and torque; `lossy` (J,) are the joints
-    whose packets may be lost; each loss costs `charge`. `weight` and `memory` (C, J) are one over
+    whose packets may be lost; each loss costs `price`. `weight` and `memory` (C, J) are one over
     the scale of an innovation and how much of a residual lives on to the next sample. `forced` (T,)
     fixes a packet: 0 arrived, 1 lost, -1 is decoded. `limb` and `rings` are those of `replay.limb`
     for 2^(MEMORY + 1) worlds.
@@ -100,7 +100,7 @@ def decode(
                 alive[v] = True
                 state[v], last[v], age[v], held[0, v] = state[w], last[w], age[w], held[0, w]
                 rings[0][v], rings[1][v] = rings[0][w], rings[1][w]
-                cost[v] = cost[w] + charge
+                cost[v] = cost[w] + price
                 for j in range(joints):
                     if not lossy[j]:
                         held[0, v, j] = target[k, j]
@@ -126,7 +126,6 @@ def decode(
     for w in range(half):
         if alive[w] and (not alive[best] or cost[w] < cost[best]):
             best = w
-    total = cost[best]
     lost = np.zeros(samples, dtype=np.bool_)
     out = np.zeros((samples, 3, joints))
     for k in range(samples - 1, -1, -1):
@@ -134,7 +133,7 @@ def decode(
         if k > 0:
             lost[k - 1] = lost_now[k - 1, best]
             best = parent[k, best]
-    return lost, out, total
+    return lost, out
 
 
 @numba.njit(cache=True)

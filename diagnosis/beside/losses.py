@@ -2,32 +2,51 @@
 
 A delay or stiction also makes targets come late, and a decoder names late ones lost. But those are
 not random: they come with the size of the change or one after the other, and each limb has its own,
-where a lost packet is lost by every joint, or by the one joint that has a bus of its own.
+where a lost packet is lost by every joint, or by the one joint that has a bus of its own. And what
+a limb did with the packets that arrived, the nominal world or one with an effect then explains.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
 
 import numpy as np
 from scipy.stats import beta, fisher_exact, mannwhitneyu
 
-from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.profile import Fit
-from diagnosis.attribution.verdict import LimbVerdict
+from diagnosis.attribution.verdict import LimbVerdict, rules
 from diagnosis.beside.finding import Finding, gap, share
-from diagnosis.beside.packets import Decoding, Path, arrived, decisive, decoding, news
+from diagnosis.beside.hearing import Heard, hear
+from diagnosis.beside.packets import SHARES, decisive, news
 
 ACCUSE_NATS, LEAST_LOST = 30.0, 5
-"""Losses must lower the cost by this, and so many must be decisive."""
+"""Losses must lower the cost by this; so many must be decisive, or the rest must be explained."""
 WHITE_SD = 2.0
 """Where no verdict leaves more than this, see `whiten.surprise`, no packets are looked for."""
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
 """Share of the losses which several limbs would show that they have to agree on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Listener:
+    """A limb, and what is heard in it."""
+
+    fitter: Fitter
+    told: Fit
+    """The best explanation by all commands."""
+    all: Heard | None
+    """Losses of all joints' packets together."""
+    single: Heard | None
+    """Losses of one joint's packets alone."""
+
+    def lead(self, heard: Heard | None) -> float:
+        """How far losses are ahead of none [nats]."""
+        return self.told.cost - heard.nats if heard is not None else 0.0
 
 
 def dropouts(
@@ -40,59 +59,68 @@ def dropouts(
     """
     if limbs and not any(limb.chosen.surprise > WHITE_SD for limb in limbs):
         return (), tuple(parts)
-    found = [_decoded(*one) for one in zip_longest(parts, limbs)]
-    guilty = [d for d in found if d.lead(d.all) >= ACCUSE_NATS]
-    alone = [d for d in found if d.single is not None and d.lead(d.single) >= ACCUSE_NATS]
-    paths = [(d, d.all) for d in found]
-    if len(guilty) <= 1 and len(alone) == 1:
-        d, single = alone[0], alone[0].single
-        paths = [(d, single)] if single is not None and single.nats < d.all.nats else paths
-    losses = _finding(paths, sum(d.lead(path) for d, path in paths))
+    found = [_listened(*one) for one in zip_longest(parts, limbs)]
+    guilty = [one for one in found if one.lead(one.all) >= ACCUSE_NATS]
+    alone = [one for one in found if one.lead(one.single) >= ACCUSE_NATS]
+    heard, joints = [one.all for one in found], [name for part in parts for name in part.joints]
+    single = alone[0].single if len(guilty) <= 1 and len(alone) == 1 else None
+    if single is not None and alone[0].lead(single) > alone[0].lead(alone[0].all):
+        heard = [single if one is alone[0] else None for one in found]
+        joints = list(single.path.lossy)
+    pairs = [(one, h) for one, h in zip(found, heard, strict=True) if h is not None]
+    losses = _finding(pairs, tuple(joints))
     if not losses:
         return (), tuple(parts)
-    known = {
-        id(d.part): arrived(d.part, path) for d, path in paths if np.concatenate(path.lost).any()
-    }
-    return losses, tuple(known.get(id(part), part) for part in parts)
+    rows = zip(parts, heard, strict=True)
+    return losses, tuple(part if h is None else h.evidence for part, h in rows)
 
 
-def _decoded(part: Evidence, limb: LimbVerdict | None) -> Decoding:
-    """Losses in the nominal world, as it is and refitted, and in the one of the verdict."""
-    if limb is None:
-        return decoding(part, [part.nominal])
-    fitter, nominal, chosen = limb.attribution.fitter, limb.attribution.nominal, limb.chosen
+def _listened(part: Evidence, limb: LimbVerdict | None) -> Listener:
+    """What is heard from the nominal world on, refitted, and from the one of the verdict."""
+    known = limb.attribution.fitter.nuisances if limb is not None else ()
+    fitter, fits = Fitter(part, known, None), [Fit(effects=(), deviations=np.zeros(0), cost=0.0)]
+    if limb is not None:
+        fits = [limb.attribution.nominal.fit, *([limb.chosen.fit] if limb.chosen.names else [])]
+    starts = [fitter.at(fit.effects, fit.deviations) for fit in fits]
+    told = min(starts, key=lambda fit: fit.cost)
+    every = hear(fitter, starts, part.joints, told.cost)
+    names = part.joints if len(part.joints) > 1 and every is not None else ()
+    apart = [hear(fitter, starts, (name,), told.cost) for name in names]
+    return Listener(
+        fitter=fitter,
+        told=told,
+        all=every,
+        single=min(filter(None, apart), key=lambda one: one.nats, default=None),
+    )
 
-    def world(fit: Fit) -> Spec:
-        pairs = zip(fitter.nuisances, fit.deviations, strict=True)
-        return fitter.evidence.world([*(n.at(d) for n, d in pairs), *fit.effects])
 
-    def refit(evidence: Evidence) -> Spec:
-        return world(Fitter(evidence, fitter.nuisances).nominal())
-
-    explained = world(chosen.fit) if chosen.names else None
-    return decoding(part, [world(nominal.fit)], explained, refit)
-
-
-def _finding(paths: Sequence[tuple[Decoding, Path]], lead: float) -> tuple[Finding, ...]:
-    """The finding that these paths together make, if they are of random losses."""
-    clear = [decisive(d.part, path, d.scale) for d, path in paths]
+def _finding(
+    pairs: Sequence[tuple[Listener, Heard]], joints: tuple[str, ...]
+) -> tuple[Finding, ...]:
+    """The finding that these losses of `joints` make, if they are random and explain the log."""
+    lead = sum(one.lead(heard) for one, heard in pairs)
+    if lead < ACCUSE_NATS:
+        return ()
+    clear = [decisive(one.fitter.evidence, h.path, h.scale) for one, h in pairs]
     flat = np.stack([np.concatenate(c) for c in clear])
-    lost = np.stack([np.concatenate(path.lost) for _, path in paths])
-    moves = [np.concatenate([m.max(axis=1) for m in news(d.part, path)]) for d, path in paths]
+    lost = np.stack([np.concatenate(h.path.lost) for _, h in pairs])
+    moves = [
+        np.concatenate([m.max(axis=1) for m in news(one.fitter.evidence, h.path)])
+        for one, h in pairs
+    ]
     apart = np.concatenate([np.arange(len(c)) == 0 for c in clear[0]])
     random = all(_random(*row, apart) for row in zip(flat, lost, moves, strict=True))
-    if lead < ACCUSE_NATS or not random or not _agree(flat, lost):
+    if not random or not _agree(flat, lost):
         return ()
     said, gone = flat.any(axis=0), (flat & lost).any(axis=0)
     count, losses = int(said.sum()), int(gone.sum())
-    before, after = (
-        float(np.sqrt(np.mean([_gap(d, p) ** 2 for d, p in pairs])))
-        for pairs in ([(d, d.plain) for d, _ in paths], paths)
-    )
-    if losses < LEAST_LOST:
-        return ()
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
-    joints = tuple(name for _, path in paths for name in path.lossy)
+    explained = all(heard.judged()[0] <= rules().white_sd for _, heard in pairs)
+    if ends[0] > SHARES[1] or (losses < LEAST_LOST and not explained):
+        return ()
+    told = np.concatenate([_left(one.fitter, one.told) for one, _ in pairs])
+    left = np.concatenate([_left(h.fitter, h.fit) for _, h in pairs])
+    before, after = gap(told, 1.0), gap(left, 1.0)
     return (
         Finding(
             effect="command-dropout",
@@ -123,18 +151,14 @@ def _random(clear: Array, lost: Array, moves: Array, first: Array) -> bool:
 
 
 def _agree(clear: Array, lost: Array) -> bool:
-    """Whether limbs (rows) that would show the same packet say the same of it."""
+    """Whether limbs (rows) that would show the same packet say the same of it, or of the next."""
     shared = clear.sum(axis=0) > 1
+    near = lost | np.pad(lost, ((0, 0), (1, 0)))[:, :-1] | np.pad(lost, ((0, 0), (0, 1)))[:, 1:]
     some = ((clear & lost).any(axis=0) & shared).sum()
-    every = ((lost | ~clear).all(axis=0) & shared).sum()
-    return bool(some == 0 or every >= AGREED * some)
+    every = ((near | ~clear).all(axis=0) & (clear & lost).any(axis=0) & shared).sum()
+    return bool(every >= AGREED * some)
 
 
-def _gap(found: Decoding, path: Path) -> float:
-    part = found.part
-    left = [
-        ((r.measured - s.transpose(1, 0, 2)) / part.sigma).ravel()
-        for r, s in zip(part.recordings, path.shown, strict=True)
-    ]
-    flat = np.concatenate(left)
-    return gap(flat[np.isfinite(flat)], 1.0)
+def _left(fitter: Fitter, fit: Fit) -> Array:
+    """What a fit leaves on all samples, over the standard deviations."""
+    return fitter.evidence.residual(fitter.effects(fit), None, False)

@@ -1,4 +1,4 @@
-"""Decoding a limb's lost packets from what it did: in the nominal world or one found by replay.
+"""Decoding a limb's lost packets from what it did in a given world.
 
 Every packet that brings a new target may have arrived or been lost; each loss has to pay for being
 named, so that losses do not soak up whatever else is unexplained. Errors of a model are smooth in
@@ -6,7 +6,7 @@ time and a lost packet is abrupt, so what counts are innovations: what a residua
 one did not foretell. Their scale comes from the log, so a badly explained one accuses less.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,26 +18,20 @@ from diagnosis.beside._packets import MEMORY, SAME, TAIL, decode
 from diagnosis.replay.limb import memory, numbers
 from diagnosis.replay.replay import Commands
 
-FIRST_SHARE, SHARES = 0.1, (0.01, 0.5)
-"""Share of lost packets that the first decoding assumes, and what later ones may."""
-ROUNDS = 2
-"""Decodings, each with the share and the innovations of the last."""
+SHARES = (0.005, 0.5)
+"""Shares of lost packets that a decoding may assume."""
 FINEST = 0.05
 """Innovations have at least this share of a residual's standard deviation."""
 AWAKE = 10
 """Innovations are taken within so many samples after a new target."""
 CLIP = 4.5
 """Residuals count for their memory up to so many medians."""
-EFFECT_NATS = 15.0
-"""A world with another effect must be better by this."""
 DECISIVE_NATS = 8.0
 """A packet is decisive where the opposite decision alone would show by this."""
+SHOWN_NATS = 3.0
+"""The same of packets by which the share of losses is guessed for the next decoding."""
 APART = 16
 """Samples after which a packet's effect has faded: so many runs try the opposite of every one."""
-
-
-Refit = Callable[[Evidence], Spec]
-"""The nominal world refitted to evidence."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,58 +55,26 @@ class Path:
     """Lost packets by recording, each (T,), bool."""
     shown: tuple[Array, ...]
     """What the world then shows by recording, each (T, C, J)."""
-    nats: float
-    """Cost of the innovations, their scale, and of saying which packets were lost."""
+
+    @property
+    def lossless(self) -> bool:
+        """Whether every packet arrived."""
+        return not any(lost.any() for lost in self.lost)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Decoding:
-    """What a limb's evidence says of its packets, all by one scale."""
-
-    part: Evidence
-    scale: Scale
-    plain: Path
-    """The best world without losses."""
-    all: Path
-    """Losses of all joints' packets together."""
-    single: Path | None
-    """Losses of one joint's packets alone; None where there is one joint."""
-
-    def lead(self, path: Path) -> float:
-        """How far a path is ahead of none [nats]."""
-        return self.plain.nats - path.nats
+def even(part: Evidence) -> Scale:
+    """The scale where a world explains all but noise and the model's floor."""
+    weight = 1 / part.sigma[:, 0]
+    return Scale(weight=weight, memory=np.zeros_like(weight))
 
 
-def decoding(
-    part: Evidence,
-    worlds: Sequence[Spec],
-    explained: Spec | None = None,
-    refit: Refit | None = None,
-) -> Decoding:
-    """Lost packets in a limb's evidence, in whichever world fits them best.
-
-    In nominal `worlds`, in the one that `refit` makes of the commands that arrived, or in
-    `explained`, which has effects and must be better by `EFFECT_NATS`.
-    """
-    every = [*worlds, *([] if explained is None else [explained])]
-    apart = [(name,) for name in part.joints] if len(part.joints) > 1 else []
-
-    def cost(tried: tuple[Path, Scale]) -> float:
-        return tried[0].nats + EFFECT_NATS * (tried[0].world is explained)
-
-    best = []
-    for lossy in (part.joints, *apart):
-        tried = [_settled(part, w, lossy, _scale(part, _without(part, w, None))) for w in every]
-        best.append(min((*tried, *_relearned(part, lossy, refit)), key=cost))
-    scale = max((s for _, s in best), key=lambda s: float(np.log(s.weight).sum()))
-    paths = [_path(part, p.world, p.lossy, scale, 0.0, p.lost) for p, _ in best]
-    return Decoding(
-        part=part,
-        scale=scale,
-        plain=min((_without(part, w, scale) for w in every), key=lambda p: p.nats),
-        all=paths[0],
-        single=min(paths[1:], key=lambda p: p.nats, default=None),
-    )
+def decoded(
+    part: Evidence, world: Spec, lossy: tuple[str, ...], scale: Scale, lost_share: float
+) -> Path:
+    """The most likely losses where this share of all packets is lost, see `_packets.decode`."""
+    price = float(np.log(1 / lost_share - 1))
+    free = [np.full(len(r.commands.target), -1) for r in part.recordings]
+    return _path(part, world, lossy, scale, price, free)
 
 
 def arrived(part: Evidence, path: Path) -> Evidence:
@@ -132,82 +94,41 @@ def _latest(lost: Array) -> Array:
     return np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
 
 
-def _relearned(
-    part: Evidence, lossy: tuple[str, ...], refit: Refit | None
-) -> list[tuple[Path, Scale]]:
-    """Losses in the world that is refitted to what they leave of the commands, if there are any.
-
-    A world that is refitted without them bends to make up for them. Where many are lost, what that
-    leaves is large and slow, so the first decoding expects noise alone.
-    """
-    path, _ = first = _settled(part, part.nominal, lossy, _even(part))
-    if refit is None or not any(lost.any() for lost in path.lost):
-        return [first]
-    return [first, _settled(part, refit(arrived(part, path)), lossy, _even(part))]
-
-
-def _settled(
-    part: Evidence, world: Spec, lossy: tuple[str, ...], scale: Scale
-) -> tuple[Path, Scale]:
-    """Losses decoded by a scale, and again by the scale and share that they leave."""
-    path = _path(part, world, lossy, scale, np.log(1 / FIRST_SHARE - 1))
-    for _ in range(ROUNDS - 1):
-        lost, said = _counts(part, path)
-        lost_share = float(np.clip(lost / max(said, 1), *SHARES))
-        scale = _scale(part, path)
-        path = _path(part, world, lossy, scale, np.log(1 / lost_share - 1))
-    return path, scale
-
-
-def _without(part: Evidence, world: Spec, scale: Scale | None) -> Path:
-    """A world without losses."""
-    nothing = tuple(np.zeros(len(r.commands.target), dtype=bool) for r in part.recordings)
-    return _path(part, world, (), scale or _even(part), 0.0, nothing)
-
-
-def _even(part: Evidence) -> Scale:
-    weight = 1 / part.sigma[:, 0]
-    return Scale(weight=weight, memory=np.zeros_like(weight))
-
-
 def _path(
     part: Evidence,
     world: Spec,
     lossy: tuple[str, ...],
     scale: Scale,
-    charge: float,
-    given: Sequence[Array] | None = None,
+    price: float,
+    forced: Sequence[Array],
 ) -> Path:
-    """Decoded losses, or those that are `given`."""
-    forced = given or [np.full(len(r.commands.target), -1) for r in part.recordings]
+    """Decoded losses, but for packets that are `forced`: 0 arrived, 1 lost, -1 is decoded."""
     done = [
-        _decoded(world, lossy, scale, charge, r.commands, r.measured, f)
+        _decoded(world, lossy, scale, price, r.commands, r.measured, f)
         for r, f in zip(part.recordings, forced, strict=True)
     ]
-    lost, shown = tuple(d[0] for d in done), tuple(d[1] for d in done)
-    path = Path(world=world, lossy=lossy, lost=lost, shown=shown, nats=0.0)
-    losses, said = _counts(part, path)
-    surprise = sum(d[2] for d in done) - charge * losses + _spread_nats(part, scale)
     return Path(
-        world=world, lossy=lossy, lost=lost, shown=shown, nats=surprise + code(losses, said)
+        world=world,
+        lossy=lossy,
+        lost=tuple(lost for lost, _ in done),
+        shown=tuple(shown for _, shown in done),
     )
 
 
-def _spread_nats(part: Evidence, scale: Scale) -> float:
-    """Cost of the scale itself: what is expected to spread more is less likely to be anywhere."""
-    logged = sum(np.isfinite(r.measured).sum(axis=1) for r in part.recordings)
-    return -float((logged * np.log(scale.weight)).sum())
+def _given(part: Evidence, path: Path, scale: Scale, lost: Sequence[Array]) -> Path:
+    """A path's world with other losses."""
+    return _path(part, path.world, path.lossy, scale, 0.0, lost)
 
 
 def _decoded(
     world: Spec,
     lossy: tuple[str, ...],
     scale: Scale,
-    charge: float,
+    price: float,
     commands: Commands,
     measured: Array,
     forced: Array,
-) -> tuple[Array, Array, float]:
+) -> tuple[Array, Array]:
     """See `_packets.decode`; the world's own losses, noise and steps are left out."""
     limb = numbers(world, 1 << (MEMORY + 1))
     return decode(
@@ -217,7 +138,7 @@ def _decoded(
         commands.start,
         np.ascontiguousarray(measured.transpose(1, 0, 2)),
         np.array([name in lossy for name in world.hand.joint_names]),
-        charge,
+        price,
         scale.weight,
         scale.memory,
         limb,
@@ -238,7 +159,7 @@ def news(part: Evidence, path: Path) -> list[Array]:
     return found
 
 
-def _counts(part: Evidence, path: Path) -> tuple[int, int]:
+def counts(part: Evidence, path: Path) -> tuple[int, int]:
     """Packets that were lost, and those that might have been."""
     said = sum(int((moves > SAME).any(axis=1).sum()) for moves in news(part, path))
     return sum(int(lost.sum()) for lost in path.lost), said
@@ -250,7 +171,7 @@ def code(lost: int, said: int) -> float:
     return float(-lost * np.log(p) - (said - lost) * np.log(1 - p)) if lost else 0.0
 
 
-def _scale(part: Evidence, path: Path) -> Scale:
+def scale_of(part: Evidence, path: Path) -> Scale:
     """The innovations' scale and memory, from samples soon after a new target."""
     now, before = [], []
     for recording, shown in zip(part.recordings, path.shown, strict=True):
@@ -264,7 +185,7 @@ def _scale(part: Evidence, path: Path) -> Scale:
     sigma = part.sigma[:, 0]
     finest = FINEST * sigma
     if not len(a):
-        return _even(part)
+        return even(part)
     logged = np.isfinite(a).any(axis=0)
     a, b = (np.where(logged, v, 0.0) for v in (a, b))
     most = np.maximum(CLIP * np.median(np.abs(a), axis=0), finest)
@@ -274,33 +195,47 @@ def _scale(part: Evidence, path: Path) -> Scale:
     return Scale(weight=1 / np.maximum(spread, finest), memory=memory)
 
 
-def decisive(part: Evidence, path: Path, scale: Scale) -> list[Array]:
+def decisive(part: Evidence, path: Path, scale: Scale, nats: float = DECISIVE_NATS) -> list[Array]:
     """Packets whose loss would show by itself, and those after a lost one: by recording (T,), bool.
 
     Judged where all others arrive, so that it does not depend on what was decoded around.
     """
     nothing = [np.zeros_like(lost) for lost in path.lost]
-    whole = _path(part, path.world, path.lossy, scale, 0.0, nothing)
+    whole = _given(part, path, scale, nothing)
     moves, found = news(part, whole), nothing
     for phase in range(APART):
-        turned = [
-            (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1) for move in moves
-        ]
-        other = _path(part, path.world, path.lossy, scale, 0.0, turned)
+        turned = [_phase(move, phase) for move in moves]
+        other = _given(part, path, scale, turned)
         for k, recording in enumerate(part.recordings):
             logged = np.isfinite(recording.measured).any(axis=1)
             apart = np.where(logged, other.shown[k] - whole.shown[k], 0.0)
-            found[k] |= turned[k] & (_ahead(apart, scale) >= DECISIVE_NATS)
+            found[k] |= turned[k] & (_ahead(_nats(apart, scale)) >= nats)
     for clear, lost in zip(found, path.lost, strict=True):
         for k in range(1, len(clear)):
             clear[k] |= clear[k - 1] and lost[k - 1]
     return found
 
 
-def _ahead(apart: Array, scale: Scale) -> Array:
-    """Cost [nats] of residuals (T, C, J) within `APART` samples after each, (T,)."""
-    e = np.zeros_like(apart)
-    e[1:] = (apart[1:] - scale.memory * apart[:-1]) * scale.weight
-    cost = (0.5 * (TAIL + 1) * np.log1p(e**2 / TAIL)).sum(axis=(1, 2))
+def share_lost(part: Evidence, path: Path, scale: Scale) -> float:
+    """Share of losses among packets whose loss shows, as far as decodings may assume it."""
+    clear = np.concatenate(decisive(part, path, scale, SHOWN_NATS))
+    lost = np.concatenate(path.lost) & clear
+    return float(np.clip((lost.sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
+
+
+def _phase(move: Array, phase: int) -> Array:
+    """Every `APART`-th packet (T,), where it brings news (T, L)."""
+    return (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1)
+
+
+def _nats(residual: Array, scale: Scale) -> Array:
+    """Cost [nats] of each sample's innovations, of residuals (T, C, J); NaN costs nothing."""
+    e = np.zeros_like(residual)
+    e[1:] = (residual[1:] - scale.memory * residual[:-1]) * scale.weight
+    return (0.5 * (TAIL + 1) * np.log1p(np.nan_to_num(e) ** 2 / TAIL)).sum(axis=(1, 2))
+
+
+def _ahead(cost: Array) -> Array:
+    """Cost [nats] of samples (T,) from each on, of `APART`."""
     total = np.concatenate([np.cumsum(cost), np.full(APART, cost.sum())])
     return total[APART:] - total[:-APART]

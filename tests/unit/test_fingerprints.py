@@ -13,10 +13,12 @@ from backends.spec import Spec
 from benchmark import registry
 from benchmark.run_spec import RunSpec
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.gather import gather
 from diagnosis.beside.fingerprints import comb, sensors, white_noise, widened
+from diagnosis.beside.hearing import hear
 from diagnosis.beside.losses import dropouts
-from diagnosis.beside.packets import decisive, decoding
+from diagnosis.beside.packets import decisive
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.replay import replay
@@ -196,10 +198,11 @@ def test_a_still_limb_heard_all_it_was_told():
 def test_packets_are_decoded_as_they_were_lost():
     """Tell every packet that shows, lost or not, as the counters that lost it say."""
     part = parts("command-dropout=20%")[0]
-    found = decoding(part, [part.nominal])
-    for number, (lost, clear) in enumerate(
-        zip(found.all.lost, decisive(part, found.all, found.scale), strict=True)
-    ):
+    fitter = Fitter(part, (), None)
+    told = fitter.at((), np.zeros(0))
+    heard = hear(fitter, [told], part.joints, told.cost)
+    clear_ones = decisive(part, heard.path, heard.scale)
+    for number, (lost, clear) in enumerate(zip(heard.path.lost, clear_ones, strict=True)):
         seed = int(np.random.default_rng([SEED, number, 0]).integers(1 << 53, size=1)[0])
         true = np.array([uniform(seed, k, 0) < 0.2 for k in range(len(lost))])
         assert clear.sum() > 40
