@@ -14,7 +14,7 @@ from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import POLISH, Fitter
-from diagnosis.attribution.profile import Fit, Profile
+from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.whiten import alike, surprise
 
 REFINED, FINALISTS, NAMESAKES = 10, 5, 2
@@ -26,6 +26,8 @@ STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
 BENT = 3.5
 """Standard deviations from which a nominal parameter is a suspect."""
+BELIEVED = 8.0
+"""A fit without suspects is taken where it costs no more than this beside the best [nats]."""
 SHRINKS = 2
 """How often a third of the smallest level is tried where that one is the best."""
 HARD = 2.0
@@ -36,6 +38,8 @@ HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
+LEAPS = (0.5, 2.0)
+"""How many times as large a delay is tried beside what was found."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
 LAST = (1.0,)
@@ -83,6 +87,7 @@ class Attribution:
     ) -> None:
         known = nuisances(evidence.nominal, uncertainty)
         self.fitter, self.whole = Fitter(evidence, known), Fitter(evidence, known, None)
+        self._within = Fitter(evidence, known, None, BENT)
         self._candidates = candidates(catalogue, evidence)
         self._samples = len(evidence.tracks(False))
         bare = self.fitter.at((), np.zeros(len(known)))
@@ -206,8 +211,31 @@ class Attribution:
             fit = self.whole.refit(one.fit, CLOSE) if one.fit.cost < near else one.fit
             if again and one.fit.cost < near:
                 fit = min(fit, self._beside(fit, again[0].fit), key=lambda f: f.cost)
+            if one.fit.cost < near:
+                fit = self._believed(self._leapt(fit), one.spread)
             again.append(replace(one, fit=fit))
         return sorted(again, key=lambda one: one.fit.cost)
+
+    def _leapt(self, fit: Fit) -> Fit:
+        """A fit, or a better one from where a delay in it is far larger or smaller.
+
+        A delay is a step every sample: what it costs has kinks, at which a search ends.
+        """
+        tries = [fit]
+        for k, effect in enumerate(fit.effects):
+            for leap in LEAPS if effect.dimension == "time" else ():
+                effects = (*fit.effects[:k], grown(effect, leap), *fit.effects[k + 1 :])
+                start = self.whole.at(effects, fit.deviations)
+                tries.append(self.whole.refit(start, CLOSE))
+        return min(tries, key=lambda one: one.cost)
+
+    def _believed(self, fit: Fit, spread: float) -> Fit:
+        """A fit with no parameter bent beyond belief, where the log does not insist on one."""
+        near = np.clip(fit.deviations, -BENT, BENT)
+        if (near == fit.deviations).all():
+            return fit
+        held = self._within.refit(self._within.at(fit.effects, near), CLOSE)
+        return held if held.cost <= fit.cost + BELIEVED * spread else fit
 
     def _beside(self, fit: Fit, best: Fit) -> Fit:
         """A fit again from the nominal parameters of the best one, where that starts well."""

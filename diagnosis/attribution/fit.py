@@ -11,6 +11,8 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.profile import Fit, Profile, grown
 
+FARTHEST = 5.0
+"""Nominal parameters stay within so many standard deviations, unless less is asked for."""
 NUDGE = 2e-3
 """A change of a magnitude that should change next to nothing, relative."""
 CALM = 0.1
@@ -46,14 +48,20 @@ class Fitter:
     """Fits to one limb's evidence: to the samples for fitting, or to all where `judged` is None."""
 
     def __init__(
-        self, evidence: Evidence, nuisances: Sequence[Nuisance], judged: bool | None = False
+        self,
+        evidence: Evidence,
+        nuisances: Sequence[Nuisance],
+        judged: bool | None = False,
+        farthest: float = FARTHEST,
     ) -> None:
         self.evidence, self.nuisances, self._judged = evidence, tuple(nuisances), judged
+        self.farthest = farthest
+        """Standard deviations within which nominal parameters stay."""
         self._profiles: dict[tuple, Profile] = {}
 
     def __reduce__(self) -> tuple:
         """To another process go no profiles."""
-        return Fitter, (self.evidence, self.nuisances, self._judged)
+        return Fitter, (self.evidence, self.nuisances, self._judged, self.farthest)
 
     def profile(self, fit: Fit) -> Profile:
         """The profile around a fit, from the latest one of these effects where that is near."""

@@ -20,8 +20,6 @@ STEP = 0.03
 """Step of a derivative by a nominal parameter, in its standard deviations."""
 GROW = 0.01
 """Step of a derivative by a magnitude, relative."""
-FARTHEST = 5.0
-"""Nominal parameters stay within so many standard deviations."""
 LEAP = 0.7
 """One linear step changes the logarithm of a magnitude by no more."""
 LOOSE = 1e-4
@@ -46,6 +44,10 @@ class Fit:
 
 class Worlds(Protocol):
     """What a profile asks of a fitter."""
+
+    @property
+    def farthest(self) -> float:
+        """See `Fitter.farthest`."""
 
     def innovations(self, effects: tuple[Effect, ...], deviations: Array) -> Array:
         """See `Fitter.innovations`."""
@@ -118,8 +120,8 @@ class Profile:
             [start, np.zeros(given)]
         )
         normal = self._normal
-        low = np.concatenate([-FARTHEST - start, np.full(given, -LEAP)]) * loose
-        high = np.concatenate([FARTHEST - start, np.full(given, LEAP)]) * loose
+        low = np.concatenate([-fitter.farthest - start, np.full(given, -LEAP)]) * loose
+        high = np.concatenate([fitter.farthest - start, np.full(given, LEAP)]) * loose
         move = _lowest(normal + damping * np.diag(np.diag(normal)), pull, low, high)
         cost = base @ base + start @ start + 2 * pull @ move + move @ normal @ move
         moved = tuple(
