@@ -13,7 +13,7 @@ from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
-from diagnosis.attribution.fit import POLISH, Fitter
+from diagnosis.attribution.fit import ENOUGH, POLISH, Fitter
 from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.whiten import alike, surprise
 
@@ -38,7 +38,7 @@ HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
-LEAPS = (0.5, 2.0)
+LEAPS = (0.5, 0.7, 1.4, 2.0, 3.0)
 """How many times as large a delay is tried beside what was found."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
@@ -217,17 +217,20 @@ class Attribution:
         return sorted(again, key=lambda one: one.fit.cost)
 
     def _leapt(self, fit: Fit) -> Fit:
-        """A fit, or a better one from where a delay in it is far larger or smaller.
+        """A pair's fit, or a better one from where a delay in it is far larger or smaller.
 
-        A delay is a step every sample: what it costs has kinks, at which a search ends.
+        A delay acts on samples and periods: what it costs has kinks, at which a search ends.
         """
-        tries = [fit]
-        for k, effect in enumerate(fit.effects):
-            for leap in LEAPS if effect.dimension == "time" else ():
-                effects = (*fit.effects[:k], grown(effect, leap), *fit.effects[k + 1 :])
-                start = self.whole.at(effects, fit.deviations)
-                tries.append(self.whole.refit(start, CLOSE))
-        return min(tries, key=lambda one: one.cost)
+        for k, effect in enumerate(fit.effects if len(fit.effects) > 1 else ()):
+            better = effect.dimension == "time"
+            while better:
+                sized = (grown(fit.effects[k], leap) for leap in LEAPS)
+                tries = [(*fit.effects[:k], one, *fit.effects[k + 1 :]) for one in sized]
+                starts = [self.whole.at(effects, fit.deviations) for effects in tries]
+                best = min((self.whole.refit(s, CLOSE) for s in starts), key=lambda f: f.cost)
+                better = best.cost < fit.cost - ENOUGH
+                fit = best if better else fit
+        return fit
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
         """A fit with no parameter bent beyond belief, where the log does not insist on one."""

@@ -261,6 +261,34 @@ def test_many_lost_packets_are_told_from_nominal_parameters(truth):
     assert after < 0.6 * before
 
 
+def test_few_lost_packets_explain_the_log():
+    """Find losses of which few show by themselves: the world explains what arrived, and alone."""
+    part = evidence(lost_share=0.06)
+    limb = judge(part, {}, 0.05)
+    assert limb.names == ("unknown",)
+    (found,), (heard,) = dropouts([part], [limb])
+    assert found.interval[0] <= 0.06 <= found.interval[1]
+    assert judge(heard, {}, 0.05).names == ("none",)
+
+
+def test_a_rate_limit_loses_no_packets():
+    """Take no rate limit outside of the catalogue for losses: the world explains no such log."""
+    part = evidence([kind("command-rate-limit")(magnitude=0.28, joint="A0")], finer=10)
+    assert dropouts([part], [judge(part, {}, 0.05)])[0] == ()
+
+
+def test_delays_are_found_from_half_their_size():
+    """Leave a kink of a delay's cost: half of it is a place where searches end."""
+    delay = kind("command-delay")
+    limit = kind("torque-limit")(magnitude=-0.5, joint="A0")
+    part = evidence([limit, delay(magnitude=1.7e-3, joint="A0")])
+    known = {"torque-limit": kind("torque-limit"), "command-delay": delay}
+    found = Attribution(part, known, 0.05)
+    (pair, *_) = found.second(found.singles[0])
+    late = {type(e): e.magnitude for e in pair.fit.effects}[delay]
+    assert late == pytest.approx(1.7e-3, rel=0.1)
+
+
 def test_refits_reach_the_best_nominal_parameters():
     """Lower the cost of a refit from nothing to that of a refit from the truth, within 3 nats."""
     truth = (kind("kp-scale")(magnitude=0.06), kind("kd-scale")(magnitude=-0.08))
