@@ -2,8 +2,8 @@
 
 A world that is fitted to all that was told bends to make up for what did not arrive, and in a bent
 world few losses show. So packets are decoded and the world is refitted to those that arrived, in
-turn (hard expectation and maximisation; Segal, Juang and Rabiner's k-means, Bell System Technical
-Journal 65, 1986).
+turn, as segmental k-means does (Juang and Rabiner, IEEE Trans. Acoustics, Speech and Signal
+Processing 38, 1990).
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.profile import Fit
-from diagnosis.attribution.whiten import alike, surprise
+from diagnosis.attribution.whiten import surprise
 from diagnosis.beside.packets import (
     Path,
     Scale,
@@ -47,12 +47,11 @@ class Heard:
     nats: float
     """Cost of the fit, and of saying which packets were lost."""
 
-    def judged(self) -> tuple[float, float]:
-        """How far what is new in held-out samples is from white, and its `whiten.alike`."""
+    def surprise(self) -> float:
+        """How far what is new in held-out samples is from white, of a fit to the others."""
         trained = Fitter(self.evidence, self.fitter.nuisances)
         fit = trained.refit(trained.at(self.fit.effects, self.fit.deviations))
-        new = trained.new(fit)
-        return surprise(new, self.evidence.tracks(True)), alike(new)
+        return surprise(trained.new(fit), self.evidence.tracks(True))
 
 
 def hear(

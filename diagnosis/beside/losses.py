@@ -115,8 +115,9 @@ def _finding(
     said, gone = flat.any(axis=0), (flat & lost).any(axis=0)
     count, losses = int(said.sum()), int(gone.sum())
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
-    explained = all(heard.judged()[0] <= rules().white_sd for _, heard in pairs)
-    if ends[0] > SHARES[1] or (losses < LEAST_LOST and not explained):
+    if not losses or ends[0] > SHARES[1]:
+        return ()
+    if losses < LEAST_LOST and any(h.surprise() > rules().white_sd for _, h in pairs):
         return ()
     told = np.concatenate([_left(one.fitter, one.told) for one, _ in pairs])
     left = np.concatenate([_left(h.fitter, h.fit) for _, h in pairs])
