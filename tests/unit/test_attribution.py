@@ -11,7 +11,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
 from diagnosis.attribution import replayed
-from diagnosis.attribution.attribute import Attribution, Ranked
+from diagnosis.attribution.attribute import BELIEVED, BENT, Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
@@ -247,6 +247,19 @@ def test_a_parameter_bent_beyond_belief_is_the_second_effect():
     assert best.names == ("encoder-bias",) and best.bent > rules().bent_stds > pair.bent
     assert best.fit.cost - pair.fit.cost < rules().pair_nats
     assert ruled(found).names == ("encoder-bias", "kd-scale")
+
+
+def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
+    """Take the fit within belief where friction makes up for a gain."""
+    part = evidence((kind("viscous-friction")(magnitude=0.03, joint="A0"),))
+    found = Attribution(part, {"viscous-friction": kind("viscous-friction")}, 0.05)
+    best, known = found.singles[0].fit, found.whole.nuisances
+    gain = next(k for k, n in enumerate(known) if n.kind is kind("kd-scale"))
+    moved = -4.5 * np.eye(len(known))[gain]
+    more = 4.5 * known[gain].std * part.nominal.drives[0].kd_nms_rad
+    friction = dataclasses.replace(best.effects[0], magnitude=best.effects[0].magnitude + more)
+    bent = found.whole.refit(found.whole.at((friction,), moved), (1.0,))
+    assert np.abs(found._believed(bent, 1.0).deviations).max() <= BENT
 
 
 @pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
