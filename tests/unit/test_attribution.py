@@ -11,7 +11,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
 from diagnosis.attribution import replayed
-from diagnosis.attribution.attribute import BELIEVED, BENT, Attribution, Ranked
+from diagnosis.attribution.attribute import BENT, Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import told_of
