@@ -61,9 +61,11 @@ figures: install $(addprefix figure/,$(DRAWN))
 
 # What policies may see, three seeds each, on the reference.
 CENTERS = s0-a1f0b803 s1-4fe6c557 s2-b5289021
+LEAD = s0-bf32096a s1-2f5cede7 s2-ad71b955
 SEEN = $(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-contact-centers-,$(CENTERS)) \
 	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-pose*) \
-	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-raw-taxels-*)
+	$(wildcard leaderboard/policies/mujoco-circle-sb3-ppo-raw-taxels-*) \
+	$(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-centers-and-lead-,$(LEAD))
 # Both learners in every engine, three seeds each.
 LEARNT = $(addprefix leaderboard/policies/mujoco-circle-sb3-ppo-contact-centers-,$(CENTERS)) \
 	$(addprefix leaderboard/policies/bullet-circle-sb3-ppo-contact-centers-,s0-dcc5760e s1-cb4a162c s2-ee9cdd29) \
