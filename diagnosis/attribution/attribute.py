@@ -38,8 +38,8 @@ HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
-LEAPS = (0.5, 0.7, 1.4, 2.0, 3.0)
-"""How many times as large a delay is tried beside what was found."""
+LEAPS, LEAPT = (0.5, 0.7, 1.4, 2.0, 3.0), 4
+"""How many times as large a delay is tried beside what was found, and how often from the best."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
 LAST = (1.0,)
@@ -222,14 +222,14 @@ class Attribution:
         A delay acts on samples and periods: what it costs has kinks, at which a search ends.
         """
         for k, effect in enumerate(fit.effects if len(fit.effects) > 1 else ()):
-            better = effect.dimension == "time"
-            while better:
+            for _ in range(LEAPT if effect.dimension == "time" else 0):
                 sized = (grown(fit.effects[k], leap) for leap in LEAPS)
                 tries = [(*fit.effects[:k], one, *fit.effects[k + 1 :]) for one in sized]
                 starts = [self.whole.at(effects, fit.deviations) for effects in tries]
                 best = min((self.whole.refit(s, CLOSE) for s in starts), key=lambda f: f.cost)
-                better = best.cost < fit.cost - ENOUGH
-                fit = best if better else fit
+                if best.cost > fit.cost - ENOUGH:
+                    break
+                fit = best
         return fit
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
