@@ -38,7 +38,7 @@ HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
-LEAPS, LEAPT = (0.5, 0.7, 1.4, 2.0, 3.0), 4
+LEAPS, LEAPT = (0.5, 0.7, 1.4, 2.0, 3.0), 2
 """How many times as large a delay is tried beside what was found, and how often from the best."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
@@ -211,17 +211,22 @@ class Attribution:
             fit = self.whole.refit(one.fit, CLOSE) if one.fit.cost < near else one.fit
             if again and one.fit.cost < near:
                 fit = min(fit, self._beside(fit, again[0].fit), key=lambda f: f.cost)
+            if one is found[0]:
+                fit = self._leapt(fit)
             if one.fit.cost < near:
-                fit = self._believed(self._leapt(fit), one.spread)
+                fit = self._believed(fit, one.spread)
             again.append(replace(one, fit=fit))
         return sorted(again, key=lambda one: one.fit.cost)
 
     def _leapt(self, fit: Fit) -> Fit:
         """A pair's fit, or a better one from where a delay in it is far larger or smaller.
 
-        A delay acts on samples and periods: what it costs has kinks, at which a search ends.
+        A delay acts on samples and periods: what it costs has kinks, at which a search ends. Where
+        a pair leaves much, that is not its fault.
         """
-        for k, effect in enumerate(fit.effects if len(fit.effects) > 1 else ()):
+        if len(fit.effects) < 2 or fit.cost > HARD * self._samples:
+            return fit
+        for k, effect in enumerate(fit.effects):
             for _ in range(LEAPT if effect.dimension == "time" else 0):
                 sized = (grown(fit.effects[k], leap) for leap in LEAPS)
                 tries = [(*fit.effects[:k], one, *fit.effects[k + 1 :]) for one in sized]
