@@ -238,7 +238,7 @@ def test_a_parameter_bent_beyond_belief_is_the_second_effect():
     """Name a pair whose second effect is what the first alone bends, though it adds little."""
     truth = (
         kind("encoder-bias")(magnitude=0.02, joint="A0"),
-        kind("kd-scale")(magnitude=0.2, joint="A0"),
+        kind("kd-scale")(magnitude=0.22, joint="A0"),
     )
     part = evidence(truth, protocols=("steps", "push"))
     names = ("encoder-bias", "kd-scale", "stiction")
