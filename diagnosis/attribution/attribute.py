@@ -13,7 +13,7 @@ from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
-from diagnosis.attribution.fit import ENOUGH, POLISH, Fitter
+from diagnosis.attribution.fit import POLISH, Fitter
 from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.whiten import alike, surprise
 
@@ -38,8 +38,8 @@ HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are not polished."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
-LEAPS, LEAPT = (0.5, 0.7, 1.4, 2.0, 3.0), 2
-"""How many times as large a delay is tried beside what was found, and how often from the best."""
+LEAPS = (0.5, 2.0)
+"""How many times as large a delay is tried beside what was found."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
 LAST = (1.0,)
@@ -226,16 +226,13 @@ class Attribution:
         """
         if len(fit.effects) < 2 or fit.cost > HARD * self._samples:
             return fit
+        tries = [fit]
         for k, effect in enumerate(fit.effects):
-            for _ in range(LEAPT if effect.dimension == "time" else 0):
-                sized = (grown(fit.effects[k], leap) for leap in LEAPS)
-                tries = [(*fit.effects[:k], one, *fit.effects[k + 1 :]) for one in sized]
-                starts = [self.whole.at(effects, fit.deviations) for effects in tries]
-                best = min((self.whole.refit(s, CLOSE) for s in starts), key=lambda f: f.cost)
-                if best.cost > fit.cost - ENOUGH:
-                    break
-                fit = best
-        return fit
+            for leap in LEAPS if effect.dimension == "time" else ():
+                effects = (*fit.effects[:k], grown(effect, leap), *fit.effects[k + 1 :])
+                start = self.whole.at(effects, fit.deviations)
+                tries.append(self.whole.refit(start, CLOSE))
+        return min(tries, key=lambda one: one.cost)
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
         """A fit with no parameter bent beyond belief, where the log does not insist on one."""
