@@ -204,12 +204,14 @@ def decisive(part: Evidence, path: Path, scale: Scale, nats: float = DECISIVE_NA
     whole = _given(part, path, scale, nothing)
     moves, found = news(part, whole), nothing
     for phase in range(APART):
-        turned = [_phase(move, phase) for move in moves]
+        turned = [
+            (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1) for move in moves
+        ]
         other = _given(part, path, scale, turned)
         for k, recording in enumerate(part.recordings):
             logged = np.isfinite(recording.measured).any(axis=1)
             apart = np.where(logged, other.shown[k] - whole.shown[k], 0.0)
-            found[k] |= turned[k] & (_ahead(_nats(apart, scale)) >= nats)
+            found[k] |= turned[k] & (_ahead(apart, scale) >= nats)
     for clear, lost in zip(found, path.lost, strict=True):
         for k in range(1, len(clear)):
             clear[k] |= clear[k - 1] and lost[k - 1]
@@ -223,19 +225,10 @@ def share_lost(part: Evidence, path: Path, scale: Scale) -> float:
     return float(np.clip((lost.sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
 
 
-def _phase(move: Array, phase: int) -> Array:
-    """Every `APART`-th packet (T,), where it brings news (T, L)."""
-    return (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1)
-
-
-def _nats(residual: Array, scale: Scale) -> Array:
-    """Cost [nats] of each sample's innovations, of residuals (T, C, J); NaN costs nothing."""
-    e = np.zeros_like(residual)
-    e[1:] = (residual[1:] - scale.memory * residual[:-1]) * scale.weight
-    return (0.5 * (TAIL + 1) * np.log1p(np.nan_to_num(e) ** 2 / TAIL)).sum(axis=(1, 2))
-
-
-def _ahead(cost: Array) -> Array:
-    """Cost [nats] of samples (T,) from each on, of `APART`."""
+def _ahead(apart: Array, scale: Scale) -> Array:
+    """Cost [nats] of residuals (T, C, J) within `APART` samples after each, (T,)."""
+    e = np.zeros_like(apart)
+    e[1:] = (apart[1:] - scale.memory * apart[:-1]) * scale.weight
+    cost = (0.5 * (TAIL + 1) * np.log1p(e**2 / TAIL)).sum(axis=(1, 2))
     total = np.concatenate([np.cumsum(cost), np.full(APART, cost.sum())])
     return total[APART:] - total[:-APART]
