@@ -22,6 +22,10 @@ REFINED, FINALISTS, NAMESAKES = 10, 5, 2
 many of these may be one effect on different joints."""
 PARTNERS, COUPLES = 8, 3
 """The same of second effects."""
+PROMISE = 0.5
+"""Share of what an effect must promise that it does already at the best of a few magnitudes."""
+REAL = 2
+"""Candidates beside these that really fit best, where linear costs are no guide."""
 STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
 BENT = 3.5
@@ -35,7 +39,7 @@ HARD = 2.0
 HELPED = 0.9
 """A new start that leaves a larger share of the cost is the last one."""
 HOPELESS = 0.05
-"""Finalists that are behind the best by more than this share of the cost are not polished."""
+"""Finalists that are behind the best by more than this share of the cost are fitted no further."""
 NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
 LEAPS = (0.5, 2.0)
@@ -110,10 +114,17 @@ class Attribution:
         best = min((found, again), key=lambda fit: fit.cost)
         return self._closed([self._ranked((), best)])[0]
 
-    def second(self, first: Ranked, worth_nats: float = 0.0) -> list[Ranked]:
-        """The best pairs that hold `first`; of those that promise to lower the cost by so much."""
+    def second(
+        self, first: Ranked, worth_nats: float = 0.0, explained: bool = False
+    ) -> list[Ranked]:
+        """The best pairs that hold `first`; of those that promise to lower the cost by so much.
+
+        Where the first explains the log, they must do a part of it at once: slopes promise some
+        tens of nats that nothing holds.
+        """
         around = self._trained(first.fit)
-        return self._noted(self._rank(first.names, around, PARTNERS, COUPLES, worth_nats))
+        asked = PARTNERS, COUPLES, worth_nats, explained
+        return self._noted(self._rank(first.names, around, *asked))
 
     def exchanged(self, pair: Ranked) -> list[Ranked]:
         """The best pairs that hold the later one of a pair: the first may have been a stand-in."""
@@ -145,27 +156,55 @@ class Attribution:
         refined: int = REFINED,
         finalists: int = FINALISTS,
         worth_nats: float = -np.inf,
+        at_once: bool = False,
     ) -> list[Ranked]:
         """Candidates beside the effects of a fit, the best first."""
         profile, last = self.fitter.profile(around), len(around.effects)
         fresh = [c for c in self._candidates if not _there(c, around)]
         fresh = [self._with_moved(c, around) for c in fresh]
         tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
+        if at_once:
+            without = self._true(around, profile.at(around.effects)).cost
+            least = without - PROMISE * worth_nats
+            tried = [(c, fit) for c, fit in tried if self._true(around, fit).cost <= least]
+        chosen = self._with_real(around, tried, _with_everywhere(tried, refined))
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
-            for c, fit in self._with_suspect(around, tried, _with_everywhere(tried, refined))
+            for c, fit in self._with_suspect(around, tried, chosen)
         ]
         searched.sort(key=lambda pair: pair[1].cost)
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
-        best = self._with_suspect(around, searched, _various(worth, finalists))
+        chosen = self._with_real(around, worth, _various(worth, finalists))
+        best = self._with_suspect(around, searched, chosen)
         fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
         if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
             fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
         near = min(fit.cost for fit in fits) + HOPELESS * around.cost if fits else 0.0
         fits = [self.fitter.refit(f, POLISH[2:]) if f.cost < near else f for f in fits]
         fits = [self._unbent(f) if f.cost == min(g.cost for g in fits) else f for f in fits]
-        found = [self._ranked((*names, c.name), f) for (c, _), f in zip(best, fits, strict=True)]
+        found = [
+            self._ranked((*names, c.name), f, LAST if f.cost < near else ())
+            for (c, _), f in zip(best, fits, strict=True)
+        ]
         return self._closed(sorted(found, key=lambda one: one.fit.cost))
+
+    def _with_real(
+        self,
+        around: Fit,
+        tried: Sequence[tuple[Candidate, Fit]],
+        chosen: Sequence[tuple[Candidate, Fit]],
+    ) -> list[tuple[Candidate, Fit]]:
+        """What was chosen by linear costs, and where these are small what really fits best.
+
+        Slopes that are wrong by some tens of nats do no harm among thousands, and hide an effect
+        that is hardly larger than the uncertainty of nominal parameters.
+        """
+        if around.cost > HARD * self._samples / 2:
+            return list(chosen)
+        kept = {id(c) for c, _ in chosen}
+        others = [(c, fit) for c, fit in tried if id(c) not in kept]
+        costs = [self.fitter.cost(fit.effects, fit.deviations) for _, fit in others]
+        return [*chosen, *(others[k] for k in np.argsort(costs)[:REAL])]
 
     def _with_suspect(
         self,
@@ -262,7 +301,7 @@ class Attribution:
 
     def _true(self, around: Fit, guess: Fit) -> Fit:
         """A linear guess with its real cost, or its effects alone where these do better."""
-        alone = (*around.effects, guess.effects[-1])
+        alone = (*around.effects, *guess.effects[len(around.effects) :])
         tries = (
             self.fitter.at(guess.effects, guess.deviations),
             self.fitter.at(alone, around.deviations),
@@ -270,10 +309,12 @@ class Attribution:
         )
         return min(tries, key=lambda fit: fit.cost)
 
-    def _ranked(self, names: tuple[str, ...], trained: Fit) -> Ranked:
+    def _ranked(
+        self, names: tuple[str, ...], trained: Fit, rounds: Sequence[float] = LAST
+    ) -> Ranked:
         """A fit judged on held-out samples, and then fitted to all."""
         start = self.whole.at(trained.effects, trained.deviations)
-        return self._judged(names, trained, self.whole.refit(start, LAST))
+        return self._judged(names, trained, self.whole.refit(start, rounds))
 
     def _judged(self, names: tuple[str, ...], trained: Fit, whole: Fit) -> Ranked:
         new = self.fitter.new(trained)

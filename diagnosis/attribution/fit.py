@@ -150,7 +150,10 @@ class Fitter:
     def _stepped(self, fit: Fit, profile: Profile) -> Fit:
         """A step of Gauss and Newton, or shorter ones nearer to the steepest (Marquardt, 1963)."""
         for damping in DAMPINGS:
-            better = self._checked(fit, profile.at(fit.effects, damping=damping))
+            guess = profile.at(fit.effects, damping=damping)
+            if fit.cost - guess.cost < ENOUGH:
+                break
+            better = self._checked(fit, guess)
             if better.cost < fit.cost:
                 return better
         return fit

@@ -270,7 +270,7 @@ def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> 
 
 def _pairs(found: Attribution, best: Ranked, needed: float, hard: bool) -> Iterator[list[Ranked]]:
     """Pairs with the best single effect; of a hard log with what joined it, then with others."""
-    seconds = found.second(best, WORTH * needed)
+    seconds = found.second(best, WORTH * needed, explained=not hard)
     yield seconds
     if not hard:
         return
