@@ -16,7 +16,7 @@ from scipy.optimize import minimize_scalar
 from backends.effect import Effect
 from backends.state import Array
 
-STEP = 0.03
+STEP = 0.001
 """Step of a derivative by a nominal parameter, in its standard deviations."""
 GROW = 0.01
 """Step of a derivative by a magnitude, relative."""
