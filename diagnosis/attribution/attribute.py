@@ -24,6 +24,8 @@ PARTNERS, COUPLES = 8, 3
 """The same of second effects."""
 PROMISE = 0.5
 """Share of what an effect must promise that it does already at the best of a few magnitudes."""
+HOLLOW = 60.0
+"""Slopes promise no more than this, unless there is something [nats]."""
 REAL = 2
 """Candidates beside these that really fit best, where linear costs are no guide."""
 STRAINED = 1.0
@@ -119,8 +121,8 @@ class Attribution:
     ) -> list[Ranked]:
         """The best pairs that hold `first`; of those that promise to lower the cost by so much.
 
-        Where the first explains the log, they must do a part of it at once: slopes promise some
-        tens of nats that nothing holds.
+        Where the first explains the log, they must do a part of it at once, or promise more than
+        the tens of nats that slopes promise and nothing holds.
         """
         around = self._trained(first.fit)
         asked = PARTNERS, COUPLES, worth_nats, explained
@@ -164,9 +166,13 @@ class Attribution:
         fresh = [self._with_moved(c, around) for c in fresh]
         tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         if at_once:
-            without = self._true(around, profile.at(around.effects)).cost
-            least = without - PROMISE * worth_nats
-            tried = [(c, fit) for c, fit in tried if self._true(around, fit).cost <= least]
+            without = profile.at(around.effects)
+            least = self._true(around, without).cost - PROMISE * worth_nats
+            tried = [
+                (c, fit)
+                for c, fit in tried
+                if without.cost - fit.cost >= HOLLOW or self._true(around, fit).cost <= least
+            ]
         chosen = self._with_real(around, tried, _with_everywhere(tried, refined))
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
@@ -252,7 +258,7 @@ class Attribution:
                 fit = min(fit, self._beside(fit, again[0].fit), key=lambda f: f.cost)
             if one is found[0]:
                 fit = self._leapt(fit)
-            if one.fit.cost < near:
+            if one.names and one.fit.cost < near:
                 fit = self._believed(fit, one.spread)
             again.append(replace(one, fit=fit))
         return sorted(again, key=lambda one: one.fit.cost)
@@ -274,7 +280,10 @@ class Attribution:
         return min(tries, key=lambda one: one.cost)
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
-        """A fit with no parameter bent beyond belief, where the log does not insist on one."""
+        """A fit with no parameter bent beyond belief, where the log does not insist on one.
+
+        Of effects alone: a log that bends a parameter of the nominal world may have another cause.
+        """
         near = np.clip(fit.deviations, -BENT, BENT)
         if (near == fit.deviations).all():
             return fit

@@ -15,7 +15,7 @@ FARTHEST = 5.0
 """Nominal parameters stay within so many standard deviations, unless less is asked for."""
 NUDGE = 2e-3
 """A change of a magnitude that should change next to nothing, relative."""
-CALM = 0.1
+CALM = 0.06
 """Unrest from which a fit is restless, see `Evidence.unrest`."""
 SWAY, SWAYS = 0.01, 6
 """How far off magnitudes may be when a fit foretells a joint in its play, and worlds tried."""
