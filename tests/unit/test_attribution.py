@@ -262,6 +262,15 @@ def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
     assert np.abs(found._believed(bent, 1.0).deviations).max() <= BENT
 
 
+def test_a_nominal_world_bent_beyond_belief_is_unknown():
+    """Call an effect outside of the catalogue unknown where nominal parameters just make up for it."""
+    part = evidence((kind("gear-damping")(magnitude=0.5, joint="A0"),), noise_rad=2e-4)
+    found = Attribution(part, {}, 0.05)
+    believed = found._believed(found.nominal.fit, 1.0)
+    assert found.nominal.bent > BENT >= np.abs(believed.deviations).max()
+    assert ruled(found).names == ("unknown",)
+
+
 @pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
 def test_many_lost_packets_are_told_from_nominal_parameters(truth):
     """Find losses that nominal parameters bend for, and with them known what else there is."""
