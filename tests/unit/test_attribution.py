@@ -263,7 +263,7 @@ def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
 
 
 def test_a_nominal_world_bent_beyond_belief_is_unknown():
-    """Call an effect outside of the catalogue unknown where nominal parameters just make up for it."""
+    """Call a log unknown that nominal parameters explain just within belief, and better beyond."""
     part = evidence((kind("gear-damping")(magnitude=0.5, joint="A0"),), noise_rad=2e-4)
     found = Attribution(part, {}, 0.05)
     believed = found._believed(found.nominal.fit, 1.0)
@@ -312,7 +312,7 @@ def test_delays_are_found_from_half_their_size():
 
 
 def test_refits_reach_the_best_nominal_parameters():
-    """Lower the cost of a refit from nothing to that of a refit from the truth, within half a nat."""
+    """Lower the cost of a refit from nothing to that of one from the truth, within half a nat."""
     truth = (kind("kp-scale")(magnitude=0.06), kind("kd-scale")(magnitude=-0.08))
     part = evidence(truth, noise_rad=1e-4)
     fitter = Fitter(part, nuisances(part.nominal, 0.05))
@@ -357,7 +357,9 @@ def test_beside_an_explanation_only_what_helps_at_once_is_fitted(tilt_rad):
     names = ("encoder-scale", "gravity-tilt", "kp-scale", "viscous-friction", "sensor-delay")
     found = Attribution(part, {name: kind(name) for name in names}, 0.05)
     pairs = found.second(found.singles[0], 9.0, explained=True)
-    assert [pair.names for pair in pairs[:1]] == [("encoder-scale", "gravity-tilt")] * bool(tilt_rad)
+    assert [pair.names for pair in pairs[:1]] == [("encoder-scale", "gravity-tilt")] * bool(
+        tilt_rad
+    )
 
 
 def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
