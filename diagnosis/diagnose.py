@@ -104,7 +104,8 @@ def _anew(
 ) -> list[Judged]:
     """Limbs that did not hear all that they were told, judged by what they heard.
 
-    Which packets were lost is not known for sure: what is left beside them is not called unknown.
+    Which packets were lost is not known for sure: what is left beside them is not called unknown,
+    and a second effect must be as clear as one beside any other that explains the log.
     """
     pairs = list(zip(told, heard, strict=True))
     again = iter(judged([right for wrong, right in pairs if wrong is not right]))
@@ -116,8 +117,12 @@ def _anew(
 
 def _heard(again: Judged, first: Judged) -> Judged:
     """A limb's verdict beside lost packets."""
-    limb = _nominal(again.verdict) if again.verdict.names == (UNKNOWN,) else again.verdict
-    return dataclasses.replace(again, verdict=dataclasses.replace(limb, told=first.verdict))
+    limb = again.verdict
+    if limb.names == (UNKNOWN,) or limb.gain_nats < rules().strict_nats:
+        again = Judged(verdict=_nominal(limb), found=(), ties=())
+    return dataclasses.replace(
+        again, verdict=dataclasses.replace(again.verdict, told=first.verdict)
+    )
 
 
 def diagnose_settings(

@@ -111,6 +111,11 @@ class LimbVerdict:
         return (best, *tied) if ahead and len(tied) <= 1 else ()
 
     @property
+    def gain_nats(self) -> float:
+        """How much better the chosen fit is than the nominal one, see `_lead` [nats]."""
+        return _lead(self.attribution.nominal, self.chosen)
+
+    @property
     def confidence(self) -> float:
         """Probability that the verdict is right; effects that tie are as likely as each other."""
         a, b = rules().confidence_none if self.names == (NONE,) else rules().confidence

@@ -24,6 +24,8 @@ from diagnosis.beside.packets import SHARES, decisive, news
 
 ACCUSE_NATS, LEAST_LOST = 30.0, 5
 """Losses must lower the cost by this; so many must be decisive, or the rest must be explained."""
+EXPLAINED = 0.5
+"""Share of what no losses leave over the noise that decisive ones explain, or all the rest is."""
 WHITE_SD = 2.0
 """Where no verdict leaves more than this, see `whiten.surprise`, no packets are looked for."""
 CHANCE = 1e-3
@@ -117,7 +119,8 @@ def _finding(
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
     if not losses or ends[0] > SHARES[1]:
         return ()
-    if losses < LEAST_LOST and any(h.surprise() > rules().white_sd for _, h in pairs):
+    clear_enough = losses >= LEAST_LOST and _explained(pairs) >= EXPLAINED
+    if not clear_enough and any(h.surprise() > rules().white_sd for _, h in pairs):
         return ()
     told = np.concatenate([_left(one.fitter, one.told) for one, _ in pairs])
     left = np.concatenate([_left(h.fitter, h.fit) for _, h in pairs])
@@ -136,6 +139,13 @@ def _finding(
             evidence=f"{losses} of {count} packets whose loss would show were lost, at random",
         ),
     )
+
+
+def _explained(pairs: Sequence[tuple[Listener, Heard]]) -> float:
+    """Share of what no losses leave, over what noise alone costs, that is gone with them."""
+    noise = sum(len(one.fitter.evidence.tracks()) for one, _ in pairs) / 2
+    told, heard = sum(one.told.cost for one, _ in pairs), sum(h.fit.cost for _, h in pairs)
+    return (told - heard) / max(told - noise, 1.0)
 
 
 def _random(clear: Array, lost: Array, moves: Array, first: Array) -> bool:
