@@ -24,6 +24,7 @@ from diagnosis.attribution.verdict import judge, little_play, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.losses import dropouts
 from diagnosis.blind import motion, rigs
+from diagnosis.diagnose import _heard, judge_limb
 from diagnosis.leading import leading
 from diagnosis.replay.nominal import own_catalogue
 from diagnosis.replay.replay import Commands, link_inertias_kgm2, replay, replays
@@ -293,10 +294,21 @@ def test_few_lost_packets_explain_the_log():
     assert judge(heard, {}, 0.05).names == ("none",)
 
 
-def test_a_rate_limit_loses_no_packets():
-    """Take no rate limit outside of the catalogue for losses: the world explains no such log."""
-    part = evidence([kind("command-rate-limit")(magnitude=0.28, joint="A0")], finer=10)
+@pytest.mark.parametrize("limit_s_rad", [0.15, 0.28])
+def test_a_rate_limit_loses_no_packets(limit_s_rad):
+    """Take no rate limit outside of the catalogue for losses: they explain a part of the log."""
+    part = evidence([kind("command-rate-limit")(magnitude=limit_s_rad, joint="A0")], finer=10)
     assert dropouts([part], [judge(part, {}, 0.05)])[0] == ()
+
+
+@pytest.mark.parametrize("tilt_rad", [0.04, 0.1])
+def test_an_effect_beside_losses_must_be_clear(tilt_rad):
+    """Name beside lost packets only what passes the stricter test of a second effect."""
+    part = evidence((kind("gravity-tilt")(magnitude=tilt_rad),))
+    one = judge_limb(part, {"gravity-tilt": kind("gravity-tilt")}, 0.05)
+    assert one.verdict.names == ("gravity-tilt",) and one.verdict.gain_nats > rules().accuse_nats
+    clear = one.verdict.gain_nats >= rules().strict_nats
+    assert clear == (tilt_rad > 0.05) == bool(_heard(one, one).found)
 
 
 def test_delays_are_found_from_half_their_size():
