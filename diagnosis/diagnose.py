@@ -105,7 +105,7 @@ def _anew(
     """Limbs that did not hear all that they were told, judged by what they heard.
 
     Which packets were lost is not known for sure: what is left beside them is not called unknown,
-    and a second effect must be as clear as one beside any other that explains the log.
+    and another effect must do what a second one must.
     """
     pairs = list(zip(told, heard, strict=True))
     again = iter(judged([right for wrong, right in pairs if wrong is not right]))
@@ -118,7 +118,7 @@ def _anew(
 def _heard(again: Judged, first: Judged) -> Judged:
     """A limb's verdict beside lost packets."""
     limb = again.verdict
-    if limb.names == (UNKNOWN,) or limb.gain_nats < rules().strict_nats:
+    if limb.names == (UNKNOWN,) or limb.gain_nats < rules().pair_nats:
         again = Judged(verdict=_nominal(limb), found=(), ties=())
     return dataclasses.replace(
         again, verdict=dataclasses.replace(again.verdict, told=first.verdict)

@@ -16,8 +16,9 @@ from scipy.optimize import minimize_scalar
 from backends.effect import Effect
 from backends.state import Array
 
-STEP = 0.001
-"""Step of a derivative by a nominal parameter, in its standard deviations."""
+STEP = 0.03
+"""Step of a derivative by a nominal parameter, in its standard deviations: where a joint rattles in
+its play, slopes over much smaller ones are chance."""
 GROW = 0.01
 """Step of a derivative by a magnitude, relative."""
 LEAP = 0.7
