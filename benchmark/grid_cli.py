@@ -59,7 +59,7 @@ def transfer(
     ] = None,
     setting: Annotated[
         list[str] | None,
-        typer.Option(help="Deploy in these too, such as radius=3cm or speed=0.5,stick=fabric."),
+        typer.Option(help="Deploy in these too, such as radius=3cm or task=eight,speed=0.5."),
     ] = None,
     episodes: Annotated[int, typer.Option(help="Episodes per policy and world, 2 to 10000.")] = 100,
     smoke_too: Annotated[

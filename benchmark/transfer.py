@@ -30,7 +30,7 @@ REFERENCE = ("mujoco", "built")
 """The stand-in for reality: its engine and effects."""
 FLOOR_SEED = EVALUATION_SEED + 1
 """Decides the other initial states and headings that the noise floor starts from."""
-SETTINGS = ("radius", "speed", "stick")
+SETTINGS = ("task", "radius", "speed", "stick")
 """What may differ between a policy's training and a deployment, beside engine and effects."""
 EPISODES_RANGE = (2, 10_000)
 EVALUATIONS = "evaluations"
@@ -144,7 +144,7 @@ def _setting(text: str) -> dict[str, Any]:
     if "speed" in given:
         given["speed"] = quantities.number(given["speed"], "--setting speed")
     fields = changes(**given)
-    RunSpec(backend=REFERENCE[0], task="circle", **fields)
+    RunSpec(**{"backend": REFERENCE[0], "task": "circle", **fields})
     return fields
 
 
@@ -213,8 +213,8 @@ def _same(spec: RunSpec, moved: Mapping[str, RunSpec]) -> str | None:
     return next((name for name, other in moved.items() if _place(other) == own), None)
 
 
-def _place(spec: RunSpec) -> tuple[str, str, float, float]:
-    return spec.backend, spec.world().digest, spec.radius_m, spec.speed
+def _place(spec: RunSpec) -> tuple[str, str, str, float, float]:
+    return spec.backend, spec.world().digest, spec.task, spec.radius_m, spec.speed
 
 
 def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFrame:

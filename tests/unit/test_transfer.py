@@ -251,16 +251,20 @@ def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
 
 
 def test_settings_are_worlds_too(runs, tmp_path, capfd):
-    """Deploy a policy under other paces and sizes of the figure, beside the one it knows."""
+    """Deploy a policy under other paces, sizes and figures, beside the one it knows."""
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
-    settings = ["--setting", "radius=3cm,speed=0.5", "--setting", "stick=steel"]
+    asked = ("radius=3cm,speed=0.5", "stick=steel", "task=eight", "task=line")
+    settings = [part for text in asked for part in ("--setting", text)]
     assert cli._run([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
     found = {row["deploy"]: row for row in json.loads(capfd.readouterr().out)["matrix"]}
     assert list(found) == [
         "mujoco built",
         "mujoco built radius=3cm,speed=0.5",
         "mujoco built stick=steel",
+        "mujoco built task=eight",
+        "mujoco built task=line",
     ]
+    assert found["mujoco built task=eight"]["p_err_cm"] != found["mujoco built"]["p_err_cm"]
     larger = found["mujoco built radius=3cm,speed=0.5"]
     assert larger["p_err_cm"] > found["mujoco built"]["p_err_cm"]
 
@@ -268,12 +272,13 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("pace=2", "allowed: radius=..., speed=..., stick=..."),
-        ("speed", "allowed: radius=..."),
+        ("pace=2", "allowed: task=..., radius=..., speed=..., stick=..."),
+        ("speed", "allowed: task=..., radius=..."),
         ("speed=fast", "'fast'; allowed: a number such as 0.5"),
         ("speed=99", "allowed"),
         ("radius=3", "allowed: a length"),
         ("stick=stele", "no stick named 'stele'"),
+        ("task=cirle", "no task named 'cirle'"),
     ],
 )
 def test_what_is_no_setting_is_refused(text, said, runs, tmp_path, capfd):
