@@ -13,8 +13,12 @@ class Task(Figure):
 
     repeats = True
 
+    def entry_s(self, heading_rad: Array) -> Array:
+        """How long each episode takes from the centre to the circle [s], shape (N,)."""
+        return np.full(len(heading_rad), ENTRY_S)
+
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
         """See `Figure.offset_m`."""
-        radius = self.radius_m * np.minimum(time_s / ENTRY_S, 1.0)
+        radius = self.radius_m * np.minimum(time_s / self.entry_s(heading_rad), 1.0)
         phase = self.rate_rad_s * time_s
         return radius[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
