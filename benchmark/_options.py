@@ -6,7 +6,9 @@ from typing import Annotated
 import typer
 
 Backend = Annotated[str, typer.Option(help="Physics engine: mujoco, bullet or sapien.")]
-TaskName = Annotated[str, typer.Option(help="Figure to draw, such as line, circle, spiral or eight: bench list.")]
+TaskName = Annotated[
+    str, typer.Option(help="Figure to draw, such as line, circle, spiral or eight: bench list.")
+]
 Radius = Annotated[str | None, typer.Option(help="Size of the figure, such as 3cm. (2cm)")]
 Speed = Annotated[float | None, typer.Option(help="Pace over the training pace, such as 1.5. (1)")]
 Stick = Annotated[str | None, typer.Option(help="Stick to hold; `bench list` names them.")]

@@ -15,6 +15,7 @@ from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import POLISH, Fitter
 from diagnosis.attribution.profile import Fit, Profile, grown
+from diagnosis.attribution.timing import AngleLate, Late, late_s
 from diagnosis.attribution.whiten import alike, surprise
 
 REFINED, FINALISTS, NAMESAKES = 10, 5, 2
@@ -46,6 +47,8 @@ NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
 LEAPS = (0.5, 2.0)
 """How many times as large a delay is tried beside what was found."""
+SHAKES = (0.97, 1.03)
+"""The same of an effect that a second one seems to be needed beside."""
 CLOSE = (1.1, 1.0, 1.0)
 """Rounds of its refit to all samples."""
 LAST = (1.0,)
@@ -138,7 +141,8 @@ class Attribution:
         """Both effects of a pair alone, from its nominal parameters."""
         both = zip(pair.names, pair.fit.effects, strict=True)
         starts = [(name, self.fitter.at((effect,), pair.fit.deviations)) for name, effect in both]
-        return [self._ranked((name,), self.fitter.refit(start)) for name, start in starts]
+        alone = [self._ranked((name,), self.fitter.refit(start)) for name, start in starts]
+        return [replace(one, fit=self._shaken(one.fit)) for one in alone]
 
     def _noted(self, pairs: list[Ranked]) -> list[Ranked]:
         self.pairs += pairs
@@ -264,20 +268,42 @@ class Attribution:
         return sorted(again, key=lambda one: one.fit.cost)
 
     def _leapt(self, fit: Fit) -> Fit:
-        """A pair's fit, or a better one from where a delay in it is far larger or smaller.
+        """A fit, or a better one from where a delay in it is far larger or smaller.
 
-        A delay acts on samples and periods: what it costs has kinks, at which a search ends. Where
-        a pair leaves much, that is not its fault.
+        A delay acts on samples and periods: what it costs has kinks, at which a search ends. And
+        the time of readings, which is nominal, may have taken a part of it. Where a fit leaves
+        much, that is not its fault.
         """
-        if len(fit.effects) < 2 or fit.cost > HARD * self._samples:
+        if fit.cost > HARD * self._samples:
             return fit
+        late, in_time = self._lateness(fit)
         tries = [fit]
         for k, effect in enumerate(fit.effects):
-            for leap in LEAPS if effect.dimension == "time" else ():
-                effects = (*fit.effects[:k], grown(effect, leap), *fit.effects[k + 1 :])
-                start = self.whole.at(effects, fit.deviations)
-                tries.append(self.whole.refit(start, CLOSE))
+            if effect.dimension == "time":
+                tries += [self._from(fit, k, leap, CLOSE) for leap in LEAPS]
+                whole = 1 + late / effect.magnitude
+                tries += [self._from(in_time, k, whole, CLOSE)] if whole > 1 else []
         return min(tries, key=lambda one: one.cost)
+
+    def _lateness(self, fit: Fit) -> tuple[float, Fit]:
+        """How late a fit reads positions [s], and the fit with readings that are in time."""
+        nominal = [issubclass(n.kind, (Late, AngleLate)) for n in self.fitter.nuisances]
+        in_time = replace(fit, deviations=np.where(nominal, 0.0, fit.deviations))
+        return float(late_s(self.fitter.effects(fit))[0]), in_time
+
+    def _shaken(self, fit: Fit) -> Fit:
+        """A lone effect's fit, or a better one from magnitudes to either side.
+
+        Where a joint sticks and slips, costs have many dips, and a pair searches more of them.
+        """
+        tries = [self._from(fit, 0, shake, POLISH) for shake in SHAKES]
+        return min([fit, *tries], key=lambda one: one.cost)
+
+    def _from(self, fit: Fit, index: int, times: float, rounds: Sequence[float]) -> Fit:
+        """A refit from where one of the effects is so many times as large."""
+        effects = list(fit.effects)
+        effects[index] = grown(effects[index], times)
+        return self.whole.refit(self.whole.at(tuple(effects), fit.deviations), rounds)
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
         """A fit with no parameter bent beyond belief, where the log does not insist on one.

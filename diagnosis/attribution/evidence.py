@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.polynomial.hermite_e import hermegauss
 
 from backends.effect import Effect
 from backends.spec import Spec
@@ -29,6 +30,8 @@ NUDGE_RAD = 1e-5
 """A shift of the start that no sensor shows [rad]."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
+_NODES = 20
+"""Of a quadrature."""
 _LOST = 1e6
 """What an unstable world shows [rad or Nm]."""
 
@@ -118,6 +121,18 @@ class Evidence:
         """Standard deviation of the white part of a residual, shape (C, J)."""
         rough = (ROUGH * self.floor) ** 2
         return np.sqrt(np.maximum(self.sigma**2 - self.floor**2, rough))[:, 0]
+
+    @cached_property
+    def quiet(self) -> float:
+        """The gap that noise alone would leave on the samples for judging.
+
+        Root mean square of compressed normal variables, by Gauss-Hermite quadrature.
+        """
+        nodes, weights = hermegauss(_NODES)
+        share = (self._white / self.sigma[:, 0]).ravel()[:, None]
+        squares = compressed(share * nodes) ** 2 @ weights / weights.sum()
+        tracks = self.tracks(True).astype(np.int64)
+        return float(np.sqrt(squares[tracks].mean())) if len(tracks) else 0.0
 
     def allowing_for(self, effects: Sequence[Effect]) -> "Evidence":
         """The evidence with white errors as large as what a candidate leaves, where that is more.

@@ -15,7 +15,7 @@ from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import CALM, Fitter
-from diagnosis.attribution.timing import Late
+from diagnosis.attribution.timing import Late, late_s
 
 WORTH = 0.3
 """A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
@@ -45,7 +45,9 @@ class Rules(BaseModel):
     white_sd: float
     """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
-    """Or else a law that is a model, see `is_modelled`, must explain this share of the gap."""
+    """Or else it must explain this share of the gap that is beyond noise."""
+    within_share: float
+    """Or this, if it is a model, see `is_modelled`, and leaves no more than the floor."""
     bent_stds: float
     """No nominal parameter of an explained log is off by more of its standard deviations."""
     settled_gap: float
@@ -104,7 +106,7 @@ class LimbVerdict:
         found, best, rule = self.attribution, self.chosen, rules()
         if self.names != (UNKNOWN,) or len(best.names) != 1:
             return ()
-        others = [one for one in found.singles if one is not best]
+        others = [one for one in found.singles if not _same(one, best)]
         tied = [one for one in others if _lead(one, best) < rule.tie_nats]
         left = min(one.plain.mean() for one in (found.nominal, *others))
         ahead = _lead(found.nominal, best) >= rule.accuse_nats and left > best.plain.mean()
@@ -193,14 +195,19 @@ def ruled(found: Attribution) -> LimbVerdict:
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best, pair = _pair(found, singles[0], rule)
-    if pair is not None and _explains(nominal, pair, rule):
+    if pair is not None and _explains(found, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
-    if not _explains(nominal, best, rule):
+    if not _explains(found, best, rule):
         return _verdict((UNKNOWN,), best, found, (), _strangeness(best))
-    others = [r for r in singles if r.joints != best.joints or r.names != best.names]
+    others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])
     return _verdict(best.names, best, found, tied, lead)
+
+
+def _same(one: Ranked, other: Ranked) -> bool:
+    """Whether two fits are of the same effects on the same joints."""
+    return (one.names, one.joints) == (other.names, other.joints)
 
 
 def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool:
@@ -212,7 +219,7 @@ def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool
     same = any(
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
-    bent = less.bent > rule.bent_stds and less.surprise <= rule.white_sd
+    bent = less.bent > rule.bent_stds > more.bent and less.surprise <= rule.white_sd
     return same and bent and _is_plain(more, rule) and _lead(less, more) > 0.0
 
 
@@ -249,7 +256,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     best = min((best, *halves), key=lambda one: one.fit.cost)
     if _became(found, best, pair, rule):
         return best, pair
-    explained, needed = _explains(found.nominal, best, rule), _needed(found, best, rule)
+    explained, needed = _explains(found, best, rule), _needed(found, best, rule)
     if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
         return best, None
     left = _excess(best.gap)
@@ -259,7 +266,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
 
 def _needed(found: Attribution, best: Ranked, rule: Rules) -> float:
     """What a second effect must lower the cost by [nats]: more where the first needs none."""
-    sure = _explains(found.nominal, best, rule) and best.bent <= rule.bent_stds
+    sure = _explains(found, best, rule) and best.bent <= rule.bent_stds
     return rule.strict_nats if sure else rule.pair_nats
 
 
@@ -268,7 +275,7 @@ def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> 
     pairs: list[Ranked] = []
     for more in _pairs(found, best, needed, needed < rule.strict_nats):
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
-        if any(_explains(found.nominal, r, rule) for r in pairs):
+        if any(_explains(found, r, rule) for r in pairs):
             break
     return min(pairs, key=lambda r: r.fit.cost, default=None)
 
@@ -331,7 +338,16 @@ def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
             for joint, drive, floor in drives
             if effect.joint in (None, joint)
         ]
-    return not stds or abs(effect.magnitude) > rule.nominal_stds * min(stds)
+    return not stds or _size(found, ranked) > rule.nominal_stds * min(stds)
+
+
+def _size(found: Attribution, ranked: Ranked) -> float:
+    """Magnitude of the last effect; of a delay with how late readings are, which look like it."""
+    effect, size = ranked.fit.effects[-1], abs(ranked.fit.effects[-1].magnitude)
+    if effect.dimension != "time":
+        return size
+    late = late_s(found.fitter.effects(ranked.fit))[0]
+    return max(size, abs(effect.magnitude + late))
 
 
 def _excess(gap: float) -> float:
@@ -339,15 +355,20 @@ def _excess(gap: float) -> float:
     return max(gap**2 - 1.0, 0.0)
 
 
-def _explains(nominal: Ranked, candidate: Ranked, rule: Rules) -> bool:
-    """Whether what a candidate leaves is white, or its law is a model and it is little of the gap.
+def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
+    """Whether what a candidate leaves is white, or little of what there is beyond noise.
 
-    With nominal parameters that are as they may be: one that is bent beyond belief is a stand-in
-    for what no effect explains.
+    A law that is a model may also leave what is within the floor, if it takes most of it. With
+    nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
+    what no effect explains.
     """
     if candidate.bent > rule.bent_stds and candidate.unrest <= CALM:
         return False
     if candidate.surprise <= rule.white_sd:
         return True
-    allowed = (1 - rule.explained_share) * _excess(nominal.gap) + candidate.unrest**2
-    return any(map(is_modelled, candidate.fit.effects)) and _excess(candidate.gap) <= allowed
+    quiet = found.fitter.evidence.quiet
+    left, had = (max(r.gap**2 - quiet**2, 0.0) for r in (candidate, found.nominal))
+    if left <= (1 - rule.explained_share) * had + candidate.unrest**2:
+        return True
+    modelled = any(map(is_modelled, candidate.fit.effects))
+    return modelled and candidate.gap <= 1.0 and left <= (1 - rule.within_share) * had

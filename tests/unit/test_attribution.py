@@ -11,16 +11,16 @@ from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
 from diagnosis.attribution import replayed
-from diagnosis.attribution.attribute import BENT, Attribution, Ranked
+from diagnosis.attribution.attribute import BENT, CLOSE, Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
-from diagnosis.attribution.evidence import Evidence, Recording
+from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
-from diagnosis.attribution.timing import Late, TorqueLate, rates
-from diagnosis.attribution.verdict import judge, little_play, ruled, rules
+from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates
+from diagnosis.attribution.verdict import _explains, judge, little_play, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.losses import dropouts
 from diagnosis.blind import motion, rigs
@@ -321,6 +321,81 @@ def test_delays_are_found_from_half_their_size():
     (pair, *_) = found.second(found.singles[0])
     late = {type(e): e.magnitude for e in pair.fit.effects}[delay]
     assert late == pytest.approx(1.7e-3, rel=0.1)
+
+
+def test_a_delay_that_the_time_of_readings_hides_is_found():
+    """Leave a delay of which late readings, which are nominal, have taken most."""
+    delay = kind("sensor-delay")
+    part = evidence([delay(magnitude=1.7e-3, joint="A0")])
+    found = Attribution(part, {"sensor-delay": delay}, 0.05)
+    hidden = np.array([2.1 * (n.kind is AngleLate) for n in found.whole.nuisances])
+    start = found.whole.at((delay(magnitude=3.5e-4, joint="A0"),), hidden)
+    stuck = found.whole.refit(start, CLOSE)
+    assert stuck.cost > found.singles[0].fit.cost + 10
+    assert found._leapt(stuck).cost < found.singles[0].fit.cost + 1
+
+
+def test_a_delay_counts_with_how_late_readings_are():
+    """Accuse a delay that is beyond what readings may be late, whatever part of it they take."""
+    delay = kind("command-delay")
+    part = evidence([delay(magnitude=3e-3, joint="A0")])
+    found = Attribution(part, {"command-delay": delay}, 0.05)
+    best = found.singles[0]
+    small = delay(magnitude=1.2e-3, joint="A0")
+    for late, verdict in ((1.5, "command-delay"), (-1.5, "none")):
+        moved = np.array([late * (n.kind is AngleLate) for n in found.whole.nuisances])
+        fit = dataclasses.replace(best.fit, effects=(small,), deviations=moved)
+        found.singles = [dataclasses.replace(best, fit=fit)]
+        assert ruled(found).names == (verdict,)
+
+
+def test_dips_of_a_cost_ask_for_no_second_effect():
+    """Fit a joint that sticks and slips better from beside its best magnitude."""
+    stiction = kind("stiction")
+    part = evidence([stiction(magnitude=0.08, joint="A0")], seed=4, finer=4, noise_rad=1e-4)
+    best = Attribution(part, {"stiction": stiction}, 0.05)
+    fit = best.singles[0].fit
+    assert best._shaken(fit).cost < fit.cost - 5
+
+
+def leaving(ranked: Ranked, gap: float) -> Ranked:
+    """A candidate whose held-out residuals are not white, and as large as asked."""
+    plain = np.full(len(ranked.plain), CORE * np.sinh(gap / CORE)) ** 2
+    return dataclasses.replace(ranked, plain=plain, surprise=rules().white_sd + 1, unrest=0.0)
+
+
+def test_noise_alone_leaves_what_it_should():
+    """Foretell the gap of the world that the log is of."""
+    part = evidence(seed=2)
+    assert Attribution(part, {}, 0.05).before.gap == pytest.approx(part.quiet, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    ("name", "gap", "verdict"),
+    [
+        ("command-delay", 1.05, True),
+        ("command-delay", 1.5, False),
+        ("viscous-friction", 1.05, True),
+        ("viscous-friction", 1.5, False),
+    ],
+)
+def test_what_is_not_white_must_leave_little(name, gap, verdict):
+    """Name an effect that leaves a hundredth of the gap, and none that leaves a quarter."""
+    size = 0.01 if name == "command-delay" else 0.03
+    part = evidence((kind(name)(magnitude=size, joint="A0"),), protocols=("steps",))
+    found = Attribution(part, {name: kind(name)}, 0.05)
+    best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 3.0)
+    found.pairs, found.singles = [], [best]
+    assert _explains(found, best, rules()) is verdict
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False)])
+def test_a_law_that_is_a_model_takes_most_of_what_the_floor_hides(gap, verdict):
+    """Name a friction that leaves little of what is within the floor; none that leaves most."""
+    part = evidence((kind("self-lock")(magnitude=0.1, joint="A0"),), protocols=("push",))
+    found = Attribution(part, {"self-lock": kind("self-lock")}, 0.05)
+    best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.02)
+    assert _explains(found, best, rules()) is verdict
 
 
 def test_refits_reach_the_best_nominal_parameters():
