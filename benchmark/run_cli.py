@@ -20,6 +20,7 @@ from benchmark._options import (
 )
 from benchmark.console import emit, row_table
 
+OtherTask = Annotated[str | None, typer.Option(help="Figure to draw. (the run's)")]
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s", "dir"]
 
@@ -97,7 +98,7 @@ def run(
 def evaluate(
     run_folder: Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")],
     backend: Annotated[str | None, typer.Option(help="Engine to deploy in. (the run's)")] = None,
-    task: Annotated[str | None, typer.Option(help="Figure to draw. (the run's)")] = None,
+    task: OtherTask = None,
     observation: Annotated[
         str | None, typer.Option(help="Must be the one it was trained on. (the run's)")
     ] = None,
@@ -149,6 +150,7 @@ def view(
     backend: Annotated[
         str | None, typer.Option(help="Engine to replay in, if not the run's.")
     ] = None,
+    task: OtherTask = None,
     radius: Radius = None,
     speed: Speed = None,
     stick: Stick = None,
@@ -164,6 +166,6 @@ def view(
     from benchmark.view import view
 
     changes = commands.changes(
-        backend=backend, radius=radius, speed=speed, stick=stick, effects=effects
+        backend=backend, task=task, radius=radius, speed=speed, stick=stick, effects=effects
     )
     emit(view(run_folders, out, kind, changes, episodes, time, workers), as_json)

@@ -148,8 +148,10 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
     s = recording.scores
     count = s["episodes"]
     parts = [run.task, run.backend, run.algo, f"{count} episode{'s' * (count > 1)}"]
-    if run.backend != trained.backend:
-        parts.insert(2, f"trained on {trained.backend}")
+    pairs = ((trained.task, run.task), (trained.backend, run.backend))
+    other = [before for before, now in pairs if before != now]
+    if other:
+        parts.insert(2, f"trained on {' and '.join(other)}")
     parts += [f"effects {run.effects}"] if run.effects != "built" else []
     parts += [f"{run.stick} stick"] if run.stick != "reference" else []
     parts += [f"radius {100 * run.radius_m:g} cm"] if run.radius_m != RADIUS_M else []
