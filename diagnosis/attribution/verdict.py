@@ -45,9 +45,10 @@ class Rules(BaseModel):
     white_sd: float
     """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
-    """Or else it must explain this share of the gap that is beyond noise."""
+    """Or else it must explain this share of what a gap has beyond noise; a law that is a model, see
+    `is_modelled`, of what it has beyond the floor."""
     within_share: float
-    """Or this, if it is a model, see `is_modelled`, and leaves no more than the floor."""
+    """Where such a law leaves no more than the floor: this share of what is beyond noise."""
     bent_stds: float
     """No nominal parameter of an explained log is off by more of its standard deviations."""
     settled_gap: float
@@ -350,15 +351,15 @@ def _size(found: Attribution, ranked: Ranked) -> float:
     return max(size, abs(effect.magnitude + late))
 
 
-def _excess(gap: float) -> float:
-    """What a gap has above the floor, squared."""
-    return max(gap**2 - 1.0, 0.0)
+def _excess(gap: float, least: float = 1.0) -> float:
+    """What a gap has above the least, squared: above the floor."""
+    return max(gap**2 - least**2, 0.0)
 
 
 def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
     """Whether what a candidate leaves is white, or little of what there is beyond noise.
 
-    A law that is a model may also leave what is within the floor, if it takes most of it. With
+    Of a law that is a model: little of what there is beyond the floor, and most of it taken. With
     nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
     what no effect explains.
     """
@@ -366,9 +367,9 @@ def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
         return False
     if candidate.surprise <= rule.white_sd:
         return True
-    quiet = found.fitter.evidence.quiet
-    left, had = (max(r.gap**2 - quiet**2, 0.0) for r in (candidate, found.nominal))
-    if left <= (1 - rule.explained_share) * had + candidate.unrest**2:
-        return True
-    modelled = any(map(is_modelled, candidate.fit.effects))
-    return modelled and candidate.gap <= 1.0 and left <= (1 - rule.within_share) * had
+    quiet, modelled = found.fitter.evidence.quiet, any(map(is_modelled, candidate.fit.effects))
+    within = modelled and candidate.gap <= 1.0
+    share = rule.within_share if within else rule.explained_share
+    least = 1.0 if modelled and not within else quiet
+    left, had = (_excess(one.gap, least) for one in (candidate, found.nominal))
+    return left <= (1 - share) * had + candidate.unrest**2

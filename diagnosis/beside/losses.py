@@ -26,8 +26,6 @@ ACCUSE_NATS, LEAST_LOST = 30.0, 5
 """Losses must lower the cost by this; so many must be decisive, or the rest must be explained."""
 EXPLAINED = 0.5
 """Share of what no losses leave over the noise that decisive ones explain, or all the rest is."""
-WHITE_SD = 2.0
-"""Where no verdict leaves more than this, see `whiten.surprise`, no packets are looked for."""
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
@@ -56,11 +54,9 @@ def dropouts(
 ) -> tuple[tuple[Finding, ...], tuple[Evidence, ...]]:
     """Lost packets: of every joint, of one joint, or none; and what limbs say when they are known.
 
-    `limbs` are the verdicts on `parts` without losses. Nothing is lost where all that is new in
-    what they leave is white.
+    `limbs` are the verdicts on `parts` without losses. Few losses leave what looks white, so they
+    are looked for whatever the verdict.
     """
-    if limbs and not any(limb.chosen.surprise > WHITE_SD for limb in limbs):
-        return (), tuple(parts)
     found = [_listened(*one) for one in zip_longest(parts, limbs)]
     guilty = [one for one in found if one.lead(one.all) >= ACCUSE_NATS]
     alone = [one for one in found if one.lead(one.single) >= ACCUSE_NATS]

@@ -294,6 +294,15 @@ def test_few_lost_packets_explain_the_log():
     assert judge(heard, {}, 0.05).names == ("none",)
 
 
+@pytest.mark.parametrize(("lost_share", "losses"), [(0.02, 1), (0.0, 0)])
+def test_losses_that_look_white_are_found(lost_share, losses):
+    """Find the few packets that nominal parameters hide, and none where none is lost."""
+    part = evidence(lost_share=lost_share, seed=2)
+    limb = judge(part, {}, 0.05)
+    assert limb.names == ("none",) and limb.chosen.surprise < 0
+    assert len(dropouts([part], [limb])[0]) == losses
+
+
 @pytest.mark.parametrize("limit_s_rad", [0.15, 0.28])
 def test_a_rate_limit_loses_no_packets(limit_s_rad):
     """Take no rate limit outside of the catalogue for losses: they explain a part of the log."""
