@@ -20,7 +20,13 @@ DARK = 0.55
 
 
 def draw_heatmap(matrix: pd.DataFrame, path: Path) -> None:
-    """Draw the matrix to a PNG file: shade and first line `tracked`, second line retention."""
+    """Write the matrix as a PNG file, see `heatmap`."""
+    about = {"Title": TITLE, "Source": "bench transfer"}
+    heatmap(matrix).savefig(path, format="png", dpi=110, metadata=about)
+
+
+def heatmap(matrix: pd.DataFrame) -> Figure:
+    """The matrix as a picture: shade and first line `tracked`, second line retention."""
     parts = panels(matrix)
     columns = max(len(part.deploy) for part in parts) + 1
     heights = [len(part.train) * CELL_IN[1] + MARGIN_IN[1] for part in parts]
@@ -29,8 +35,7 @@ def draw_heatmap(matrix: pd.DataFrame, path: Path) -> None:
     axes = figure.subplots(len(parts), squeeze=False, height_ratios=heights)[:, 0]
     for place, part in zip(axes, parts, strict=True):
         _draw(place, part)
-    about = {"Title": TITLE, "Source": "bench transfer"}
-    figure.savefig(path, format="png", dpi=110, metadata=about)
+    return figure
 
 
 def _draw(axes: Axes, part: Panel) -> None:
@@ -39,9 +44,8 @@ def _draw(axes: Axes, part: Panel) -> None:
     picture = axes.imshow(blank, vmin=0, vmax=1, cmap="viridis", aspect="auto")
     axes.figure.colorbar(picture, ax=axes, label="tracked", pad=0.01)
     worlds = [*part.deploy, FLOOR]
-    axes.set_xticks(
-        range(len(worlds)), [world.replace(" ", "\n", 1) for world in worlds], fontsize=8
-    )
+    lines = [world.replace(" ", "\n").replace(",", ",\n") for world in worlds]
+    axes.set_xticks(range(len(worlds)), lines, fontsize=8)
     axes.set_yticks(range(len(part.train)), part.train, fontsize=8)
     axes.set(xlabel="deployed in", ylabel="trained in")
     axes.set_title(title(part.shared), fontsize=9)

@@ -11,6 +11,8 @@ import pandas as pd
 import pytest
 
 from benchmark import cli
+from benchmark.registry import ROOT
+from leaderboard._heatmap import heatmap
 from leaderboard.files import TRANSFERS, write
 from leaderboard.statistics import REPLICATES
 from leaderboard.tables import board
@@ -18,6 +20,7 @@ from leaderboard.transfer import COLUMNS, agreement, matrix, mmrv
 from leaderboard.transfer_files import write_transfer
 
 HOME, AWAY = "one built", "two built"
+KEPT = sorted((ROOT / "leaderboard/transfer").glob("*/matrix.parquet"))
 SHARED = {
     **{"task": "line", "radius_m": 0.02, "speed": 1.0, "stick": "reference", "algo": "ppo"},
     **{
@@ -355,3 +358,13 @@ def test_a_damaged_evaluation_is_reported(runs, tmp_path, capfd):
         file.write_bytes(b"")
     assert cli._run(arguments) == 1
     assert "no policy could be evaluated" in json.loads(capfd.readouterr().out)["error"]
+
+
+@pytest.mark.parametrize("file", KEPT, ids=lambda file: file.parent.name)
+def test_names_of_worlds_stand_apart(file):
+    """Draw no name of a world over its neighbour's."""
+    figure = heatmap(pd.read_parquet(file))
+    figure.canvas.draw()
+    for axes in figure.axes:
+        boxes = [label.get_window_extent() for label in axes.get_xticklabels()]
+        assert not any(a.x1 > b.x0 for a, b in zip(boxes, boxes[1:], strict=False))
