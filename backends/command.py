@@ -80,4 +80,4 @@ class CommandBank:
 
 def ring_ticks(delay_s: Array, dt_s: float) -> int:
     """Length of a ring that holds the longest of the delays."""
-    return int(np.max(delay_s) / dt_s) + 2
+    return int(delay_s.max() / dt_s) + 2

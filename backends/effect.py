@@ -2,8 +2,9 @@
 
 import dataclasses
 from abc import ABC
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, final
 
 from backends.spec import Body, Spec
 
@@ -95,27 +96,64 @@ class NumberEffect(Effect):
         """The number with the effect."""
         return value * (1 + self.magnitude) if self.relative else value + self.magnitude
 
+    @final
     def on_spec(self, spec: Spec) -> Spec:
         """See `Effect.on_spec`."""
         part, field = self.number.split(".")
         if self.per_joint:
-            return self._on_joints(spec, part, field)
+            return with_effects(spec, (self,))
         if part == "taxels":
             hand = dataclasses.replace(spec.hand, taxels=self._on(spec.hand.taxels, field))
             return dataclasses.replace(spec, hand=hand)
         return dataclasses.replace(spec, **{part: self._on(getattr(spec, part), field)})
 
-    def _on_joints(self, spec: Spec, part: str, field: str) -> Spec:
+    def note(self, spec: Spec, numbers: "Numbers") -> None:
+        """Write what becomes of the number on every joint it acts on."""
+        part, field = self.number.split(".")
         joints = self.joints(spec)
-        return spec.with_driven(
-            self._on_body(b, part, field) if b.joint.name in joints else b for b in spec.hand.driven
-        )
-
-    def _on_body(self, body: Body, part: str, field: str) -> Body:
-        if part == "body":
-            return self._on(body, field)
-        changed = self._on(getattr(body.joint, part), field)
-        return dataclasses.replace(body, joint=dataclasses.replace(body.joint, **{part: changed}))
+        for body in spec.hand.driven:
+            if body.joint.name in joints:
+                home = body if part == "body" else getattr(body.joint, part)
+                known = numbers.setdefault(body.joint.name, {}).setdefault(part, {})
+                known[field] = self.changed(known.get(field, getattr(home, field)))
 
     def _on(self, part: Any, field: str) -> Any:
         return dataclasses.replace(part, **{field: self.changed(getattr(part, field))})
+
+
+Numbers = dict[str, dict[str, dict[str, float]]]
+"""Numbers of joints that differ from a world's: by joint, part and field."""
+
+
+def with_effects(spec: Spec, effects: Iterable[Effect]) -> Spec:
+    """The world with effects, one after the other.
+
+    Raises ValueError where an effect cannot act. What several do to joints is built at once: a
+    diagnosis makes a thousand worlds, each with ten effects.
+    """
+    numbers: Numbers = {}
+    for effect in effects:
+        if isinstance(effect, NumberEffect) and effect.per_joint:
+            effect.note(spec, numbers)
+        else:
+            spec = effect.on_spec(_built(spec, numbers))
+            numbers = {}
+    return _built(spec, numbers)
+
+
+def _built(spec: Spec, numbers: Numbers) -> Spec:
+    if not numbers:
+        return spec
+    return spec.with_driven(_body(b, numbers.get(b.joint.name, {})) for b in spec.hand.driven)
+
+
+def _body(body: Body, parts: dict[str, dict[str, float]]) -> Body:
+    of_joint: dict[str, Any] = {
+        part: dataclasses.replace(getattr(body.joint, part), **fields)
+        for part, fields in parts.items()
+        if part != "body"
+    }
+    own: dict[str, Any] = dict(parts.get("body", {}))
+    if of_joint:
+        own["joint"] = dataclasses.replace(body.joint, **of_joint)
+    return dataclasses.replace(body, **own) if own else body

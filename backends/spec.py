@@ -186,7 +186,7 @@ class Hand:
         """Bodies whose joint has a drive, in spec order: the J of every (N, J) array."""
         return tuple(b for b in self.bodies if b.joint.drive is not None)
 
-    @property
+    @cached_property
     def joint_names(self) -> tuple[str, ...]:
         """Names of the driven joints in spec order."""
         return tuple(b.joint.name for b in self.driven)
@@ -265,7 +265,7 @@ class Spec:
         text = json.dumps(_numbers(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
-    @property
+    @cached_property
     def drives(self) -> tuple[Drive, ...]:
         """Drives of the driven joints in spec order."""
         return tuple(b.joint.drive for b in self.hand.driven if b.joint.drive is not None)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import RenderableType
 
+from backends.effect import with_effects
 from backends.engine import Simulator
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
@@ -151,9 +152,7 @@ def _nominal(ideal: Spec, text: str, backend: str) -> Spec:
     """The world that is calibrated: the ideal one with effects."""
     effects = parse_effects(text, ideal.hand)
     refuse(effects, registry.load("backend", backend).support, backend)
-    for effect in effects:
-        ideal = effect.on_spec(ideal)
-    return ideal
+    return with_effects(ideal, effects)
 
 
 def _content(

@@ -11,7 +11,7 @@ import joblib
 from joblib.externals.loky import get_reusable_executor
 from rich.console import RenderableType
 
-from backends.effect import Effect
+from backends.effect import Effect, with_effects
 from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
@@ -156,9 +156,7 @@ def _world(log: Log, settings: Settings) -> World:
     else:
         ideal, named = mjcf_world(log), NONE
     known = named if settings.effects_known is None else settings.effects_known
-    spec = ideal
-    for effect in parse_effects(known, spec.hand):
-        spec = effect.on_spec(spec)
+    spec = with_effects(ideal, parse_effects(known, ideal.hand))
     return World(spec=spec, ideal=ideal, known=known)
 
 

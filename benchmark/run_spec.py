@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends import trx
-from backends.effect import Effect
+from backends.effect import Effect, with_effects
 from backends.randomize import randomize
 from backends.shard import simulate
 from backends.spec import Spec
@@ -93,9 +93,7 @@ class RunSpec:
         """The nominal world: hand and stick with the effects applied in order."""
         hand = HANDS[self.hand]
         spec: Spec = hand.spec(STICKS[self.stick])
-        for effect in parse_effects(self.effects, hand.HAND):
-            spec = effect.on_spec(spec)
-        return spec
+        return with_effects(spec, parse_effects(self.effects, hand.HAND))
 
 
 def run_digest(fields: dict, world_digest: str) -> str:

@@ -10,7 +10,7 @@ from itertools import compress
 
 import numpy as np
 
-from backends.effect import UNITS, Effect
+from backends.effect import UNITS, Effect, with_effects
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.attribute import Ranked
@@ -182,8 +182,7 @@ def _told(
 def _with(nominal: Spec, limbs: Sequence[Judged], catalogue: Mapping[str, type[Effect]]) -> Spec:
     """The nominal world, its parameters as replays refitted them, with what they found."""
     verdicts = [limb.verdict for limb in limbs if limb.verdict.names != (UNKNOWN,)]
-    for effect in (one for verdict in verdicts for one in verdict.refitted):
-        nominal = effect.on_spec(nominal)
+    nominal = with_effects(nominal, (one for verdict in verdicts for one in verdict.refitted))
     for m in _found(limbs):
         everywhere = m.joint is None and not catalogue[m.effect].per_joint
         for joint in (None,) if everywhere else m.joints:

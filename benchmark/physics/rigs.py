@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backends import sticks, trx
+from backends.effect import with_effects
 from backends.spec import Body, Contact, Drive, Fingertip, Joint, Spec, Stick, Timing, Vec3
 from backends.state import Array
 from benchmark.effects import parse_effects
@@ -186,8 +187,7 @@ def _vec(values: Array) -> Vec3:
 def hand(effects: str = "none", dt_s: float = DT_S) -> Spec:
     """The hand with effects as on the command line."""
     spec = trx.spec(STICK)
-    for effect in parse_effects(effects, spec.hand):
-        spec = effect.on_spec(spec)
+    spec = with_effects(spec, parse_effects(effects, spec.hand))
     return dataclasses.replace(spec, timing=dataclasses.replace(spec.timing, drive_s=dt_s))
 
 

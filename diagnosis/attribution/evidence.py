@@ -17,7 +17,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.replayed import Replayed
-from diagnosis.attribution.timing import late_s, later
+from diagnosis.attribution.timing import late_s, later, sensors
 from diagnosis.attribution.whiten import ROUGH, innovations
 from diagnosis.replay.limb import CHANNELS
 from diagnosis.replay.replay import Commands
@@ -108,9 +108,9 @@ class Evidence:
 
     def tracks(self, judged: bool | None = None) -> Array:
         """Which channel and joint each residual is of, as a number, in the order of `residual`."""
-        masks = [m for m, end in zip(self._masks[judged], self._ends[judged], strict=True) if end]
-        number = np.arange(self.sigma.size, dtype=float).reshape(self.sigma.shape)
-        return self._flat([np.broadcast_to(number, m.shape) for m in masks], judged)
+        number = np.arange(self.sigma.size, dtype=float).reshape(self.sigma.shape).swapaxes(1, 2)
+        parts = [np.broadcast_to(number, mask.shape) for mask in self._compared[judged]]
+        return self._flat([part.swapaxes(1, 2) for part in parts], judged)
 
     def whitened(self, left: Array) -> Array:
         """What is new in residuals (C, T, J) of samples that are compared."""
@@ -155,12 +155,12 @@ class Evidence:
 
     def _left(self, effects: Sequence[Effect], judged: bool | None) -> list[Array]:
         """Residuals (C, T, J) of every recording that has samples of the kind, up to the last."""
-        shift_s, world = late_s(effects), self.world(effects)
+        shift_s, at = late_s(effects), sensors(self.world(effects))
         asked = self._asked[judged]
         shown = self._replayed.shown(effects, self._ends[judged])
         left = []
         for (time_s, measured), wild in zip(asked, shown, strict=True):
-            moved = later(np.clip(wild, -_LOST, _LOST), time_s, world, shift_s)
+            moved = later(np.clip(wild, -_LOST, _LOST), time_s, at, shift_s)
             left.append((measured - moved)[:, :: self.stride])
         if not self.astray:
             return left
@@ -189,10 +189,10 @@ class Evidence:
         }
 
     def _flat(self, parts: Sequence[Array], judged: bool | None) -> Array:
-        masks = [m for m, end in zip(self._masks[judged], self._ends[judged], strict=True) if end]
-        pairs = zip(parts, masks, strict=True)
-        flat = [p.swapaxes(1, 2)[m[:, : p.shape[1]].swapaxes(1, 2)] for p, m in pairs]
-        return np.clip(np.nan_to_num(np.concatenate(flat), nan=FAR), -FAR, FAR)
+        pairs = zip(parts, self._compared[judged], strict=True)
+        flat = np.concatenate([part.swapaxes(1, 2)[mask] for part, mask in pairs])
+        flat[np.isnan(flat)] = FAR
+        return np.clip(flat, -FAR, FAR, out=flat)
 
     def unrest(self, effects: Sequence[Effect], moved: Sequence[Effect]) -> float:
         """How far a candidate strays from itself as `moved`, and started by `NUDGE_RAD` elsewhere.
@@ -239,6 +239,18 @@ class Evidence:
             for wanted in (True, False)
         }
         return {None: logged, **split}
+
+    @cached_property
+    def _compared(self) -> dict[bool | None, list[Array]]:
+        """Which samples (C, J, T) of each recording that has any are compared, up to the last."""
+        return {
+            wanted: [
+                mask[:, : -(-end // self.stride)].swapaxes(1, 2)
+                for mask, end in zip(masks, self._ends[wanted], strict=True)
+                if end
+            ]
+            for wanted, masks in self._masks.items()
+        }
 
     @cached_property
     def _ends(self) -> dict[bool | None, list[int]]:

@@ -1,30 +1,20 @@
 """Replays of one limb's recordings in worlds with effects; the latest of them are kept.
 
 A fit comes back to where it has been: what it refined is judged, and what was fitted to some
-samples is fitted to all. Neighbouring worlds share most of their effects.
+samples is fitted to all.
 """
 
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from itertools import takewhile
 
-from backends.effect import Effect
+from backends.effect import Effect, NumberEffect, with_effects
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.replay.replay import Commands, replays
 
-WORLDS = 1000
-"""Worlds that are kept; each takes as long to build as a fifth of a second to replay."""
 NUMBERS = 2_000_000
 """Numbers of replays that are kept: 16 MB."""
-
-
-@dataclass
-class _World:
-    """A world, and those with one more effect."""
-
-    spec: Spec
-    more: dict[Effect, "_World"] = field(default_factory=dict)
 
 
 class Replayed:
@@ -32,7 +22,7 @@ class Replayed:
 
     def __init__(self, nominal: Spec, commands: Sequence[Commands]) -> None:
         self._nominal, self._commands = nominal, tuple(commands)
-        self._root, self._worlds = _World(nominal), 0
+        self._built: dict[tuple[Effect, ...], Spec] = {}
         self._latest: tuple[tuple[Effect, ...], Spec] = ((), nominal)
         self._shown: OrderedDict[tuple[Effect, ...], dict[int, Array]] = OrderedDict()
         self._kept = 0
@@ -44,18 +34,13 @@ class Replayed:
     def world(self, effects: Sequence[Effect]) -> Spec:
         """The nominal world with effects, one after the other."""
         acting = _acting(effects)
-        if acting == self._latest[0]:
-            return self._latest[1]
-        if self._worlds > WORLDS:
-            self._root, self._worlds = _World(self._nominal), 0
-        here = self._root
-        for effect in acting:
-            if effect not in here.more:
-                here.more[effect] = _World(effect.on_spec(here.spec))
-                self._worlds += 1
-            here = here.more[effect]
-        self._latest = acting, here.spec
-        return here.spec
+        if acting != self._latest[0]:
+            first = tuple(takewhile(lambda effect: not isinstance(effect, NumberEffect), acting))
+            if first not in self._built:
+                self._built[first] = with_effects(self._nominal, first)
+            world = with_effects(self._built[first], acting[len(first) :])
+            self._latest = acting, world
+        return self._latest[1]
 
     def shown(self, effects: Sequence[Effect], samples: Sequence[int]) -> list[Array]:
         """The first so many samples of each recording, shape (4, T, J); none asked, none shown."""

@@ -78,23 +78,52 @@ def late_s(effects: Sequence[Effect]) -> Array:
     return np.array([every + angle, every + angle, every + torque])
 
 
-def later(shown: Array, time_s: Array, spec: Spec, late: Array) -> Array:
+@dataclass(frozen=True, kw_only=True)
+class Sensors:
+    """What rates need to know of a world's position sensors, each (J,)."""
+
+    age_s: Array
+    """How old readings are [s]."""
+    scale: Array
+    """How much larger readings are than the angle."""
+    at_motor: Array
+    """Whether they sit at the motor, bool."""
+
+
+def sensors(spec: Spec) -> Sensors:
+    """The position sensors of a world."""
+    joints = [body.joint for body in spec.hand.driven]
+    return Sensors(
+        age_s=np.array([joint.encoder.delay_s for joint in joints]),
+        scale=np.array([1 + joint.encoder.scale_error for joint in joints]),
+        at_motor=np.array([joint.sensor == "motor" for joint in joints]),
+    )
+
+
+def later(shown: Array, time_s: Array, at: Sensors, late: Array) -> Array:
     """Position, motor angle and torque of a replay (4, T, J), read `late` (3,) [s] later."""
-    moved = shown[: len(late)]
-    return moved - late[:, None, None] * rates(shown, time_s, spec) if late.any() else moved
+    if not late.any():
+        return shown[: len(late)]
+    return _later(shown, time_s, late, at.age_s, at.scale, at.at_motor)
 
 
-def rates(shown: Array, time_s: Array, spec: Spec) -> Array:
+def rates(shown: Array, time_s: Array, at: Sensors) -> Array:
     """Rates of position, motor angle and torque, shape (3, T, J), of what a replay shows (4, T, J).
 
     Samples are too far apart for differences of an angle: a joint's is its velocity, as old as its
     sensor's readings, and differences say how much faster the motor turns.
     """
-    joints = [body.joint for body in spec.hand.driven]
-    age_s = np.array([joint.encoder.delay_s for joint in joints])
-    scale = np.array([1 + joint.encoder.scale_error for joint in joints])
-    at_motor = np.array([joint.sensor == "motor" for joint in joints])
-    return _rates(shown, time_s, age_s, scale, at_motor)
+    return _rates(shown, time_s, at.age_s, at.scale, at.at_motor)
+
+
+@numba.njit(cache=True)
+def _later(shown, time_s, late, age_s, scale, at_motor):
+    moved = _rates(shown, time_s, age_s, scale, at_motor)
+    for c in range(len(late)):
+        for k in range(len(time_s)):
+            for j in range(len(age_s)):
+                moved[c, k, j] = shown[c, k, j] - late[c] * moved[c, k, j]
+    return moved
 
 
 @numba.njit(cache=True)

@@ -31,6 +31,8 @@ def _innovations(left, white, slow, keep, out):
                     gain = variance / spread
                     guess += gain * new
                     variance *= 1 - gain
+                else:
+                    out[c, k, j] = np.nan
                 guess *= keep
                 variance = keep * keep * variance + (1 - keep * keep) * model
 
@@ -40,7 +42,7 @@ def innovations(left: Array, white: Array, slow: Array, sample_s: float) -> Arra
 
     `white` and `slow` are standard deviations (C, J); NaN stays NaN.
     """
-    out = np.full(left.shape, np.nan)
+    out = np.empty(left.shape)
     _innovations(left, white, slow, np.exp(-sample_s / MEMORY_S), out)
     return out
 

@@ -51,14 +51,13 @@ def decode(
     memory,
     limb,
     rings,
-    forced,
 ):
     """Lost packets (T,) bool, and what is then shown (T, C, J).
 
     `logged` is (T, C, J) with channels position, motor and torque; `lossy` (J,) are the joints
     whose packets may be lost; each loss costs `price`. `weight` and `memory` (C, J) are one over
-    the scale of an innovation and how much of a residual lives on to the next sample. `forced` (T,)
-    fixes a packet: 0 arrived, 1 lost, -1 is decoded. `limb` and `rings` are those of `replay.limb`
+    the scale of an innovation and how much of a residual lives on to the next sample. `limb` and
+    `rings` are those of `replay.limb`
     for 2^(MEMORY + 1) worlds.
     """
     samples, joints = target.shape
@@ -95,7 +94,7 @@ def decode(
             for j in range(joints):
                 if lossy[j] and abs(target[k, j] - held[0, w, j]) > SAME:
                     news = True
-            if k > 0 and news and forced[k] != 0:
+            if k > 0 and news:
                 v = half + w
                 alive[v] = True
                 state[v], last[v], age[v], held[0, v] = state[w], last[w], age[w], held[0, w]
@@ -104,9 +103,6 @@ def decode(
                 for j in range(joints):
                     if not lossy[j]:
                         held[0, v, j] = target[k, j]
-                if forced[k] == 1:
-                    cost[w] = np.inf
-                    alive[w] = False
             held[0, w] = target[k]
         run(gaps[k : k + 1], held, load[k : k + 1], alive, limb, rings, state, age, shown)
         # Of worlds with the same last decisions the cheapest so far survives.

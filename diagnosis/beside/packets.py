@@ -16,7 +16,7 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.beside._packets import MEMORY, SAME, TAIL, decode
 from diagnosis.replay.limb import memory, numbers
-from diagnosis.replay.replay import Commands
+from diagnosis.replay.replay import Commands, replays
 
 SHARES = (0.005, 0.5)
 """Shares of lost packets that a decoding may assume."""
@@ -73,40 +73,7 @@ def decoded(
 ) -> Path:
     """The most likely losses where this share of all packets is lost, see `_packets.decode`."""
     price = float(np.log(1 / lost_share - 1))
-    free = [np.full(len(r.commands.target), -1) for r in part.recordings]
-    return _path(part, world, lossy, scale, price, free)
-
-
-def arrived(part: Evidence, path: Path) -> Evidence:
-    """The evidence with the commands that arrived: where one was lost, the last one stood."""
-    column = [part.joints.index(name) for name in path.lossy]
-    recordings = []
-    for recording, lost in zip(part.recordings, path.lost, strict=True):
-        target = recording.commands.target.copy()
-        target[:, column] = target[_latest(lost)][:, column]
-        commands = replace(recording.commands, target=target)
-        recordings.append(replace(recording, commands=commands))
-    return replace(part, recordings=tuple(recordings))
-
-
-def _latest(lost: Array) -> Array:
-    """Number of the latest packet that arrived, (T,)."""
-    return np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
-
-
-def _path(
-    part: Evidence,
-    world: Spec,
-    lossy: tuple[str, ...],
-    scale: Scale,
-    price: float,
-    forced: Sequence[Array],
-) -> Path:
-    """Decoded losses, but for packets that are `forced`: 0 arrived, 1 lost, -1 is decoded."""
-    done = [
-        _decoded(world, lossy, scale, price, r.commands, r.measured, f)
-        for r, f in zip(part.recordings, forced, strict=True)
-    ]
+    done = [_decoded(world, lossy, scale, price, r.commands, r.measured) for r in part.recordings]
     return Path(
         world=world,
         lossy=lossy,
@@ -115,9 +82,34 @@ def _path(
     )
 
 
-def _given(part: Evidence, path: Path, scale: Scale, lost: Sequence[Array]) -> Path:
+def arrived(part: Evidence, path: Path) -> Evidence:
+    """The evidence with the commands that arrived: where one was lost, the last one stood."""
+    pairs = zip(part.recordings, path.lost, strict=True)
+    recordings = tuple(
+        replace(r, commands=_heard(r.commands, part, path.lossy, lost)) for r, lost in pairs
+    )
+    return replace(part, recordings=recordings)
+
+
+def _heard(commands: Commands, part: Evidence, lossy: Sequence[str], lost: Array) -> Commands:
+    """The commands without those of lossy joints that were lost (T,)."""
+    column = [part.joints.index(name) for name in lossy]
+    target = commands.target.copy()
+    target[:, column] = target[_latest(lost)][:, column]
+    return replace(commands, target=target)
+
+
+def _latest(lost: Array) -> Array:
+    """Number of the latest packet that arrived, (T,)."""
+    return np.maximum.accumulate(np.where(lost, 0, np.arange(len(lost))))
+
+
+def _given(part: Evidence, path: Path, lost: Sequence[Array]) -> Path:
     """A path's world with other losses."""
-    return _path(part, path.world, path.lossy, scale, 0.0, lost)
+    pairs = zip(part.recordings, lost, strict=True)
+    told = [_heard(r.commands, part, path.lossy, gone) for r, gone in pairs]
+    shown = [one[:3].transpose(1, 0, 2) for one in replays(path.world, told)]
+    return replace(path, lost=tuple(lost), shown=tuple(shown))
 
 
 def _decoded(
@@ -127,7 +119,6 @@ def _decoded(
     price: float,
     commands: Commands,
     measured: Array,
-    forced: Array,
 ) -> tuple[Array, Array]:
     """See `_packets.decode`; the world's own losses, noise and steps are left out."""
     limb = numbers(world, 1 << (MEMORY + 1))
@@ -143,7 +134,6 @@ def _decoded(
         scale.memory,
         limb,
         memory(limb),
-        forced.astype(np.int64),
     )
 
 
@@ -201,13 +191,13 @@ def decisive(part: Evidence, path: Path, scale: Scale, nats: float = DECISIVE_NA
     Judged where all others arrive, so that it does not depend on what was decoded around.
     """
     nothing = [np.zeros_like(lost) for lost in path.lost]
-    whole = _given(part, path, scale, nothing)
+    whole = _given(part, path, nothing)
     moves, found = news(part, whole), nothing
     for phase in range(APART):
         turned = [
             (np.arange(len(move)) % APART == phase) & (move > SAME).any(axis=1) for move in moves
         ]
-        other = _given(part, path, scale, turned)
+        other = _given(part, path, turned)
         for k, recording in enumerate(part.recordings):
             logged = np.isfinite(recording.measured).any(axis=1)
             apart = np.where(logged, other.shown[k] - whole.shown[k], 0.0)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from backends.effect import Effect
+from backends.effect import Effect, with_effects
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
@@ -98,10 +98,10 @@ def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> li
 
 def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
     """The nominal world with the nominal errors and effects of a case."""
-    for fault in (*case.nominal, *case.faults):
-        effect = catalogue[fault.effect](magnitude=fault.magnitude, joint=fault.joint)
-        spec = effect.on_spec(spec)
-    return spec
+    faults = (*case.nominal, *case.faults)
+    return with_effects(
+        spec, (catalogue[f.effect](magnitude=f.magnitude, joint=f.joint) for f in faults)
+    )
 
 
 def _on_plant(

@@ -123,7 +123,9 @@ def _at_lag(command: np.ndarray, position: np.ndarray, lag: int) -> tuple[float,
     p = position[max(lag, 0) :][:n]
     if np.ptp(c) < STILL or np.ptp(p) < STILL:
         return 0.0, 0.0
-    return _corr(c, p), _cov(c, p) / _cov(c, c)
+    c, p = c - c.mean(), p - p.mean()
+    both, own = np.dot(c, p), np.dot(c, c)
+    return both / np.sqrt(own * np.dot(p, p)), both / own
 
 
 def _centred(samples: pd.DataFrame, column: str) -> np.ndarray:

@@ -76,8 +76,8 @@ def chain(spec: Spec) -> Chain:
 
 
 def _tensor(body: Body) -> Array:
-    xy, xz, yz = body.products_kgm2
-    return np.diag(body.inertia_kgm2) + np.array([[0, xy, xz], [xy, 0, yz], [xz, yz, 0]])
+    (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
+    return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]], dtype=float)
 
 
 @numba.njit(cache=True)

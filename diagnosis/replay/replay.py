@@ -56,10 +56,11 @@ def replay(spec: Spec, commands: Commands) -> Array:
 def replays(spec: Spec, episodes: Sequence[Commands]) -> list[Array]:
     """See `replay`, for several episodes."""
     limb, shown = numbers(spec), []
+    rings = memory(limb)
     for one in episodes:
         out = np.zeros((len(one.target), 1, len(CHANNELS), len(spec.drives)))
         target = one.target[:, None]
-        _replay(one.ticks, target, one.load, one.start, limb, memory(limb), out)
+        _replay(one.ticks, target, one.load, one.start, limb, rings, out)
         shown.append(out[:, 0].transpose(1, 0, 2))
     return shown
 

@@ -19,7 +19,7 @@ from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
-from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates
+from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
 from diagnosis.attribution.verdict import _explains, judge, little_play, ruled, rules
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.losses import dropouts
@@ -159,7 +159,7 @@ def test_readings_of_fast_motion_are_shifted_right():
     asked = Commands(ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0])
     delayed = replay(kind("sensor-delay")(magnitude=late).on_spec(spec), asked)[0]
     shown, time_s = replay(spec, asked), ticks * spec.timing.drive_s
-    shifted = shown[0] - late * rates(shown, time_s, spec)[0]
+    shifted = shown[0] - late * rates(shown, time_s, sensors(spec))[0]
     coarse = shown[0] - late * np.gradient(shown[0], time_s, axis=0)
     assert np.abs(shifted - delayed).max() < 0.1 * np.abs(coarse - delayed).max()
 
@@ -177,7 +177,7 @@ def test_readings_of_a_late_sensor_change_as_late():
         Commands(ticks=ticks, target=one.target_rad, load=one.push_nm, start=one.target_rad[0]),
     )
     time_s = ticks * spec.timing.drive_s
-    found, slope = rates(shown, time_s, spec)[0], np.gradient(shown[0], time_s, axis=0)
+    found, slope = rates(shown, time_s, sensors(spec))[0], np.gradient(shown[0], time_s, axis=0)
     assert np.abs(found - slope)[10:].max() < 0.1 * np.abs(slope).max()
 
 
