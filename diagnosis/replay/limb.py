@@ -20,6 +20,8 @@ CHANNELS = ("position", "motor", "torque", "velocity")
 JOINT, SPEED, MOTOR, MOTOR_SPEED, TORQUE, KEPT, WANTED = range(7)
 """Rows of a world's state: angles and speeds of joints and motors, the last PD torques, and the
 targets that its command path has kept and let through."""
+DELAY = 4
+"""Column of an encoder's numbers."""
 
 
 def numbers(spec: Spec, worlds: int = 1) -> tuple:
@@ -59,9 +61,51 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
     """Take the worlds that are alive (W,) through n samples and write what each of them shows.
 
     `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
-    counts ticks; `out` is (n, W, 4, J). One long loop: handing an array to a function costs as
-    much as a third of a tick.
+    counts ticks; `out` is (n, W, 4, J).
     """
+    if len(limb[1][0]) > 0 and not limb[3].any() and not limb[4][..., DELAY].any():
+        _run_in_time(ticks, target, load, alive, limb, state, out)
+        age += ticks.sum()
+    else:
+        _run(ticks, target, load, alive, limb, rings, state, age, out)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _run_in_time(ticks, target, load, alive, limb, state, out):
+    """`run` of one or two joints in closed form where nothing is late.
+
+    Their numbers stay in registers from sample to sample, which halves the time of a lone joint.
+    """
+    _, (weights, pull), drive, _, encoder, at_motor, dt = limb
+    last = state.shape[2] - 1
+    drives = _drive(drive, 0), _drive(drive, last)
+    for w in range(len(alive)):
+        if not alive[w]:
+            continue
+        own, other = _own(state, w, 0), _own(state, w, last)
+        for k in range(len(ticks)):
+            if last == 0:
+                own = _one(ticks[k], target[k, w, 0], load[k, 0], own, drives[0], weights, pull, dt)
+            else:
+                targets, loads = (target[k, w, 0], target[k, w, 1]), (load[k, 0], load[k, 1])
+                own, other = _two(ticks[k], targets, loads, own, other, drives, weights, pull, dt)
+                _show(out, k, w, 1, other, at_motor, encoder)
+            _show(out, k, w, 0, own, at_motor, encoder)
+        _keep(state, w, last, other)
+        _keep(state, w, 0, own)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _show(out, k, w, j, own, at_motor, encoder):
+    angle, speed, motor, _, torque = own
+    sensed = motor if at_motor[j] else angle
+    out[k, w, 0, j] = (1.0 + encoder[w, j, 1]) * sensed + encoder[w, j, 0]
+    out[k, w, 1, j], out[k, w, 2, j], out[k, w, 3, j] = motor, torque, speed
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _run(ticks, target, load, alive, limb, rings, state, age, out):
+    """`run` of any limb. One long loop: handing on an array costs as much as a third of a tick."""
     bodies, (weights, pull), drive, path, encoder, at_motor, dt = limb
     worlds, _, joints = state.shape
     torque, acceleration, bias = np.zeros((3, joints))
@@ -120,6 +164,41 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
                 out[k, w, 0, j] = reading[w, j] if read_late else sensed
                 out[k, w, 1, j], out[k, w, 2, j] = state[w, MOTOR, j], state[w, TORQUE, j]
                 out[k, w, 3, j] = state[w, SPEED, j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _own(s, w, j):
+    return s[w, JOINT, j], s[w, SPEED, j], s[w, MOTOR, j], s[w, MOTOR_SPEED, j], s[w, TORQUE, j]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _keep(s, w, j, own):
+    s[w, JOINT, j], s[w, SPEED, j], s[w, MOTOR, j], s[w, MOTOR_SPEED, j], s[w, TORQUE, j] = own
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _one(ticks, target, load, own, drive, weights, pull, dt):
+    """Take a joint through some ticks."""
+    q, speed, motor, rate, pd = own
+    for _ in range(ticks):
+        motor, rate, pd, gear = motor_tick(target, q, speed, motor, rate, drive, dt)
+        speed += dt * accelerate_one(q, gear + load, weights, pull)
+        q += dt * speed
+    return q, speed, motor, rate, pd
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _two(ticks, targets, loads, first, second, drives, weights, pull, dt):
+    """The same of two joints."""
+    (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2) = first, second
+    for _ in range(ticks):
+        motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
+        motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
+        torques = gear + loads[0], gear2 + loads[1]
+        moved, moved2 = accelerate_two(q, q2, speed, speed2, *torques, weights, pull)
+        speed, speed2 = speed + dt * moved, speed2 + dt * moved2
+        q, q2 = q + dt * speed, q2 + dt * speed2
+    return (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2)
 
 
 @numba.njit(cache=True, error_model="numpy")
