@@ -25,7 +25,8 @@ from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.verdict import NONE, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import NONE
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import (
     Diagnosis,

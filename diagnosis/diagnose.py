@@ -20,7 +20,8 @@ from diagnosis.attribution.experiments import Trials, tie, told_of
 from diagnosis.attribution.gather import gather
 from diagnosis.attribution.locate import locate
 from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge
 from diagnosis.beside.beside import (
     beside,
     corrected,

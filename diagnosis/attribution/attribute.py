@@ -15,6 +15,7 @@ from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import POLISH, Fitter
 from diagnosis.attribution.profile import Fit, Profile, grown
+from diagnosis.attribution.rules import rules
 from diagnosis.attribution.timing import AngleLate, Late, late_s
 from diagnosis.attribution.whiten import alike, surprise
 
@@ -31,8 +32,6 @@ REAL = 2
 """Candidates beside these that really fit best, where linear costs are no guide."""
 STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
-BENT = 3.5
-"""Standard deviations from which a nominal parameter is a suspect."""
 BELIEVED = 8.0
 """A fit without suspects is taken where it costs no more than this beside the best [nats]."""
 SHRINKS = 2
@@ -96,7 +95,7 @@ class Attribution:
     ) -> None:
         known = nuisances(evidence.nominal, uncertainty)
         self.fitter, self.whole = Fitter(evidence, known), Fitter(evidence, known, None)
-        self._within = Fitter(evidence, known, None, BENT)
+        self._within = Fitter(evidence, known, None, rules().bent_stds)
         self._candidates = candidates(catalogue, evidence)
         self._samples = len(evidence.tracks(False))
         bare = self.fitter.at((), np.zeros(len(known)))
@@ -230,7 +229,7 @@ class Attribution:
         bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
         found = [(bent.get((c.kind, c.joint), 0.0), c, fit) for c, fit in tried]
         most, suspect, fit = max(found, key=lambda one: one[0], default=(0.0, None, around))
-        if suspect is None or most <= BENT or any(c is suspect for c, _ in chosen):
+        if suspect is None or most <= rules().alone_stds or any(c is suspect for c, _ in chosen):
             return list(chosen)
         return [*chosen, (suspect, fit)]
 
@@ -310,7 +309,8 @@ class Attribution:
 
         Of effects alone: a log that bends a parameter of the nominal world may have another cause.
         """
-        near = np.clip(fit.deviations, -BENT, BENT)
+        most = self._within.farthest
+        near = np.clip(fit.deviations, -most, most)
         if (near == fit.deviations).all():
             return fit
         held = self._within.refit(self._within.at(fit.effects, near), CLOSE)

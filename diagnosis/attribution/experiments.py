@@ -16,7 +16,8 @@ from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import FAR, USED, Evidence
 from diagnosis.attribution.profile import GROW, LOOSE, STEP, grown
-from diagnosis.attribution.verdict import LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import LimbVerdict
 from diagnosis.recording.excitation import FREE, RATE_HZ, hand_joints
 from diagnosis.replay.replay import CHANNELS, Commands, replay
 

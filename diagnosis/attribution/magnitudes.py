@@ -7,7 +7,8 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.intervals import intervals, settled
-from diagnosis.attribution.verdict import LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import LimbVerdict
 
 
 @dataclass(frozen=True, kw_only=True)

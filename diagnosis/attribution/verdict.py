@@ -2,12 +2,8 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import numpy as np
-import yaml
-from pydantic import BaseModel, ConfigDict
 
 from backends.effect import Effect
 from backends.effects import backlash
@@ -15,6 +11,7 @@ from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import CALM, Fitter
+from diagnosis.attribution.rules import Rules, rules
 from diagnosis.attribution.timing import Late, late_s
 
 WORTH = 0.3
@@ -23,57 +20,6 @@ this share of what it needs on all."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
-
-
-class Rules(BaseModel):
-    """Thresholds, tuned on cases that no test uses; a cost is in nats, a gap in deviations."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-    version: int
-    floor_position_rad: float
-    """The model's own error of positions: from nominal worlds of other equations."""
-    floor_torque_share: float
-    """The same of torques, as a share of the torque limit."""
-    accuse_nats: float
-    """An effect must lower the cost of the nominal refit by this, see `_lead`."""
-    pair_nats: float
-    """A second effect must lower the cost of the first by this."""
-    strict_nats: float
-    """The same where the first explains the log as it is."""
-    pair_share: float
-    """It must then also explain this share of what the first left over the floor, if anything."""
-    white_sd: float
-    """What is new in held-out residuals of an explained log is no further from white than this."""
-    explained_share: float
-    """Or else it must explain this share of what a gap has beyond noise; a law that is a model, see
-    `is_modelled`, of what it has beyond the floor."""
-    within_share: float
-    """Where such a law leaves no more than the floor: this share of what is beyond noise."""
-    bent_stds: float
-    """No nominal parameter of an explained log is off by more of its standard deviations."""
-    settled_gap: float
-    """Held-out gap that counts as none."""
-    nominal_stds: float
-    """A nominal parameter is accused beyond so many of its standard deviations."""
-    tie_nats: float
-    """Effects whose cost is this near the best are not told apart."""
-    confidence: tuple[float, float]
-    """Confidence is the logistic function of a + b log(lead in nats)."""
-    confidence_none: tuple[float, float]
-    """The same of `none`, whose lead is no more than `accuse_nats`."""
-
-    @property
-    def floor(self) -> dict[str, float]:
-        """The model's own error by channel, as `gather.gather` takes it."""
-        position = self.floor_position_rad
-        return {"position": position, "motor": position, "torque": self.floor_torque_share}
-
-
-@cache
-def rules() -> Rules:
-    """The frozen rules."""
-    path = Path(__file__).with_name("rules.yaml")
-    return Rules.model_validate(yaml.safe_load(path.read_text()))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -191,8 +137,9 @@ def ruled(found: Attribution) -> LimbVerdict:
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
-    if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
-        if _is_plain(small, rule):
+    became = bool(singles) and _became(found, small, singles[0], rule.alone_stds)
+    if gain < rule.accuse_nats and not became:
+        if _is_plain(small, rule.alone_stds):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best, pair = _pair(found, singles[0], rule)
@@ -211,8 +158,8 @@ def _same(one: Ranked, other: Ranked) -> bool:
     return (one.names, one.joints) == (other.names, other.joints)
 
 
-def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool:
-    """Whether an effect of a fit that explains is what is bent beyond belief without it.
+def _became(found: Attribution, less: Ranked, more: Ranked, most: float) -> bool:
+    """Whether an effect of a fit that explains is what is bent beyond `most` without it.
 
     Then the world without it is none that a log could be of, however little worse it fits.
     """
@@ -220,8 +167,8 @@ def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool
     same = any(
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
-    bent = less.bent > rule.bent_stds > more.bent and less.surprise <= rule.white_sd
-    return same and bent and _is_plain(more, rule) and _lead(less, more) > 0.0
+    bent = less.bent > most and more.bent < rules().bent_stds and less.surprise <= rules().white_sd
+    return same and bent and _is_plain(more, rules().bent_stds) and _lead(less, more) > 0.0
 
 
 def _with_little(
@@ -237,7 +184,7 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= rule.bent_stds
+        and one.bent <= (rule.bent_stds if ranked.names else rule.alone_stds)
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=lambda one: one.fit.cost)
@@ -255,7 +202,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
         return best, None
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
     best = min((best, *halves), key=lambda one: one.fit.cost)
-    if _became(found, best, pair, rule):
+    if _became(found, best, pair, rule.bent_stds):
         return best, pair
     explained, needed = _explains(found, best, rule), _needed(found, best, rule)
     if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
@@ -298,9 +245,9 @@ def _strangeness(ranked: Ranked) -> float:
     return max(ranked.surprise, ranked.bent) ** 2 / 2
 
 
-def _is_plain(ranked: Ranked, rule: Rules) -> bool:
-    """Whether a fit leaves nothing to explain: what is new is white, and no parameter is bent."""
-    return ranked.surprise <= rule.white_sd and ranked.bent <= rule.bent_stds
+def _is_plain(ranked: Ranked, most: float) -> bool:
+    """Whether a fit leaves nothing to explain: what is new is white, nothing bent beyond `most`."""
+    return ranked.surprise <= rules().white_sd and ranked.bent <= most
 
 
 def _lead(behind: Ranked, ahead: Ranked) -> float:

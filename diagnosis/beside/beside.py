@@ -11,7 +11,8 @@ from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
 from diagnosis.beside._regrasp import Simulate
 from diagnosis.beside.feel import feel
 from diagnosis.beside.finding import Finding, Report

@@ -13,7 +13,8 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from backends.touch import taxel_grid
-from diagnosis.attribution.verdict import UNKNOWN, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import UNKNOWN
 from diagnosis.beside._skin import Faults, Pressed, joined, nats
 from diagnosis.beside._taxel_fits import Fitting, Guess
 from diagnosis.beside.finding import TOUCH, Finding, Report, Spot, share

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 
 SENSING, PUSH, TOUCH, STICK = "sensing", "push", "touch", "stick"
 CONFIDENCE = (2.1, 0.25)

@@ -14,7 +14,8 @@ from backends.effect import Effect
 from backends.spec import Encoder
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.verdict import UNKNOWN, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import UNKNOWN
 from diagnosis.beside.finding import Finding, gap, share, together
 from diagnosis.beside.slow import is_slow
 from diagnosis.replay.replay import replay as play

@@ -13,7 +13,7 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 from diagnosis.beside._regrasp import Shown, Simulate, ends_m, regrasp
 from diagnosis.beside.finding import STICK, Finding, Report
 from diagnosis.beside.held import Held, held, white_noise

@@ -17,7 +17,8 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.profile import Fit
-from diagnosis.attribution.verdict import LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import LimbVerdict
 from diagnosis.beside.finding import Finding, gap, share
 from diagnosis.beside.hearing import Heard, hear
 from diagnosis.beside.packets import SHARES, decisive, news

@@ -27,7 +27,7 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import LOGGING
 from diagnosis.attribution.intervals import Z90
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 from diagnosis.beside.finding import PUSH, Finding, gap, share
 from diagnosis.beside.slow import is_slow
 from diagnosis.calibration.backlash import SAME_HOLD_RAD

@@ -19,7 +19,7 @@ from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.gather import gather
 from diagnosis.attribution.profile import Fit
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
 from diagnosis.diagnose import shrinkage

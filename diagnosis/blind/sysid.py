@@ -21,7 +21,7 @@ from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, scale_of
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.gather import gather
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.files import BlindError
 from diagnosis.logs.log import HandMechanism, read_log

@@ -12,7 +12,8 @@ from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.evidence import USED
 from diagnosis.attribution.gather import FREE_AIR, LEAST_SAMPLES
 from diagnosis.attribution.locate import PHASES, Place
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
 from diagnosis.beside.finding import Finding, Spot
 from diagnosis.beside.held import PROTOCOLS as HELD
 from diagnosis.diagnose import Diagnosis

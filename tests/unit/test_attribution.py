@@ -11,7 +11,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from benchmark import registry
 from diagnosis.attribution import replayed
-from diagnosis.attribution.attribute import BENT, CLOSE, Attribution, Ranked
+from diagnosis.attribution.attribute import CLOSE, Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
@@ -19,8 +19,9 @@ from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
+from diagnosis.attribution.rules import rules
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
-from diagnosis.attribution.verdict import _explains, judge, little_play, ruled, rules
+from diagnosis.attribution.verdict import _explains, judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.losses import dropouts
 from diagnosis.blind import motion, rigs
@@ -223,6 +224,20 @@ def test_bent_nominal_parameters_are_unknown():
     assert found.attribution.nominal.surprise < rules().white_sd
 
 
+@pytest.mark.parametrize(("deviations", "verdict"), [(2.9, "none"), (3.3, "unknown")])
+def test_a_nominal_world_alone_bends_less(deviations, verdict):
+    """Believe of the nominal world alone less than beside an effect, which takes a part."""
+    part = evidence(())
+    found = Attribution(part, {"gravity-tilt": kind("gravity-tilt")}, 0.05)
+    off = deviations * np.eye(len(found.nominal.fit.deviations))[-1]
+    found.nominal = dataclasses.replace(
+        found.nominal, fit=dataclasses.replace(found.nominal.fit, deviations=off)
+    )
+    found.singles = []
+    assert rules().alone_stds < 3.3 < rules().bent_stds
+    assert ruled(found).names == (verdict,)
+
+
 def test_a_parameter_bent_beyond_belief_is_the_effect():
     """Name the effect that is the parameter, though the world without it fits hardly worse."""
     part = evidence((kind("kd-scale")(magnitude=0.25, joint="A0"),), seed=4)
@@ -260,7 +275,7 @@ def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
     more = 4.5 * known[gain].std * part.nominal.drives[0].kd_nms_rad
     friction = dataclasses.replace(best.effects[0], magnitude=best.effects[0].magnitude + more)
     bent = found.whole.refit(found.whole.at((friction,), moved), (1.0,))
-    assert np.abs(found._believed(bent, 1.0).deviations).max() <= BENT
+    assert np.abs(found._believed(bent, 1.0).deviations).max() <= rules().bent_stds
 
 
 def test_a_nominal_world_bent_beyond_belief_is_unknown():
@@ -268,7 +283,7 @@ def test_a_nominal_world_bent_beyond_belief_is_unknown():
     part = evidence((kind("gear-damping")(magnitude=0.5, joint="A0"),), noise_rad=2e-4)
     found = Attribution(part, {}, 0.05)
     believed = found._believed(found.nominal.fit, 1.0)
-    assert found.nominal.bent > BENT >= np.abs(believed.deviations).max()
+    assert found.nominal.bent > rules().bent_stds >= np.abs(believed.deviations).max()
     assert ruled(found).names == ("unknown",)
 
 

@@ -24,7 +24,7 @@ from benchmark.errors import UsageError
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.gather import gather
 from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.verdict import rules
+from diagnosis.attribution.rules import rules
 from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
 from diagnosis.logs.log import read_log, write_log
 from diagnosis.replay.nominal import mjcf_world

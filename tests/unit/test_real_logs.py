@@ -15,7 +15,8 @@ from benchmark import registry
 from diagnosis.attribution.attribute import Attribution
 from diagnosis.attribution.conditions import join
 from diagnosis.attribution.gather import gather
-from diagnosis.attribution.verdict import UNKNOWN, LimbVerdict, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import UNKNOWN, LimbVerdict
 from diagnosis.beside.lost_motion import lost_motion
 from diagnosis.calibration.backlash import Play, push_test
 from diagnosis.calibration.worlds import motions

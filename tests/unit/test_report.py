@@ -13,7 +13,8 @@ from benchmark import registry
 from benchmark._diagnosis_texts import summary
 from diagnosis.attribution.experiments import TOGETHER, Trials
 from diagnosis.attribution.gather import gather
-from diagnosis.attribution.verdict import NONE, UNKNOWN, rules
+from diagnosis.attribution.rules import rules
+from diagnosis.attribution.verdict import NONE, UNKNOWN
 from diagnosis.diagnose import Diagnosis, Judged, diagnose, judge_limb
 from diagnosis.leading import Leading
 from diagnosis.logs.log import Log, read_log

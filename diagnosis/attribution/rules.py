@@ -1,0 +1,60 @@
+"""The thresholds of a diagnosis, frozen in rules.yaml."""
+
+from functools import cache
+from pathlib import Path
+
+import yaml
+from pydantic import BaseModel, ConfigDict
+
+
+class Rules(BaseModel):
+    """Thresholds, tuned on cases that no test uses; a cost is in nats, a gap in deviations."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    version: int
+    floor_position_rad: float
+    """The model's own error of positions: from nominal worlds of other equations."""
+    floor_torque_share: float
+    """The same of torques, as a share of the torque limit."""
+    accuse_nats: float
+    """An effect must lower the cost of the nominal refit by this, see `_lead`."""
+    pair_nats: float
+    """A second effect must lower the cost of the first by this."""
+    strict_nats: float
+    """The same where the first explains the log as it is."""
+    pair_share: float
+    """It must then also explain this share of what the first left over the floor, if anything."""
+    white_sd: float
+    """What is new in held-out residuals of an explained log is no further from white than this."""
+    explained_share: float
+    """Or else it must explain this share of what a gap has beyond noise; a law that is a model, see
+    `is_modelled`, of what it has beyond the floor."""
+    within_share: float
+    """Where such a law leaves no more than the floor: this share of what is beyond noise."""
+    bent_stds: float
+    """No nominal parameter of an explained log is off by more of its standard deviations."""
+    alone_stds: float
+    """The same where no effect is accused: none takes a part of what bends the nominal world."""
+    settled_gap: float
+    """Held-out gap that counts as none."""
+    nominal_stds: float
+    """A nominal parameter is accused beyond so many of its standard deviations."""
+    tie_nats: float
+    """Effects whose cost is this near the best are not told apart."""
+    confidence: tuple[float, float]
+    """Confidence is the logistic function of a + b log(lead in nats)."""
+    confidence_none: tuple[float, float]
+    """The same of `none`, whose lead is no more than `accuse_nats`."""
+
+    @property
+    def floor(self) -> dict[str, float]:
+        """The model's own error by channel, as `gather.gather` takes it."""
+        position = self.floor_position_rad
+        return {"position": position, "motor": position, "torque": self.floor_torque_share}
+
+
+@cache
+def rules() -> Rules:
+    """The frozen rules."""
+    path = Path(__file__).with_name("rules.yaml")
+    return Rules.model_validate(yaml.safe_load(path.read_text()))
