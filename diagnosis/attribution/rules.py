@@ -27,14 +27,16 @@ class Rules(BaseModel):
     white_sd: float
     """What is new in held-out residuals of an explained log is no further from white than this."""
     explained_share: float
-    """Or else it must explain this share of what a gap has beyond noise; a law that is a model, see
-    `is_modelled`, of what it has beyond the floor."""
+    """Or else an effect must explain this share of what a gap has beyond the floor."""
+    exact_share: float
+    """A law that is no model, see `is_modelled`, this share of what it has beyond noise."""
     within_share: float
     """Where such a law leaves no more than the floor: this share of what is beyond noise."""
     bent_stds: float
-    """No nominal parameter of an explained log is off by more of its standard deviations."""
+    """Beside the effect that explains a log, no nominal parameter is off by more of its standard
+    deviations: where laws differ, some make up for it."""
     alone_stds: float
-    """The same where no effect is accused: none takes a part of what bends the nominal world."""
+    """The same of the nominal world alone, and beside a pair, which needs no such help."""
     settled_gap: float
     """Held-out gap that counts as none."""
     nominal_stds: float

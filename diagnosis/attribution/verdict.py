@@ -137,9 +137,8 @@ def ruled(found: Attribution) -> LimbVerdict:
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
-    became = bool(singles) and _became(found, small, singles[0], rule.alone_stds)
-    if gain < rule.accuse_nats and not became:
-        if _is_plain(small, rule.alone_stds):
+    if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
+        if _is_plain(small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best, pair = _pair(found, singles[0], rule)
@@ -158,8 +157,8 @@ def _same(one: Ranked, other: Ranked) -> bool:
     return (one.names, one.joints) == (other.names, other.joints)
 
 
-def _became(found: Attribution, less: Ranked, more: Ranked, most: float) -> bool:
-    """Whether an effect of a fit that explains is what is bent beyond `most` without it.
+def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool:
+    """Whether an effect of a fit that explains is what is bent beyond belief without it.
 
     Then the world without it is none that a log could be of, however little worse it fits.
     """
@@ -167,8 +166,9 @@ def _became(found: Attribution, less: Ranked, more: Ranked, most: float) -> bool
     same = any(
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
-    bent = less.bent > most and more.bent < rules().bent_stds and less.surprise <= rules().white_sd
-    return same and bent and _is_plain(more, rules().bent_stds) and _lead(less, more) > 0.0
+    bent = less.bent > _belief(less, rule) and more.bent < _belief(more, rule)
+    plain = less.surprise <= rule.white_sd and _is_plain(more, rule)
+    return same and bent and plain and _lead(less, more) > 0.0
 
 
 def _with_little(
@@ -184,7 +184,7 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= (rule.bent_stds if ranked.names else rule.alone_stds)
+        and one.bent <= _belief(ranked, rule)
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=lambda one: one.fit.cost)
@@ -202,7 +202,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
         return best, None
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
     best = min((best, *halves), key=lambda one: one.fit.cost)
-    if _became(found, best, pair, rule.bent_stds):
+    if _became(found, best, pair, rule):
         return best, pair
     explained, needed = _explains(found, best, rule), _needed(found, best, rule)
     if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
@@ -214,7 +214,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
 
 def _needed(found: Attribution, best: Ranked, rule: Rules) -> float:
     """What a second effect must lower the cost by [nats]: more where the first needs none."""
-    sure = _explains(found, best, rule) and best.bent <= rule.bent_stds
+    sure = _explains(found, best, rule) and best.bent <= _belief(best, rule)
     return rule.strict_nats if sure else rule.pair_nats
 
 
@@ -245,9 +245,14 @@ def _strangeness(ranked: Ranked) -> float:
     return max(ranked.surprise, ranked.bent) ** 2 / 2
 
 
-def _is_plain(ranked: Ranked, most: float) -> bool:
-    """Whether a fit leaves nothing to explain: what is new is white, nothing bent beyond `most`."""
-    return ranked.surprise <= rules().white_sd and ranked.bent <= most
+def _is_plain(ranked: Ranked, rule: Rules) -> bool:
+    """Whether a fit leaves nothing to explain: what is new is white, and no parameter is bent."""
+    return ranked.surprise <= rule.white_sd and ranked.bent <= _belief(ranked, rule)
+
+
+def _belief(ranked: Ranked, rule: Rules) -> float:
+    """How many of its standard deviations a nominal parameter may be off beside these effects."""
+    return rule.bent_stds if len(ranked.names) == 1 else rule.alone_stds
 
 
 def _lead(behind: Ranked, ahead: Ranked) -> float:
@@ -310,13 +315,14 @@ def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
     nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
     what no effect explains.
     """
-    if candidate.bent > rule.bent_stds and candidate.unrest <= CALM:
+    if candidate.bent > _belief(candidate, rule) and candidate.unrest <= CALM:
         return False
     if candidate.surprise <= rule.white_sd:
         return True
     quiet, modelled = found.fitter.evidence.quiet, any(map(is_modelled, candidate.fit.effects))
-    within = modelled and candidate.gap <= 1.0
-    share = rule.within_share if within else rule.explained_share
-    least = 1.0 if modelled and not within else quiet
+    share, least = rule.exact_share, quiet
+    if modelled:
+        within = candidate.gap <= 1.0
+        share, least = (rule.within_share, quiet) if within else (rule.explained_share, 1.0)
     left, had = (_excess(one.gap, least) for one in (candidate, found.nominal))
     return left <= (1 - share) * had + candidate.unrest**2

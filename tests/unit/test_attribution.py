@@ -250,6 +250,19 @@ def test_a_parameter_bent_beyond_belief_is_the_effect():
     assert ruled(found).names == ("unknown",)
 
 
+def test_a_pair_needs_no_bent_parameter():
+    """Believe of a single effect's fit what is not believed of a pair's."""
+    part = evidence((kind("encoder-bias")(magnitude=0.02, joint="A0"),))
+    names = ("encoder-bias", "kd-scale")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    best = found.singles[0]
+    off = 3.3 * np.eye(len(best.fit.deviations))[-1]
+    fit = dataclasses.replace(best.fit, deviations=off)
+    bent = dataclasses.replace(best, fit=fit, unrest=0.0)
+    assert bent.names == ("encoder-bias",) and _explains(found, bent, rules())
+    assert not _explains(found, dataclasses.replace(bent, names=names), rules())
+
+
 def test_a_parameter_bent_beyond_belief_is_the_second_effect():
     """Name a pair whose second effect is what the first alone bends, though it adds little."""
     truth = (
@@ -398,13 +411,14 @@ def test_noise_alone_leaves_what_it_should():
     ("name", "gap", "verdict"),
     [
         ("command-delay", 1.05, True),
-        ("command-delay", 1.5, False),
+        ("command-delay", 1.15, False),
         ("viscous-friction", 1.05, True),
+        ("viscous-friction", 1.15, True),
         ("viscous-friction", 1.5, False),
     ],
 )
 def test_what_is_not_white_must_leave_little(name, gap, verdict):
-    """Name an effect that leaves a hundredth of the gap, and none that leaves a quarter."""
+    """Name an effect that leaves little of the gap; a delay, which is no model, less."""
     size = 0.01 if name == "command-delay" else 0.03
     part = evidence((kind(name)(magnitude=size, joint="A0"),), protocols=("steps",))
     found = Attribution(part, {name: kind(name)}, 0.05)
