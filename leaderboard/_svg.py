@@ -10,7 +10,7 @@ from leaderboard.curves import Band
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#444444")
 """Colours that people who see few colours can tell apart (Okabe and Ito)."""
-CELL_W, CELL_H, PAD = 120, 18, 5
+CELL_W, CELL_H, PAD = 100, 18, 5
 PLOT_W, PLOT_H, LEFT, BOTTOM, TOP = 420, 216, 46, 36, 10
 
 
