@@ -38,3 +38,14 @@ def test_worlds_side_by_side_are_worlds_alone(rig):
         limb.run(*now, alive, numbers, rings, state, age, shown[k : k + 1])
     for w, commands in enumerate((one, other)):
         assert np.array_equal(shown[:, w].transpose(1, 0, 2), replay(spec, commands))
+
+
+@pytest.mark.parametrize("rig", ["joint", "finger"])
+@pytest.mark.parametrize("late", ["command-delay", "sensor-delay"])
+def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
+    """Move a limb in registers as tick by tick, with a delay that is next to none, bit by bit."""
+    spec = rigs.nominal(rig)
+    for name in ("backlash", "encoder-bias"):
+        spec = registry.load("effect", name)(magnitude=EFFECTS[name]).on_spec(spec)
+    delayed = registry.load("effect", late)(magnitude=1e-300).on_spec(spec)
+    assert np.array_equal(replay(spec, asked(rig, 0)), replay(delayed, asked(rig, 0)))
