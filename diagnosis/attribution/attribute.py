@@ -223,15 +223,20 @@ class Attribution:
     ) -> list[tuple[Candidate, Fit]]:
         """What was chosen, and the effect that is the nominal parameter most bent beyond belief.
 
-        A prior holds that back, and what it would do as an effect is more than slopes foretell.
+        On its joint and on all. A prior holds that back, and what it would do as an effect is more
+        than slopes foretell. A nominal refit that is much bent is not what is searched around, yet
+        what it bends counts.
         """
-        pairs = zip(self.fitter.nuisances, around.deviations, strict=True)
+        moved = around.deviations if around.effects else self._moved
+        pairs = zip(self.fitter.nuisances, moved, strict=True)
         bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
-        found = [(bent.get((c.kind, c.joint), 0.0), c, fit) for c, fit in tried]
-        most, suspect, fit = max(found, key=lambda one: one[0], default=(0.0, None, around))
-        if suspect is None or most <= rules().alone_stds or any(c is suspect for c, _ in chosen):
+        found = [(bent.get((c.kind, c.joint), 0.0), c) for c, _ in tried]
+        most, suspect = max(found, key=lambda one: one[0], default=(0.0, None))
+        if suspect is None or most <= rules().alone_stds:
             return list(chosen)
-        return [*chosen, (suspect, fit)]
+        kept = {id(c) for c, _ in chosen}
+        wanted = [(c, f) for c, f in tried if c is suspect or _everywhere(c, suspect.name)]
+        return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]
 
     def _anew(self, around: Fit, fit: Fit, tried: tuple[Candidate, Fit]) -> Fit:
         """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""
@@ -264,7 +269,27 @@ class Attribution:
             if one.names and one.fit.cost < near:
                 fit = self._believed(fit, one.spread)
             again.append(replace(one, fit=fit))
-        return sorted(again, key=lambda one: one.fit.cost)
+        again.sort(key=lambda one: one.fit.cost)
+        again[:0] = self._wider(again)
+        return again
+
+    def _wider(self, found: Sequence[Ranked]) -> list[Ranked]:
+        """The effect of the best candidate on all joints, where that fits better than on one.
+
+        Asked where the one leaves something to explain: to slopes around a world that lacks the
+        effect on both, an effect on each looks as good.
+        """
+        best = found[0] if found else None
+        if best is None or not best.names or best.surprise <= rules().white_sd:
+            return []
+        name, last = best.names[-1], best.fit.effects[-1]
+        known = any(one.names == best.names and one.joints[-1] is None for one in found)
+        if known or not any(_everywhere(c, name) for c in self._candidates):
+            return []
+        effects = (*best.fit.effects[:-1], replace(last, joint=None))
+        fit = self.fitter.refit(self.fitter.at(effects, best.fit.deviations))
+        wide = self._ranked(best.names, fit, CLOSE)
+        return [wide] if wide.fit.cost < best.fit.cost else []
 
     def _leapt(self, fit: Fit) -> Fit:
         """A fit, or a better one from where a delay in it is far larger or smaller.
@@ -392,6 +417,11 @@ def _with_everywhere(
     first = list(tried[:count])
     names = {c.name for c, _ in first}
     return first + [(c, f) for c, f in tried[count:] if c.joint is None and c.name in names]
+
+
+def _everywhere(candidate: Candidate, name: str) -> bool:
+    """Whether a candidate is this effect on all joints."""
+    return candidate.name == name and candidate.joint is None
 
 
 def _alone(profile: Profile, around: Fit, candidate: Candidate, magnitude: float) -> Fit:

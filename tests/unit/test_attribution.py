@@ -56,13 +56,14 @@ def evidence(
     finer: int = 1,
     protocols: Sequence[str] = ("steps", "multisine", "push"),
     lost_share: float = 0.0,
+    rig: str = "joint",
 ) -> Evidence:
-    """What the one-joint rig with effects would log, two episodes of each protocol.
+    """What a rig with effects would log, two episodes of each protocol.
 
     `finer`: how many periods the real drive has in one of the nominal one. Of its commands
     `lost_share` are lost.
     """
-    rng, nominal = np.random.default_rng(seed), rigs.nominal("joint")
+    rng, nominal = np.random.default_rng(seed), rigs.nominal(rig)
     real: Spec = nominal
     for effect in effects:
         real = effect.on_spec(real)
@@ -93,13 +94,13 @@ def evidence(
                     judged=np.full(len(ticks), judged),
                 )
             )
-    floor = np.full((3, 1, 1), FLOOR_RAD)
+    floor = np.full((3, 1, len(nominal.drives)), FLOOR_RAD)
     return Evidence(
         nominal=nominal,
         recordings=tuple(recordings),
         sigma=np.hypot(floor, noise_rad),
         floor=floor,
-        size=np.ones(1),
+        size=np.ones(len(nominal.drives)),
     )
 
 
@@ -248,6 +249,32 @@ def test_a_parameter_bent_beyond_belief_is_the_effect():
     assert ruled(found).names == ("kd-scale",)
     found.singles = [one for one in found.singles if one.names != ("kd-scale",)]
     assert ruled(found).names == ("unknown",)
+
+
+def test_an_effect_on_one_joint_is_tried_on_all():
+    """Widen an effect that leaves something to explain to both joints of a finger."""
+    name = "coulomb-friction"
+    part = evidence((kind(name)(magnitude=0.05),), protocols=("steps",), rig="finger")
+    found = Attribution(part, {name: kind(name)}, 0.05)
+    last = kind(name)(magnitude=0.05, joint=part.joints[1])
+    alone = found._ranked((name,), found.fitter.refit(found.fitter.at((last,), np.zeros(19))))
+    wide = found._wider([alone])
+    assert [one.joints for one in wide] == [(None,)] and wide[0].fit.cost < alone.fit.cost
+    assert not found._wider([*wide, alone])
+
+
+def test_what_the_nominal_refit_bends_is_tried_where_that_is_not_searched_around():
+    """Try the most bent parameter as an effect, on its joint and on all."""
+    name = "gear-damping"
+    part = evidence((), protocols=("steps",), rig="finger")
+    found = Attribution(part, {n: kind(n) for n in (name, "kp-scale")}, 0.05)
+    bent = next(
+        k for k, n in enumerate(found.fitter.nuisances) if (n.kind, n.joint) == (kind(name), "J1")
+    )
+    found._moved = 4.0 * np.eye(19)[bent]
+    tried = [(c, found._base) for c in found._candidates]
+    chosen = found._with_suspect(dataclasses.replace(found._base, effects=()), tried, [])
+    assert {(c.name, c.joint) for c, _ in chosen} == {(name, "J1"), (name, None)}
 
 
 def test_a_pair_needs_no_bent_parameter():
