@@ -18,6 +18,8 @@ UNIT_TOLERANCE = 0.25
 """How near a scale must be to degrees per radian, relative."""
 CLEAR, UNCLEAR = 0.9, 0.5
 """Correlations above and below which two signals surely are, or are not, the same motion."""
+SURELY = 0.1
+"""By how much another lag must be more like the command than those that are allowed."""
 SCALE_RANGE = (0.5, 1.5)
 """Movement of the position over that of the command that gives no warning."""
 LATEST_S, EARLIEST_S, EARLIEST_SAMPLES = 1.0, 0.05, 3
@@ -102,12 +104,15 @@ def position_follows(name: str, number: int, part: pd.DataFrame, names: list[str
     half = len(command) // 2
     first, last = (max(-half, min(s / dt, half)) for s in SEARCH_S)
     lags = np.unique(np.linspace(first, last, _LAGS).round().astype(int))
-    found = np.array([_at_lag(command, position, lag) for lag in lags])
-    best = int(np.argmax(found[:, 0]))
     early = -max(EARLIEST_S / dt, EARLIEST_SAMPLES)
     fine = (lags >= early) & (lags <= LATEST_S / dt)
+    allowed = max(_at_lag(command, position, lag)[0] for lag in lags[fine])
+    if allowed > 1 - SURELY:
+        return  # no other correlation is so much larger
+    found = np.array([_at_lag(command, position, lag) for lag in lags])
+    best = int(np.argmax(found[:, 0]))
     clear = found[best, 0] > CLEAR and found[best, 1] > UNCLEAR
-    if fine[best] or not clear or found[best, 0] < found[fine, 0].max() + 0.1:
+    if fine[best] or not clear or found[best, 0] < allowed + SURELY:
         return
     late_s = lags[best] * dt
     raise LogError(
