@@ -10,6 +10,9 @@ from diagnosis.attribution.intervals import intervals, settled
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import LimbVerdict
 
+UNBOUND = 20.0
+"""Ends of an interval that are further apart, as a ratio, say next to nothing."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Magnitude:
@@ -25,6 +28,12 @@ class Magnitude:
     """90 % interval in `unit`."""
     joints: tuple[str, ...] = ()
     """Joints that it was found on."""
+
+    @property
+    def loose(self) -> bool:
+        """Whether the log does not bound it: a lock that held every load may be any larger one."""
+        low, high = self.interval
+        return low * high <= 0 or max(low / high, high / low) > UNBOUND
 
 
 def magnitudes(limb: LimbVerdict) -> list[Magnitude]:
@@ -67,18 +76,35 @@ def merge(found: list[Magnitude]) -> tuple[Magnitude, ...]:
         if twin is None:
             merged.append(one)
             continue
-        weights = [1 / max(m.interval[1] - m.interval[0], 1e-12) ** 2 for m in (twin, one)]
-        value = float(np.average([twin.value, one.value], weights=weights))
-        half = (1 / sum(weights)) ** 0.5 / 2
+        value, interval = _together(twin, one)
         merged[merged.index(twin)] = Magnitude(
             effect=one.effect,
             joint=None,
             value=value,
             unit=one.unit,
-            interval=(value - half, value + half),
+            interval=interval,
             joints=(*twin.joints, *one.joints),
         )
     return tuple(merged)
+
+
+def _together(a: Magnitude, b: Magnitude) -> tuple[float, tuple[float, float]]:
+    """Value and interval of two that agree: weighed by precision, or of the one that is bounded.
+
+    Of two that are not, the larger one: as large as each asks for, and neither forbids it.
+    """
+    if a.loose != b.loose:
+        bound = b if a.loose else a
+        return bound.value, bound.interval
+    if a.loose:
+        larger = max(a, b, key=lambda m: abs(m.value))
+        ends = [sorted(m.interval, key=abs) for m in (a, b)]
+        low, high = max(ends[0][0], ends[1][0], key=abs), min(ends[0][1], ends[1][1], key=abs)
+        return larger.value, (min(low, high), max(low, high))
+    weights = [1 / max(m.interval[1] - m.interval[0], 1e-12) ** 2 for m in (a, b)]
+    value = float(np.average([a.value, b.value], weights=weights))
+    half = (1 / sum(weights)) ** 0.5 / 2
+    return value, (value - half, value + half)
 
 
 def _agree(a: Magnitude, b: Magnitude) -> bool:

@@ -11,8 +11,6 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
-LOOSE = 100.0
-"""An interval whose ends differ by this factor says nothing of a magnitude."""
 SURE = 0.999
 NOMINAL = "nominal parameters alone"
 """What the candidate without an effect is called."""
@@ -72,8 +70,7 @@ def phrase(magnitude: Magnitude) -> str:
 def size(magnitude: Magnitude) -> str:
     """A magnitude with its interval."""
     low, high = magnitude.interval
-    loose = low * high <= 0 or max(low / high, high / low) > LOOSE
-    interval = "not bounded by this log" if loose else f"{number(low)} to {number(high)}"
+    interval = "not bounded by this log" if magnitude.loose else f"{number(low)} to {number(high)}"
     return f"{number(magnitude.value)} {magnitude.unit} ({interval})"
 
 

@@ -23,7 +23,7 @@ from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.gather import gather
-from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.magnitudes import Magnitude, merge
 from diagnosis.attribution.rules import rules
 from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
 from diagnosis.logs.log import read_log, write_log
@@ -340,3 +340,35 @@ def test_shrinkage_is_of_the_excess_over_the_floor():
     measured = gap(4 * noise)
     assert measured.interval[0] < 2.0 < measured.interval[1]
     assert shrinkage(before[:7], before[:7]).value == 0.0
+
+
+def lock(joint: str, value: float, low: float, high: float) -> Magnitude:
+    """A lock found on a joint."""
+    return Magnitude(
+        effect="self-lock",
+        joint=joint,
+        value=value,
+        unit="Nm",
+        interval=(low, high),
+        joints=(joint,),
+    )
+
+
+LOCKED, FIRM = (0.6, 0.56, 100.0), (4.8, 0.5, 100.0)
+"""Locks that held every load of a log: value and interval [Nm]."""
+
+
+@pytest.mark.parametrize(
+    ("found", "value", "interval"),
+    [
+        ((LOCKED, FIRM), 4.8, (0.56, 100.0)),
+        ((LOCKED, FIRM, (0.9, 0.7, 1.1)), 0.9, (0.7, 1.1)),
+        (((0.9, 0.8, 1.2), (0.9, 0.8, 1.2)), 0.9, (0.76, 1.04)),
+    ],
+)
+def test_a_lock_that_held_agrees_with_any_larger_one(found, value, interval):
+    """Take the largest of unbounded locks, the bounded one beside these, and weigh bounded ones."""
+    (merged,) = merge([lock(f"J{k}", *one) for k, one in enumerate(found)])
+    assert merged.value == pytest.approx(value)
+    assert merged.interval == pytest.approx(interval, abs=0.02)
+    assert merged.joints == tuple(f"J{k}" for k in range(len(found)))
