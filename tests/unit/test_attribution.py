@@ -257,7 +257,9 @@ def test_an_effect_on_one_joint_is_tried_on_all():
     part = evidence((kind(name)(magnitude=0.05),), protocols=("steps",), rig="finger")
     found = Attribution(part, {name: kind(name)}, 0.05)
     last = kind(name)(magnitude=0.05, joint=part.joints[1])
-    alone = found._ranked((name,), found.fitter.refit(found.fitter.at((last,), np.zeros(19))))
+    alone = found._ranked(
+        (name,), found.fitter.refit(found.fitter.at((last,), np.zeros(len(found.fitter.nuisances))))
+    )
     wide = found._wider([alone])
     assert [one.joints for one in wide] == [(None,)] and wide[0].fit.cost < alone.fit.cost
     assert not found._wider([*wide, alone])
@@ -271,7 +273,7 @@ def test_what_the_nominal_refit_bends_is_tried_where_that_is_not_searched_around
     bent = next(
         k for k, n in enumerate(found.fitter.nuisances) if (n.kind, n.joint) == (kind(name), "J1")
     )
-    found._moved = 4.0 * np.eye(19)[bent]
+    found._moved = 4.0 * np.eye(len(found.fitter.nuisances))[bent]
     tried = [(c, found._base) for c in found._candidates]
     chosen = found._with_suspect(dataclasses.replace(found._base, effects=()), tried, [])
     assert {(c.name, c.joint) for c, _ in chosen} == {(name, "J1"), (name, None)}
