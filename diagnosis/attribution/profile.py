@@ -27,8 +27,9 @@ LOOSE = 1e-4
 """Weight of the prior of a magnitude's logarithm: it says nothing."""
 SEARCHES = 7
 """Magnitudes tried in one search."""
-FORETOLD = 0.05
-"""Slopes that foretell a change but for this share of its square are kept."""
+FORETOLD, SMALL = 0.05, 3.0
+"""Slopes that foretell a change but for this share of its square are kept; or but for so much of
+it, which is 1.5 nats."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -96,7 +97,7 @@ class Profile:
         other._around, other._base = fit, self._fitter.innovations(fit.effects, fit.deviations)
         change = other._base - self._base
         missed = change - self._slopes @ step
-        if missed @ missed > FORETOLD * (change @ change):
+        if missed @ missed > max(FORETOLD * (change @ change), SMALL):
             return None
         weighed = np.diag(self._normal) * step
         if step.any():
@@ -116,10 +117,8 @@ class Profile:
         start = around.deviations * free
         loose = np.array([*free, *(index != held for index in range(given))], dtype=bool)
         base = fitter.innovations(effects, start)
-        slopes = self._slopes * loose
-        pull = _products(slopes, base[:, None])[:, 0] + self._prior * np.concatenate(
-            [start, np.zeros(given)]
-        )
+        pull = _products(self._slopes, base[:, None])[:, 0] * loose
+        pull[:count] += self._prior[:count] * start
         normal = self._normal
         low = np.concatenate([-fitter.farthest - start, np.full(given, -LEAP)]) * loose
         high = np.concatenate([fitter.farthest - start, np.full(given, LEAP)]) * loose

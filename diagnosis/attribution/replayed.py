@@ -25,6 +25,7 @@ class Replayed:
         self._built: dict[tuple[Effect, ...], Spec] = {}
         self._latest: tuple[tuple[Effect, ...], Spec] = ((), nominal)
         self._shown: OrderedDict[tuple[Effect, ...], dict[int, Array]] = OrderedDict()
+        self._begun: dict[tuple[int, int], Commands] = {}
         self._kept = 0
 
     def __reduce__(self) -> tuple:
@@ -48,7 +49,7 @@ class Replayed:
         known = self._shown.pop(acting, {})
         asked = [k for k, count in enumerate(samples) if count]
         short = [k for k in asked if k not in known or known[k].shape[1] < samples[k]]
-        fresh = replays(self.world(acting), [self._commands[k].first(samples[k]) for k in short])
+        fresh = replays(self.world(acting), [self._first(k, samples[k]) for k in short])
         self._kept += sum(one.size for one in fresh)
         self._kept -= sum(known[k].size for k in short if k in known)
         known.update(zip(short, fresh, strict=True))
@@ -57,6 +58,12 @@ class Replayed:
             _, oldest = self._shown.popitem(last=False)
             self._kept -= sum(one.size for one in oldest.values())
         return [known[k][:, : samples[k]] for k in asked]
+
+    def _first(self, index: int, samples: int) -> Commands:
+        """The first samples of a recording's commands."""
+        if (index, samples) not in self._begun:
+            self._begun[index, samples] = self._commands[index].first(samples)
+        return self._begun[index, samples]
 
 
 def _acting(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -75,10 +75,13 @@ def dropouts(
 
 
 def _listened(part: Evidence, limb: LimbVerdict | None) -> Listener:
-    """What is heard from the nominal world on, refitted, and from the one of the verdict."""
-    known = limb.attribution.fitter.nuisances if limb is not None else ()
-    fitter, fits = Fitter(part, known, None), [Fit(effects=(), deviations=np.zeros(0), cost=0.0)]
+    """What is heard from the nominal world on, refitted, and from the one of the verdict.
+
+    With the verdict's own evidence: what no world foretells of a joint in its play is no loss.
+    """
+    fitter, fits = Fitter(part, (), None), [Fit(effects=(), deviations=np.zeros(0), cost=0.0)]
     if limb is not None:
+        fitter = limb.attribution.whole
         fits = [limb.attribution.nominal.fit, *([limb.chosen.fit] if limb.chosen.names else [])]
     starts = [fitter.at(fit.effects, fit.deviations) for fit in fits]
     told = min(starts, key=lambda fit: fit.cost)

@@ -367,7 +367,7 @@ def test_a_rate_limit_loses_no_packets(limit_s_rad):
     assert dropouts([part], [judge(part, {}, 0.05)])[0] == ()
 
 
-@pytest.mark.parametrize("tilt_rad", [0.017, 0.1])
+@pytest.mark.parametrize("tilt_rad", [0.02, 0.1])
 def test_an_effect_beside_losses_must_be_clear(tilt_rad):
     """Name beside lost packets only what passes the test of a second effect."""
     part = evidence((kind("gravity-tilt")(magnitude=tilt_rad),))
