@@ -360,6 +360,14 @@ def test_losses_that_look_white_are_found(lost_share, losses):
     assert len(dropouts([part], [limb])[0]) == losses
 
 
+def test_losses_are_weighed_as_the_verdict_weighs():
+    """Name no losses by samples that say nothing, since a joint in its play goes its own way."""
+    part = evidence(lost_share=0.06)
+    far = tuple(np.full(r.measured.shape, 30.0) for r in part.recordings)
+    limb = judge(dataclasses.replace(part, astray=far), {}, 0.05)
+    assert dropouts([part], [limb])[0] == ()
+
+
 @pytest.mark.parametrize("limit_s_rad", [0.15, 0.28])
 def test_a_rate_limit_loses_no_packets(limit_s_rad):
     """Take no rate limit outside of the catalogue for losses: they explain a part of the log."""
