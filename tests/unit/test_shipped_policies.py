@@ -15,6 +15,8 @@ KINDS = ("backend", "task", "observation", "algo", "effects", "randomize", "star
 EPISODES = 4
 ROUNDING_CM = 0.05
 """Other CPUs round otherwise, and six seconds of contact amplify it."""
+ROUNDING = {"tracked": 0.02, "held": 0.01, "p_err_cm": 0.05, "q_err_deg": 0.2}
+"""The same of means over all episodes."""
 
 
 def _some() -> list[Path]:
@@ -51,3 +53,14 @@ def test_policy_repeats_its_row(folder: Path) -> None:
     again = deploy(run_spec(read_run(folder)), folder, workers=1, episodes=EPISODES)
     assert again.p_err_cm == pytest.approx(kept["p_err_cm"][:EPISODES], abs=ROUNDING_CM)
     assert again.held == pytest.approx(kept["held"][:EPISODES], abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("folder", POLICIES, ids=lambda path: path.name)
+def test_policy_repeats_its_scores(folder: Path) -> None:
+    """Reach the scores of a row again, over all of its episodes."""
+    row = read_run(folder)
+    scores = row["scores"]
+    again = deploy(run_spec(row), folder, workers=1, episodes=scores["episodes"])
+    for name, rounding in ROUNDING.items():
+        assert np.mean(getattr(again, name)) == pytest.approx(scores[name], abs=rounding)
