@@ -24,7 +24,7 @@ REFINED, FINALISTS, NAMESAKES = 10, 5, 2
 many of these may be one effect on different joints."""
 PARTNERS, COUPLES = 8, 3
 """The same of second effects."""
-PROMISE = 0.5
+PROMISE = 0.25
 """Share of what an effect must promise that it does already at the best of a few magnitudes."""
 HOLLOW = 60.0
 """Slopes promise no more than this, unless there is something [nats]."""
@@ -46,6 +46,8 @@ NEAR_NATS = 30.0
 """So near the best, a candidate's fit has to be exact."""
 LEAPS = (0.5, 2.0)
 """How many times as large a delay is tried beside what was found."""
+DELAYED = 2.0
+"""Standard deviations that readings are late from which a delay is suspected."""
 SHAKES = (0.97, 1.03)
 """The same of an effect that a second one seems to be needed beside."""
 CLOSE = (1.1, 1.0, 1.0)
@@ -184,7 +186,7 @@ class Attribution:
         searched.sort(key=lambda pair: pair[1].cost)
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
         chosen = self._with_real(around, worth, _various(worth, finalists))
-        best = self._with_suspect(around, searched, chosen)
+        best = self._with_delay(around, fresh, self._with_suspect(around, searched, chosen))
         fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
         if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
             fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
@@ -237,6 +239,24 @@ class Attribution:
         kept = {id(c) for c, _ in chosen}
         wanted = [(c, f) for c, f in tried if c is suspect or _everywhere(c, suspect.name)]
         return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]
+
+    def _with_delay(
+        self, around: Fit, fresh: Sequence[Candidate], chosen: Sequence[tuple[Candidate, Fit]]
+    ) -> list[tuple[Candidate, Fit]]:
+        """What was chosen, and the best delay as large as what late readings have taken of one.
+
+        Other parameters have bent to take the rest, so it pays only once they give way.
+        """
+        late, in_time = self._lateness(around)
+        if late < DELAYED * max(n.std for n in self.fitter.nuisances if n.kind is AngleLate):
+            return list(chosen)
+        delays = [
+            (c, self.fitter.at((*around.effects, effect), in_time.deviations))
+            for c in fresh
+            if c.kind.dimension == "time" and all(c is not other for other, _ in chosen)
+            for effect in (c.kind(magnitude=late, joint=c.joint),)
+        ]
+        return [*chosen, *sorted(delays, key=lambda pair: pair[1].cost)[:1]]
 
     def _anew(self, around: Fit, fit: Fit, tried: tuple[Candidate, Fit]) -> Fit:
         """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""

@@ -263,6 +263,6 @@ class Evidence:
         return {wanted: [end(m) for m in masks] for wanted, masks in self._masks.items()}
 
 
-def compressed(flat: Array) -> Array:
+def compressed(flat: Array | float) -> Array:
     """Residuals that grow as their logarithm beyond `CORE`."""
-    return CORE * np.arcsinh(flat / CORE)
+    return CORE * np.arcsinh(np.asarray(flat) / CORE)

@@ -26,6 +26,10 @@ class Rules(BaseModel):
     """It must then also explain this share of what the first left over the floor, if anything."""
     white_sd: float
     """What is new in held-out residuals of an explained log is no further from white than this."""
+    wild_sd: float
+    """What is new in a sample is out of all proportion from so many deviations on."""
+    wild_count: int
+    """So many such samples are no noise: lost packets alone look white."""
     explained_share: float
     """Or else an effect must explain this share of what a gap has beyond the floor."""
     exact_share: float

@@ -7,9 +7,9 @@ import numpy as np
 
 from backends.effect import Effect
 from backends.effects import backlash
-from diagnosis.attribution.attribute import Attribution, Ranked
+from diagnosis.attribution.attribute import BELIEVED, Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
-from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.rules import Rules, rules
 from diagnosis.attribution.timing import Late, late_s
@@ -138,7 +138,7 @@ def ruled(found: Attribution) -> LimbVerdict:
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
     if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
-        if _is_plain(small, rule):
+        if _is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best, pair = _pair(found, singles[0], rule)
@@ -167,7 +167,7 @@ def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
     bent = less.bent > _belief(less, rule) and more.bent < _belief(more, rule)
-    plain = less.surprise <= rule.white_sd and _is_plain(more, rule)
+    plain = less.surprise <= rule.white_sd and _is_plain(found, more, rule)
     return same and bent and plain and _lead(less, more) > 0.0
 
 
@@ -194,18 +194,22 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     """The best single effect, and the best pair where that does not explain and a second adds.
 
     The single one is fitted again from where the pair has taken the nominal parameters: a refit
-    that stopped early would make any second effect look needed.
+    that stopped early would make any second effect look needed. Of its fits one that explains the
+    log is taken where it is no worse than `BELIEVED`.
     """
     needed = _needed(found, best, rule)
     pair = _best_pair(found, best, needed, rule)
     if pair is None:
         return best, None
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
-    best = min((best, *halves), key=lambda one: one.fit.cost)
-    if _became(found, best, pair, rule):
-        return best, pair
+    alone = (best, *halves)
+    least = min(alone, key=lambda one: one.fit.cost)
+    if _became(found, least, pair, rule):
+        return least, pair
+    near = (one for one in alone if _lead(one, least) <= BELIEVED and _explains(found, one, rule))
+    best = min(near, key=lambda one: one.fit.cost, default=least)
     explained, needed = _explains(found, best, rule), _needed(found, best, rule)
-    if _lead(_with_little(found, best, found.pairs, rule), pair) < needed:
+    if _lead(_with_little(found, least, found.pairs, rule), pair) < needed:
         return best, None
     left = _excess(best.gap)
     enough = _excess(pair.gap) <= (1 - rule.pair_share) * left
@@ -245,9 +249,15 @@ def _strangeness(ranked: Ranked) -> float:
     return max(ranked.surprise, ranked.bent) ** 2 / 2
 
 
-def _is_plain(ranked: Ranked, rule: Rules) -> bool:
-    """Whether a fit leaves nothing to explain: what is new is white, and no parameter is bent."""
-    return ranked.surprise <= rule.white_sd and ranked.bent <= _belief(ranked, rule)
+def _is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
+    """Whether a fit leaves nothing to explain: no parameter is bent, and what is new is noise.
+
+    It is white, and no more than a few samples are out of all proportion.
+    """
+    if ranked.surprise > rule.white_sd or ranked.bent > _belief(ranked, rule):
+        return False
+    new = found.whole.innovations(ranked.fit.effects, ranked.fit.deviations)
+    return int((np.abs(new) > compressed(rule.wild_sd)).sum()) < rule.wild_count
 
 
 def _belief(ranked: Ranked, rule: Rules) -> float:

@@ -15,7 +15,7 @@ from scipy.stats import beta, fisher_exact, mannwhitneyu
 
 from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.profile import Fit
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import LimbVerdict
@@ -82,6 +82,9 @@ def _listened(part: Evidence, limb: LimbVerdict | None) -> Listener:
     fitter, fits = Fitter(part, (), None), [Fit(effects=(), deviations=np.zeros(0), cost=0.0)]
     if limb is not None:
         fitter = limb.attribution.whole
+        if limb.chosen.unrest > CALM:
+            forgiving = limb.attribution.forgiving(limb.chosen)
+            fitter = Fitter(forgiving, fitter.nuisances, None)
         fits = [limb.attribution.nominal.fit, *([limb.chosen.fit] if limb.chosen.names else [])]
     starts = [fitter.at(fit.effects, fit.deviations) for fit in fits]
     told = min(starts, key=lambda fit: fit.cost)

@@ -329,6 +329,33 @@ def test_a_nominal_world_bent_beyond_belief_is_unknown():
     assert ruled(found).names == ("unknown",)
 
 
+@pytest.mark.parametrize(("wild", "verdict"), [(4, "none"), (6, "unknown")])
+def test_some_wild_samples_are_no_noise(wild, verdict):
+    """Call a log unknown that is white but for samples far out: few lost packets look so."""
+    part = evidence()
+    first = part.recordings[0]
+    measured = first.measured.copy()
+    measured[0, 50 : 50 + 80 * wild : 80] += 7 * NOISE_RAD
+    wilder = dataclasses.replace(first, measured=measured)
+    part = dataclasses.replace(part, recordings=(wilder, *part.recordings[1:]))
+    found = judge(part, {}, 0.05)
+    assert found.names == (verdict,) and found.chosen.surprise < rules().white_sd
+
+
+def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
+    """Keep to the fit that explains a log, though one from a pair costs less by some nats."""
+    part = evidence((kind("gear-damping")(magnitude=2.0, joint="A0"),), noise_rad=2e-4)
+    found = Attribution(part, {name: kind(name) for name in ("gear-damping", "kd-scale")}, 0.05)
+    best = found.singles[0]
+    strange = dataclasses.replace(best, surprise=10.0, plain=4 * found.nominal.plain)
+    lower = [dataclasses.replace(strange.fit, cost=best.fit.cost - less) for less in (5.0, 50.0)]
+    both = dataclasses.replace(best, names=("gear-damping", "kd-scale"))
+    found.second = lambda *_, **__: [both]
+    for fit, verdict in zip(lower, (("gear-damping",), ("unknown",)), strict=True):
+        found.halves = lambda _, fit=fit: [dataclasses.replace(strange, fit=fit)]
+        assert ruled(found).names == verdict
+
+
 @pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
 def test_many_lost_packets_are_told_from_nominal_parameters(truth):
     """Find losses that nominal parameters bend for, and with them known what else there is."""
@@ -395,6 +422,19 @@ def test_delays_are_found_from_half_their_size():
     (pair, *_) = found.second(found.singles[0])
     late = {type(e): e.magnitude for e in pair.fit.effects}[delay]
     assert late == pytest.approx(1.7e-3, rel=0.1)
+
+
+def test_a_delay_beside_an_effect_is_found():
+    """Ask for a delay where late readings took most of it, and other parameters bent for the rest.
+
+    To first order a delay then promises little.
+    """
+    truth = (kind("kp-scale")(magnitude=0.58, joint="A0"), kind("command-delay")(magnitude=2e-3))
+    part = evidence(truth, protocols=("steps", "triangle", "multisine", "push"))
+    names = ("kp-scale", "command-delay", "load-friction", "gear-damping", "series-elasticity")
+    verdict = judge(part, {name: kind(name) for name in names}, 0.05)
+    assert verdict.names == ("kp-scale", "command-delay")
+    assert verdict.chosen.fit.effects[1].magnitude == pytest.approx(2e-3, rel=0.1)
 
 
 def test_a_delay_that_the_time_of_readings_hides_is_found():
