@@ -3,7 +3,7 @@
 import dataclasses
 import math
 import os
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress
@@ -183,13 +183,17 @@ def _told(
 def _with(nominal: Spec, limbs: Sequence[Judged], catalogue: Mapping[str, type[Effect]]) -> Spec:
     """The nominal world, its parameters as replays refitted them, with what they found."""
     verdicts = [limb.verdict for limb in limbs if limb.verdict.names != (UNKNOWN,)]
-    nominal = with_effects(nominal, (one for verdict in verdicts for one in verdict.refitted))
-    for m in _found(limbs):
-        everywhere = m.joint is None and not catalogue[m.effect].per_joint
-        for joint in (None,) if everywhere else m.joints:
-            effect = catalogue[m.effect](magnitude=m.value * UNITS[m.unit][1], joint=joint)
-            nominal = effect.on_spec(nominal)
-    return nominal
+    refitted = [one for verdict in verdicts for one in verdict.refitted]
+    named = [one for m in _found(limbs) for one in _effects(m, catalogue)]
+    return with_effects(nominal, (*refitted, *named))
+
+
+def _effects(found: Magnitude, catalogue: Mapping[str, type[Effect]]) -> Iterator[Effect]:
+    """What was found as effects, one per joint where it acts on joints."""
+    kind, size = catalogue[found.effect], found.value * UNITS[found.unit][1]
+    everywhere = found.joint is None and not kind.per_joint
+    for joint in (None,) if everywhere else found.joints:
+        yield kind(magnitude=size, joint=joint)
 
 
 def _found(limbs: Sequence[Judged]) -> tuple[Magnitude, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from backends.effect import UNITS, Effect
+from backends.effect import UNITS, Effect, with_effects
 from backends.spec import Spec
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.magnitudes import Magnitude
@@ -87,12 +87,13 @@ def corrected(
     nominal: Spec, found: Sequence[Finding], catalogue: Mapping[str, type[Effect]]
 ) -> Spec:
     """The nominal world with what was found."""
-    for one in found:
-        for joint in one.joints or (None,):
-            if one.effect in catalogue:
-                effect = catalogue[one.effect](magnitude=one.value, joint=joint)
-                nominal = effect.on_spec(nominal)
-    return nominal
+    effects = (
+        catalogue[one.effect](magnitude=one.value, joint=joint)
+        for one in found
+        if one.effect in catalogue
+        for joint in one.joints or (None,)
+    )
+    return with_effects(nominal, effects)
 
 
 def outdone(limb: LimbVerdict, found: Sequence[Finding]) -> Finding | None:

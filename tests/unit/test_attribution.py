@@ -335,7 +335,7 @@ def test_some_wild_samples_are_no_noise(wild, verdict):
     part = evidence()
     first = part.recordings[0]
     measured = first.measured.copy()
-    measured[0, 50 : 50 + 80 * wild : 80] += 7 * NOISE_RAD
+    measured[0, 50 : 50 + 80 * wild : 80] += 20 * NOISE_RAD
     wilder = dataclasses.replace(first, measured=measured)
     part = dataclasses.replace(part, recordings=(wilder, *part.recordings[1:]))
     found = judge(part, {}, 0.05)
