@@ -169,6 +169,11 @@ def is_modelled(effect: Effect) -> bool:
     return any(number.startswith("drive.") for number in numbers)
 
 
+def is_read(effect: Effect) -> bool:
+    """Whether an effect is on the readings of a position sensor."""
+    return any(number.startswith("encoder.") for number in effect.spec_fields())
+
+
 def _mechanical(kind: type[Effect]) -> bool:
     """Whether an effect acts on a mechanism in free air."""
     homes = {field.split(".")[0] for field in kind.spec_fields()}

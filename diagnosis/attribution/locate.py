@@ -1,6 +1,6 @@
 """Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ REVERSAL_S = 0.06
 BLOCK_S = 0.25
 """Samples within this time are resampled together."""
 RESAMPLES = 200
+EPISODES, BLOCKS = 1 << 20, 1 << 20
+"""More episodes of a setting, and blocks of an episode, than any log has: they number blocks."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,26 +48,32 @@ class Place:
 
 def locate(parts: Sequence[Evidence], seed: int = 0) -> list[Place]:
     """The gap between log and nominal world over all limbs, largest part first."""
-    settings = (pair for evidence in parts for pair in enumerate(evidence.settings))
-    table = pd.concat([_table(*pair) for pair in settings], ignore_index=True)
+    settings = [pair for evidence in parts for pair in enumerate(evidence.settings)]
+    names = {
+        "joint": list(dict.fromkeys(j for part in parts for j in part.joints)),
+        "channel": list(USED),
+        "protocol": sorted({r.protocol for _, one in settings for r in one.recordings}),
+        "phase": list(PHASES),
+    }
+    table = pd.concat([_table(*pair, names) for pair in settings], ignore_index=True)
     table["square"] = (table["residual"] / table["noise"]) ** 2
-    keys = ["joint", "channel", "protocol", "phase"]
-    cells = table.groupby(keys, observed=True)
-    found = cells.agg(
+    table["power"] = table["residual"] ** 2
+    keys = list(names)
+    found = table.groupby(keys).agg(
         share=("square", "sum"),
-        rms=("residual", lambda r: float(np.sqrt(np.mean(r**2)))),
+        power=("power", "mean"),
         noise=("noise", "first"),
         samples=("residual", "size"),
     )
     found["share"] /= max(float(found["share"].sum()), 1e-300)
-    by_block = table.pivot_table("square", "block", keys, "sum", 0.0, observed=True)
+    by_block = table.pivot_table("square", "block", keys, "sum", 0.0)
     low, high = _interval(by_block[list(found.index)].to_numpy(), np.random.default_rng(seed))
     places = [
         Place(
-            **dict(zip(keys, index, strict=True)),
+            **{key: names[key][code] for key, code in zip(keys, index, strict=True)},
             share=float(row["share"]),
             share_interval=(float(low[k]), float(high[k])),
-            rms=float(row["rms"]),
+            rms=float(np.sqrt(row["power"])),
             noise=float(row["noise"]),
             samples=int(row["samples"]),
         )
@@ -83,31 +91,29 @@ def _interval(by_block: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     return low, high
 
 
-def _table(setting: int, evidence: Evidence) -> pd.DataFrame:
-    """A row per residual of one limb under one setting."""
+def _table(setting: int, evidence: Evidence, names: Mapping[str, Sequence[str]]) -> pd.DataFrame:
+    """A row per residual of one limb under one setting; what it is of as numbers of `names`."""
     rows = [CHANNELS.index(name) for name in USED]
+    joint = [names["joint"].index(name) for name in evidence.joints]
     frames = []
     for number, recording in enumerate(evidence.recordings):
         shown = replay(evidence.nominal, recording.commands)
         residual = recording.measured - shown[rows]
         time_s = recording.commands.ticks * evidence.nominal.timing.drive_s
-        block = (time_s / BLOCK_S).astype(int)
-        phase = phases(evidence, recording, shown)
-        for c, j in np.ndindex(residual.shape[0], residual.shape[2]):
-            frames.append(
-                pd.DataFrame(
-                    {
-                        "joint": evidence.joints[j],
-                        "channel": USED[c],
-                        "protocol": recording.protocol,
-                        "phase": np.array(PHASES)[phase[:, j]],
-                        "block": [f"{setting}.{number}.{b}" for b in block],
-                        "residual": residual[c, :, j],
-                        "noise": float(evidence.sigma[c, 0, j]),
-                    }
-                )
-            )
-    return pd.concat(frames, ignore_index=True).dropna(subset=["residual"])
+        block = (time_s / BLOCK_S).astype(int) + (setting * EPISODES + number) * BLOCKS
+        columns = {
+            "joint": np.array(joint),
+            "channel": np.arange(len(USED))[:, None, None],
+            "protocol": np.array(names["protocol"].index(recording.protocol)),
+            "phase": phases(evidence, recording, shown),
+            "block": block[:, None],
+            "residual": residual,
+            "noise": evidence.sigma,
+        }
+        logged = np.isfinite(residual)
+        same = {key: np.broadcast_to(v, residual.shape)[logged] for key, v in columns.items()}
+        frames.append(pd.DataFrame(same))
+    return pd.concat(frames, ignore_index=True)
 
 
 def phases(evidence: Evidence, recording: Recording, shown: Array) -> Array:

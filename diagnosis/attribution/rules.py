@@ -33,9 +33,11 @@ class Rules(BaseModel):
     explained_share: float
     """Or else an effect must explain this share of what a gap has beyond the floor."""
     exact_share: float
-    """A law that is no model, see `is_modelled`, this share of what it has beyond noise."""
+    """A law that is no model, see `is_modelled`, this share of what it has beyond noise; where it
+    leaves no more than the floor, `explained_share` of that."""
     within_share: float
-    """Where such a law leaves no more than the floor: this share of what is beyond noise."""
+    """Where a model leaves no more than the floor: this share of what is beyond noise. And a pair
+    in any case."""
     bent_stds: float
     """Beside the effect that explains a log, no nominal parameter is off by more of its standard
     deviations: where laws differ, some make up for it."""

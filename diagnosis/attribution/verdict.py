@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.effect import Effect
-from backends.effects import backlash
+from backends.effects import backlash, encoder_scale
 from diagnosis.attribution.attribute import BELIEVED, Attribution, Ranked
-from diagnosis.attribution.candidates import RUB, is_modelled, nuisances
+from diagnosis.attribution.candidates import RUB, is_modelled, is_read, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.rules import Rules, rules
@@ -177,7 +177,8 @@ def _with_little(
     """A candidate, or it with the effect that is too small to accuse where that fits better.
 
     What the nominal world may have is no reason to accuse another: that must do better still. A
-    nominal parameter that is bent beyond belief it may not have.
+    nominal parameter that is bent beyond belief it may not have, nor a sensor that is off: a little
+    play or friction is in every mechanism.
     """
     count = len(ranked.names)
     little = (
@@ -185,6 +186,7 @@ def _with_little(
         for one in tried
         if one.names[:count] == ranked.names
         and one.bent <= _belief(ranked, rule)
+        and not is_read(one.fit.effects[-1])
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=lambda one: one.fit.cost)
@@ -294,14 +296,25 @@ def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
         if (effect.dimension == "time" and n.kind is Late)
         or (isinstance(effect, n.kind) and effect.joint in (None, n.joint))
     ]
-    if effect.per_joint and effect.dimension in ("angle", "torque"):
-        drives = zip(evidence.joints, evidence.nominal.drives, evidence.floor[0, 0], strict=True)
-        stds += [
-            float(floor) if effect.dimension == "angle" else RUB * drive.torque_limit_nm
-            for joint, drive, floor in drives
-            if effect.joint in (None, joint)
-        ]
+    stds += _floors(evidence, effect)
     return not stds or _size(found, ranked) > rule.nominal_stds * min(stds)
+
+
+def _floors(evidence: Evidence, effect: Effect) -> list[float]:
+    """What the model's own error on each joint amounts to as magnitudes of an effect on it.
+
+    None where it has no such measure. A scale's error is as large as the angles that it scales.
+    """
+    near = [k for k, joint in enumerate(evidence.joints) if effect.joint in (None, joint)]
+    floor = evidence.floor[0, 0, near]
+    if isinstance(effect, encoder_scale.Effect):
+        angle = np.concatenate([r.measured[0] for r in evidence.recordings])[:, near]
+        return list(floor / np.maximum(np.sqrt(np.nanmean(angle**2, axis=0)), floor))
+    if effect.per_joint and effect.dimension == "angle":
+        return list(floor)
+    if effect.per_joint and effect.dimension == "torque":
+        return [RUB * evidence.nominal.drives[k].torque_limit_nm for k in near]
+    return []
 
 
 def _size(found: Attribution, ranked: Ranked) -> float:
@@ -323,16 +336,22 @@ def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
 
     Of a law that is a model: little of what there is beyond the floor, and most of it taken. With
     nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
-    what no effect explains.
+    what no effect explains. A pair can bend to much, so it must take most of the gap even so.
     """
     if candidate.bent > _belief(candidate, rule) and candidate.unrest <= CALM:
         return False
-    if candidate.surprise <= rule.white_sd:
-        return True
-    quiet, modelled = found.fitter.evidence.quiet, any(map(is_modelled, candidate.fit.effects))
-    share, least = rule.exact_share, quiet
-    if modelled:
-        within = candidate.gap <= 1.0
-        share, least = (rule.within_share, quiet) if within else (rule.explained_share, 1.0)
+    white, alone = candidate.surprise <= rule.white_sd, len(candidate.names) < 2
+    share, least = _asked(found, candidate, rule, white)
     left, had = (_excess(one.gap, least) for one in (candidate, found.nominal))
-    return left <= (1 - share) * had + candidate.unrest**2
+    return (white and alone) or left <= (1 - share) * had + candidate.unrest**2
+
+
+def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> tuple[float, float]:
+    """Which share of the gap beyond which level a candidate must take."""
+    quiet, within = found.fitter.evidence.quiet, candidate.gap <= 1.0
+    modelled = any(map(is_modelled, candidate.fit.effects))
+    if white or (modelled and within):
+        return rule.within_share, quiet
+    if modelled:
+        return rule.explained_share, 1.0
+    return rule.explained_share if within else rule.exact_share, quiet

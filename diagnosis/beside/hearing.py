@@ -30,7 +30,7 @@ FIRST_SHARE, ROUNDS = 0.1, 5
 REFIT = (1.0, 1.0)
 """Rounds of each refit, see `fit.POLISH`."""
 ENOUGH = 3.0
-"""Rounds end when one lowers the cost of the fit by less [nats]."""
+"""A later round is better when it lowers the cost by more [nats]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,14 +59,15 @@ def hear(
 ) -> Heard | None:
     """The cheapest losses of joints' packets, from the worlds of several fits on.
 
-    None where none are decoded, or none that cost less than the `told_nats` of no losses.
+    None where none are decoded, or none that cost less than the `told_nats` of no losses. A world
+    that is off is first taken for one that lost much, and for less from round to round.
     """
     found = [one for start in starts if (one := _heard(fitter, start, lossy, told_nats))]
     return min(found, key=lambda one: one.nats, default=None)
 
 
 def _heard(fitter: Fitter, start: Fit, lossy: tuple[str, ...], told_nats: float) -> Heard | None:
-    part, best, fit = fitter.evidence, None, start
+    part, best, least, fit = fitter.evidence, None, told_nats, start
     scale, lost_share = even(part), FIRST_SHARE
     for _ in range(ROUNDS):
         path = decoded(part, fitter.world(fit), lossy, scale, lost_share)
@@ -78,7 +79,9 @@ def _heard(fitter: Fitter, start: Fit, lossy: tuple[str, ...], told_nats: float)
         again = Fitter(evidence, fitter.nuisances, None)
         fit = again.refit(again.at(fit.effects, fit.deviations), REFIT)
         nats = fit.cost + code(*counts(part, path))
-        if nats > told_nats or (best is not None and fit.cost > best.fit.cost - ENOUGH):
-            break
-        best = Heard(path=path, scale=scale, evidence=evidence, fitter=again, fit=fit, nats=nats)
+        if nats < least:
+            heard = Heard(
+                path=path, scale=scale, evidence=evidence, fitter=again, fit=fit, nats=nats
+            )
+            best, least = heard, nats - ENOUGH
     return best

@@ -23,10 +23,11 @@ from diagnosis.beside.finding import Finding, gap, share
 from diagnosis.beside.hearing import Heard, hear
 from diagnosis.beside.packets import SHARES, decisive, news
 
-ACCUSE_NATS, LEAST_LOST = 30.0, 5
-"""Losses must lower the cost by this; so many must be decisive, or the rest must be explained."""
-EXPLAINED = 0.5
-"""Share of what no losses leave over the noise that decisive ones explain, or all the rest is."""
+ACCUSE_NATS = 30.0
+"""Losses must lower the cost by this."""
+LEAST_LOST, EXPLAINED = 5, 0.5
+"""So many decisive losses explain at least this share of what no losses leave over the noise, and
+fewer `exact_share`, or else they leave what is white."""
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
@@ -122,8 +123,8 @@ def _finding(
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
     if not losses or ends[0] > SHARES[1]:
         return ()
-    clear_enough = losses >= LEAST_LOST and _explained(pairs) >= EXPLAINED
-    if not clear_enough and any(h.surprise() > rules().white_sd for _, h in pairs):
+    asked = EXPLAINED if losses >= LEAST_LOST else rules().exact_share
+    if _explained(pairs) < asked and any(h.surprise() > rules().white_sd for _, h in pairs):
         return ()
     told = np.concatenate([_left(one.fitter, one.told) for one, _ in pairs])
     left = np.concatenate([_left(h.fitter, h.fit) for _, h in pairs])

@@ -7,7 +7,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.triage._bugs import BETTER, CLEAR
-from diagnosis.triage._tracks import Track, line
+from diagnosis.triage._tracks import Track, correlations
 
 FINE = 0.01
 """Misfit under which no clock can be wrong: the motion is the nominal world's."""
@@ -127,22 +127,21 @@ def _lag_s(track: Track, cause: list[Array]) -> float:
     """How much later than `cause` the position moves [s]; 0 where they are not the same motion."""
     coarse = np.linspace(*SEARCH_S, COARSE)
     width, every = coarse[1] - coarse[0], max(1, round(COARSE_S / track.dt_s))
-    best = max(coarse, key=lambda lag: _alike(track, cause, lag, every))
+    best = coarse[np.argmax(_alike(track, cause, coarse, every))]
     fine = best + np.linspace(-width, width, FINER)
-    fits = [_alike(track, cause, lag) for lag in fine]
-    return float(fine[int(np.argmax(fits))]) if max(fits) >= CLEAR else 0.0
+    fits = _alike(track, cause, fine)
+    return float(fine[np.argmax(fits)]) if fits.max() >= CLEAR else 0.0
 
 
-def _alike(track: Track, cause: list[Array], lag_s: float, every: int = 1) -> float:
-    """Correlation of position and a cause that is made later, of every so many samples."""
-    moved, positions = [], []
-    for t, c, p in zip(track.time_s, cause, track.position, strict=True):
-        late = t[::every] - lag_s
-        inside = (late >= t[0]) & (late <= t[-1])
-        if 2 * inside.sum() > len(late):
-            moved.append(np.interp(late[inside], t, c))
-            positions.append(p[::every][inside])
-    return line(moved, positions).correlation if moved else 0.0
+def _alike(track: Track, cause: list[Array], lags_s: Array, every: int = 1) -> Array:
+    """Correlations of position and a cause that is made later, of every so many samples, (L,)."""
+    moved, inside = [], []
+    for t, c in zip(track.time_s, cause, strict=True):
+        late = t[::every] - lags_s[:, None]
+        within = (late >= t[0]) & (late <= t[-1])
+        inside.append(within & (2 * within.sum(axis=1, keepdims=True) > late.shape[1]))
+        moved.append(np.interp(late, t, c))
+    return correlations(moved, [p[::every] for p in track.position], inside)
 
 
 def _misfit(track: Track, lag_s: float) -> float:
@@ -159,13 +158,12 @@ def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array]
     middles, found = [], []
     for start, stop in zip(edges[:-1], edges[1:], strict=True):
         part = slice(start, stop)
-        fits = [
-            line([np.interp(t[part] - lag, t, shown)], [position[part]]).correlation for lag in lags
-        ]
-        if max(fits) < CLEAR:
+        moved = np.interp(t[part] - lags[:, None], t, shown)
+        fits = correlations([moved], [position[part]], [np.ones(moved.shape, dtype=bool)])
+        if fits.max() < CLEAR:
             continue
         middles.append(t[part].mean())
-        found.append(lags[int(np.argmax(fits))])
+        found.append(lags[np.argmax(fits)])
     return (np.array(middles), np.array(found)) if len(found) >= 3 else None
 
 

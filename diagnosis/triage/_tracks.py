@@ -124,3 +124,18 @@ def line(cause: Sequence[Array], effect: Sequence[Array]) -> Line:
     if xx <= len(x) * (STILL * size) ** 2 or yy <= 0.0:
         return Line(slope=0.0, correlation=0.0)
     return Line(slope=xy / xx, correlation=xy / np.sqrt(xx * yy))
+
+
+def correlations(cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]) -> Array:
+    """Correlations of causes (L, T) and one effect (T,) over the samples used (L, T), as `line`."""
+    xx, yy, xy, count, most = np.zeros((5, len(cause[0])))
+    for c, e, u in zip(cause, effect, used, strict=True):
+        every = np.maximum(u.sum(axis=1, keepdims=True), 1)
+        x, y = (np.where(u, v, 0.0) for v in (c, e))
+        most = np.maximum(most, np.abs(x).max(axis=1, initial=0.0))
+        x, y = (np.where(u, v - v.sum(axis=1, keepdims=True) / every, 0.0) for v in (x, y))
+        xx, yy, xy = xx + (x * x).sum(axis=1), yy + (y * y).sum(axis=1), xy + (x * y).sum(axis=1)
+        count = count + u.sum(axis=1)
+    still = (xx <= count * (STILL * np.maximum(most, 1e-12)) ** 2) | (yy <= 0.0)
+    found = np.where(still, 0.0, xy / np.sqrt(np.where(still, 1.0, xx * yy)))
+    return np.nan_to_num(found, nan=0.0)

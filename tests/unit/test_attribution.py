@@ -23,6 +23,7 @@ from diagnosis.attribution.rules import rules
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
 from diagnosis.attribution.verdict import _explains, judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
+from diagnosis.beside.hearing import Heard
 from diagnosis.beside.losses import dropouts
 from diagnosis.blind import motion, rigs
 from diagnosis.diagnose import _heard, judge_limb
@@ -199,6 +200,24 @@ def test_who_does_no_better_than_a_little_play_is_not_accused():
         tried = [costing(one, cost - gain) for one, gain in pairs]
         found.singles = sorted(tried, key=lambda one: one.fit.cost)
         assert ruled(found).names == (verdict,)
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(1.2e-3, "none"), (0.01, "encoder-scale")])
+def test_a_scale_within_the_floor_is_not_accused(share, verdict):
+    """Accuse no sensor of an error that moves its readings by less than the model's own."""
+    part = evidence((kind("encoder-scale")(magnitude=share, joint="A0"),), noise_rad=1e-4)
+    found = judge(part, {"encoder-scale": kind("encoder-scale")}, 0.05)
+    assert found.names == (verdict,)
+    assert found.attribution.singles[0].fit.effects[0].magnitude == pytest.approx(share, rel=0.2)
+
+
+@pytest.mark.parametrize(("name", "verdict"), [("encoder-bias", "unknown"), ("backlash", "none")])
+def test_a_little_play_excuses_a_world_and_a_sensor_that_is_off_does_not(name, verdict):
+    """Say none of a gap that a play too small to accuse explains, unknown where an offset does."""
+    part = evidence((kind(name)(magnitude=5e-4, joint="A0"),), noise_rad=1e-4)
+    found = Attribution(part, {name: kind(name)}, 0.05)
+    found.nominal = dataclasses.replace(found.nominal, surprise=rules().white_sd + 1)
+    assert found.singles[0].surprise < rules().white_sd and ruled(found).names == (verdict,)
 
 
 def test_a_small_effect_beside_a_bent_parameter_accuses_nobody_less():
@@ -387,6 +406,22 @@ def test_losses_that_look_white_are_found(lost_share, losses):
     assert len(dropouts([part], [limb])[0]) == losses
 
 
+@pytest.mark.parametrize(("lost_share", "losses"), [(0.02, 1), (0.0, 0)])
+def test_losses_are_found_in_a_world_that_is_off(lost_share, losses):
+    """Find losses that are first taken for many, and name none for what is slow."""
+    shaken = {"noise_rad": 1e-4, "slow_rad": 3e-4, "protocols": ("push", "multisine")}
+    part = evidence(lost_share=lost_share, seed=2, **shaken)
+    assert len(dropouts([part], [judge(part, {}, 0.05)])[0]) == losses
+
+
+@pytest.mark.parametrize(("slow_rad", "losses"), [(0.0, 1), (5e-4, 0)])
+def test_few_losses_that_explain_nearly_all_need_not_leave_noise(slow_rad, losses, monkeypatch):
+    """Find few losses where hardly anything is left, though it is not white; else none."""
+    monkeypatch.setattr(Heard, "surprise", lambda _: rules().white_sd + 1)
+    part = evidence(lost_share=0.02, seed=2, slow_rad=slow_rad)
+    assert len(dropouts([part], [judge(part, {}, 0.05)])[0]) == losses
+
+
 def test_losses_are_weighed_as_the_verdict_weighs():
     """Name no losses by samples that say nothing, since a joint in its play goes its own way."""
     part = evidence(lost_share=0.06)
@@ -503,6 +538,28 @@ def test_what_is_not_white_must_leave_little(name, gap, verdict):
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 3.0)
     found.pairs, found.singles = [], [best]
     assert _explains(found, best, rules()) is verdict
+
+
+@pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False), (1.02, False)])
+def test_a_delay_within_the_floor_takes_most_of_the_gap(gap, verdict):
+    """Name a delay that leaves less than the floor where little is left over noise, too."""
+    part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
+    found = Attribution(part, {"command-delay": kind("command-delay")}, 0.05)
+    best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.5)
+    assert _explains(found, best, rules()) is verdict
+
+
+@pytest.mark.parametrize(
+    ("names", "gap", "verdict"), [(1, 0.95, True), (2, 0.95, False), (2, 0.9, True)]
+)
+def test_a_pair_takes_most_of_what_is_beyond_noise(names, gap, verdict):
+    """Name no pair that leaves most of a small gap, though what it leaves is white."""
+    part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
+    found = Attribution(part, {"command-delay": kind("command-delay")}, 0.05)
+    found.nominal = leaving(found.nominal, 1.0)
+    best = dataclasses.replace(leaving(found.singles[0], gap), surprise=0.0)
+    pair = dataclasses.replace(best, names=names * best.names)
+    assert _explains(found, pair, rules()) is verdict
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False)])
