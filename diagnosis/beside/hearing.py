@@ -30,7 +30,7 @@ FIRST_SHARE, ROUNDS = 0.1, 5
 REFIT = (1.0, 1.0)
 """Rounds of each refit, see `fit.POLISH`."""
 ENOUGH = 3.0
-"""A later round is better when it lowers the cost by more [nats]."""
+"""Rounds end when one lowers the cost of the fit by less [nats]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,14 +60,14 @@ def hear(
     """The cheapest losses of joints' packets, from the worlds of several fits on.
 
     None where none are decoded, or none that cost less than the `told_nats` of no losses. A world
-    that is off is first taken for one that lost much, and for less from round to round.
+    that is off is first taken for one that lost too much.
     """
     found = [one for start in starts if (one := _heard(fitter, start, lossy, told_nats))]
     return min(found, key=lambda one: one.nats, default=None)
 
 
 def _heard(fitter: Fitter, start: Fit, lossy: tuple[str, ...], told_nats: float) -> Heard | None:
-    part, best, least, fit = fitter.evidence, None, told_nats, start
+    part, best, fit = fitter.evidence, None, start
     scale, lost_share = even(part), FIRST_SHARE
     for _ in range(ROUNDS):
         path = decoded(part, fitter.world(fit), lossy, scale, lost_share)
@@ -79,9 +79,10 @@ def _heard(fitter: Fitter, start: Fit, lossy: tuple[str, ...], told_nats: float)
         again = Fitter(evidence, fitter.nuisances, None)
         fit = again.refit(again.at(fit.effects, fit.deviations), REFIT)
         nats = fit.cost + code(*counts(part, path))
-        if nats < least:
-            heard = Heard(
+        if best is not None and (nats > told_nats or fit.cost > best.fit.cost - ENOUGH):
+            break
+        if nats <= told_nats:
+            best = Heard(
                 path=path, scale=scale, evidence=evidence, fitter=again, fit=fit, nats=nats
             )
-            best, least = heard, nats - ENOUGH
     return best
