@@ -21,13 +21,14 @@ from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import LimbVerdict
 from diagnosis.beside.finding import Finding, gap, share
 from diagnosis.beside.hearing import Heard, hear
-from diagnosis.beside.packets import SHARES, decisive, news
+from diagnosis.beside.packets import SHARES, counts, decisive, news
 
 ACCUSE_NATS = 30.0
 """Losses must lower the cost by this."""
 LEAST_LOST, EXPLAINED = 5, 0.5
 """So many decisive losses explain at least this share of what no losses leave over the noise, and
-fewer `exact_share`, or else they leave what is white."""
+fewer `exact_share`, or else they leave what is white. Beside an effect fewer losses of any kind are
+moments that its world does not foretell."""
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
@@ -121,7 +122,9 @@ def _finding(
     said, gone = flat.any(axis=0), (flat & lost).any(axis=0)
     count, losses = int(said.sum()), int(gone.sum())
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
-    if not losses or ends[0] > SHARES[1]:
+    named = sum(counts(one.fitter.evidence, h.path)[0] for one, h in pairs)
+    few = named < LEAST_LOST and any(one.told.effects for one, _ in pairs)
+    if not losses or few or ends[0] > SHARES[1]:
         return ()
     asked = EXPLAINED if losses >= LEAST_LOST else rules().exact_share
     if _explained(pairs) < asked and any(h.surprise() > rules().white_sd for _, h in pairs):

@@ -24,7 +24,7 @@ from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sen
 from diagnosis.attribution.verdict import _explains, judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.hearing import Heard
-from diagnosis.beside.losses import dropouts
+from diagnosis.beside.losses import ACCUSE_NATS, _listened, dropouts
 from diagnosis.blind import motion, rigs
 from diagnosis.diagnose import _heard, judge_limb
 from diagnosis.leading import leading
@@ -420,6 +420,25 @@ def test_few_losses_that_explain_nearly_all_need_not_leave_noise(slow_rad, losse
     monkeypatch.setattr(Heard, "surprise", lambda _: rules().white_sd + 1)
     part = evidence(lost_share=0.02, seed=2, slow_rad=slow_rad)
     assert len(dropouts([part], [judge(part, {}, 0.05)])[0]) == losses
+
+
+def test_one_late_step_beside_an_effect_is_no_loss():
+    """Name beside an effect no losses for a single step that comes late."""
+    truth = kind("kp-scale")(magnitude=0.4, joint="A0")
+    part = evidence((truth,), seed=2, noise_rad=1e-4)
+    first, real = part.recordings[0], truth.on_spec(part.nominal)
+    step = int(np.abs(np.diff(first.commands.target[:, 0])).argmax()) + 1
+    target = first.commands.target.copy()
+    target[step] = target[step - 1]
+    late = replay(real, dataclasses.replace(first.commands, target=target))
+    measured = first.measured.copy()
+    measured[0] += (late - replay(real, first.commands))[0]
+    recordings = (dataclasses.replace(first, measured=measured), *part.recordings[1:])
+    strange = dataclasses.replace(part, recordings=recordings)
+    limb = judge(strange, {"kp-scale": kind("kp-scale")}, 0.05)
+    heard = _listened(strange, limb)
+    assert heard.told.effects and heard.lead(heard.all) > ACCUSE_NATS
+    assert dropouts([strange], [limb])[0] == ()
 
 
 def test_losses_are_weighed_as_the_verdict_weighs():
