@@ -201,7 +201,6 @@ def detectable(
         for effect in wanted.effects
         for real in wanted.reals
         for protocol in wanted.protocols
-        if effect in searching.EFFECTS
     ]
     rows = _each("search", _search_one, [(one,) for one in searches], jobs)
     written = searching.write(rows, out)

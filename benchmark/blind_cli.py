@@ -90,9 +90,7 @@ def detectable(
     out: Annotated[Path, typer.Option(help="Folder for detectable.csv and detectable.md.")],
     real: Real = "mujoco,plant",
     rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "joint",
-    effects: Annotated[
-        str, typer.Option(help="Effects to search: all that a replay can show, or some.")
-    ] = "all",
+    effects: Annotated[str, typer.Option(help="Effects to search: all, or some.")] = "all",
     protocols: Annotated[
         str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
     ] = "all",

@@ -153,14 +153,17 @@ def test_a_rival_is_scored_where_it_was_asked(solved, scored):
 
 
 def test_small_magnitudes_are_searched(tmp_path, capfd):
-    """Find how small a bias still shows, and no play of which a joint at rest shows nothing."""
-    words = ["blind", "detectable", "--effects", "encoder-scale,self-lock", "--draws", "2"]
+    """Find how small a scale, a lock and noise still show, the last by what is named."""
+    effects = "encoder-scale,self-lock,encoder-noise"
+    words = ["blind", "detectable", "--effects", effects, "--draws", "2"]
     words += ["--real", "mujoco", "--protocols", "multisine", "--out", str(tmp_path), "--json"]
     assert cli._run(words) == 0
     found = {row["effect"]: row for row in json.loads(capfd.readouterr().out)["rows"]}
     scale = found["encoder-scale"]
     assert 0.01 < scale["smallest"] < 10.0 and scale["bound"] == "" and scale["unit"] == "%"
-    assert len(pd.read_csv(tmp_path / "detectable.csv")) == 2
+    noise = found["encoder-noise"]
+    assert 0.05 < noise["smallest"] < 2.0 and noise["bound"] == "" and noise["unit"] == "mrad"
+    assert len(pd.read_csv(tmp_path / "detectable.csv")) == 3
     assert "encoder-scale" in (tmp_path / "detectable.md").read_text()
 
 
