@@ -177,16 +177,17 @@ def _with_little(
     """A candidate, or it with the effect that is too small to accuse where that fits better.
 
     What the nominal world may have is no reason to accuse another: that must do better still. A
-    nominal parameter that is bent beyond belief it may not have, nor a sensor that is off: a little
-    play or friction is in every mechanism.
+    nominal parameter that is bent beyond belief it may not have, nor a sensor that is off, unless
+    it reads in steps: a little play or friction is in every mechanism.
     """
-    count = len(ranked.names)
+    count, evidence = len(ranked.names), found.fitter.evidence
+    in_steps = bool((evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size).any())
     little = (
         one
         for one in tried
         if one.names[:count] == ranked.names
         and one.bent <= _belief(ranked, rule)
-        and not is_read(one.fit.effects[-1])
+        and (in_steps or not is_read(one.fit.effects[-1]))
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=lambda one: one.fit.cost)
@@ -336,9 +337,12 @@ def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
 
     Of a law that is a model: little of what there is beyond the floor, and most of it taken. With
     nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
-    what no effect explains. A pair can bend to much, so it must take most of the gap even so.
+    what no effect explains, as is an effect as large as it can be. A pair can bend to much, so it
+    must take most of the gap even so.
     """
     if candidate.bent > _belief(candidate, rule) and candidate.unrest <= CALM:
+        return False
+    if any(map(_ends, candidate.fit.effects)):
         return False
     white, alone = candidate.surprise <= rule.white_sd, len(candidate.names) < 2
     share, least = _asked(found, candidate, rule, white)
@@ -355,3 +359,8 @@ def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> t
     if modelled:
         return rule.explained_share, 1.0
     return rule.explained_share if within else rule.exact_share, quiet
+
+
+def _ends(effect: Effect) -> bool:
+    """Whether a magnitude is where its bounds end, other than at nothing."""
+    return any(end and np.isclose(effect.magnitude, end, rtol=1e-3) for end in effect.bounds)

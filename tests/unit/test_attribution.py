@@ -211,13 +211,28 @@ def test_a_scale_within_the_floor_is_not_accused(share, verdict):
     assert found.attribution.singles[0].fit.effects[0].magnitude == pytest.approx(share, rel=0.2)
 
 
-@pytest.mark.parametrize(("name", "verdict"), [("encoder-bias", "unknown"), ("backlash", "none")])
-def test_a_little_play_excuses_a_world_and_a_sensor_that_is_off_does_not(name, verdict):
+@pytest.mark.parametrize(
+    ("name", "wider", "verdict"),
+    [("encoder-bias", 1, "unknown"), ("encoder-bias", 2, "none"), ("backlash", 1, "none")],
+)
+def test_a_sensor_that_is_off_excuses_a_world_only_where_it_reads_in_steps(name, wider, verdict):
     """Say none of a gap that a play too small to accuse explains, unknown where an offset does."""
     part = evidence((kind(name)(magnitude=5e-4, joint="A0"),), noise_rad=1e-4)
+    part = dataclasses.replace(part, floor=wider * part.floor)
     found = Attribution(part, {name: kind(name)}, 0.05)
     found.nominal = dataclasses.replace(found.nominal, surprise=rules().white_sd + 1)
     assert found.singles[0].surprise < rules().white_sd and ruled(found).names == (verdict,)
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(0.9, True), (1.0, False)])
+def test_an_effect_as_large_as_it_can_be_explains_nothing(share, verdict):
+    """Take an effect at the end of its bounds for a stand-in."""
+    part = evidence((kind("kd-scale")(magnitude=0.5, joint="A0"),), protocols=("steps",))
+    found = Attribution(part, {"kd-scale": kind("kd-scale")}, 0.05)
+    best = found.singles[0]
+    effect = dataclasses.replace(best.fit.effects[0], magnitude=share * kind("kd-scale").bounds[1])
+    best = dataclasses.replace(best, fit=dataclasses.replace(best.fit, effects=(effect,)))
+    assert _explains(found, best, rules()) is verdict
 
 
 def test_a_small_effect_beside_a_bent_parameter_accuses_nobody_less():
@@ -363,7 +378,7 @@ def test_some_wild_samples_are_no_noise(wild, verdict):
 
 def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
     """Keep to the fit that explains a log, though one from a pair costs less by some nats."""
-    part = evidence((kind("gear-damping")(magnitude=2.0, joint="A0"),), noise_rad=2e-4)
+    part = evidence((kind("gear-damping")(magnitude=0.9, joint="A0"),), noise_rad=2e-4)
     found = Attribution(part, {name: kind(name) for name in ("gear-damping", "kd-scale")}, 0.05)
     best = found.singles[0]
     strange = dataclasses.replace(best, surprise=10.0, plain=4 * found.nominal.plain)
