@@ -30,6 +30,8 @@ COARSE, FINER = 161, 26
 COARSE_S = 0.02
 """Samples are so far apart for the first [s]."""
 WINDOWS, WINDOW_LAGS = 5, 101
+AT_ONCE = 1_000_000
+"""Samples of all lags that are compared at once: it bounds the memory of long logs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -135,6 +137,12 @@ def _lag_s(track: Track, cause: list[Array]) -> float:
 
 def _alike(track: Track, cause: list[Array], lags_s: Array, every: int = 1) -> Array:
     """Correlations of position and a cause that is made later, of every so many samples, (L,)."""
+    longest = max(len(t[::every]) for t in track.time_s)
+    some = np.array_split(lags_s, 1 + len(lags_s) * longest // AT_ONCE)
+    return np.concatenate([_alike_at(track, cause, part, every) for part in some])
+
+
+def _alike_at(track: Track, cause: list[Array], lags_s: Array, every: int) -> Array:
     moved, inside = [], []
     for t, c in zip(track.time_s, cause, strict=True):
         late = t[::every] - lags_s[:, None]

@@ -17,6 +17,7 @@ from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.replay import Commands, replay
 from diagnosis.triage._bugs import Finding
+from diagnosis.triage._tracks import correlations, line
 from diagnosis.triage._zeros import ZERO_RAD
 from diagnosis.triage.triage import KINDS, BugError, triage
 
@@ -332,3 +333,20 @@ def test_joints_that_stand_still_have_no_bugs(ideal):
             samples[f"push_nm.{joint}"] = 0.0
 
     assert found(changed(ideal, still)) == ()
+
+
+def test_correlations_are_those_of_lines():
+    """Correlate rows of causes with an effect, where they are used, as each by itself."""
+    rng = np.random.default_rng(0)
+    causes, effects = rng.normal(size=(2, 4, 50)), rng.normal(size=(2, 50))
+    used = rng.random((2, 4, 50)) < 0.7
+    used[1, 2] = False
+    causes[:, 3] = 1.0
+    causes[0, 0, 7] = np.nan
+    used[0, 0, 7] = True
+    found = correlations(list(causes), list(effects), list(used))
+    for row, each in enumerate(found):
+        pairs = [(c[row][u[row]], e[u[row]]) for c, e, u in zip(causes, effects, used, strict=True)]
+        cause, effect = zip(*[p for p in pairs if len(p[0])], strict=True)
+        assert each == pytest.approx(line(cause, effect).correlation, abs=1e-12)
+    assert found[1] != 0.0 and found[0] == found[3] == 0.0
