@@ -76,7 +76,7 @@ def diagnose(
     """
     began_s = _cpu_s()
     whole, found = _gathered(log, nominal, catalogue)
-    told, unseen = _told(whole, catalogue)
+    told, unseen = _told(whole, catalogue, found)
     parts = tuple(map(at_rest, whole))
     clear = list(compress(parts, told))
     uncertainty = log.meta.nominal_uncertainty
@@ -143,7 +143,7 @@ def diagnose_settings(
         raise LogError("these logs are of different joints; give logs of one mechanism")
     rests = [tuple(map(at_rest, parts)) for parts, _ in logs]
     parts = tuple(join(limb, judging) for limb in zip(*rests, strict=True))
-    told, unseen = _told(parts, catalogue)
+    told, unseen = _told(parts, catalogue, [one for _, seen in logs for one in seen])
     clear = list(compress(parts, told))
     uncertainty = max(log.meta.nominal_uncertainty for log, _ in settings)
     judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty)
@@ -166,14 +166,18 @@ def _gathered(
 
 
 def _told(
-    parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]]
+    parts: Sequence[Evidence], catalogue: Mapping[str, type[Effect]], found: Sequence[Finding]
 ) -> tuple[list[bool], tuple[str, ...]]:
-    """Which limbs the samples tell anything of, and all joints of which they do not."""
+    """Which limbs the samples tell anything of, and all joints of which they do not.
+
+    LogError where they tell of none; it says what the sensors show all the same.
+    """
     told = [told_of(part, catalogue) for part in parts]
     if not any(told):
+        shown = [f"; {one.effect} of {', '.join(one.joints)}: {one.evidence}" for one in found]
         raise LogError(
             "not identifiable from this log: no joint moves or is pushed enough to show a change "
-            f"of any nominal parameter; record {', '.join(FREE)}"
+            f"of any nominal parameter{''.join(shown)}; record {', '.join(FREE)}"
         )
     seen = {joint for joints in told for joint in joints}
     unseen = tuple(joint for part in parts for joint in part.joints if joint not in seen)

@@ -7,6 +7,7 @@ packets no replay can show: they are detectable where the diagnosis names them, 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -44,21 +45,18 @@ class Search:
 def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Simulate) -> dict:
     """A row: the smallest detectable magnitude in its unit.
 
-    `bound` is '>' where the largest one is not detectable, '<' where the smallest one tried is.
+    `bound` is '>' where no level is detectable, '<' where the smallest one tried is. The search
+    ends at the largest level that shows: steps of a sensor may be too coarse to tell anything.
     """
-    kind, sizes = catalogue[search.effect], _sizes(search)
+    kind, (least, *levels) = catalogue[search.effect], _sizes(search)
     cases = _cases(search, catalogue)
-    low, high, bound = sizes[0], sizes[1], ""
-    if not _shows(search, cases, high, catalogue, simulate):
-        low, bound = high, ">"
-    for _ in range(HALVINGS if low != high else 0):
+    shows = partial(_shows, search, cases, catalogue=catalogue, simulate=simulate)
+    shown = next((size for size in reversed(levels) if shows(size)), None)
+    low, high = (least, shown) if shown is not None else (levels[-1], levels[-1])
+    for _ in range(HALVINGS if shown is not None else 0):
         middle = float(np.sqrt(low * high))
-        if _shows(search, cases, middle, catalogue, simulate):
-            high = middle
-        else:
-            low = middle
-    if low == sizes[0]:
-        bound = "<"
+        low, high = (low, middle) if shows(middle) else (middle, high)
+    bound = ">" if shown is None else "<" if low == least else ""
     return {
         "effect": search.effect,
         "rig": search.rig,
@@ -72,12 +70,12 @@ def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Si
     }
 
 
-def _sizes(search: Search) -> tuple[float, float]:
-    """Ends of the search, both positive, SI."""
+def _sizes(search: Search) -> tuple[float, ...]:
+    """Where the search begins, and the levels at which it may end, all positive, SI."""
     size, spec = draw.SIZES[search.effect], rigs.nominal(search.rig)
     levels = size.levels if size.levels[2] > 0 or size.falls is None else size.falls
     scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
-    return scale * levels[0] / BELOW, scale * levels[2]
+    return tuple(scale * level for level in (levels[0] / BELOW, *levels))
 
 
 def _cases(search: Search, catalogue: Mapping[str, type[Effect]]) -> tuple[Case, ...]:

@@ -15,10 +15,12 @@ from backends.shard import simulate
 from backends.spec import Encoder, Spec
 from benchmark import blind, cli, registry
 from benchmark.errors import UsageError
-from diagnosis.blind import draw, files, frozen, make, motion, rigs
+from diagnosis.blind import detectable, draw, files, frozen, make, motion, rigs
 from diagnosis.blind.files import BlindSet
 from diagnosis.blind.measures import median, share
 from diagnosis.blind.plant import CHANGES, NUMBERS, Baseline, Plant
+from diagnosis.diagnose import diagnose
+from diagnosis.logs.log import LogError
 
 SEED = 5
 WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
@@ -165,6 +167,21 @@ def test_small_magnitudes_are_searched(tmp_path, capfd):
     assert 0.05 < noise["smallest"] < 2.0 and noise["bound"] == "" and noise["unit"] == "mrad"
     assert len(pd.read_csv(tmp_path / "detectable.csv")) == 3
     assert "encoder-scale" in (tmp_path / "detectable.md").read_text()
+
+
+def test_steps_too_coarse_to_tell_anything_else_are_said():
+    """Search steps from the largest that leave something to tell; say that coarser ones are."""
+    catalogue = blind._catalogue()
+    search = detectable.Search(
+        effect="encoder-resolution", real="mujoco", rig="joint", protocol="triangle", draws=1
+    )
+    found = detectable.smallest(search, catalogue, blind._start)
+    assert found["bound"] == "" and found["smallest"] < 0.4
+    (bare,) = detectable._cases(search, catalogue)
+    case = detectable._with(bare, search, 0.02, catalogue[search.effect])
+    log = make.real_log(case, catalogue, blind._start, np.random.default_rng(0))
+    with pytest.raises(LogError, match="encoder-resolution of A0: .* 20 mrad apart; record steps"):
+        diagnose(log, rigs.nominal("joint"), catalogue)
 
 
 def test_answers_stay_out_of_the_set(solved):
