@@ -24,7 +24,7 @@ from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, LogError
 
 BELOW = 8.0
-"""The search begins at the small level over this; it ends at the large one."""
+"""The search begins at the small level over this; it ends at the largest level that shows."""
 HALVINGS = 4
 """Halvings of the search's logarithmic range: to a third, where levels span a factor of nine."""
 
