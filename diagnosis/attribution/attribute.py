@@ -4,6 +4,7 @@ A verdict for one limb: effects with their joints and magnitudes, `none` where n
 within their uncertainty explain the log, or `unknown` where no catalogued effect does.
 """
 
+import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -14,14 +15,15 @@ from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import POLISH, Fitter
-from diagnosis.attribution.profile import Fit, Profile, grown
+from diagnosis.attribution.leftover import Leftover
+from diagnosis.attribution.profile import Fit, grown
 from diagnosis.attribution.rules import rules
+from diagnosis.attribution.screening import coarse, everywhere, there, various, with_everywhere
 from diagnosis.attribution.timing import AngleLate, Late, late_s
 from diagnosis.attribution.whiten import alike, surprise
 
-REFINED, FINALISTS, NAMESAKES = 10, 5, 2
-"""Candidates whose magnitude is searched, those that are refitted with everything free, and how
-many of these may be one effect on different joints."""
+REFINED, FINALISTS = 10, 5
+"""Candidates whose magnitude is searched, and those that are refitted with everything free."""
 PARTNERS, COUPLES = 8, 3
 """The same of second effects."""
 PROMISE = 0.25
@@ -34,8 +36,6 @@ STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
 BELIEVED = 8.0
 """A fit without suspects is taken where it costs no more than this beside the best [nats]."""
-SHRINKS = 2
-"""How often a third of the smallest level is tried where that one is the best."""
 HARD = 2.0
 """Mean square of innovations from which a search may have gone astray, and starts once more."""
 HELPED = 0.9
@@ -100,6 +100,7 @@ class Attribution:
         self._within = Fitter(evidence, known, None, rules().bent_stds)
         self._candidates = candidates(catalogue, evidence)
         self._samples = len(evidence.tracks(False))
+        self._leftovers: dict[int, Leftover] = {}
         bare = self.fitter.at((), np.zeros(len(known)))
         self.before = self._judged((), bare, bare)
         found = self.fitter.nominal()
@@ -138,12 +139,40 @@ class Attribution:
         around = self.fitter.refit(alone)
         return self._noted(self._rank(pair.names[1:], around, PARTNERS, COUPLES))
 
+    def instead(self, pair: Ranked) -> list[Ranked]:
+        """Pairs with what a pair bends beyond belief, see `_suspects`, in place of either effect.
+
+        The other one may have been its stand-in.
+        """
+        suspects = self._suspects(pair.fit.deviations, self._candidates)
+        found: list[Ranked] = []
+        for name, effect in zip(pair.names, pair.fit.effects, strict=True):
+            around = self.fitter.at((effect,), pair.fit.deviations)
+            found += self._rank((name,), around, PARTNERS, COUPLES, among=suspects)
+        return self._noted(found)
+
+    def again(self, pair: Ranked) -> Ranked:
+        """A pair from unbent nominal parameters, and from magnitudes to either side.
+
+        Where a joint sticks and slips, or plays, costs have many dips.
+        """
+        fit = self._trained(pair.fit)
+        starts = [self.fitter.at(fit.effects, 0.0 * fit.deviations)]
+        for index, shake in itertools.product(range(len(fit.effects)), SHAKES):
+            starts.append(self.fitter.at(_grown(fit.effects, index, shake), fit.deviations))
+        best = min((self.fitter.refit(one) for one in starts), key=lambda one: one.cost)
+        return self._noted([self._ranked(pair.names, best, CLOSE)])[0]
+
     def halves(self, pair: Ranked) -> list[Ranked]:
         """Both effects of a pair alone, from its nominal parameters."""
         both = zip(pair.names, pair.fit.effects, strict=True)
         starts = [(name, self.fitter.at((effect,), pair.fit.deviations)) for name, effect in both]
         alone = [self._ranked((name,), self.fitter.refit(start)) for name, start in starts]
         return [replace(one, fit=self._shaken(one.fit)) for one in alone]
+
+    def leftover(self, one: Ranked) -> Leftover:
+        """What a candidate leaves; kept, for it is asked more than once."""
+        return self._leftovers.setdefault(id(one.fit), Leftover(fitter=self.whole, fit=one.fit))
 
     def _noted(self, pairs: list[Ranked]) -> list[Ranked]:
         self.pairs += pairs
@@ -164,12 +193,14 @@ class Attribution:
         finalists: int = FINALISTS,
         worth_nats: float = -np.inf,
         at_once: bool = False,
+        among: Sequence[Candidate] | None = None,
     ) -> list[Ranked]:
         """Candidates beside the effects of a fit, the best first."""
         profile, last = self.fitter.profile(around), len(around.effects)
-        fresh = [c for c in self._candidates if not _there(c, around)]
+        asked = self._candidates if among is None else among
+        fresh = [c for c in asked if not there(c, around)]
         fresh = [self._with_moved(c, around) for c in fresh]
-        tried = sorted(_coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
+        tried = sorted(coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         if at_once:
             without = profile.at(around.effects)
             least = self._true(around, without).cost - PROMISE * worth_nats
@@ -178,14 +209,14 @@ class Attribution:
                 for c, fit in tried
                 if without.cost - fit.cost >= HOLLOW or self._true(around, fit).cost <= least
             ]
-        chosen = self._with_real(around, tried, _with_everywhere(tried, refined))
+        chosen = self._with_real(around, tried, with_everywhere(tried, refined))
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
             for c, fit in self._with_suspect(around, tried, chosen)
         ]
         searched.sort(key=lambda pair: pair[1].cost)
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
-        chosen = self._with_real(around, worth, _various(worth, finalists))
+        chosen = self._with_real(around, worth, various(worth, finalists))
         best = self._with_delay(around, fresh, self._with_suspect(around, searched, chosen))
         fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
         if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
@@ -223,22 +254,26 @@ class Attribution:
         tried: Sequence[tuple[Candidate, Fit]],
         chosen: Sequence[tuple[Candidate, Fit]],
     ) -> list[tuple[Candidate, Fit]]:
-        """What was chosen, and the effect that is the nominal parameter most bent beyond belief.
+        """What was chosen, and `_suspects`.
 
-        On its joint and on all. A prior holds that back, and what it would do as an effect is more
-        than slopes foretell. A nominal refit that is much bent is not what is searched around, yet
-        what it bends counts.
+        A prior holds these back, and what they would do as effects is more than slopes foretell. A
+        nominal refit that is much bent is not what is searched around, yet what it bends counts.
         """
         moved = around.deviations if around.effects else self._moved
-        pairs = zip(self.fitter.nuisances, moved, strict=True)
+        suspects = self._suspects(moved, [c for c, _ in tried])
+        kept = {id(c) for c, _ in chosen}
+        wanted = [pair for pair in tried if any(pair[0] is c for c in suspects)]
+        return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]
+
+    def _suspects(self, deviations: Array, among: Sequence[Candidate]) -> list[Candidate]:
+        """The effect that is the nominal parameter most bent beyond belief, there and on all."""
+        pairs = zip(self.fitter.nuisances, deviations, strict=True)
         bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
-        found = [(bent.get((c.kind, c.joint), 0.0), c) for c, _ in tried]
+        found = [(bent.get((c.kind, c.joint), 0.0), c) for c in among]
         most, suspect = max(found, key=lambda one: one[0], default=(0.0, None))
         if suspect is None or most <= rules().alone_stds:
-            return list(chosen)
-        kept = {id(c) for c, _ in chosen}
-        wanted = [(c, f) for c, f in tried if c is suspect or _everywhere(c, suspect.name)]
-        return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]
+            return []
+        return [c for c in among if c is suspect or everywhere(c, suspect.name)]
 
     def _with_delay(
         self, around: Fit, fresh: Sequence[Candidate], chosen: Sequence[tuple[Candidate, Fit]]
@@ -304,7 +339,7 @@ class Attribution:
             return []
         name, last = best.names[-1], best.fit.effects[-1]
         known = any(one.names == best.names and one.joints[-1] is None for one in found)
-        if known or not any(_everywhere(c, name) for c in self._candidates):
+        if known or not any(everywhere(c, name) for c in self._candidates):
             return []
         effects = (*best.fit.effects[:-1], replace(last, joint=None))
         fit = self.fitter.refit(self.fitter.at(effects, best.fit.deviations))
@@ -345,9 +380,8 @@ class Attribution:
 
     def _from(self, fit: Fit, index: int, times: float, rounds: Sequence[float]) -> Fit:
         """A refit from where one of the effects is so many times as large."""
-        effects = list(fit.effects)
-        effects[index] = grown(effects[index], times)
-        return self.whole.refit(self.whole.at(tuple(effects), fit.deviations), rounds)
+        effects = _grown(fit.effects, index, times)
+        return self.whole.refit(self.whole.at(effects, fit.deviations), rounds)
 
     def _believed(self, fit: Fit, spread: float) -> Fit:
         """A fit with no parameter bent beyond belief, where the log does not insist on one.
@@ -408,71 +442,6 @@ class Attribution:
         )
 
 
-def _coarse(
-    profile: Profile, around: Fit, fresh: Sequence[Candidate]
-) -> list[tuple[Candidate, Fit]]:
-    """Every candidate at the best of its levels, to first order in all else.
-
-    An effect on all joints is tried at the levels that are best on single ones.
-    """
-    best: dict[str, set[float]] = {}
-    found = []
-    for one in sorted(fresh, key=lambda c: c.joint is None):
-        alone = best.setdefault(one.name, set())
-        levels = alone if one.joint is None and alone else set(one.levels)
-        fits = [_alone(profile, around, one, m) for m in sorted(levels, key=abs)]
-        fits += _smaller(profile, around, one, fits)
-        found.append((one, min(fits, key=lambda fit: fit.cost)))
-        alone.add(found[-1][1].effects[-1].magnitude)
-    return found
-
-
-def _with_everywhere(
-    tried: Sequence[tuple[Candidate, Fit]], count: int
-) -> list[tuple[Candidate, Fit]]:
-    """The first ones, and their effects on all joints.
-
-    There no nominal parameter takes a part of what a level that is tried first is off by.
-    """
-    first = list(tried[:count])
-    names = {c.name for c, _ in first}
-    return first + [(c, f) for c, f in tried[count:] if c.joint is None and c.name in names]
-
-
-def _everywhere(candidate: Candidate, name: str) -> bool:
-    """Whether a candidate is this effect on all joints."""
-    return candidate.name == name and candidate.joint is None
-
-
-def _alone(profile: Profile, around: Fit, candidate: Candidate, magnitude: float) -> Fit:
-    effect = candidate.kind(magnitude=magnitude, joint=candidate.joint)
-    return profile.at((*around.effects, effect))
-
-
-def _smaller(profile: Profile, around: Fit, candidate: Candidate, fits: Sequence[Fit]) -> list[Fit]:
-    """Ever smaller magnitudes to either side, where the smallest one tried is the best there."""
-    found = []
-    for sign in (-1.0, 1.0):
-        side = [fit for fit in fits if sign * fit.effects[-1].magnitude > 0]
-        for _ in range(SHRINKS):
-            if not side or min(side, key=lambda fit: fit.cost) is not side[0]:
-                break
-            size = side[0].effects[-1].magnitude / 3
-            side.insert(0, _alone(profile, around, candidate, size))
-            found.append(side[0])
-    return found
-
-
-def _various(tried: Sequence[tuple[Candidate, Fit]], count: int) -> list[tuple[Candidate, Fit]]:
-    """The first ones, few of them of one effect."""
-    kept: list[tuple[Candidate, Fit]] = []
-    for one in tried:
-        if sum(c.name == one[0].name for c, _ in kept) < NAMESAKES:
-            kept.append(one)
-    return kept[:count]
-
-
-def _there(candidate: Candidate, fit: Fit) -> bool:
-    """Whether a fit has the candidate's effect on the same joints, or on some of them."""
-    same = [e.joint for e in fit.effects if type(e) is candidate.kind]
-    return any(joint == candidate.joint or None in (joint, candidate.joint) for joint in same)
+def _grown(effects: tuple[Effect, ...], index: int, times: float) -> tuple[Effect, ...]:
+    """Effects with one of them so many times as large."""
+    return (*effects[:index], grown(effects[index], times), *effects[index + 1 :])

@@ -49,6 +49,10 @@ class Conditions(Evidence):
         """See `Evidence.tracks`: settings follow each other."""
         return np.concatenate([p.tracks(judged) for p in self._with(judged)])
 
+    def protocols(self, judged: bool | None = None) -> Array:
+        """See `Evidence.protocols`: settings follow each other."""
+        return np.concatenate([p.protocols(judged) for p in self._with(judged)])
+
     def allowing_for(self, effects: Sequence[Effect]) -> "Conditions":
         """See `Evidence.allowing_for`: each setting by itself."""
         return replace(self, parts=tuple(part.allowing_for(effects) for part in self.parts))

@@ -49,6 +49,24 @@ class Recording:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Trace:
+    """What a world shows in one recording at the samples that are compared, and what it leaves."""
+
+    shown: Array
+    """Position, motor angle, torque and speed, shape (4, T, J)."""
+    faster: Array
+    """Acceleration [rad/s2], shape (T, J)."""
+    load: Array
+    """External torque [Nm], shape (T, J)."""
+    left: Array
+    """Residuals, shape (C, T, J); NaN where none were logged."""
+    weight: Array
+    """What they are multiplied by already where a joint is astray, shape (C, T, J)."""
+    judged: Array
+    """Samples on which candidates are judged, shape (T,), bool."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Evidence:
     """All usable episodes of one limb, and the nominal world."""
 
@@ -112,6 +130,13 @@ class Evidence:
         parts = [np.broadcast_to(number, mask.shape) for mask in self._compared[judged]]
         return self._flat([part.swapaxes(1, 2) for part in parts], judged)
 
+    def protocols(self, judged: bool | None = None) -> Array:
+        """Which protocol each residual is of, by name, in the order of `residual`."""
+        ends = self._ends[judged]
+        names = [r.protocol for r, end in zip(self.recordings, ends, strict=True) if end]
+        counts = [int(mask.sum()) for mask in self._compared[judged]]
+        return np.repeat(np.array(names), counts)
+
     def whitened(self, left: Array) -> Array:
         """What is new in residuals (C, T, J) of samples that are compared."""
         return innovations(left, self._white, self.floor[:, 0], self.sample_s)
@@ -152,6 +177,32 @@ class Evidence:
         """Time between samples that are compared [s]."""
         ticks = [np.median(np.diff(r.commands.ticks)) for r in self.recordings]
         return float(np.median(ticks)) * self.stride * self.nominal.timing.drive_s
+
+    def filtered(self, signals: Array, channel: int, joint: int) -> Array:
+        """Signals (K, T) of samples that are compared, as `whitened` filters one residual."""
+        noise = (s[channel, joint] for s in (self._white, self.floor[:, 0]))
+        white, slow = (np.full((len(signals), 1), one) for one in noise)
+        return innovations(signals[:, :, None], white, slow, self.sample_s)[:, :, 0]
+
+    def traces(self, effects: Sequence[Effect]) -> Iterator[Trace]:
+        """Every recording as the world with effects replays it."""
+        every = slice(None, None, self.stride)
+        shown = self._replayed.shown(effects, self._ends[None])
+        kept = [r for r, end in zip(self.recordings, self._ends[None], strict=True) if end]
+        astray = self.astray or [np.zeros_like(r.measured[:, every]) for r in self.recordings]
+        far = [one for one, end in zip(astray, self._ends[None], strict=True) if end]
+        rows = zip(kept, shown, self._left(effects, None), far, strict=True)
+        for recording, moved, left, apart in rows:
+            count = moved.shape[1]
+            time_s = recording.commands.ticks[:count] * self.nominal.timing.drive_s
+            yield Trace(
+                shown=moved[:, every],
+                faster=np.gradient(moved[3], time_s, axis=0)[every],
+                load=recording.commands.load[:count][every],
+                left=left,
+                weight=1 / np.hypot(1.0, apart[:, : left.shape[1]]),
+                judged=recording.judged[:count][every],
+            )
 
     def _left(self, effects: Sequence[Effect], judged: bool | None) -> list[Array]:
         """Residuals (C, T, J) of every recording that has samples of the kind, up to the last."""

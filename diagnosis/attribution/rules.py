@@ -20,8 +20,6 @@ class Rules(BaseModel):
     """An effect must lower the cost of the nominal refit by this, see `_lead`."""
     pair_nats: float
     """A second effect must lower the cost of the first by this."""
-    strict_nats: float
-    """The same where the first explains the log as it is."""
     pair_share: float
     """It must then also explain this share of what the first left over the floor, if anything."""
     white_sd: float
@@ -30,6 +28,13 @@ class Rules(BaseModel):
     """What is new in a sample is out of all proportion from so many deviations on."""
     wild_count: int
     """So many such samples are no noise: lost packets alone look white."""
+    law_nats: float
+    """Regressors foretell no more of what an explained log leaves, see `leftover`, and a tenth of
+    what its effects take beside: 1 - `explained_share`."""
+    uneven_sd: float
+    """Where it leaves no more than the floor, no protocol is further from white than this."""
+    uneven_share: float
+    """Or than this share of how far it is with the nominal parameters alone."""
     explained_share: float
     """Or else an effect must explain this share of what a gap has beyond the floor."""
     exact_share: float

@@ -8,8 +8,9 @@ import numpy as np
 from backends.effect import Effect
 from backends.effects import backlash, encoder_scale
 from diagnosis.attribution.attribute import BELIEVED, Attribution, Ranked
-from diagnosis.attribution.candidates import RUB, is_modelled, is_read, nuisances
-from diagnosis.attribution.evidence import Evidence, compressed
+from diagnosis.attribution.candidates import RUB, is_read, nuisances
+from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.explains import belief, excess, explains, is_plain
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.rules import Rules, rules
 from diagnosis.attribution.timing import Late, late_s
@@ -127,7 +128,7 @@ def _stray(verdict: LimbVerdict) -> Ranked | None:
     if verdict.chosen.surprise <= rules().white_sd:
         return None
     found = verdict.attribution
-    tried = min((*found.singles, *found.pairs), key=lambda r: r.fit.cost, default=None)
+    tried = min((*found.singles, *found.pairs), key=_cost, default=None)
     return tried if tried is not None and tried.unrest > CALM else None
 
 
@@ -138,13 +139,13 @@ def ruled(found: Attribution) -> LimbVerdict:
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
     if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
-        if _is_plain(found, small, rule):
+        if is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
     best, pair = _pair(found, singles[0], rule)
-    if pair is not None and _explains(found, pair, rule):
+    if pair is not None and explains(found, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
-    if not _explains(found, best, rule):
+    if not explains(found, best, rule):
         return _verdict((UNKNOWN,), best, found, (), _strangeness(best))
     others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
@@ -166,8 +167,8 @@ def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool
     same = any(
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
-    bent = less.bent > _belief(less, rule) and more.bent < _belief(more, rule)
-    plain = less.surprise <= rule.white_sd and _is_plain(found, more, rule)
+    bent = less.bent > belief(less, rule) and more.bent < belief(more, rule)
+    plain = less.surprise <= rule.white_sd and is_plain(found, more, rule)
     return same and bent and plain and _lead(less, more) > 0.0
 
 
@@ -186,11 +187,11 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= _belief(ranked, rule)
+        and one.bent <= belief(ranked, rule)
         and (in_steps or not is_read(one.fit.effects[-1]))
         and not _beyond_nominal(found, one, rule)
     )
-    return min((ranked, *little), key=lambda one: one.fit.cost)
+    return min((ranked, *little), key=_cost)
 
 
 def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked | None]:
@@ -200,72 +201,70 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     that stopped early would make any second effect look needed. Of its fits one that explains the
     log is taken where it is no worse than `BELIEVED`.
     """
-    needed = _needed(found, best, rule)
-    pair = _best_pair(found, best, needed, rule)
+    pair = _best_pair(found, best, rule)
     if pair is None:
         return best, None
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
     alone = (best, *halves)
-    least = min(alone, key=lambda one: one.fit.cost)
+    least = min(alone, key=_cost)
     if _became(found, least, pair, rule):
         return least, pair
-    near = (one for one in alone if _lead(one, least) <= BELIEVED and _explains(found, one, rule))
-    best = min(near, key=lambda one: one.fit.cost, default=least)
-    explained, needed = _explains(found, best, rule), _needed(found, best, rule)
-    if _lead(_with_little(found, least, found.pairs, rule), pair) < needed:
+    near = (one for one in alone if _lead(one, least) <= BELIEVED and explains(found, one, rule))
+    best = min(near, key=_cost, default=least)
+    if _lead(_with_little(found, least, found.pairs, rule), pair) < rule.pair_nats:
         return best, None
-    left = _excess(best.gap)
-    enough = _excess(pair.gap) <= (1 - rule.pair_share) * left
-    return best, pair if not explained or best.surprise <= rule.white_sd or enough else None
+    enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)
+    needed = best.surprise <= rule.white_sd or enough or not explains(found, best, rule)
+    return best, pair if needed else None
 
 
-def _needed(found: Attribution, best: Ranked, rule: Rules) -> float:
-    """What a second effect must lower the cost by [nats]: more where the first needs none."""
-    sure = _explains(found, best, rule) and best.bent <= _belief(best, rule)
-    return rule.strict_nats if sure else rule.pair_nats
+def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
+    """The pair that fits best: from the best single effect, and on while no pair explains.
 
-
-def _best_pair(found: Attribution, best: Ranked, needed: float, rule: Rules) -> Ranked | None:
-    """The pair that fits best: from the best single effect, and on while no pair explains."""
+    Where that one does not explain the log with nothing bent: a hard log.
+    """
+    hard = not explains(found, best, rule) or best.bent > belief(best, rule)
     pairs: list[Ranked] = []
-    for more in _pairs(found, best, needed, needed < rule.strict_nats):
+    for more in _pairs(found, best, rule, hard):
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
-        if any(_explains(found, r, rule) for r in pairs):
+        if any(explains(found, r, rule) for r in pairs):
             break
-    return min(pairs, key=lambda r: r.fit.cost, default=None)
+    for mend in (_unbent, _again)[: 1 + hard]:
+        more = mend(found, min(pairs, key=_cost), rule) if pairs else []
+        pairs += [r for r in more if _beyond_nominal(found, r, rule)]
+    return min(pairs, key=_cost, default=None)
 
 
-def _pairs(found: Attribution, best: Ranked, needed: float, hard: bool) -> Iterator[list[Ranked]]:
+def _pairs(found: Attribution, best: Ranked, rule: Rules, hard: bool) -> Iterator[list[Ranked]]:
     """Pairs with the best single effect; of a hard log with what joined it, then with others."""
-    seconds = found.second(best, WORTH * needed, explained=not hard)
+    worth = WORTH * rule.pair_nats
+    seconds = found.second(best, worth, explained=not hard)
     yield seconds
     if not hard:
         return
     if seconds:
         yield found.exchanged(seconds[0])
     for other in [r for r in found.singles[1:] if r.names != best.names][:OTHERS]:
-        yield found.second(other, WORTH * needed)
+        yield found.second(other, worth)
+
+
+def _unbent(found: Attribution, pair: Ranked, rule: Rules) -> list[Ranked]:
+    """Pairs with the nominal parameter that a pair bends beyond belief as an effect."""
+    return found.instead(pair) if pair.bent > belief(pair, rule) else []
+
+
+def _again(found: Attribution, pair: Ranked, rule: Rules) -> list[Ranked]:
+    """A pair that does not explain the log searched anew."""
+    return [] if explains(found, pair, rule) else [found.again(pair)]
+
+
+def _cost(ranked: Ranked) -> float:
+    return ranked.fit.cost
 
 
 def _strangeness(ranked: Ranked) -> float:
     """How far a fit is from what the nominal world with its effects may leave, in nats."""
     return max(ranked.surprise, ranked.bent) ** 2 / 2
-
-
-def _is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether a fit leaves nothing to explain: no parameter is bent, and what is new is noise.
-
-    It is white, and no more than a few samples are out of all proportion.
-    """
-    if ranked.surprise > rule.white_sd or ranked.bent > _belief(ranked, rule):
-        return False
-    new = found.whole.innovations(ranked.fit.effects, ranked.fit.deviations)
-    return int((np.abs(new) > compressed(rule.wild_sd)).sum()) < rule.wild_count
-
-
-def _belief(ranked: Ranked, rule: Rules) -> float:
-    """How many of its standard deviations a nominal parameter may be off beside these effects."""
-    return rule.bent_stds if len(ranked.names) == 1 else rule.alone_stds
 
 
 def _lead(behind: Ranked, ahead: Ranked) -> float:
@@ -325,42 +324,3 @@ def _size(found: Attribution, ranked: Ranked) -> float:
         return size
     late = late_s(found.fitter.effects(ranked.fit))[0]
     return max(size, abs(effect.magnitude + late))
-
-
-def _excess(gap: float, least: float = 1.0) -> float:
-    """What a gap has above the least, squared: above the floor."""
-    return max(gap**2 - least**2, 0.0)
-
-
-def _explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
-    """Whether what a candidate leaves is white, or little of what there is beyond noise.
-
-    Of a law that is a model: little of what there is beyond the floor, and most of it taken. With
-    nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
-    what no effect explains, as is an effect as large as it can be. A pair can bend to much, so it
-    must take most of the gap even so.
-    """
-    if candidate.bent > _belief(candidate, rule) and candidate.unrest <= CALM:
-        return False
-    if any(map(_ends, candidate.fit.effects)):
-        return False
-    white, alone = candidate.surprise <= rule.white_sd, len(candidate.names) < 2
-    share, least = _asked(found, candidate, rule, white)
-    left, had = (_excess(one.gap, least) for one in (candidate, found.nominal))
-    return (white and alone) or left <= (1 - share) * had + candidate.unrest**2
-
-
-def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> tuple[float, float]:
-    """Which share of the gap beyond which level a candidate must take."""
-    quiet, within = found.fitter.evidence.quiet, candidate.gap <= 1.0
-    modelled = any(map(is_modelled, candidate.fit.effects))
-    if white or (modelled and within):
-        return rule.within_share, quiet
-    if modelled:
-        return rule.explained_share, 1.0
-    return rule.explained_share if within else rule.exact_share, quiet
-
-
-def _ends(effect: Effect) -> bool:
-    """Whether a magnitude is where its bounds end, other than at nothing."""
-    return any(end and np.isclose(effect.magnitude, end, rtol=1e-3) for end in effect.bounds)

@@ -3,6 +3,7 @@
 import dataclasses
 import pickle
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,13 +16,14 @@ from diagnosis.attribution.attribute import CLOSE, Attribution, Ranked
 from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
+from diagnosis.attribution.explains import explains
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
-from diagnosis.attribution.verdict import _explains, judge, little_play, ruled
+from diagnosis.attribution.verdict import judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.hearing import Heard
 from diagnosis.beside.losses import ACCUSE_NATS, _listened, dropouts
@@ -225,14 +227,14 @@ def test_a_sensor_that_is_off_excuses_a_world_only_where_it_reads_in_steps(name,
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.9, True), (1.0, False)])
-def test_an_effect_as_large_as_it_can_be_explains_nothing(share, verdict):
+def test_an_effect_as_large_as_it_can_be_explains_nothing(share, verdict, monkeypatch):
     """Take an effect at the end of its bounds for a stand-in."""
     part = evidence((kind("kd-scale")(magnitude=0.5, joint="A0"),), protocols=("steps",))
     found = Attribution(part, {"kd-scale": kind("kd-scale")}, 0.05)
     best = found.singles[0]
-    effect = dataclasses.replace(best.fit.effects[0], magnitude=share * kind("kd-scale").bounds[1])
-    best = dataclasses.replace(best, fit=dataclasses.replace(best.fit, effects=(effect,)))
-    assert _explains(found, best, rules()) is verdict
+    ends = -0.9, best.fit.effects[0].magnitude / share
+    monkeypatch.setattr(kind("kd-scale"), "bounds", ends)
+    assert explains(found, best, rules()) is verdict
 
 
 def test_a_small_effect_beside_a_bent_parameter_accuses_nobody_less():
@@ -322,8 +324,8 @@ def test_a_pair_needs_no_bent_parameter():
     off = 3.3 * np.eye(len(best.fit.deviations))[-1]
     fit = dataclasses.replace(best.fit, deviations=off)
     bent = dataclasses.replace(best, fit=fit, unrest=0.0)
-    assert bent.names == ("encoder-bias",) and _explains(found, bent, rules())
-    assert not _explains(found, dataclasses.replace(bent, names=names), rules())
+    assert bent.names == ("encoder-bias",) and explains(found, bent, rules())
+    assert not explains(found, dataclasses.replace(bent, names=names), rules())
 
 
 def test_a_parameter_bent_beyond_belief_is_the_second_effect():
@@ -374,6 +376,68 @@ def test_some_wild_samples_are_no_noise(wild, verdict):
     part = dataclasses.replace(part, recordings=(wilder, *part.recordings[1:]))
     found = judge(part, {}, 0.05)
     assert found.names == (verdict,) and found.chosen.surprise < rules().white_sd
+
+
+def test_what_leaves_a_law_explains_nothing():
+    """Hear one late sensor in what a delay of all commands leaves, though that looks white."""
+    late, names = kind("sensor-delay")(magnitude=1.8e-3, joint="J1"), ("command-delay", "kp-scale")
+    part = evidence((late,), rig="finger")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    delay = next(one for one in found.singles if one.names + one.joints == ("command-delay", None))
+    assert delay.surprise < rules().white_sd
+    assert explains(found, delay, rules().model_copy(update={"law_nats": np.inf}))
+    assert not explains(found, delay, rules())
+    right = Attribution(part, {"sensor-delay": kind("sensor-delay")}, 0.05)
+    assert right.leftover(right.singles[0]).lack_of_fit < 20 < rules().law_nats
+
+
+@pytest.mark.parametrize(("times", "verdict"), [(1.0, "none"), (1.7, "unknown")])
+def test_what_shows_in_one_protocol_alone_is_unknown(times, verdict):
+    """Hear what is new in the push test alone, though all protocols together look white."""
+    protocols = ("steps", "multisine", "triangle", "push")
+    part, rng = evidence(protocols=protocols), np.random.default_rng(1)
+    recordings = [
+        dataclasses.replace(
+            one, measured=one.measured + times * NOISE_RAD * rng.normal(size=one.measured.shape)
+        )
+        if one.protocol == "push"
+        else one
+        for one in part.recordings
+    ]
+    found = judge(dataclasses.replace(part, recordings=tuple(recordings)), {}, 0.05)
+    assert found.names == (verdict,) and found.chosen.surprise < rules().white_sd
+
+
+def test_what_a_pair_bends_takes_the_place_of_either_effect():
+    """Find the gain that a pair bends beyond belief beside the effect that is there."""
+    truth = kind("encoder-bias")(magnitude=0.02, joint="A0"), kind("kd-scale")(magnitude=0.5)
+    names = ("encoder-bias", "kd-scale", "rotor-inertia")
+    found = Attribution(evidence(truth), {name: kind(name) for name in names}, 0.05)
+    wrong = truth[0], kind("rotor-inertia")(magnitude=1e-5, joint="A0")
+    whole = found.whole.refit(found.whole.at(wrong, np.zeros(len(found.whole.nuisances))))
+    pair = dataclasses.replace(found.nominal, names=names[::2], fit=whole)
+    assert pair.bent > rules().alone_stds
+    best = min(found.instead(pair), key=lambda one: one.fit.cost)
+    assert best.names == ("encoder-bias", "kd-scale") and best in found.pairs
+    assert best.fit.effects[1].magnitude == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_pair_that_went_astray_is_searched_anew():
+    """Reach the magnitudes of a pair from nominal parameters that were bent to others."""
+    truth = (
+        kind("backlash")(magnitude=0.01, joint="A0"),
+        kind("stiction")(magnitude=0.08, joint="A0"),
+    )
+    found = Attribution(evidence(truth, seed=3), {}, 0.05)
+    off = tuple(dataclasses.replace(e, magnitude=0.8 * e.magnitude) for e in truth)
+    bent = 2.0 * np.ones(len(found.whole.nuisances))
+    pair = dataclasses.replace(
+        found.nominal, names=("backlash", "stiction"), fit=found.whole.at(off, bent)
+    )
+    again = found.again(pair)
+    assert again in found.pairs and again.names == pair.names
+    for effect, true in zip(again.fit.effects, truth, strict=True):
+        assert effect.magnitude == pytest.approx(true.magnitude, rel=0.03)
 
 
 def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
@@ -525,7 +589,9 @@ def test_a_delay_counts_with_how_late_readings_are():
     found = Attribution(part, {"command-delay": delay}, 0.05)
     best = found.singles[0]
     small = delay(magnitude=1.2e-3, joint="A0")
-    found.whole.innovations = lambda *_: np.zeros(1)  # these fits leave more than `best` says
+    # these fits leave more than `best` says
+    found.whole.innovations = lambda *_: np.zeros(1)
+    found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
     for late, verdict in ((1.5, "command-delay"), (-1.5, "none")):
         moved = np.array([late * (n.kind is AngleLate) for n in found.whole.nuisances])
         fit = dataclasses.replace(best.fit, effects=(small,), deviations=moved)
@@ -571,7 +637,7 @@ def test_what_is_not_white_must_leave_little(name, gap, verdict):
     found = Attribution(part, {name: kind(name)}, 0.05)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 3.0)
     found.pairs, found.singles = [], [best]
-    assert _explains(found, best, rules()) is verdict
+    assert explains(found, best, rules()) is verdict
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False), (1.02, False)])
@@ -580,7 +646,7 @@ def test_a_delay_within_the_floor_takes_most_of_the_gap(gap, verdict):
     part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
     found = Attribution(part, {"command-delay": kind("command-delay")}, 0.05)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.5)
-    assert _explains(found, best, rules()) is verdict
+    assert explains(found, best, rules()) is verdict
 
 
 @pytest.mark.parametrize(
@@ -593,7 +659,7 @@ def test_a_pair_takes_most_of_what_is_beyond_noise(names, gap, verdict):
     found.nominal = leaving(found.nominal, 1.0)
     best = dataclasses.replace(leaving(found.singles[0], gap), surprise=0.0)
     pair = dataclasses.replace(best, names=names * best.names)
-    assert _explains(found, pair, rules()) is verdict
+    assert explains(found, pair, rules()) is verdict
 
 
 @pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False)])
@@ -602,7 +668,7 @@ def test_a_law_that_is_a_model_takes_most_of_what_the_floor_hides(gap, verdict):
     part = evidence((kind("self-lock")(magnitude=0.1, joint="A0"),), protocols=("push",))
     found = Attribution(part, {"self-lock": kind("self-lock")}, 0.05)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.02)
-    assert _explains(found, best, rules()) is verdict
+    assert explains(found, best, rules()) is verdict
 
 
 def test_refits_reach_the_best_nominal_parameters():
