@@ -82,7 +82,7 @@ def _is_lawless(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
 
 
 def _is_even(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether what a fit leaves is in no protocol alone; nothing is asked of a joint in its play."""
+    """Whether what a fit leaves is in no protocol alone; not asked of a joint in its play."""
     had = found.leftover(found.nominal).unevenness if ranked.names else 0.0
     most = max(rule.uneven_sd, rule.uneven_share * had)
     return ranked.unrest > CALM or found.leftover(ranked).unevenness <= most
