@@ -141,12 +141,12 @@ def ruled(found: Attribution) -> LimbVerdict:
     if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
         if is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
-        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(small))
+        return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, small))
     best, pair = _pair(found, singles[0], rule)
     if pair is not None and explains(found, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not explains(found, best, rule):
-        return _verdict((UNKNOWN,), best, found, (), _strangeness(best))
+        return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
     others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])
@@ -262,9 +262,11 @@ def _cost(ranked: Ranked) -> float:
     return ranked.fit.cost
 
 
-def _strangeness(ranked: Ranked) -> float:
+def _strangeness(found: Attribution, ranked: Ranked) -> float:
     """How far a fit is from what the nominal world with its effects may leave, in nats."""
-    return max(ranked.surprise, ranked.bent) ** 2 / 2
+    left = found.leftover(ranked)
+    deviations = max(ranked.surprise, ranked.bent, left.unevenness)
+    return max(deviations**2 / 2, left.lack_of_fit)
 
 
 def _lead(behind: Ranked, ahead: Ranked) -> float:

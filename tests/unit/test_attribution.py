@@ -406,6 +406,7 @@ def test_what_shows_in_one_protocol_alone_is_unknown(times, verdict):
     ]
     found = judge(dataclasses.replace(part, recordings=tuple(recordings)), {}, 0.05)
     assert found.names == (verdict,) and found.chosen.surprise < rules().white_sd
+    assert found.confidence > 0.7
 
 
 def test_what_a_pair_bends_takes_the_place_of_either_effect():
