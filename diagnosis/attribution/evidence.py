@@ -193,11 +193,11 @@ class Evidence:
         far = [one for one, end in zip(astray, self._ends[None], strict=True) if end]
         rows = zip(kept, shown, self._left(effects, None), far, strict=True)
         for recording, moved, left, apart in rows:
-            count = moved.shape[1]
-            time_s = recording.commands.ticks[:count] * self.nominal.timing.drive_s
+            count, some = moved.shape[1], moved[:, every]
+            time_s = recording.commands.ticks[:count][every] * self.nominal.timing.drive_s
             yield Trace(
-                shown=moved[:, every],
-                faster=np.gradient(moved[3], time_s, axis=0)[every],
+                shown=some,
+                faster=np.gradient(some[3], time_s, axis=0),
                 load=recording.commands.load[:count][every],
                 left=left,
                 weight=1 / np.hypot(1.0, apart[:, : left.shape[1]]),

@@ -73,23 +73,27 @@ def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
 
 
 def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:
-    names, frame = nominal.hand.joint_names, log.episode(number)
+    """An episode; of rows within one drive period the first alone, a replay knows no more."""
+    names, whole = nominal.hand.joint_names, log.episode(number)
+    time_s = whole["t_s"].to_numpy(float)
+    ticks = np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64)
+    ticks, rows = np.unique(ticks, return_index=True)
+    frame = whole.iloc[rows]
 
     def read(kind: str) -> Array:
         blank = np.full(len(frame), np.nan)
         columns = [log.column(kind, n) if log.has(kind, n) else None for n in names]
         return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
 
-    time_s = frame["t_s"].to_numpy(float)
     measured = np.stack([read(kind) for kind in USED])
     commands = Commands(
-        ticks=np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64),
+        ticks=ticks,
         target=read("command"),
         load=np.nan_to_num(read("push")),
         start=measured[0, :REST_SAMPLES].mean(axis=0),
     )
     protocol = next(e.protocol for e in log.episodes if e.episode == number)
-    return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged)
+    return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged[rows])
 
 
 def _judged(log: Log, numbers: list[int]) -> dict[int, Array]:

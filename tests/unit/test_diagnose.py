@@ -26,8 +26,9 @@ from diagnosis.attribution.gather import gather
 from diagnosis.attribution.magnitudes import Magnitude, merge
 from diagnosis.attribution.rules import rules
 from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
-from diagnosis.logs.log import read_log, write_log
+from diagnosis.logs.log import make_log, read_log, write_log
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.replay import replay
 
 IDEAL = trx.spec(STICKS["reference"])
 FLOOR = {"position": 3e-4, "motor": 3e-4, "torque": 5e-3}
@@ -182,6 +183,28 @@ def test_a_sound_hand_is_as_sure_as_its_least_sure_finger():
     assert _confidence([worse, strange], ()) == strange.confidence
     accused = dataclasses.replace(sound, names=("kp-scale",), lead_nats=50.0)
     assert _confidence([worse, strange, accused], ()) == accused.confidence
+
+
+def test_a_log_faster_than_the_drive_is_judged():
+    """Judge a log with four rows in every drive period."""
+    slow = arm_log("", ("steps",))
+    world = mjcf_world(slow)
+    (part,) = gather(slow, world, FLOOR)
+    told, period_s = part.recordings[0].commands, world.timing.drive_s
+    ticks = np.arange(3000)
+    rows = np.searchsorted(told.ticks, ticks, side="right") - 1
+    every = dataclasses.replace(told, ticks=ticks, target=told.target[rows], load=told.load[rows])
+    time_s = np.arange(0.0, 2.9, period_s / 4)
+    now = np.round(time_s / period_s).astype(int)
+    read = replay(world, every)[0][now] + np.random.default_rng(0).normal(0, 1e-4, (len(now), 2))
+    frame = pd.DataFrame({"episode": 0, "t_s": time_s})
+    for j, name in enumerate(part.joints):
+        frame[f"command_rad.{name}"] = every.target[now, j]
+        frame[f"position_rad.{name}"] = read[:, j]
+    meta = slow.meta.model_copy(update={"channels": {}})
+    (fast,) = gather(make_log(meta, frame, slow.mjcf_xml), world, FLOOR)
+    assert (np.diff(fast.recordings[0].commands.ticks) == 1).all()
+    assert judge_limb(fast, catalogue={}, uncertainty=0.05).verdict.names == ("none",)
 
 
 def test_limbs_side_by_side_give_the_same():
