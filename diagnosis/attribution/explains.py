@@ -23,7 +23,7 @@ def explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
         return False
     if any(map(_ends, candidate.fit.effects)):
         return False
-    white, alone = candidate.surprise <= rule.white_sd, len(candidate.names) < 2
+    white, alone = is_white(found, candidate, rule), len(candidate.names) < 2
     share, least = _asked(found, candidate, rule, white)
     left, had = (excess(one.gap, least) for one in (candidate, found.nominal))
     enough = (white and alone) or left <= (1 - share) * had + candidate.unrest**2
@@ -37,12 +37,21 @@ def is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
 
     It is white, follows no law, and no more than a few samples are out of all proportion.
     """
-    if ranked.surprise > rule.white_sd or ranked.bent > belief(ranked, rule):
+    if ranked.bent > belief(ranked, rule) or not is_white(found, ranked, rule):
         return False
     new = found.whole.innovations(ranked.fit.effects, ranked.fit.deviations)
     wild = int((np.abs(new) > compressed(rule.wild_sd)).sum())
     lawless = _is_lawless(found, ranked, rule) and _is_even(found, ranked, rule)
     return wild < rule.wild_count and lawless
+
+
+def is_white(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
+    """Whether what is new is white: on held-out samples, or in every protocol once all are fitted.
+
+    Half of the samples may not tell every parameter, and what they leave open shows on the others.
+    """
+    held_out = ranked.surprise <= rule.white_sd
+    return held_out or found.leftover(ranked).unevenness <= rule.white_sd
 
 
 def belief(ranked: Ranked, rule: Rules) -> float:

@@ -10,7 +10,7 @@ from backends.effects import backlash, encoder_scale
 from diagnosis.attribution.attribute import BELIEVED, Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_read, nuisances
 from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.explains import belief, excess, explains, is_plain
+from diagnosis.attribution.explains import belief, excess, explains, is_plain, is_white
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.rules import Rules, rules
 from diagnosis.attribution.timing import Late, late_s
@@ -168,7 +168,7 @@ def _became(found: Attribution, less: Ranked, more: Ranked, rule: Rules) -> bool
         isinstance(e, worst.kind) and e.joint in (None, worst.joint) for e in more.fit.effects
     )
     bent = less.bent > belief(less, rule) and more.bent < belief(more, rule)
-    plain = less.surprise <= rule.white_sd and is_plain(found, more, rule)
+    plain = is_white(found, less, rule) and is_plain(found, more, rule)
     return same and bent and plain and _lead(less, more) > 0.0
 
 
@@ -214,7 +214,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     if _lead(_with_little(found, least, found.pairs, rule), pair) < rule.pair_nats:
         return best, None
     enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)
-    needed = best.surprise <= rule.white_sd or enough or not explains(found, best, rule)
+    needed = enough or is_white(found, best, rule) or not explains(found, best, rule)
     return best, pair if needed else None
 
 

@@ -222,7 +222,9 @@ def test_a_sensor_that_is_off_excuses_a_world_only_where_it_reads_in_steps(name,
     part = evidence((kind(name)(magnitude=5e-4, joint="A0"),), noise_rad=1e-4)
     part = dataclasses.replace(part, floor=wider * part.floor)
     found = Attribution(part, {name: kind(name)}, 0.05)
+    white, unwhite = (SimpleNamespace(lack_of_fit=0.0, unevenness=sd) for sd in (0.0, 6.0))
     found.nominal = dataclasses.replace(found.nominal, surprise=rules().white_sd + 1)
+    found.leftover = lambda one: unwhite if one is found.nominal else white
     assert found.singles[0].surprise < rules().white_sd and ruled(found).names == (verdict,)
 
 
@@ -450,6 +452,7 @@ def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
     lower = [dataclasses.replace(strange.fit, cost=best.fit.cost - less) for less in (5.0, 50.0)]
     both = dataclasses.replace(best, names=("gear-damping", "kd-scale"))
     found.second = lambda *_, **__: [both]
+    found.leftover = lambda one: SimpleNamespace(lack_of_fit=0.0, unevenness=one.surprise)
     for fit, verdict in zip(lower, (("gear-damping",), ("unknown",)), strict=True):
         found.halves = lambda _, fit=fit: [dataclasses.replace(strange, fit=fit)]
         assert ruled(found).names == verdict
@@ -609,6 +612,12 @@ def test_dips_of_a_cost_ask_for_no_second_effect():
     assert best._shaken(fit).cost < fit.cost - 5
 
 
+def lawless(found: Attribution) -> None:
+    """Let all candidates leave what follows no law and is not white."""
+    left = SimpleNamespace(lack_of_fit=0.0, unevenness=rules().white_sd + 1)
+    found.leftover = lambda _: left
+
+
 def leaving(ranked: Ranked, gap: float) -> Ranked:
     """A candidate whose held-out residuals are not white, and as large as asked."""
     plain = np.full(len(ranked.plain), CORE * np.sinh(gap / CORE)) ** 2
@@ -636,6 +645,7 @@ def test_what_is_not_white_must_leave_little(name, gap, verdict):
     size = 0.01 if name == "command-delay" else 0.03
     part = evidence((kind(name)(magnitude=size, joint="A0"),), protocols=("steps",))
     found = Attribution(part, {name: kind(name)}, 0.05)
+    lawless(found)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 3.0)
     found.pairs, found.singles = [], [best]
     assert explains(found, best, rules()) is verdict
@@ -646,6 +656,7 @@ def test_a_delay_within_the_floor_takes_most_of_the_gap(gap, verdict):
     """Name a delay that leaves less than the floor where little is left over noise, too."""
     part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
     found = Attribution(part, {"command-delay": kind("command-delay")}, 0.05)
+    lawless(found)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.5)
     assert explains(found, best, rules()) is verdict
 
@@ -668,6 +679,7 @@ def test_a_law_that_is_a_model_takes_most_of_what_the_floor_hides(gap, verdict):
     """Name a friction that leaves little of what is within the floor; none that leaves most."""
     part = evidence((kind("self-lock")(magnitude=0.1, joint="A0"),), protocols=("push",))
     found = Attribution(part, {"self-lock": kind("self-lock")}, 0.05)
+    lawless(found)
     best, found.nominal = leaving(found.singles[0], gap), leaving(found.nominal, 1.02)
     assert explains(found, best, rules()) is verdict
 
