@@ -651,6 +651,16 @@ def test_what_is_not_white_must_leave_little(name, gap, verdict):
     assert explains(found, best, rules()) is verdict
 
 
+def test_what_half_of_the_samples_leave_open_is_no_gap():
+    """Believe a fit to all samples that leaves white noise, whatever one to half of them left."""
+    part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
+    found = Attribution(part, {"command-delay": kind("command-delay")}, 0.05)
+    best, found.nominal = leaving(found.singles[0], 1.5), leaving(found.nominal, 3.0)
+    assert best.surprise > rules().white_sd and explains(found, best, rules())
+    lawless(found)
+    assert not explains(found, best, rules())
+
+
 @pytest.mark.parametrize(("gap", "verdict"), [(0.93, True), (0.98, False), (1.02, False)])
 def test_a_delay_within_the_floor_takes_most_of_the_gap(gap, verdict):
     """Name a delay that leaves less than the floor where little is left over noise, too."""
