@@ -33,12 +33,12 @@ def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, 
     numbers = [
         e.episode
         for e in log.episodes
-        if e.protocol in FREE_AIR and len(log.episode(e.episode)) >= LEAST_SAMPLES
+        if e.protocol in FREE_AIR and len(_rows(log, nominal, e.episode)[0]) >= LEAST_SAMPLES
     ]
     if not numbers:
         raise LogError(
             f"not identifiable from this log: no free-air episode of {LEAST_SAMPLES} samples or "
-            f"more; record {', '.join(FREE_AIR[:4])}"
+            f"more, one per drive period; record {', '.join(FREE_AIR[:4])}"
         )
     return tuple(_limb(log, part, numbers, floor) for part in limbs(nominal))
 
@@ -73,12 +73,8 @@ def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
 
 
 def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:
-    """An episode; of rows within one drive period the first alone, a replay knows no more."""
-    names, whole = nominal.hand.joint_names, log.episode(number)
-    time_s = whole["t_s"].to_numpy(float)
-    ticks = np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64)
-    ticks, rows = np.unique(ticks, return_index=True)
-    frame = whole.iloc[rows]
+    names, (ticks, rows) = nominal.hand.joint_names, _rows(log, nominal, number)
+    frame = log.episode(number).iloc[rows]
 
     def read(kind: str) -> Array:
         blank = np.full(len(frame), np.nan)
@@ -94,6 +90,16 @@ def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording
     )
     protocol = next(e.protocol for e in log.episodes if e.episode == number)
     return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged[rows])
+
+
+def _rows(log: Log, nominal: Spec, number: int) -> tuple[Array, Array]:
+    """Drive periods in which an episode has rows, and the first row of each; both (T,).
+
+    Of what follows within the same period a replay knows nothing.
+    """
+    time_s = log.episode(number)["t_s"].to_numpy(float)
+    ticks = np.round((time_s - time_s[0]) / nominal.timing.drive_s).astype(np.int64)
+    return np.unique(ticks, return_index=True)
 
 
 def _judged(log: Log, numbers: list[int]) -> dict[int, Array]:

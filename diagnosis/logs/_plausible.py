@@ -100,6 +100,8 @@ def position_follows(name: str, number: int, part: pd.DataFrame, names: list[str
     """Refuse an episode whose position surely follows far too late, or leads the command."""
     dt = float(np.median(np.diff(part["t_s"])))
     step = max(1, round(SPEED_S / dt))
+    if len(part) < step + 2:
+        return  # too short to tell a speed
     command, position = (v[step:] - v[:-step] for v in (part[n].to_numpy() for n in names))
     half = len(command) // 2
     first, last = (max(-half, min(s / dt, half)) for s in SEARCH_S)

@@ -26,7 +26,7 @@ from diagnosis.attribution.gather import gather
 from diagnosis.attribution.magnitudes import Magnitude, merge
 from diagnosis.attribution.rules import rules
 from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
-from diagnosis.logs.log import make_log, read_log, write_log
+from diagnosis.logs.log import LogError, make_log, read_log, write_log
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.replay import replay
 
@@ -185,8 +185,8 @@ def test_a_sound_hand_is_as_sure_as_its_least_sure_finger():
     assert _confidence([worse, strange, accused], ()) == accused.confidence
 
 
-def test_a_log_faster_than_the_drive_is_judged():
-    """Judge a log with four rows in every drive period."""
+def test_a_log_faster_than_the_drive_is_judged(tmp_path):
+    """Judge a log with four rows in every drive period; refuse 22 periods of it."""
     slow = arm_log("", ("steps",))
     world = mjcf_world(slow)
     (part,) = gather(slow, world, FLOOR)
@@ -202,6 +202,10 @@ def test_a_log_faster_than_the_drive_is_judged():
         frame[f"command_rad.{name}"] = every.target[now, j]
         frame[f"position_rad.{name}"] = read[:, j]
     meta = slow.meta.model_copy(update={"channels": {}})
+    brief = make_log(meta, frame[:90], slow.mjcf_xml)
+    write_log(brief, tmp_path / "brief")
+    with pytest.raises(LogError, match="100 samples or more, one per drive period"):
+        gather(read_log(tmp_path / "brief"), world, FLOOR)
     (fast,) = gather(make_log(meta, frame, slow.mjcf_xml), world, FLOOR)
     assert (np.diff(fast.recordings[0].commands.ticks) == 1).all()
     assert judge_limb(fast, catalogue={}, uncertainty=0.05).verdict.names == ("none",)
