@@ -81,12 +81,15 @@ def _ends(effect: Effect) -> bool:
 
 
 def _is_lawless(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether what a fit leaves does not follow the motion, but for a small share of what it takes.
+    """Whether what a fit leaves does not follow the motion.
 
     Who stands in for another law fits what is common to both, and leaves traces under the floor.
+    Beyond the floor a small share of what it takes may be left, and of a restless joint as much as
+    that strays.
     """
-    taken = found.nominal.fit.cost - ranked.fit.cost
-    most = rule.law_nats + (1 - rule.explained_share) * taken
+    loose = ranked.gap > rule.settled_gap
+    share = min(np.inf if loose else ranked.unrest**2, 1 - rule.explained_share)
+    most = rule.law_nats + share * (found.nominal.fit.cost - ranked.fit.cost)
     return found.leftover(ranked).lack_of_fit <= most
 
 

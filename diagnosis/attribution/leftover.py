@@ -13,7 +13,7 @@ from functools import cached_property
 import numpy as np
 
 from backends.state import Array
-from diagnosis.attribution.evidence import Evidence, Trace
+from diagnosis.attribution.evidence import USED, Evidence, Trace
 from diagnosis.attribution.fit import Fitter
 from diagnosis.attribution.profile import Fit
 from diagnosis.attribution.whiten import surprise
@@ -26,6 +26,8 @@ CLEAR = 4.0
 """No innovation counts more than this: a wild sample is no law [standard deviations]."""
 RIDGE = 3.0
 """Prior precision of a coefficient, over that of a sample's innovation."""
+TORQUE = 0.5
+"""What follows the motion counts by so much in a torque, where teeth of other laws show most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,7 +41,7 @@ class Leftover:
     def lack_of_fit(self) -> float:
         """What regressors foretell of it, on the channel and joint that is worst [nats].
 
-        Around zero or less where the effects are right.
+        Around zero or less where the effects are right; of torques `TORQUE` of it.
         """
         evidence, effects = self.fitter.evidence, self.fitter.effects(self.fit)
         rows = [
@@ -73,10 +75,13 @@ class Track:
     """Filtered as these are, each with a mean square of 1, shape (n, K)."""
     judged: Array
     """Which samples judge, shape (n,), bool."""
+    counted: float
+    """By how much it counts."""
 
     def nats(self) -> float:
         """What each part of the samples foretells of the other."""
-        return sum(self._foretold(~part, part) for part in (self.judged, ~self.judged))
+        both = (self.judged, ~self.judged)
+        return self.counted * sum(self._foretold(~part, part) for part in both)
 
     def _foretold(self, known: Array, asked: Array) -> float:
         x, new = self.regressors[known], self.new[known]
@@ -103,6 +108,7 @@ def _tracks(evidence: Evidence, rows: Sequence[tuple[Evidence, Trace, Array]]) -
                 new=np.clip(table[0], -CLEAR, CLEAR),
                 regressors=x / (np.sqrt((x**2).mean(axis=0)) + 1e-12),
                 judged=judged,
+                counted=TORQUE if USED[channel] == "torque" else 1.0,
             )
 
 

@@ -29,8 +29,8 @@ class Rules(BaseModel):
     wild_count: int
     """So many such samples are no noise: lost packets alone look white."""
     law_nats: float
-    """Regressors foretell no more of what an explained log leaves, see `leftover`, and a tenth of
-    what its effects take beside: 1 - `explained_share`."""
+    """Regressors foretell no more of what an explained log leaves, see `leftover`. Beyond
+    `settled_gap` a tenth of what effects take beside: 1 - `explained_share`."""
     uneven_sd: float
     """Where it leaves no more than the floor, no protocol is further from white than this."""
     uneven_share: float

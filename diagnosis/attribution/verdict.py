@@ -139,6 +139,9 @@ def ruled(found: Attribution) -> LimbVerdict:
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
     if gain < rule.accuse_nats and not (singles and _became(found, small, singles[0], rule)):
+        off = _slightly_off(found, small, rule)
+        if off is not None:
+            return _verdict((UNKNOWN,), off, found, (), _lead(small, off))
         if is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, small))
@@ -181,8 +184,7 @@ def _with_little(
     nominal parameter that is bent beyond belief it may not have, nor a sensor that is off, unless
     it reads in steps: a little play or friction is in every mechanism.
     """
-    count, evidence = len(ranked.names), found.fitter.evidence
-    in_steps = bool((evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size).any())
+    count, in_steps = len(ranked.names), _in_steps(found, rule)
     little = (
         one
         for one in tried
@@ -192,6 +194,25 @@ def _with_little(
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=_cost)
+
+
+def _slightly_off(found: Attribution, small: Ranked, rule: Rules) -> Ranked | None:
+    """A position sensor that is off by too little to accuse, and yet helps as what is accused must.
+
+    It stands in for what is unknown: not every mechanism has a little of that, unlike of play, and
+    of delay, and of what a sensor does that reads in steps.
+    """
+    off = [] if _in_steps(found, rule) else found.singles
+    effects = ((one, one.fit.effects[-1]) for one in off)
+    read = (one for one, effect in effects if is_read(effect) and effect.dimension != "time")
+    best = min(read, key=_cost, default=small)
+    return best if _lead(small, best) >= rule.accuse_nats else None
+
+
+def _in_steps(found: Attribution, rule: Rules) -> bool:
+    """Whether a position sensor reads in steps: its floor is wider than the model's own error."""
+    evidence = found.fitter.evidence
+    return bool((evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size).any())
 
 
 def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked | None]:

@@ -393,6 +393,29 @@ def test_what_leaves_a_law_explains_nothing():
     assert right.leftover(right.singles[0]).lack_of_fit < 20 < rules().law_nats
 
 
+def test_what_stands_in_for_an_exact_law_explains_nothing():
+    """Hear an offset in what a scale leaves of it, though that takes most of it and looks white."""
+    offset, protocols = kind("encoder-bias"), ("steps", "multisine", "triangle", "push")
+    part = evidence([offset(magnitude=2e-3, joint="J1")], rig="finger", protocols=protocols)
+    found = judge(part, {"encoder-scale": kind("encoder-scale")}, 0.05)
+    assert found.names == ("unknown",) and found.chosen.surprise < rules().white_sd
+    freer = rules().model_copy(update={"law_nats": np.inf})
+    assert explains(found.attribution, found.chosen, freer)
+    right = judge(part, {"encoder-bias": offset}, 0.05)
+    assert right.names == ("encoder-bias",)
+
+
+def test_a_sensor_that_is_slightly_off_stands_in_for_what_is_unknown():
+    """Call a weak tilt unknown that a scale too small to accuse explains in part, and not none."""
+    part = evidence((kind("gravity-tilt")(magnitude=0.11),), rig="finger")
+    known = {name: kind(name) for name in ("encoder-scale", "encoder-bias", "backlash")}
+    found = judge(part, known, 0.05)
+    assert found.names == ("unknown",) and found.chosen.names[0].startswith("encoder")
+    assert judge(evidence(rig="finger"), known, 0.05).names == ("none",)
+    tilt = judge(part, {**known, "gravity-tilt": kind("gravity-tilt")}, 0.05)
+    assert tilt.names == ("gravity-tilt",)
+
+
 @pytest.mark.parametrize(("times", "verdict"), [(1.0, "none"), (1.7, "unknown")])
 def test_what_shows_in_one_protocol_alone_is_unknown(times, verdict):
     """Hear what is new in the push test alone, though all protocols together look white."""

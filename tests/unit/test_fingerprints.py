@@ -101,6 +101,13 @@ def test_noise_that_nothing_explains_is_unknown():
     assert [(f.effect, f.joint, len(f.joints)) for f in everywhere] == [("unknown", None, 6)]
 
 
+def test_small_steps_that_nothing_explains_are_unknown():
+    """Hear steps of 1.7 mrad under noise of 0.5 mrad, where no effect may be the cause."""
+    known = {n: k for n, k in CATALOGUE.items() if n not in ("encoder-noise", "encoder-resolution")}
+    logs = "encoder-noise=0.5mrad,encoder-resolution=0.1deg@J4", "encoder-noise=0.5mrad"
+    assert [(f.effect, f.joints) for f in sensors(parts(*logs), known)] == [("unknown", ("J4",))]
+
+
 def test_resolution_with_noise_under_it():
     """Name the steps of all encoders, and the noise that is larger than half a step."""
     found = {
