@@ -6,7 +6,8 @@ for (Ramsey, J. Royal Statistical Society B 31, 1969) foretell them: coefficient
 for fitting then help on those for judging, and the other way round.
 """
 
-from collections.abc import Iterator, Sequence
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -39,9 +40,9 @@ class Leftover:
 
     @cached_property
     def lack_of_fit(self) -> float:
-        """What regressors foretell of it, on the channel and joint that is worst [nats].
+        """What two regressors foretell of it, on the channel and joint that is worst [nats].
 
-        Around zero or less where the effects are right; of torques `TORQUE` of it.
+        Some nats where the effects are right.
         """
         evidence, effects = self.fitter.evidence, self.fitter.effects(self.fit)
         rows = [
@@ -50,7 +51,8 @@ class Leftover:
             for limits_nm in [np.array([d.torque_limit_nm for d in part.world(effects).drives])]
             for trace in part.traces(effects)
         ]
-        return max((track.nats() for track in _tracks(evidence, rows)), default=0.0)
+        channels, _, joints = evidence.sigma.shape
+        return max(_foretold(rows, *where) for where in np.ndindex(channels, joints))
 
     @cached_property
     def unevenness(self) -> float:
@@ -65,58 +67,48 @@ class Leftover:
         return max((surprise(new[part], tracks[part]) for part in parts), default=0.0)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Track:
-    """What is new on one channel of one joint."""
+def _foretold(rows: Sequence[tuple[Evidence, Trace, Array]], channel: int, joint: int) -> float:
+    """What each part of the samples foretells of the other on one channel of one joint [nats].
 
-    new: Array
-    """Innovations, shape (n,)."""
-    regressors: Array
-    """Filtered as these are, each with a mean square of 1, shape (n, K)."""
-    judged: Array
-    """Which samples judge, shape (n,), bool."""
-    counted: float
-    """By how much it counts."""
+    By the best two regressors: more of them teach what does not come again. Nothing where all
+    samples are for fitting, or all for judging.
+    """
+    parts = []
+    for part, trace, regressors in rows:
+        left = trace.left[channel, :, joint]
+        signals = np.vstack([left, regressors[:, :, joint] * trace.weight[channel, :, joint]])
+        new = part.filtered(np.where(np.isfinite(left), signals, np.nan), channel, joint)
+        parts.append(np.vstack([new, trace.judged]))
+    table = np.concatenate(parts, axis=1)
+    table = table[:, np.isfinite(table[0])]
+    new, x, judged = np.clip(table[0], -CLEAR, CLEAR), table[1:-1], table[-1] > 0
+    if judged.all() or not judged.any():
+        return 0.0
+    x = x / (np.sqrt((x**2).mean(axis=1, keepdims=True)) + 1e-12)
+    fitted, asked = ((x[:, k] @ x[:, k].T, x[:, k] @ new[k]) for k in (~judged, judged))
+    pairs = np.array(list(itertools.combinations(range(len(x)), 2)))
+    nats = _taught(pairs, *fitted, *asked) + _taught(pairs, *asked, *fitted)
+    return float(nats.max()) * (TORQUE if USED[channel] == "torque" else 1.0)
 
-    def nats(self) -> float:
-        """What each part of the samples foretells of the other."""
-        both = (self.judged, ~self.judged)
-        return self.counted * sum(self._foretold(~part, part) for part in both)
 
-    def _foretold(self, known: Array, asked: Array) -> float:
-        x, new = self.regressors[known], self.new[known]
-        fit = np.linalg.solve(x.T @ x + RIDGE * np.eye(x.shape[1]), x.T @ new)
-        left = self.new[asked] - self.regressors[asked] @ fit
-        return float(self.new[asked] @ self.new[asked] - left @ left) / 2
+def _taught(terms: Array, gram: Array, cross: Array, other: Array, asked: Array) -> Array:
+    """What regressors `terms` (n, k), fitted to some samples, foretell of others [nats], (n,).
 
-
-def _tracks(evidence: Evidence, rows: Sequence[tuple[Evidence, Trace, Array]]) -> Iterator[Track]:
-    """Every channel of every joint that has samples of both kinds."""
-    channels, _, joints = evidence.sigma.shape
-    for channel, joint in np.ndindex(channels, joints):
-        parts = []
-        for part, trace, regressors in rows:
-            left = trace.left[channel, :, joint]
-            signals = np.vstack([left, regressors[:, :, joint] * trace.weight[channel, :, joint]])
-            new = part.filtered(np.where(np.isfinite(left), signals, np.nan), channel, joint)
-            parts.append(np.vstack([new, trace.judged]))
-        table = np.concatenate(parts, axis=1)
-        table = table[:, np.isfinite(table[0])]
-        judged, x = table[-1] > 0, table[1:-1].T
-        if judged.any() and not judged.all():
-            yield Track(
-                new=np.clip(table[0], -CLEAR, CLEAR),
-                regressors=x / (np.sqrt((x**2).mean(axis=0)) + 1e-12),
-                judged=judged,
-                counted=TORQUE if USED[channel] == "torque" else 1.0,
-            )
+    `gram` (K, K) and `cross` (K,) are the regressors' products with each other and with residuals
+    on the one, `other` and `asked` the same on the others.
+    """
+    rows, columns = terms[:, :, None], terms[:, None, :]
+    known = gram[rows, columns] + RIDGE * np.eye(terms.shape[1])
+    fit = np.linalg.solve(known, cross[terms][:, :, None])
+    taken = np.swapaxes(fit, 1, 2) @ other[rows, columns] @ fit
+    return (fit[:, :, 0] * asked[terms]).sum(axis=1) - taken[:, 0, 0] / 2
 
 
 def _regressors(trace: Trace, limit_nm: Array) -> Array:
     """What forces and sensors may follow on each joint, shape (K, T, J).
 
     Angle, speed, acceleration, drive torque and outer load, the sizes of these along the motion,
-    a drive at its limit, and how the other joints move.
+    a constant, the motion's direction, a drive at its limit, and how the other joints move.
     """
     position, _, torque, speed = trace.shown
     faster, load = trace.faster, trace.load

@@ -194,7 +194,7 @@ def _noise(
     std, *ends = (
         float(np.sqrt(max(s**2 - step**2 / 12, 0.0))) for s in (found.std_rad, *found.interval_rad)
     )
-    if std < _least_noise(known.noise_rad):
+    if std < max(LEAST_EXCESS * known.noise_rad, known.noise_rad + LEAST_NOISE_RAD):
         return []
     before, after = _gaps(np.concatenate(residuals), known, step, std)
     return [
@@ -213,19 +213,16 @@ def _noise(
     ]
 
 
-def _least_noise(nominal_rad: float) -> float:
-    """The least noise that is more than the nominal one."""
-    return max(LEAST_EXCESS * nominal_rad, nominal_rad + LEAST_NOISE_RAD)
-
-
 def _louder(joint: str, residuals: Sequence[Array], known: Encoder) -> list[Finding]:
-    """White readings that are noisier than the nominal sensor's: a model's own error is slow."""
+    """White readings that are noisier than the nominal sensor's, by more than the model's floor."""
     expected = float(np.hypot(known.noise_rad, known.resolution_rad / np.sqrt(12)))
-    found = white_noise(residuals, expected)
-    if found is None or found.interval_rad[0] < _least_noise(expected):
+    found, sigma = (
+        white_noise(residuals, expected),
+        float(np.hypot(expected, rules().floor_position_rad)),
+    )
+    if found is None or found.interval_rad[0] < max(LEAST_EXCESS * expected, sigma):
         return []
     residual = np.concatenate(residuals)
-    sigma = float(np.hypot(rules().floor_position_rad, expected))
     return [
         Finding(
             effect=UNKNOWN,

@@ -46,10 +46,10 @@ def _led(one: Leading) -> str:
     """What an unknown gap is mostly like."""
     what = f"{one.effect} of {number(one.value)} {one.unit} on {one.joint or listed(one.limb)}"
     others = f"every effect but {listed(one.tied)}" if one.tied else "every other effect"
-    return (
-        f"Nearest is {what}, ahead of {others}: it takes {percent(one.share)} of the squared gap "
-        "that the nominal parameters leave, too little to be the verdict."
-    )
+    taken = f"takes {percent(one.share)} of the squared gap that the nominal parameters leave"
+    if one.share.value <= 0.0:
+        taken = "moves nothing by more than the noise floor"
+    return f"Nearest is {what}, ahead of {others}: it {taken}, too little to be the verdict."
 
 
 def _strange(found: Diagnosis) -> str:

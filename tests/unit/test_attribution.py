@@ -335,6 +335,7 @@ def test_a_pair_needs_no_bent_parameter():
     off = 3.3 * np.eye(len(best.fit.deviations))[-1]
     fit = dataclasses.replace(best.fit, deviations=off)
     bent = dataclasses.replace(best, fit=fit, unrest=0.0)
+    found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
     assert bent.names == ("encoder-bias",) and explains(found, bent, rules())
     assert not explains(found, dataclasses.replace(bent, names=names), rules())
 
