@@ -14,11 +14,12 @@ from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
-from diagnosis.attribution.fit import POLISH, Fitter
+from diagnosis.attribution.fit import CALM, POLISH, Fitter
 from diagnosis.attribution.leftover import Leftover
 from diagnosis.attribution.profile import Fit, grown
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.screening import coarse, everywhere, there, various, with_everywhere
+from diagnosis.attribution.simplex import simplex
 from diagnosis.attribution.timing import AngleLate, Late, late_s
 from diagnosis.attribution.whiten import alike, surprise
 
@@ -109,7 +110,17 @@ class Attribution:
         self.pairs: list[Ranked] = []
         """All that were tried."""
         self.singles = self._rank((), self._base)
+        self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
         self.nominal = self._settled(found)
+
+    def slopeless(self, one: Ranked) -> Ranked:
+        """A candidate; searched without slopes where it is restless and beyond the floor."""
+        if one.unrest <= CALM or one.gap <= 1.0:
+            return one
+        trained = simplex(self.fitter, self._trained(one.fit))
+        whole = simplex(self.whole, self.whole.at(trained.effects, trained.deviations))
+        again = self._judged(one.names, trained, whole)
+        return min(one, again, key=lambda ranked: ranked.fit.cost)
 
     def _settled(self, found: Fit) -> Ranked:
         """The nominal refit, again from where the best single effect has taken the parameters.

@@ -225,6 +225,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     pair = _best_pair(found, best, rule)
     if pair is None:
         return best, None
+    pair = found.slopeless(pair)
     halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
     alone = (best, *halves)
     least = min(alone, key=_cost)

@@ -28,7 +28,8 @@ ACCUSE_NATS = 30.0
 LEAST_LOST, EXPLAINED = 5, 0.5
 """So many decisive losses explain at least this share of what no losses leave over the noise, and
 fewer `exact_share`, or else they leave what is white. Beside an effect fewer losses of any kind are
-moments that its world does not foretell."""
+moments that its world does not foretell, as are those of a smaller share of packets."""
+LEAST_SHARE = 0.01
 CHANCE = 1e-3
 """Losses that depend on each other or on the size of a change are not random below this."""
 AGREED = 0.5
@@ -123,7 +124,8 @@ def _finding(
     count, losses = int(said.sum()), int(gone.sum())
     ends = beta.ppf([0.05, 0.95], losses + 0.5, count - losses + 0.5)
     named = sum(counts(one.fitter.evidence, h.path)[0] for one, h in pairs)
-    few = named < LEAST_LOST and any(one.told.effects for one, _ in pairs)
+    least = max(LEAST_LOST, LEAST_SHARE * count)
+    few = named < least and any(one.told.effects for one, _ in pairs)
     if not losses or few or ends[0] > SHARES[1]:
         return ()
     asked = EXPLAINED if losses >= LEAST_LOST else rules().exact_share

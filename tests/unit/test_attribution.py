@@ -17,7 +17,7 @@ from diagnosis.attribution.candidates import nuisances
 from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.explains import explains
-from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
@@ -634,6 +634,23 @@ def test_a_delay_counts_with_how_late_readings_are():
         fit = dataclasses.replace(best.fit, effects=(small,), deviations=moved)
         found.singles = [dataclasses.replace(best, fit=fit)]
         assert ruled(found).names == (verdict,)
+
+
+def test_a_joint_that_rattles_is_fitted_without_slopes():
+    """Find a large play where no slope leads to the gains, and nothing to make up for them."""
+    sizes = {"kp-scale": (-0.012, -0.069), "kd-scale": (0.047, 0.024)}
+    gains = [
+        kind(name)(magnitude=size, joint=joint)
+        for name, pair in sizes.items()
+        for size, joint in zip(pair, ("J0", "J1"), strict=True)
+    ]
+    play = kind("backlash")(magnitude=0.0255, joint="J0")
+    protocols = ("steps", "multisine", "triangle", "push")
+    part = evidence((play, *gains), rig="finger", seed=1, protocols=protocols)
+    known = {name: kind(name) for name in ("backlash", "viscous-friction", "kp-scale")}
+    found = judge(part, known, 0.05)
+    assert found.names == ("backlash",) and found.chosen.unrest > CALM
+    assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.0255, rel=0.05)
 
 
 def test_dips_of_a_cost_ask_for_no_second_effect():

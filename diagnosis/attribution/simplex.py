@@ -1,0 +1,48 @@
+"""A search without slopes, for joints in their play: what these do next to no slope foretells."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import minimize
+
+from backends.effect import Effect
+from backends.state import Array
+from diagnosis.attribution.fit import Fitter
+from diagnosis.attribution.profile import Fit
+
+TRIES = 1000
+"""Worlds that are tried."""
+STEP = 0.05
+"""How much larger a magnitude is where a nominal parameter is a standard deviation off."""
+
+
+def simplex(fitter: Fitter, fit: Fit) -> Fit:
+    """A fit, or a better one by an adaptive simplex around it.
+
+    Nelder and Mead, Computer Journal 7, 1965; Gao and Han, Comp. Optimization and Applications 51,
+    2012.
+    """
+    free = np.flatnonzero(fitter.free(fit.effects))
+
+    def at(x: Array) -> Fit:
+        deviations = np.zeros_like(fit.deviations)
+        deviations[free] = x[: len(free)]
+        return fitter.at(_grown(fit.effects, np.exp(STEP * x[len(free) :])), deviations)
+
+    start = np.concatenate([fit.deviations[free], np.zeros(len(fit.effects))])
+    corners = np.vstack([start, start + np.eye(len(start))])
+    most = np.full(len(start), fitter.farthest)
+    found = minimize(
+        lambda x: at(x).cost,
+        start,
+        method="Nelder-Mead",
+        bounds=np.column_stack([-most, most]),
+        options={"maxfev": TRIES, "adaptive": True, "initial_simplex": corners},
+    )
+    return min(fit, at(found.x), key=lambda one: one.cost)
+
+
+def _grown(effects: Sequence[Effect], times: Array) -> tuple[Effect, ...]:
+    pairs = zip(effects, times, strict=True)
+    return tuple(replace(e, magnitude=float(e.magnitude * t)) for e, t in pairs)
