@@ -1,15 +1,11 @@
 """A search without slopes, for joints in their play: what these do next to no slope foretells."""
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 from scipy.optimize import minimize
 
-from backends.effect import Effect
 from backends.state import Array
 from diagnosis.attribution.fit import Fitter
-from diagnosis.attribution.profile import Fit
+from diagnosis.attribution.profile import Fit, grown
 
 TRIES = 1000
 """Worlds that are tried."""
@@ -18,7 +14,7 @@ STEP = 0.05
 
 
 def simplex(fitter: Fitter, fit: Fit) -> Fit:
-    """A fit, or a better one by an adaptive simplex around it.
+    """A fit, or a better one by an adaptive simplex around it, magnitudes within their bounds.
 
     Nelder and Mead, Computer Journal 7, 1965; Gao and Han, Comp. Optimization and Applications 51,
     2012.
@@ -28,7 +24,8 @@ def simplex(fitter: Fitter, fit: Fit) -> Fit:
     def at(x: Array) -> Fit:
         deviations = np.zeros_like(fit.deviations)
         deviations[free] = x[: len(free)]
-        return fitter.at(_grown(fit.effects, np.exp(STEP * x[len(free) :])), deviations)
+        pairs = zip(fit.effects, np.exp(STEP * x[len(free) :]), strict=True)
+        return fitter.at(tuple(grown(effect, times) for effect, times in pairs), deviations)
 
     start = np.concatenate([fit.deviations[free], np.zeros(len(fit.effects))])
     corners = np.vstack([start, start + np.eye(len(start))])
@@ -41,8 +38,3 @@ def simplex(fitter: Fitter, fit: Fit) -> Fit:
         options={"maxfev": TRIES, "adaptive": True, "initial_simplex": corners},
     )
     return min(fit, at(found.x), key=lambda one: one.cost)
-
-
-def _grown(effects: Sequence[Effect], times: Array) -> tuple[Effect, ...]:
-    pairs = zip(effects, times, strict=True)
-    return tuple(replace(e, magnitude=float(e.magnitude * t)) for e, t in pairs)

@@ -22,6 +22,7 @@ from diagnosis.attribution.intervals import intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Profile, grown
 from diagnosis.attribution.rules import rules
+from diagnosis.attribution.simplex import simplex
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
 from diagnosis.attribution.verdict import judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
@@ -651,6 +652,16 @@ def test_a_joint_that_rattles_is_fitted_without_slopes():
     found = judge(part, known, 0.05)
     assert found.names == ("backlash",) and found.chosen.unrest > CALM
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.0255, rel=0.05)
+
+
+def test_a_search_without_slopes_stays_within_bounds():
+    """Leave a magnitude that would go on growing where its bounds end."""
+    weak = kind("torque-limit")
+    part = evidence((weak(magnitude=-0.97),), protocols=("multisine",))
+    fitter = Fitter(part, nuisances(part.nominal, 0.05))
+    start = fitter.at((weak(magnitude=-0.9),), np.zeros(len(fitter.nuisances)))
+    found = simplex(fitter, start)
+    assert found.cost < start.cost and found.effects[0].magnitude == weak.bounds[0]
 
 
 def test_dips_of_a_cost_ask_for_no_second_effect():
