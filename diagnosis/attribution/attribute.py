@@ -113,9 +113,9 @@ class Attribution:
         self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
         self.nominal = self._settled(found)
 
-    def slopeless(self, one: Ranked) -> Ranked:
-        """A candidate; searched without slopes where it is restless and beyond the floor."""
-        if one.unrest <= CALM or one.gap <= 1.0:
+    def slopeless(self, one: Ranked, settled: float = 1.0) -> Ranked:
+        """A candidate; searched without slopes where it is restless and leaves more than that."""
+        if one.unrest <= CALM or one.gap <= settled:
             return one
         trained = simplex(self.fitter, self._trained(one.fit))
         whole = simplex(self.whole, self.whole.at(trained.effects, trained.deviations))

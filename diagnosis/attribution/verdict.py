@@ -189,7 +189,7 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= belief(ranked, rule)
+        and one.bent <= belief(one, rule)
         and (in_steps or not is_read(one.fit.effects[-1]))
         and not _beyond_nominal(found, one, rule)
     )
@@ -218,21 +218,24 @@ def _in_steps(found: Attribution, rule: Rules) -> bool:
 def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked | None]:
     """The best single effect, and the best pair where that does not explain and a second adds.
 
-    The single one is fitted again from where the pair has taken the nominal parameters: a refit
-    that stopped early would make any second effect look needed. Of its fits one that explains the
-    log is taken where it is no worse than `BELIEVED`.
+    The single one is fitted again from where pairs have taken the nominal parameters, also such as
+    are no more than nominal: a refit that stopped early would make any second effect look needed.
+    Of its fits one that explains the log is taken where it is no worse than `BELIEVED`.
     """
     pair = _best_pair(found, best, rule)
     if pair is None:
         return best, None
-    pair = found.slopeless(pair)
-    halves = [one for one in found.halves(pair) if _beyond_nominal(found, one, rule)]
-    alone = (best, *halves)
+    pair, cheapest = found.slopeless(pair), min(found.pairs, key=_cost)
+    tried = {one.names + one.joints: one for one in (cheapest, pair)}
+    halves = (one for other in tried.values() for one in found.halves(other))
+    alone = (best, *(one for one in halves if _beyond_nominal(found, one, rule)))
     least = min(alone, key=_cost)
     if _became(found, least, pair, rule):
         return least, pair
     near = (one for one in alone if _lead(one, least) <= BELIEVED and explains(found, one, rule))
     best = min(near, key=_cost, default=least)
+    if _lead(least, pair) >= rule.pair_nats:
+        least = found.slopeless(least, 0.0)
     if _lead(_with_little(found, least, found.pairs, rule), pair) < rule.pair_nats:
         return best, None
     enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)
