@@ -4,7 +4,6 @@ A verdict for one limb: effects with their joints and magnitudes, `none` where n
 within their uncertainty explain the log, or `unknown` where no catalogued effect does.
 """
 
-import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -16,11 +15,12 @@ from diagnosis.attribution.candidates import Candidate, candidates, nuisances
 from diagnosis.attribution.evidence import Evidence, compressed
 from diagnosis.attribution.fit import CALM, POLISH, Fitter
 from diagnosis.attribution.leftover import Leftover
-from diagnosis.attribution.profile import Fit, grown
+from diagnosis.attribution.profile import Fit
+from diagnosis.attribution.refits import CLOSE, NEAR_NATS, Refits
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.screening import coarse, everywhere, there, various, with_everywhere
 from diagnosis.attribution.simplex import simplex
-from diagnosis.attribution.timing import AngleLate, Late, late_s
+from diagnosis.attribution.timing import AngleLate
 from diagnosis.attribution.whiten import alike, surprise
 
 REFINED, FINALISTS = 10, 5
@@ -35,24 +35,10 @@ REAL = 2
 """Candidates beside these that really fit best, where linear costs are no guide."""
 STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
-BELIEVED = 8.0
-"""A fit without suspects is taken where it costs no more than this beside the best [nats]."""
-HARD = 2.0
-"""Mean square of innovations from which a search may have gone astray, and starts once more."""
-HELPED = 0.9
-"""A new start that leaves a larger share of the cost is the last one."""
 HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are fitted no further."""
-NEAR_NATS = 30.0
-"""So near the best, a candidate's fit has to be exact."""
-LEAPS = (0.5, 2.0)
-"""How many times as large a delay is tried beside what was found."""
 DELAYED = 2.0
 """Standard deviations that readings are late from which a delay is suspected."""
-SHAKES = (0.97, 1.03)
-"""The same of an effect that a second one seems to be needed beside."""
-CLOSE = (1.1, 1.0, 1.0)
-"""Rounds of its refit to all samples."""
 LAST = (1.0,)
 """Rounds of the refit to all samples, see `fit.POLISH`."""
 
@@ -97,10 +83,10 @@ class Attribution:
         self, evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
     ) -> None:
         known = nuisances(evidence.nominal, uncertainty)
-        self.fitter, self.whole = Fitter(evidence, known), Fitter(evidence, known, None)
-        self._within = Fitter(evidence, known, None, rules().bent_stds)
+        self.fitter = Fitter(evidence, known)
+        self._refits = Refits(self.fitter)
+        self.whole = self._refits.whole
         self._candidates = candidates(catalogue, evidence)
-        self._samples = len(evidence.tracks(False))
         self._leftovers: dict[int, Leftover] = {}
         bare = self.fitter.at((), np.zeros(len(known)))
         self.before = self._judged((), bare, bare)
@@ -121,6 +107,17 @@ class Attribution:
         whole = simplex(self.whole, self.whole.at(trained.effects, trained.deviations))
         again = self._judged(one.names, trained, whole)
         return min(one, again, key=lambda ranked: ranked.fit.cost)
+
+    def elsewhere(self, one: Ranked) -> Ranked:
+        """A single effect, or it from other magnitudes where that fits better; among `singles`."""
+        candidate = (one.names[-1], one.joints[-1])
+        sizes = next(c.levels for c in self._candidates if (c.name, c.joint) == candidate)
+        again = self._ranked(one.names, self._refits.elsewhere(one.fit, sizes), CLOSE)
+        if again.fit.cost >= one.fit.cost:
+            return one
+        others = [other for other in self.singles if other is not one]
+        self.singles = sorted([again, *others], key=lambda ranked: ranked.fit.cost)
+        return again
 
     def _settled(self, found: Fit) -> Ranked:
         """The nominal refit, again from where the best single effect has taken the parameters.
@@ -167,11 +164,7 @@ class Attribution:
 
         Where a joint sticks and slips, or plays, costs have many dips.
         """
-        fit = self._trained(pair.fit)
-        starts = [self.fitter.at(fit.effects, 0.0 * fit.deviations)]
-        for index, shake in itertools.product(range(len(fit.effects)), SHAKES):
-            starts.append(self.fitter.at(_grown(fit.effects, index, shake), fit.deviations))
-        best = min((self.fitter.refit(one) for one in starts), key=lambda one: one.cost)
+        best = self._refits.again(pair.fit)
         return self._noted([self._ranked(pair.names, best, CLOSE)])[0]
 
     def halves(self, pair: Ranked) -> list[Ranked]:
@@ -179,7 +172,8 @@ class Attribution:
         both = zip(pair.names, pair.fit.effects, strict=True)
         starts = [(name, self.fitter.at((effect,), pair.fit.deviations)) for name, effect in both]
         alone = [self._ranked((name,), self.fitter.refit(start)) for name, start in starts]
-        return [replace(one, fit=self._shaken(one.fit)) for one in alone]
+        again = self._refits
+        return [replace(o, fit=again.believed(again.shaken(o.fit), o.spread)) for o in alone]
 
     def leftover(self, one: Ranked) -> Leftover:
         """What a candidate leaves; kept, for it is asked more than once."""
@@ -214,11 +208,11 @@ class Attribution:
         tried = sorted(coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         if at_once:
             without = profile.at(around.effects)
-            least = self._true(around, without).cost - PROMISE * worth_nats
+            least = self._refits.true(around, without).cost - PROMISE * worth_nats
             tried = [
                 (c, fit)
                 for c, fit in tried
-                if without.cost - fit.cost >= HOLLOW or self._true(around, fit).cost <= least
+                if without.cost - fit.cost >= HOLLOW or self._refits.true(around, fit).cost <= least
             ]
         chosen = self._with_real(around, tried, with_everywhere(tried, refined))
         searched = [
@@ -229,12 +223,12 @@ class Attribution:
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
         chosen = self._with_real(around, worth, various(worth, finalists))
         best = self._with_delay(around, fresh, self._with_suspect(around, searched, chosen))
-        fits = [self.fitter.refit(self._true(around, fit), POLISH[:2]) for _, fit in best]
-        if fits and min(fit.cost for fit in fits) > HARD * self._samples / 2:
-            fits = [self._anew(around, *pair) for pair in zip(fits, best, strict=True)]
+        fits = [self.fitter.refit(self._refits.true(around, fit), POLISH[:2]) for _, fit in best]
+        if fits and all(map(self._refits.is_hard, fits)):
+            fits = [self._refits.anew(f, tried) for f, (_, tried) in zip(fits, best, strict=True)]
         near = min(fit.cost for fit in fits) + HOPELESS * around.cost if fits else 0.0
         fits = [self.fitter.refit(f, POLISH[2:]) if f.cost < near else f for f in fits]
-        fits = [self._unbent(f) if f.cost == min(g.cost for g in fits) else f for f in fits]
+        fits = [self._refits.unbent(f) if f.cost == min(g.cost for g in fits) else f for f in fits]
         found = [
             self._ranked((*names, c.name), f, LAST if f.cost < near else ())
             for (c, _), f in zip(best, fits, strict=True)
@@ -252,7 +246,7 @@ class Attribution:
         Slopes that are wrong by some tens of nats do no harm among thousands, and hide an effect
         that is hardly larger than the uncertainty of nominal parameters.
         """
-        if around.cost > HARD * self._samples / 2:
+        if self._refits.is_hard(around):
             return list(chosen)
         kept = {id(c) for c, _ in chosen}
         others = [(c, fit) for c, fit in tried if id(c) not in kept]
@@ -293,7 +287,7 @@ class Attribution:
 
         Other parameters have bent to take the rest, so it pays only once they give way.
         """
-        late, in_time = self._lateness(around)
+        late, in_time = self._refits.lateness(around)
         if late < DELAYED * max(n.std for n in self.fitter.nuisances if n.kind is AngleLate):
             return list(chosen)
         delays = [
@@ -304,24 +298,6 @@ class Attribution:
         ]
         return [*chosen, *sorted(delays, key=lambda pair: pair[1].cost)[:1]]
 
-    def _anew(self, around: Fit, fit: Fit, tried: tuple[Candidate, Fit]) -> Fit:
-        """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""
-        effects = (*around.effects, tried[1].effects[-1])
-        start = self.fitter.at(effects, 0.0 * around.deviations)
-        return min(fit, self.fitter.refit(start, POLISH[:2]), key=lambda one: one.cost)
-
-    def _unbent(self, fit: Fit) -> Fit:
-        """A fit begun anew from its magnitudes as long as that helps a lot, where it fits badly.
-
-        While a magnitude is far off, nominal parameters bend to make up for it, and hold it there.
-        """
-        while fit.cost > HARD * self._samples / 2:
-            again = self.fitter.refit(self.fitter.at(fit.effects, 0.0 * fit.deviations))
-            if again.cost > HELPED * fit.cost:
-                return min(fit, again, key=lambda one: one.cost)
-            fit = again
-        return fit
-
     def _closed(self, found: list[Ranked]) -> list[Ranked]:
         """Candidates with those that are near the best one refitted until nothing changes."""
         near = found[0].fit.cost + NEAR_NATS if found else 0.0
@@ -329,11 +305,11 @@ class Attribution:
         for one in found:
             fit = self.whole.refit(one.fit, CLOSE) if one.fit.cost < near else one.fit
             if again and one.fit.cost < near:
-                fit = min(fit, self._beside(fit, again[0].fit), key=lambda f: f.cost)
+                fit = min(fit, self._refits.beside(fit, again[0].fit), key=lambda f: f.cost)
             if one is found[0]:
-                fit = self._leapt(fit)
+                fit = self._refits.leapt(fit)
             if one.names and one.fit.cost < near:
-                fit = self._believed(fit, one.spread)
+                fit = self._refits.believed(fit, one.spread)
             again.append(replace(one, fit=fit))
         again.sort(key=lambda one: one.fit.cost)
         again[:0] = self._wider(again)
@@ -357,60 +333,6 @@ class Attribution:
         wide = self._ranked(best.names, fit, CLOSE)
         return [wide] if wide.fit.cost < best.fit.cost else []
 
-    def _leapt(self, fit: Fit) -> Fit:
-        """A fit, or a better one from where a delay in it is far larger or smaller.
-
-        A delay acts on samples and periods: what it costs has kinks, at which a search ends. And
-        the time of readings, which is nominal, may have taken a part of it. Where a fit leaves
-        much, that is not its fault.
-        """
-        if fit.cost > HARD * self._samples:
-            return fit
-        late, in_time = self._lateness(fit)
-        tries = [fit]
-        for k, effect in enumerate(fit.effects):
-            if effect.dimension == "time":
-                tries += [self._from(fit, k, leap, CLOSE) for leap in LEAPS]
-                whole = 1 + late / effect.magnitude
-                tries += [self._from(in_time, k, whole, CLOSE)] if whole > 1 else []
-        return min(tries, key=lambda one: one.cost)
-
-    def _lateness(self, fit: Fit) -> tuple[float, Fit]:
-        """How late a fit reads positions [s], and the fit with readings that are in time."""
-        nominal = [issubclass(n.kind, (Late, AngleLate)) for n in self.fitter.nuisances]
-        in_time = replace(fit, deviations=np.where(nominal, 0.0, fit.deviations))
-        return float(late_s(self.fitter.effects(fit))[0]), in_time
-
-    def _shaken(self, fit: Fit) -> Fit:
-        """A lone effect's fit, or a better one from magnitudes to either side.
-
-        Where a joint sticks and slips, costs have many dips, and a pair searches more of them.
-        """
-        tries = [self._from(fit, 0, shake, POLISH) for shake in SHAKES]
-        return min([fit, *tries], key=lambda one: one.cost)
-
-    def _from(self, fit: Fit, index: int, times: float, rounds: Sequence[float]) -> Fit:
-        """A refit from where one of the effects is so many times as large."""
-        effects = _grown(fit.effects, index, times)
-        return self.whole.refit(self.whole.at(effects, fit.deviations), rounds)
-
-    def _believed(self, fit: Fit, spread: float) -> Fit:
-        """A fit with no parameter bent beyond belief, where the log does not insist on one.
-
-        Of effects alone: a log that bends a parameter of the nominal world may have another cause.
-        """
-        most = self._within.farthest
-        near = np.clip(fit.deviations, -most, most)
-        if (near == fit.deviations).all():
-            return fit
-        held = self._within.refit(self._within.at(fit.effects, near), CLOSE)
-        return held if held.cost <= fit.cost + BELIEVED * spread else fit
-
-    def _beside(self, fit: Fit, best: Fit) -> Fit:
-        """A fit again from the nominal parameters of the best one, where that starts well."""
-        start = self.whole.at(fit.effects, best.deviations)
-        return self.whole.refit(start, CLOSE) if start.cost < fit.cost + 10 * NEAR_NATS else fit
-
     def _with_moved(self, candidate: Candidate, around: Fit) -> Candidate:
         """A candidate, also as large as fits have moved the nominal parameter that it changes."""
         pairs = zip(self.fitter.nuisances, around.deviations, self._moved, strict=True)
@@ -423,16 +345,6 @@ class Attribution:
         low, high = candidate.kind.bounds
         inside = [m for m in moved if low <= m <= high and m != 0.0]
         return replace(candidate, levels=(*candidate.levels, *inside))
-
-    def _true(self, around: Fit, guess: Fit) -> Fit:
-        """A linear guess with its real cost, or its effects alone where these do better."""
-        alone = (*around.effects, *guess.effects[len(around.effects) :])
-        tries = (
-            self.fitter.at(guess.effects, guess.deviations),
-            self.fitter.at(alone, around.deviations),
-            self.fitter.at(alone, 0.0 * around.deviations),
-        )
-        return min(tries, key=lambda fit: fit.cost)
 
     def _ranked(
         self, names: tuple[str, ...], trained: Fit, rounds: Sequence[float] = LAST
@@ -451,8 +363,3 @@ class Attribution:
             spread=alike(new),
             unrest=self.fitter.unrest(trained),
         )
-
-
-def _grown(effects: tuple[Effect, ...], index: int, times: float) -> tuple[Effect, ...]:
-    """Effects with one of them so many times as large."""
-    return (*effects[:index], grown(effects[index], times), *effects[index + 1 :])

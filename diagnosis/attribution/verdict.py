@@ -7,17 +7,20 @@ import numpy as np
 
 from backends.effect import Effect
 from backends.effects import backlash, encoder_scale
-from diagnosis.attribution.attribute import BELIEVED, Attribution, Ranked
+from diagnosis.attribution.attribute import Attribution, Ranked
 from diagnosis.attribution.candidates import RUB, is_read, nuisances
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.explains import belief, excess, explains, is_plain, is_white
 from diagnosis.attribution.fit import CALM, Fitter
+from diagnosis.attribution.refits import BELIEVED
 from diagnosis.attribution.rules import Rules, rules
 from diagnosis.attribution.timing import Late, late_s
 
 WORTH = 0.3
 """A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
 this share of what it needs on all."""
+ANEW = 2
+"""The best singles are searched from other magnitudes where the first does not explain the log."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
@@ -145,6 +148,8 @@ def ruled(found: Attribution) -> LimbVerdict:
         if is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, small))
+    if not explains(found, singles[0], rule):
+        singles = sorted([*map(found.elsewhere, singles[:ANEW]), *singles[ANEW:]], key=_cost)
     best, pair = _pair(found, singles[0], rule)
     if pair is not None and explains(found, pair, rule):
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
@@ -181,8 +186,9 @@ def _with_little(
     """A candidate, or it with the effect that is too small to accuse where that fits better.
 
     What the nominal world may have is no reason to accuse another: that must do better still. A
-    nominal parameter that is bent beyond belief it may not have, nor a sensor that is off, unless
-    it reads in steps: a little play or friction is in every mechanism.
+    nominal parameter that is bent beyond belief it may not have, nor one that is free of what is
+    known of it, nor a sensor that is off, unless it reads in steps: a little play is in every
+    mechanism.
     """
     count, in_steps = len(ranked.names), _in_steps(found, rule)
     little = (
@@ -191,6 +197,7 @@ def _with_little(
         if one.names[:count] == ranked.names
         and one.bent <= belief(one, rule)
         and (in_steps or not is_read(one.fit.effects[-1]))
+        and not _is_nominal(found, one)
         and not _beyond_nominal(found, one, rule)
     )
     return min((ranked, *little), key=_cost)
@@ -225,7 +232,7 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     pair = _best_pair(found, best, rule)
     if pair is None:
         return best, None
-    pair, cheapest = found.slopeless(pair), min(found.pairs, key=_cost)
+    pair, cheapest = found.slopeless(pair), min((pair, *found.pairs), key=_cost)
     tried = {one.names + one.joints: one for one in (cheapest, pair)}
     halves = (one for other in tried.values() for one in found.halves(other))
     alone = (best, *(one for one in halves if _beyond_nominal(found, one, rule)))
@@ -325,6 +332,11 @@ def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
     ]
     stds += _floors(evidence, effect)
     return not stds or _size(found, ranked) > rule.nominal_stds * min(stds)
+
+
+def _is_nominal(found: Attribution, ranked: Ranked) -> bool:
+    """Whether the last effect changes a nominal parameter, which is off in any fit as it may be."""
+    return not found.fitter.free(ranked.fit.effects[-1:]).all()
 
 
 def _floors(evidence: Evidence, effect: Effect) -> list[float]:
