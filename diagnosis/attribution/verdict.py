@@ -83,8 +83,8 @@ def judge(
 
     A world with play foretells a log for a moment only, so what it leaves says little, whoever is
     right. Its replays' spread says how much, and all are judged anew by that. A verdict that held
-    without keeps its effects. And what is unknown is judged once more beside the little play
-    that every mechanism has.
+    without keeps its effects, but for a second one that is not needed then. And what is unknown is
+    judged once more beside the little play that every mechanism has.
     """
     fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
     bare = fitter.at((), np.zeros(len(fitter.nuisances)))
@@ -103,7 +103,7 @@ def judge(
     again = ruled(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
     if first.names == (UNKNOWN,):
         return again if set(stray.names) & set(again.names) else first
-    return again if set(first.names) == set(again.names) else first
+    return again if set(again.names) <= set(first.names) else first
 
 
 def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:

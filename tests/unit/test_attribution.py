@@ -250,20 +250,30 @@ def test_an_effect_as_large_as_it_can_be_explains_nothing(share, verdict, monkey
     assert explains(found, best, rules()) is verdict
 
 
-def test_a_small_effect_beside_a_bent_parameter_accuses_nobody_less():
-    """Accuse who explains a log better than nominal parameters bent beyond belief, alone or not."""
+@pytest.mark.parametrize(
+    ("name", "size", "deviations", "verdict"),
+    [
+        ("backlash", 3e-4, 1.0, "none"),
+        ("backlash", 3e-4, 3.3, "none"),
+        ("backlash", 3e-4, 4.0, "rotor-inertia"),
+        ("kd-scale", 0.07, 1.0, "rotor-inertia"),
+    ],
+)
+def test_what_excuses_a_world_is_no_parameter_of_it(name, size, deviations, verdict):
+    """Accuse who explains a log better than a little play does, unless that bends something.
+
+    A nominal parameter that is small enough is in the nominal fit, with what is known of it.
+    """
     part = evidence((kind("rotor-inertia")(magnitude=5e-4, joint="A0"),), protocols=("push",))
-    names = ("rotor-inertia", "kd-scale")
-    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
-    gain, rotor = sorted(found.singles, key=lambda one: one.names)
-    size = dataclasses.replace(gain.fit.effects[0], magnitude=0.07, joint="A0")
+    found = Attribution(part, {one: kind(one) for one in ("rotor-inertia", name)}, 0.05)
+    little, rotor = sorted(found.singles, key=lambda one: one.names)
+    effect = dataclasses.replace(little.fit.effects[0], magnitude=size, joint="A0")
+    off = deviations * np.eye(len(little.fit.deviations))[0]
+    fit = dataclasses.replace(little.fit, effects=(effect,), deviations=off)
     cost = found.nominal.fit.cost
-    for deviations, verdict in ((4.0, "rotor-inertia"), (1.0, "none")):
-        off = deviations * np.eye(len(gain.fit.deviations))[0]
-        fit = dataclasses.replace(gain.fit, effects=(size,), deviations=off)
-        little = costing(dataclasses.replace(gain, fit=fit), cost - 3)
-        found.singles = [costing(rotor, cost - 1.2 * rules().accuse_nats), little]
-        assert ruled(found).names == (verdict,)
+    little = costing(dataclasses.replace(little, fit=fit), cost - 3)
+    found.singles = [costing(rotor, cost - 1.2 * rules().accuse_nats), little]
+    assert ruled(found).names == (verdict,)
 
 
 def test_bent_nominal_parameters_are_unknown():
@@ -663,6 +673,20 @@ def test_a_search_without_slopes_stays_within_bounds():
     start = fitter.at((weak(magnitude=-0.9),), np.zeros(len(fitter.nuisances)))
     found = simplex(fitter, start)
     assert found.cost < start.cost and found.effects[0].magnitude == weak.bounds[0]
+
+
+def test_a_lock_is_searched_from_other_magnitudes():
+    """Find a lock that yields to the largest pushes where the fit has one that holds them all."""
+    lock = kind("self-lock")
+    part = evidence([lock(magnitude=0.25, joint="J0")], rig="finger", protocols=("steps", "push"))
+    found = Attribution(part, {"self-lock": lock}, 0.05)
+    start = found.fitter.at(
+        (lock(magnitude=4.8, joint="J0"),), np.zeros(len(found.fitter.nuisances))
+    )
+    firm = found._ranked(("self-lock",), found.fitter.refit(start))
+    found.singles = [firm]
+    assert ruled(found).names == ("self-lock",)
+    assert found.singles[0].fit.effects[0].magnitude == pytest.approx(0.25, rel=0.02)
 
 
 def test_dips_of_a_cost_ask_for_no_second_effect():
