@@ -322,16 +322,22 @@ def _verdict(
 
 
 def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether an effect is more than a nominal parameter within its uncertainty, or the floor."""
-    effect, evidence = ranked.fit.effects[-1], found.fitter.evidence
+    """Whether its effects are more than nominal parameters within their uncertainty, or the floor.
+
+    Each of them: the first of a pair, too, may be no more than that beside the second.
+    """
+    return all(_is_beyond(found, effect, ranked, rule) for effect in ranked.fit.effects)
+
+
+def _is_beyond(found: Attribution, effect: Effect, ranked: Ranked, rule: Rules) -> bool:
     stds = [
         n.std
         for n in found.fitter.nuisances
         if (effect.dimension == "time" and n.kind is Late)
         or (isinstance(effect, n.kind) and effect.joint in (None, n.joint))
     ]
-    stds += _floors(evidence, effect)
-    return not stds or _size(found, ranked) > rule.nominal_stds * min(stds)
+    stds += _floors(found.fitter.evidence, effect)
+    return not stds or _size(found, effect, ranked) > rule.nominal_stds * min(stds)
 
 
 def _is_nominal(found: Attribution, ranked: Ranked) -> bool:
@@ -356,9 +362,9 @@ def _floors(evidence: Evidence, effect: Effect) -> list[float]:
     return []
 
 
-def _size(found: Attribution, ranked: Ranked) -> float:
-    """Magnitude of the last effect; of a delay with how late readings are, which look like it."""
-    effect, size = ranked.fit.effects[-1], abs(ranked.fit.effects[-1].magnitude)
+def _size(found: Attribution, effect: Effect, ranked: Ranked) -> float:
+    """Magnitude of an effect; of a delay with how late readings are, which look like it."""
+    size = abs(effect.magnitude)
     if effect.dimension != "time":
         return size
     late = late_s(found.fitter.effects(ranked.fit))[0]
