@@ -864,6 +864,49 @@ def test_a_single_effect_is_refitted_from_its_pair(monkeypatch):
     assert right.names == ruled(found).names == ("command-delay",)
 
 
+def beside_delay(play_rad: float) -> tuple[Attribution, Ranked]:
+    """The search in the log of a delay, with a fit of it that stopped early; it and a play."""
+    delay, names = kind("command-delay")(magnitude=0.01, joint="A0"), ("backlash", "command-delay")
+    part = evidence((delay,), protocols=("steps",))
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    right = next(one for one in found.singles if one.names == names[1:])
+    both = (kind("backlash")(magnitude=play_rad, joint="A0"), *right.fit.effects)
+    pair = dataclasses.replace(right, names=names, fit=dataclasses.replace(right.fit, effects=both))
+    found.singles = [costing(right, right.fit.cost + 200)]
+    found.second = lambda *_, **__: [pair]
+    found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
+    return found, right
+
+
+@pytest.mark.parametrize(
+    ("play_rad", "verdict"),
+    [(5e-4, ("command-delay",)), (5e-3, ("backlash", "command-delay"))],
+)
+def test_both_of_a_pair_are_more_than_nominal(play_rad, verdict):
+    """Name no pair of which the first effect is no more than every mechanism has."""
+    found, _ = beside_delay(play_rad)
+    found.halves = lambda _: []
+    assert ruled(found).names == verdict
+
+
+def test_a_single_effect_is_refitted_from_the_cheapest_pair():
+    """Ask the pair that costs least for its effects alone, though it is none to be named."""
+    found, right = beside_delay(5e-3)
+    (pair,) = found.second()
+    other = dataclasses.replace(pair, names=("dead-zone", "command-delay"))
+    found.pairs = [costing(other, pair.fit.cost - 1)]
+    found.halves = lambda one: [right] if one is found.pairs[0] else []
+    assert ruled(found).names == right.names
+
+
+def test_a_single_effect_is_searched_without_slopes_before_a_second_is_named():
+    """Name one effect where a second is needed by slopes alone, whatever the first leaves."""
+    found, right = beside_delay(5e-3)
+    found.halves = lambda _: []
+    found.slopeless = lambda one, settled=1.0: one if settled else right
+    assert ruled(found).names == right.names
+
+
 def test_a_little_play_is_nominal_where_all_else_is_unknown():
     """Take the play that explains part of an unknown gap for nominal, and none where none is."""
     truth = kind("encoder-scale")(magnitude=0.03, joint="A0")
