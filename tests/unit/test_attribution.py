@@ -376,8 +376,11 @@ def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
     moved = -4.5 * np.eye(len(known))[gain]
     more = 4.5 * known[gain].std * part.nominal.drives[0].kd_nms_rad
     friction = dataclasses.replace(best.effects[0], magnitude=best.effects[0].magnitude + more)
-    bent = found.whole.refit(found.whole.at((friction,), moved), (1.0,))
+    bent = found.whole.at((friction,), moved)
     assert np.abs(Refits(found.fitter).believed(bent, 1.0).deviations).max() <= rules().bent_stds
+    found._refits.shaken = lambda _: bent
+    (half,) = found.halves(found.singles[0])
+    assert half.bent <= rules().bent_stds < np.abs(bent.deviations).max()
 
 
 def test_a_nominal_world_bent_beyond_belief_is_unknown():
