@@ -23,13 +23,14 @@ class Rules(BaseModel):
     pair_share: float
     """It must then also explain this share of what the first left over the floor, if anything."""
     white_sd: float
-    """What is new in held-out residuals of an explained log is no further from white than this."""
+    """What is new in an explained log is no further from white than this: in held-out residuals,
+    or in every protocol once all are fitted."""
     wild_sd: float
     """What is new in a sample is out of all proportion from so many deviations on."""
     wild_count: int
     """So many such samples are no noise: lost packets alone look white."""
     law_nats: float
-    """Regressors foretell no more of what an explained log leaves, see `leftover`. Beyond
+    """Two regressors foretell no more of what an explained log leaves, see `leftover`. Beyond
     `settled_gap` a tenth of what effects take beside: 1 - `explained_share`."""
     uneven_sd: float
     """Where it leaves no more than the floor, no protocol is further from white than this."""

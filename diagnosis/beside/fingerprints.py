@@ -216,13 +216,11 @@ def _noise(
 def _louder(joint: str, residuals: Sequence[Array], known: Encoder) -> list[Finding]:
     """White readings that are noisier than the nominal sensor's, by more than the model's floor."""
     expected = float(np.hypot(known.noise_rad, known.resolution_rad / np.sqrt(12)))
-    found, sigma = (
-        white_noise(residuals, expected),
-        float(np.hypot(expected, rules().floor_position_rad)),
-    )
+    sigma = float(np.hypot(expected, rules().floor_position_rad))
+    found = white_noise(residuals, expected)
     if found is None or found.interval_rad[0] < max(LEAST_EXCESS * expected, sigma):
         return []
-    residual = np.concatenate(residuals)
+    left = gap(np.concatenate(residuals), sigma)
     return [
         Finding(
             effect=UNKNOWN,
@@ -231,8 +229,8 @@ def _louder(joint: str, residuals: Sequence[Array], known: Encoder) -> list[Find
             value=0.0,
             interval=(0.0, 0.0),
             share=0.0,
-            gap_before=gap(residual, sigma),
-            gap_after=gap(residual, sigma),
+            gap_before=left,
+            gap_after=left,
             lead_nats=found.lead_nats,
             evidence=f"readings are white with {1e3 * found.std_rad:.3g} mrad, more than the "
             f"sensor's {1e3 * expected:.3g} mrad",

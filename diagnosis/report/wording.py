@@ -11,7 +11,7 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
-SURE = 0.999
+SURE = 0.995
 NOMINAL = "nominal parameters alone"
 """What the candidate without an effect is called."""
 
