@@ -109,14 +109,14 @@ class Attribution:
         return min(one, again, key=lambda ranked: ranked.fit.cost)
 
     def elsewhere(self, one: Ranked) -> Ranked:
-        """A single effect, or it from other magnitudes where that fits better; among `singles`."""
-        candidate = (one.names[-1], one.joints[-1])
-        sizes = next(c.levels for c in self._candidates if (c.name, c.joint) == candidate)
+        """A candidate, or it from other magnitudes where that fits better."""
+        levels = {(c.name, c.joint): c.levels for c in self._candidates}
+        sizes = [levels[effect] for effect in zip(one.names, one.joints, strict=True)]
         again = self._ranked(one.names, self._refits.elsewhere(one.fit, sizes), CLOSE)
         if again.fit.cost >= one.fit.cost:
             return one
-        others = [other for other in self.singles if other is not one]
-        self.singles = sorted([again, *others], key=lambda ranked: ranked.fit.cost)
+        tried = self.singles if len(one.names) == 1 else self.pairs
+        tried[:] = sorted([again, *(o for o in tried if o is not one)], key=lambda o: o.fit.cost)
         return again
 
     def _settled(self, found: Fit) -> Ranked:

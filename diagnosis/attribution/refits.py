@@ -62,16 +62,17 @@ class Refits:
             starts.append(self.fitter.at(_grown(fit.effects, index, shake), fit.deviations))
         return min((self.fitter.refit(one) for one in starts), key=_cost)
 
-    def elsewhere(self, fit: Fit, sizes: Sequence[float]) -> Fit:
-        """A fit, or a better one from other magnitudes of its last effect, with nothing bent yet.
+    def elsewhere(self, fit: Fit, sizes: Sequence[Sequence[float]]) -> Fit:
+        """A fit, or a better one from other magnitudes of either effect, with nothing bent yet.
 
         Of a law with thresholds costs have a dip for each event that a magnitude does not reach.
         """
-        *first, last = fit.effects
-        starts = [
-            self.fitter.at((*first, replace(last, magnitude=size)), 0.0 * fit.deviations)
-            for size in (last.magnitude, *sizes)
+        moved = [
+            _with(fit.effects, k, replace(fit.effects[k], magnitude=size))
+            for k, others in enumerate(sizes)
+            for size in others
         ]
+        starts = [self.fitter.at(es, 0.0 * fit.deviations) for es in (fit.effects, *moved)]
         near = sorted(starts, key=_cost)[:STARTS]
         fit = self.fitter.at(fit.effects, fit.deviations)
         return min([fit, *map(self.fitter.refit, near)], key=_cost)
@@ -159,4 +160,9 @@ def _cost(fit: Fit) -> float:
 
 def _grown(effects: tuple[Effect, ...], index: int, times: float) -> tuple[Effect, ...]:
     """Effects with one of them so many times as large."""
-    return (*effects[:index], grown(effects[index], times), *effects[index + 1 :])
+    return _with(effects, index, grown(effects[index], times))
+
+
+def _with(effects: tuple[Effect, ...], index: int, effect: Effect) -> tuple[Effect, ...]:
+    """Effects with another one in a place."""
+    return (*effects[:index], effect, *effects[index + 1 :])

@@ -20,7 +20,8 @@ WORTH = 0.3
 """A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
 this share of what it needs on all."""
 ANEW = 2
-"""The best singles are searched from other magnitudes where the first does not explain the log."""
+"""So many of the best candidates are searched from other magnitudes where the first does not
+explain the log."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
@@ -262,7 +263,7 @@ def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
         if any(explains(found, r, rule) for r in pairs):
             break
     for mend in (_unbent, _again)[: 1 + hard]:
-        more = mend(found, min(pairs, key=_cost), rule) if pairs else []
+        more = mend(found, sorted(pairs, key=_cost), rule) if pairs else []
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
     return min(pairs, key=_cost, default=None)
 
@@ -280,14 +281,20 @@ def _pairs(found: Attribution, best: Ranked, rule: Rules, hard: bool) -> Iterato
         yield found.second(other, worth)
 
 
-def _unbent(found: Attribution, pair: Ranked, rule: Rules) -> list[Ranked]:
-    """Pairs with the nominal parameter that a pair bends beyond belief as an effect."""
-    return found.instead(pair) if pair.bent > belief(pair, rule) else []
+def _unbent(found: Attribution, pairs: Sequence[Ranked], rule: Rules) -> list[Ranked]:
+    """Pairs with the nominal parameter that the best pair bends beyond belief as an effect."""
+    best = pairs[0]
+    return found.instead(best) if best.bent > belief(best, rule) else []
 
 
-def _again(found: Attribution, pair: Ranked, rule: Rules) -> list[Ranked]:
-    """A pair that does not explain the log searched anew."""
-    return [] if explains(found, pair, rule) else [found.again(pair)]
+def _again(found: Attribution, pairs: Sequence[Ranked], rule: Rules) -> list[Ranked]:
+    """The best pairs searched anew where the first does not explain the log."""
+    if explains(found, pairs[0], rule):
+        return []
+    different = {frozenset(zip(p.names, p.joints, strict=True)): p for p in reversed(pairs)}
+    again = [found.elsewhere(p) for p in sorted(different.values(), key=_cost)[:ANEW]]
+    best = min(again, key=_cost)
+    return again if explains(found, best, rule) else [*again, found.again(best)]
 
 
 def _cost(ranked: Ranked) -> float:
