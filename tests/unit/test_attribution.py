@@ -692,6 +692,32 @@ def test_a_lock_is_searched_from_other_magnitudes():
     assert found.singles[0].fit.effects[0].magnitude == pytest.approx(0.25, rel=0.02)
 
 
+def test_pairs_are_searched_from_other_magnitudes():
+    """Find a lock beside a delay where its fit holds every load, and a wrong pair fits better."""
+    names = ("command-delay", "self-lock", "load-friction")
+    delay, lock, rub = (kind(name) for name in names)
+    truth = delay(magnitude=0.0067, joint="J1"), lock(magnitude=0.185, joint="J1")
+    part = evidence(truth, rig="finger", protocols=("steps", "push"))
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    late = delay(magnitude=0.0084, joint="J1")
+    firm, wrong = (
+        found._ranked(
+            (names[0], name), found.fitter.at((late, second), found.nominal.fit.deviations)
+        )
+        for name, second in (
+            (names[1], lock(magnitude=2.4, joint="J1")),
+            (names[2], rub(magnitude=0.9, joint="J1")),
+        )
+    )
+    found.pairs = [costing(wrong, firm.fit.cost - 1), firm]
+    found.second = lambda *_, **__: list(found.pairs)
+    found.exchanged = found.instead = lambda *_: []
+    verdict = ruled(found)
+    sizes = dict(zip(verdict.names, verdict.chosen.fit.effects, strict=True))
+    assert set(sizes) == set(names[:2])
+    assert sizes["self-lock"].magnitude == pytest.approx(0.185, rel=0.03)
+
+
 def test_dips_of_a_cost_ask_for_no_second_effect():
     """Fit a joint that sticks and slips better from beside its best magnitude."""
     stiction = kind("stiction")
