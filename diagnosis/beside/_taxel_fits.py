@@ -7,6 +7,7 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.beside._skin import Faults, Pressed, gap, nats
+from diagnosis.beside._skin_leftover import left
 
 CLOSE_NATS = 1.35
 """Half of the 90 % point of a squared normal number: ends of an interval."""
@@ -35,7 +36,7 @@ class Guess:
     """The skin with it."""
     evidence: str
     extreme: bool = False
-    """Whether the size is as small as there is, so that another may be meant."""
+    """Whether the size is at an end of what there is, so that another may be meant."""
 
 
 class Fitting:
@@ -57,6 +58,11 @@ class Fitting:
     def nats(self, faults: Faults) -> float:
         """Log-likelihood of the samples [nats]."""
         return float(nats(self._data, faults, self._near(faults)).sum())
+
+    def foretold(self, other: "Fitting", faults: Faults) -> float:
+        """What these samples foretell of what a skin with faults leaves of others [nats]."""
+        mine, theirs = (left(f._data, faults, f._apart, f._near(faults)) for f in (self, other))
+        return theirs.gain(mine.taught())
 
     def gap(self, faults: Faults, finger: int | None = None) -> float:
         """See `_skin.gap`."""
@@ -121,6 +127,7 @@ class Fitting:
             interval=(float(tried[good[0]]), float(tried[min(good[-1] + 2, len(tried) - 1)])),
             faults=replace(faults, slope_m_s=mean[best], fastest_m_s=value),
             evidence=f"readings grow by up to {1e3 * value:.3g} mm/s, pressed or not",
+            extreme=value > DRIFTS_M_S[-2],
         )
 
     def _drifting(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:

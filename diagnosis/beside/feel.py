@@ -47,7 +47,9 @@ SURE, MEDIAN = 3.0, 1.25
 MOST = 2
 """Faults that are told at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
-"""A fault must raise the likelihood of the judging samples by this."""
+"""A fault must raise the likelihood of the judging samples by this, and what is unknown as well."""
+SETTLED_GAP = 1.5
+"""A gap that counts as none, for the geometry has errors that come again where it is the same."""
 BLUR_M = 1e-5
 """The geometry is at least so uncertain."""
 ASKEW = 1.12
@@ -207,6 +209,11 @@ class Skins:
                 gain += judge.nats(guess.faults) - judge.nats(faults)
         return gain
 
+    def foretold(self, faults: Faults) -> float:
+        """What each half foretells of what faults leave of the other one [nats]."""
+        one, other = self._fits
+        return one.foretold(other, faults) + other.foretold(one, faults)
+
 
 Found = tuple[Guess, float, tuple[tuple[str, float], ...]]
 """A guess, its lead [nats], and what is as near to it as its own lead."""
@@ -230,8 +237,9 @@ def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Findi
     before, after = skin.gap(start), skin.gap(faults)
     explained = share(before, after) >= rules().explained_share
     strained = any(guess.extreme for guess, _, _ in found)
-    if strained or (after > rules().settled_gap and not explained):
-        return (_unknown(before, after),), faults
+    left = skins.foretold(faults)
+    if strained or left >= ACCUSE_NATS or (after > SETTLED_GAP and not explained):
+        return (_unknown(before, after, left),), faults
     named = tuple(
         Finding(
             effect=guess.effect,
@@ -251,7 +259,7 @@ def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Findi
     return named, faults
 
 
-def _unknown(before: float, after: float) -> Finding:
+def _unknown(before: float, after: float, left: float) -> Finding:
     return Finding(
         effect=UNKNOWN,
         joint=None,
@@ -261,6 +269,6 @@ def _unknown(before: float, after: float) -> Finding:
         share=share(before, after),
         gap_before=before,
         gap_after=after,
-        lead_nats=float(after**2 - 1),
+        lead_nats=max(after**2 - 1, left),
         evidence="taxels answer elsewhere than where stick and joints say that they are pressed",
     )

@@ -155,9 +155,17 @@ def test_what_is_nominal_is_no_finding():
     assert np.isfinite(one.confidence)
 
 
-@pytest.mark.parametrize("effects", ["taxel-halo=5mm", "taxel-dropout=20%"])
+@pytest.mark.parametrize(
+    "effects", ["taxel-halo=5mm", "taxel-dropout=20%", "taxel-threshold=-0.1mm"]
+)
 def test_effects_out_of_the_catalogue_are_unknown(effects):
     """Answer unknown where the fault is not in the catalogue, though others could imitate it."""
     without = {k: v for k, v in CATALOGUE.items() if k != effects.split("=")[0]}
     report = feel(log(effects, "contact"), NOMINAL, without)
     assert [one.effect for one in report.findings] == ["unknown"]
+
+
+def test_a_drift_that_could_be_faster_still_is_unknown():
+    """Name no drift as fast as there is: a lower threshold drifts taxels over it at once."""
+    both = found("taxel-threshold=-0.18mm,taxel-drift=0.2mm/s", "contact")
+    assert set(both) == {"unknown"}
