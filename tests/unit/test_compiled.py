@@ -34,7 +34,7 @@ def test_compiled_code_follows_what_it_calls(tmp_path):
     found = []
     for number in (1, 1, 2):
         (folder / "called.py").write_text(CALLED.format(number))
-        os.utime(folder / "called.py", ns=(number, number))
+        os.utime(folder / "called.py", (number, number))
         ask = "from backends.caller import twice as t; print(t(), sum(t.stats.cache_hits.values()))"
         done = subprocess.run(
             [sys.executable, "-c", ask], cwd=tmp_path, capture_output=True, text=True, check=True
