@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.optimize import minimize
-from scipy.special import logit, ndtr
+from scipy.special import expit, logit, ndtr
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
@@ -52,7 +52,7 @@ class Left:
 
     def _cost(self, coefficients: Array) -> tuple[float, Array]:
         shown = self.shown + coefficients @ self.regressors
-        chance = 1 / (1 + np.exp(-shown)) if self.binary else shown
+        chance = expit(shown) if self.binary else shown
         slope = self.regressors @ (chance - self.read) / ALIKE + RIDGE * coefficients
         return RIDGE * float(coefficients @ coefficients) / 2 - self._nats(shown), slope
 
@@ -85,6 +85,7 @@ def _regressors(data: Pressed, apart: Array) -> Array:
     around = np.zeros_like(answers)
     for k in range(answers.shape[2]):
         np.maximum(around, answers[..., k, None] * weight[:, k], out=around)
-    time = np.broadcast_to((data.time_s / data.time_s.max())[:, None, None], depth_m.shape)
+    last_s = data.time_s.max(initial=np.finfo(float).tiny)
+    time = np.broadcast_to((data.time_s / last_s)[:, None, None], depth_m.shape)
     alone = [np.ones_like(depth_m), pressed, depth_m / THRESHOLD_M, around]
     return np.stack([*alone, time, time * pressed, time * around])

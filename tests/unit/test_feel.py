@@ -10,6 +10,8 @@ from backends.shard import simulate
 from benchmark import cli, registry
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
+from diagnosis.beside._skin import Faults, Pressed
+from diagnosis.beside._taxel_fits import Fitting
 from diagnosis.beside.feel import feel
 from diagnosis.beside.finding import Report
 from diagnosis.beside.held import held
@@ -169,3 +171,19 @@ def test_a_drift_that_could_be_faster_still_is_unknown():
     """Name no drift as fast as there is: a lower threshold drifts taxels over it at once."""
     both = found("taxel-threshold=-0.18mm,taxel-drift=0.2mm/s", "contact")
     assert set(both) == {"unknown"}
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_samples_that_are_not_there_foretell_nothing(binary):
+    """Learn nothing of a grasp that is too short for two halves, and go on."""
+    skin, grid = np.zeros((2, 1, 3)), np.arange(9.0).reshape(1, 3, 3) * MM
+    data = Pressed(
+        time_s=np.zeros(2),
+        depth_m=skin,
+        reading=skin,
+        touched=np.ones((2, 1), dtype=bool),
+        binary=binary,
+    )
+    some, none = Fitting(data, grid), Fitting(data.some(np.zeros(0, dtype=int)), grid)
+    faults = Faults(blur_m=1e-5)
+    assert none.foretold(some, faults) == some.foretold(none, faults) == 0.0
