@@ -13,7 +13,7 @@ from backends.drive import drive_table, motor_tick
 from backends.encoder import note, read
 from backends.spec import Spec
 from diagnosis.replay.chain import chain, dynamics, solve, workspace
-from diagnosis.replay.expansion import accelerate_one, accelerate_two, expand
+from diagnosis.replay.expansion import accelerate_one, accelerate_two, expand, turned, wave
 
 CHANNELS = ("position", "motor", "torque", "velocity")
 """What a limb shows, in this order: positions as its sensors read them, torques of the PD law."""
@@ -110,7 +110,7 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
     worlds, _, joints = state.shape
     torque, acceleration, bias = np.zeros((3, joints))
     mass, seed = np.zeros((joints, joints)), np.zeros(worlds, dtype=np.int64)
-    angle, reading = np.zeros((2, worlds, joints))
+    angle, reading, cosine, sine = np.zeros((4, worlds, joints))
     kept, wanted = state[:, KEPT], state[:, WANTED]
     work = workspace(len(bodies[0]), joints)
     closed, late, read_late = len(weights) > 0, path.any(), encoder.any()
@@ -118,6 +118,8 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
         for w in range(worlds):
             for j in range(0 if late else joints):
                 wanted[w, j] = target[k, w, j]
+            for j in range(joints if closed else 0):
+                cosine[w, j], sine[w, j] = wave(state[w, JOINT, j])
         for _ in range(ticks[k]):
             if late:
                 follow(target[k], age, 1, seed, path, dt, kept, rings[0], wanted)
@@ -137,10 +139,11 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
                     dynamics(state[w, JOINT], state[w, SPEED], bodies, work, mass, bias)
                     solve(mass, torque - bias, acceleration)
                 elif joints == 1:
-                    acceleration[0] = accelerate_one(state[w, JOINT, 0], torque[0], weights, pull)
+                    own = cosine[w, 0], sine[w, 0]
+                    acceleration[0] = accelerate_one(own, torque[0], weights, pull)
                 else:
                     acceleration[0], acceleration[1] = accelerate_two(
-                        *(state[w, JOINT, 0], state[w, JOINT, 1]),
+                        *((cosine[w, 0], sine[w, 0]), (cosine[w, 1], sine[w, 1])),
                         *(state[w, SPEED, 0], state[w, SPEED, 1]),
                         *(torque[0], torque[1]),
                         weights,
@@ -148,7 +151,11 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
                     )
                 for j in range(joints):
                     state[w, SPEED, j] += dt * acceleration[j]
-                    state[w, JOINT, j] += dt * state[w, SPEED, j]
+                    move = dt * state[w, SPEED, j]
+                    state[w, JOINT, j] += move
+                    if closed:
+                        own = cosine[w, j], sine[w, j]
+                        cosine[w, j], sine[w, j] = turned(own, state[w, JOINT, j], move)
             for w in range(worlds):
                 age[w] += 1
             if read_late:
@@ -180,10 +187,12 @@ def _keep(s, w, j, own):
 def _one(ticks, target, load, own, drive, weights, pull, dt):
     """Take a joint through some ticks."""
     q, speed, motor, rate, pd = own
+    at = wave(q)
     for _ in range(ticks):
         motor, rate, pd, gear = motor_tick(target, q, speed, motor, rate, drive, dt)
-        speed += dt * accelerate_one(q, gear + load, weights, pull)
+        speed += dt * accelerate_one(at, gear + load, weights, pull)
         q += dt * speed
+        at = turned(at, q, dt * speed)
     return q, speed, motor, rate, pd
 
 
@@ -191,13 +200,15 @@ def _one(ticks, target, load, own, drive, weights, pull, dt):
 def _two(ticks, targets, loads, first, second, drives, weights, pull, dt):
     """The same of two joints."""
     (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2) = first, second
+    at, at2 = wave(q), wave(q2)
     for _ in range(ticks):
         motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
         motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
         torques = gear + loads[0], gear2 + loads[1]
-        moved, moved2 = accelerate_two(q, q2, speed, speed2, *torques, weights, pull)
+        moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, weights, pull)
         speed, speed2 = speed + dt * moved, speed2 + dt * moved2
         q, q2 = q + dt * speed, q2 + dt * speed2
+        at, at2 = turned(at, q, dt * speed), turned(at2, q2, dt * speed2)
     return (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2)
 
 

@@ -6,6 +6,7 @@ import pytest
 from benchmark import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.replay import limb
+from diagnosis.replay.expansion import turned, wave
 from diagnosis.replay.replay import Commands, replay
 
 EFFECTS = {"backlash": 0.01, "command-delay": 6.3e-3, "sensor-delay": 4.1e-3, "encoder-bias": 0.02}
@@ -49,3 +50,10 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         spec = registry.load("effect", name)(magnitude=EFFECTS[name]).on_spec(spec)
     delayed = registry.load("effect", late)(magnitude=1e-300).on_spec(spec)
     assert np.array_equal(replay(spec, asked(rig, 0)), replay(delayed, asked(rig, 0)))
+
+
+@pytest.mark.parametrize("move", [0.0, 1e-9, -0.004, 0.0299, 0.0301, -2.0])
+def test_a_turn_keeps_its_digits(move):
+    """Turn a cosine and a sine on as far as an angle moves, small or large, within rounding."""
+    angle = 0.7
+    assert turned(wave(angle), angle + move, move) == pytest.approx(wave(angle + move), abs=4e-16)
