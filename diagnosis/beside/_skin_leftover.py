@@ -65,11 +65,25 @@ def left(data: Pressed, faults: Faults, apart: Array, near: Array | None) -> Lef
         shown = logit(shown)
     else:
         every = (shown > 0) | (data.reading > 0)
-        read = np.clip((data.reading - shown) / faults.blurs_m(data), -CLEAR, CLEAR)
+        off_m = _centred(data.reading - shown, every & (data.depth_m > 0))
+        read = np.clip(off_m / faults.blurs_m(data), -CLEAR, CLEAR)
         shown = np.zeros(shown.shape)
     return Left(
         binary=data.binary, shown=shown[every], read=read[every], regressors=regressors[:, every]
     )
+
+
+def _centred(off_m: Array, pressed: Array) -> Array:
+    """Errors of depths (S, F, K) where every finger presses as deep as its pressed taxels say.
+
+    Stick and joints are known but to a share of what they press: what is off alike on all that a
+    finger presses is where it is, and no fault of its skin.
+    """
+    for finger in range(off_m.shape[1]):
+        some = pressed[:, finger]
+        if some.any():
+            off_m[:, finger][some] -= np.median(off_m[:, finger][some])
+    return off_m
 
 
 def _regressors(data: Pressed, apart: Array) -> Array:

@@ -167,6 +167,11 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
     assert [one.effect for one in report.findings] == ["unknown"]
 
 
+def test_a_finger_that_presses_a_little_deeper_is_no_fault_of_its_skin():
+    """Find nothing wrong with a skin where the stick is thicker by a share that nothing shows."""
+    assert told("stick-radius=0.3%", "touch").findings == ()
+
+
 def test_a_drift_that_could_be_faster_still_is_unknown():
     """Name no drift as fast as there is: a lower threshold drifts taxels over it at once."""
     both = found("taxel-threshold=-0.18mm,taxel-drift=0.2mm/s", "contact")
