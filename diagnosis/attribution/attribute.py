@@ -37,6 +37,8 @@ STRAINED = 1.0
 """Nats per nominal parameter beyond which their refit is bent to explain something else."""
 HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are fitted no further."""
+SEEN = 0.7
+"""A search without slopes is worth its while for what leaves no more than this of a gap."""
 DELAYED = 2.0
 """Standard deviations that readings are late from which a delay is suspected."""
 LAST = (1.0,)
@@ -96,12 +98,16 @@ class Attribution:
         self.pairs: list[Ranked] = []
         """All that were tried."""
         self.singles = self._rank((), self._base)
-        self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
         self.nominal = self._settled(found)
+        self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
 
     def slopeless(self, one: Ranked, settled: float = 1.0) -> Ranked:
-        """A candidate; searched without slopes where it is restless and leaves more than that."""
-        if one.unrest <= CALM or one.gap <= settled:
+        """A candidate; searched without slopes where it is restless and leaves more than that.
+
+        Where it leaves nearly all that there is, it is no dip near by that it has missed.
+        """
+        hopeless = one.gap > SEEN * self.nominal.gap
+        if one.unrest <= CALM or one.gap <= settled or hopeless:
             return one
         trained = simplex(self.fitter, self._trained(one.fit))
         whole = simplex(self.whole, self.whole.at(trained.effects, trained.deviations))

@@ -260,7 +260,7 @@ def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
     pairs: list[Ranked] = []
     for more in _pairs(found, best, rule, hard):
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
-        if any(explains(found, r, rule) for r in pairs):
+        if any(r.gap <= rule.settled_gap and explains(found, r, rule) for r in pairs):
             break
     for mend in (_unbent, _again)[: 1 + hard]:
         more = mend(found, sorted(pairs, key=_cost), rule) if pairs else []

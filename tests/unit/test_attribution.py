@@ -668,6 +668,23 @@ def test_a_joint_that_rattles_is_fitted_without_slopes():
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.0255, rel=0.05)
 
 
+def test_what_leaves_all_is_not_searched_without_slopes(monkeypatch):
+    """Search a restless fit without slopes where it leaves a part of the gap, and none else."""
+    play = kind("backlash")
+    part = evidence([play(magnitude=0.02, joint="J0")], rig="finger", protocols=("steps",))
+    found = Attribution(part, {"backlash": play}, 0.05)
+    searched = []
+    monkeypatch.setattr(
+        "diagnosis.attribution.attribute.simplex", lambda _, fit: searched.append(fit) or fit
+    )
+    for share in (0.9, 0.5):
+        found.nominal = dataclasses.replace(found.nominal, plain=0 * found.nominal.plain + 9.0)
+        plain = found.nominal.plain * share**2
+        one = dataclasses.replace(found.singles[0], plain=plain, unrest=1.0)
+        found.slopeless(one)
+        assert bool(searched) is (share == 0.5)
+
+
 def test_a_search_without_slopes_stays_within_bounds():
     """Leave a magnitude that would go on growing where its bounds end."""
     weak = kind("torque-limit")
@@ -877,6 +894,26 @@ def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
     monkeypatch.setattr(found, "second", lambda *_, **__: next(answers, []))
     monkeypatch.setattr(found, "exchanged", lambda *_: [])
     assert first and set(ruled(found).names) == {"coulomb-friction", "viscous-friction"}
+
+
+def test_a_second_effect_is_sought_until_a_pair_leaves_nothing(monkeypatch):
+    """Go on from a pair that leaves more than the floor, though a restless one may leave that."""
+    truth = (
+        kind("coulomb-friction")(magnitude=0.08, joint="A0"),
+        kind("viscous-friction")(magnitude=0.1, joint="A0"),
+    )
+    names = ("coulomb-friction", "viscous-friction", "stiction")
+    part = evidence(truth, protocols=("steps", "push"))
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    right = found.second(found.singles[0])[0]
+    rough = costing(right, right.fit.cost + 50)
+    rough = dataclasses.replace(rough, names=("rough", "pair"), plain=0 * right.plain + 4.0)
+    answers = iter([[rough], [right]])
+    monkeypatch.setattr("diagnosis.attribution.verdict.explains", lambda _, one, __: one in answer)
+    answer = [rough, right]
+    monkeypatch.setattr(found, "second", lambda *_, **__: next(answers, []))
+    monkeypatch.setattr(found, "exchanged", lambda *_: [])
+    assert set(ruled(found).names) == {"coulomb-friction", "viscous-friction"}
 
 
 def test_a_single_effect_is_refitted_from_its_pair(monkeypatch):
