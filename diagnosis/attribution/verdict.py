@@ -260,12 +260,21 @@ def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
     pairs: list[Ranked] = []
     for more in _pairs(found, best, rule, hard):
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
-        if any(r.gap <= rule.settled_gap and explains(found, r, rule) for r in pairs):
+        if any(_settles(found, r, rule) for r in pairs):
             break
     for mend in (_unbent, _again)[: 1 + hard]:
         more = mend(found, sorted(pairs, key=_cost), rule) if pairs else []
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
     return min(pairs, key=_cost, default=None)
+
+
+def _settles(found: Attribution, pair: Ranked, rule: Rules) -> bool:
+    """Whether no other pair is asked: it explains the log, and once more will be judged or settled.
+
+    Where it is known how far joints stray in their play, what is left beyond that has a cause.
+    """
+    strays = bool(found.fitter.evidence.astray)
+    return explains(found, pair, rule) and (not strays or pair.gap <= rule.settled_gap)
 
 
 def _pairs(found: Attribution, best: Ranked, rule: Rules, hard: bool) -> Iterator[list[Ranked]]:
