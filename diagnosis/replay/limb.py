@@ -63,16 +63,22 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
     `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
     counts ticks; `out` is (n, W, 4, J).
     """
-    if len(limb[1][0]) > 0 and not limb[3].any() and not limb[4][..., DELAY].any():
-        _run_in_time(ticks, target, load, alive, limb, state, out)
+    if is_closed(limb) and not limb[3].any():
+        run_in_time(ticks, target, load, alive, limb, state, out)
         age += ticks.sum()
     else:
         _run(ticks, target, load, alive, limb, rings, state, age, out)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _run_in_time(ticks, target, load, alive, limb, state, out):
-    """`run` of one or two joints in closed form where nothing is late.
+def is_closed(limb):
+    """Whether motion is in closed form and sensors read what is there, see `run_in_time`."""
+    return len(limb[1][0]) > 0 and not limb[4][..., DELAY].any()
+
+
+@numba.njit(cache=True, error_model="numpy")
+def run_in_time(ticks, target, load, alive, limb, state, out):
+    """`run` of one or two joints in closed form, where all targets are what reaches the drives.
 
     Their numbers stay in registers from sample to sample, which halves the time of a lone joint.
     """

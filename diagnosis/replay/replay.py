@@ -13,8 +13,9 @@ import numpy as np
 
 from backends.spec import Hand, Spec
 from backends.state import Array
+from diagnosis.replay.arrival import arrivals
 from diagnosis.replay.chain import chain, dynamics, workspace
-from diagnosis.replay.limb import CHANNELS, memory, numbers, rest, run
+from diagnosis.replay.limb import CHANNELS, is_closed, memory, numbers, rest, run, run_in_time
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +46,14 @@ def _replay(ticks, target, load, start, limb, rings, out):
     state, age = rest(start, limb), np.zeros(1, dtype=np.int64)
     alone = np.ones(1, dtype=np.bool_)
     run(ticks[:1] - ticks[:1], target[:1], load[:1], alone, limb, rings, state, age, out[:1])
-    run(np.diff(ticks), target[:-1], load[:-1], alone, limb, rings, state, age, out[1:])
+    spans, path = np.diff(ticks), limb[3]
+    if not path.any() or not is_closed(limb):
+        run(spans, target[:-1], load[:-1], alone, limb, rings, state, age, out[1:])
+        return
+    parts, wanted, samples, ends = arrivals(spans, target[:-1, 0], path[0], limb[6])
+    shown = np.zeros((len(parts), *out.shape[1:]))
+    run_in_time(parts, wanted[:, None], load[samples], alone, limb, state, shown)
+    out[1:] = shown[ends]
 
 
 def replay(spec: Spec, commands: Commands) -> Array:

@@ -1,5 +1,7 @@
 """Worlds of a limb side by side: what replays and the decoding of lost packets share."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -50,6 +52,30 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         spec = registry.load("effect", name)(magnitude=EFFECTS[name]).on_spec(spec)
     delayed = registry.load("effect", late)(magnitude=1e-300).on_spec(spec)
     assert np.array_equal(replay(spec, asked(rig, 0)), replay(delayed, asked(rig, 0)))
+
+
+@pytest.mark.parametrize("rig", ["joint", "finger"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"command-delay": 6.3e-3},
+        {"command-rate-limit": 0.3},
+        {"command-delay": 0.013, "command-rate-limit": 0.1, "backlash": 0.01},
+    ],
+)
+def test_targets_foretold_are_targets_followed_tick_by_tick(rig, effects):
+    """Move a limb by targets that were late or limited beforehand as by its path, also at rest."""
+    spec, one = rigs.nominal(rig), asked(rig, 0)
+    for name, size in effects.items():
+        spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
+    one = dataclasses.replace(one, ticks=np.maximum(one.ticks - 30, 0))
+    numbers, out = limb.numbers(spec), np.zeros((len(one.ticks), 1, 4, len(spec.drives)))
+    state, age, alive = limb.rest(one.start, numbers), np.zeros(1, dtype=np.int64), np.ones(1, bool)
+    spans, target = np.diff(one.ticks, prepend=0), np.concatenate([one.target[:1], one.target[:-1]])
+    load = np.concatenate([one.load[:1], one.load[:-1]])
+    rings = limb.memory(numbers)
+    limb.run(spans, target[:, None], load, alive, numbers, rings, state, age, out)
+    assert replay(spec, one) == pytest.approx(out[:, 0].transpose(1, 0, 2), abs=1e-9)
 
 
 @pytest.mark.parametrize("move", [0.0, 1e-9, -0.004, 0.0299, 0.0301, -2.0])
