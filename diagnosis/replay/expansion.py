@@ -72,7 +72,7 @@ def turned(own, q, move):
     """Cosine and sine `own` of an angle once it has moved to `q`.
 
     Of a small move by the first terms of its series and the addition theorem, to the last digit:
-    cosines are most of what a tick of two joints costs.
+    cosines would take a sixth of a tick's time.
     """
     if abs(move) > _SMALL:
         return wave(q)

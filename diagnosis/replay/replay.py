@@ -47,7 +47,7 @@ def _replay(ticks, target, load, start, limb, rings, out):
     alone = np.ones(1, dtype=np.bool_)
     run(ticks[:1] - ticks[:1], target[:1], load[:1], alone, limb, rings, state, age, out[:1])
     spans, path = np.diff(ticks), limb[3]
-    if not path.any() or not is_closed(limb):
+    if len(spans) == 0 or not path.any() or not is_closed(limb):
         run(spans, target[:-1], load[:-1], alone, limb, rings, state, age, out[1:])
         return
     parts, wanted, samples, ends = arrivals(spans, target[:-1, 0], path[0], limb[6])

@@ -78,6 +78,13 @@ def test_targets_foretold_are_targets_followed_tick_by_tick(rig, effects):
     assert replay(spec, one) == pytest.approx(out[:, 0].transpose(1, 0, 2), abs=1e-9)
 
 
+def test_a_lone_sample_shows_a_limb_at_rest():
+    """Show where a limb starts, if there is nothing but the start, late commands or not."""
+    one = asked("joint", 0).first(1)
+    spec = registry.load("effect", "command-delay")(magnitude=6e-3).on_spec(rigs.nominal("joint"))
+    assert replay(spec, one)[0] == pytest.approx(one.start[None])
+
+
 @pytest.mark.parametrize("move", [0.0, 1e-9, -0.004, 0.0299, 0.0301, -2.0])
 def test_a_turn_keeps_its_digits(move):
     """Turn a cosine and a sine on as far as an angle moves, small or large, within rounding."""
