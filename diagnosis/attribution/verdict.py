@@ -104,7 +104,13 @@ def judge(
     again = ruled(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
     if first.names == (UNKNOWN,):
         return again if set(stray.names) & set(again.names) else first
-    return again if set(again.names) <= set(first.names) else first
+    fewer = set(again.names) <= set(first.names)
+    return again if fewer or _adds(first, again) else first
+
+
+def _adds(first: LimbVerdict, again: LimbVerdict) -> bool:
+    """Whether a second effect is found once strays are known, and leaves no more than strays."""
+    return set(again.names) > set(first.names) and again.chosen.gap <= rules().settled_gap
 
 
 def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
