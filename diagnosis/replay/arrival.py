@@ -2,6 +2,7 @@
 
 A path asked tick by tick costs several times what the motion does. Asked beforehand, the time
 between samples falls into spans in which no target changes, and these a limb takes at full speed.
+What late sensors show is the motion at the end of more spans.
 """
 
 import numba
@@ -9,25 +10,26 @@ import numpy as np
 
 
 @numba.njit(cache=True, error_model="numpy")
-def arrivals(ticks, target, path, dt):
-    """Spans of constant targets: their ticks (M,), targets (M, J), samples (M,), and ends (n,).
+def arrivals(ticks, target, path, late, dt):
+    """Spans of constant targets: their ticks (M,), samples (M,), targets (M, J), and ends.
 
-    `ticks` (n,) are the drive periods from each sample to the next and `target` (n, J) what is
-    told then; `path` (J, 3) as in `backends.command`, of which nothing is lost. Sample k ends with
-    the span `ends[k]`.
+    `ticks` (n,) are the drive periods up to each sample and `target` (n, J) what is told then;
+    `path` (J, 3) as in `backends.command`, of which nothing is lost. A span ends wherever sensors
+    that are `late` (J,) [s] look back to; after so many ticks the span `ends` of that has ended.
     """
-    told, late = np.repeat(np.arange(len(ticks)), ticks), path[:, 0] / dt
+    told, slow = np.repeat(np.arange(len(ticks)), ticks), path[:, 0] / dt
+    looks = _looks(ticks, late / dt)
     spans = np.zeros(len(told) + len(ticks), dtype=np.int64)
     wanted, samples = np.zeros((len(spans), len(path))), np.zeros_like(spans)
-    last, ends, tick, span = target[0].copy(), np.zeros_like(ticks), 0, -1
+    last, ends, tick, span = target[0].copy(), np.zeros(len(told) + 1, dtype=np.int64), 0, -1
     for k in range(len(ticks)):
         span += 1
-        samples[span] = k
+        samples[span], wanted[span] = k, last
         for _ in range(ticks[k]):
-            changes = False
+            new_span = looks[tick]
             for j in range(len(path)):
-                whole = int(late[j])
-                share = late[j] - whole
+                whole = int(slow[j])
+                share = slow[j] - whole
                 new = target[told[max(tick - whole, 0)], j]
                 if share > 0.0:
                     old = target[told[max(tick - whole - 1, 0)], j]
@@ -35,13 +37,41 @@ def arrivals(ticks, target, path, dt):
                 if path[j, 1] > 0.0 and tick > 0:
                     most = dt / path[j, 1]
                     new = last[j] + min(max(new - last[j], -most), most)
-                changes |= new != last[j]
+                new_span |= new != last[j]
                 last[j] = new
-            if changes and spans[span] > 0:
+            if new_span and spans[span] > 0:
                 span += 1
                 samples[span] = k
             wanted[span] = last
             spans[span] += 1
             tick += 1
-        ends[k] = span
-    return spans[: span + 1], wanted[: span + 1], samples[: span + 1], ends
+            ends[tick] = span
+    return spans[: span + 1], samples[: span + 1], wanted[: span + 1], ends
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _looks(ticks, late):
+    """After which ticks a sensor that is `late` (J,) ticks looks at the motion, bool."""
+    looks, tick = np.zeros(ticks.sum() + 1, dtype=np.bool_), 0
+    for k in range(len(ticks)):
+        tick += ticks[k]
+        for j in range(len(late)):
+            if late[j] > 0.0:
+                whole = int(late[j])
+                looks[max(tick - whole, 0)] = looks[max(tick - whole - 1, 0)] = True
+    return looks
+
+
+@numba.njit(cache=True, error_model="numpy")
+def looked(ticks, late, ends, shown, out):
+    """Write what late sensors show (n, J) of a motion: `shown` (M, J) at the end of each span."""
+    tick = 0
+    for k in range(len(ticks)):
+        tick += ticks[k]
+        for j in range(len(late)):
+            whole = int(late[j])
+            share = late[j] - whole
+            out[k, j] = shown[ends[max(tick - whole, 0)], j]
+            if share > 0.0:
+                before = shown[ends[max(tick - whole - 1, 0)], j]
+                out[k, j] = (1.0 - share) * out[k, j] + share * before

@@ -63,8 +63,8 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
     `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
     counts ticks; `out` is (n, W, 4, J).
     """
-    if is_closed(limb) and not limb[3].any():
-        run_in_time(ticks, target, load, alive, limb, state, out)
+    if is_closed(limb) and not limb[3].any() and not limb[4][..., DELAY].any():
+        _run_in_time(ticks, target, load, alive, limb, state, out)
         age += ticks.sum()
     else:
         _run(ticks, target, load, alive, limb, rings, state, age, out)
@@ -72,41 +72,111 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
 
 @numba.njit(cache=True, error_model="numpy")
 def is_closed(limb):
-    """Whether motion is in closed form and sensors read what is there, see `run_in_time`."""
-    return len(limb[1][0]) > 0 and not limb[4][..., DELAY].any()
+    """Whether motion is in closed form: of one or two joints, see `abreast`."""
+    return len(limb[1][0]) > 0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def run_in_time(ticks, target, load, alive, limb, state, out):
-    """`run` of one or two joints in closed form, where all targets are what reaches the drives.
+def _run_in_time(ticks, target, load, alive, limb, state, out):
+    """`run` in closed form where nothing is late, two worlds at a time."""
+    samples, left = np.arange(len(ticks)), np.flatnonzero(alive)
+    for k in range(0, len(left), 2):
+        w, v = left[k], left[min(k + 1, len(left) - 1)]
+        ends = len(ticks) if v != w else 0
+        one = ticks, samples, target[:, w], load, state[w], out[:, w]
+        other = ticks[:ends], samples, target[:, v], load, state[v], out[:, v]
+        abreast(one, other, limb)
 
-    Their numbers stay in registers from sample to sample, which halves the time of a lone joint.
+
+@numba.njit(cache=True, error_model="numpy")
+def abreast(one, other, limb):
+    """Take a limb in closed form along two tracks at a time.
+
+    A tick waits for the one before, and what a processor does meanwhile costs nothing: two tracks
+    take 0.7 of the time of one after the other, of a lone joint 0.6.
+
+    A track is M spans of constant targets: ticks (M,), samples (M,), targets (M, J), loads of all
+    samples (n, J), the state (7, J) at the start, which becomes that at the end, and what is shown
+    after each span (M, 4, J).
     """
     _, (weights, pull), drive, _, encoder, at_motor, dt = limb
-    last = state.shape[2] - 1
-    drives = _drive(drive, 0), _drive(drive, last)
-    for w in range(len(alive)):
-        if not alive[w]:
-            continue
-        own, other = _own(state, w, 0), _own(state, w, last)
-        for k in range(len(ticks)):
-            if last == 0:
-                own = _one(ticks[k], target[k, w, 0], load[k, 0], own, drives[0], weights, pull, dt)
-            else:
-                targets, loads = (target[k, w, 0], target[k, w, 1]), (load[k, 0], load[k, 1])
-                own, other = _two(ticks[k], targets, loads, own, other, drives, weights, pull, dt)
-                _show(out, k, w, 1, other, at_motor, encoder)
-            _show(out, k, w, 0, own, at_motor, encoder)
-        _keep(state, w, last, other)
-        _keep(state, w, 0, own)
+    ticks, samples, target, load, state, out = one
+    ticks_b, samples_b, target_b, load_b, state_b, out_b = other
+    last = len(at_motor) - 1
+    lone, drives = last == 0, (_drive(drive, 0), _drive(drive, last))
+    own = _joint(state, 0), _joint(state, last)
+    own_b = _joint(state_b, 0), _joint(state_b, last)
+    k, left = 0, ticks[0] if len(ticks) > 0 else 0
+    m, left_b = 0, ticks_b[0] if len(ticks_b) > 0 else 0
+    while k < len(ticks) and m < len(ticks_b):
+        asked = _asked(target, load, k, samples[k], last)
+        asked_b = _asked(target_b, load_b, m, samples_b[m], last)
+        both = min(left, left_b)
+        for _ in range(both if lone else 0):
+            own = _one(own, asked, drives, weights, pull, dt)
+            own_b = _one(own_b, asked_b, drives, weights, pull, dt)
+        for _ in range(0 if lone else both):
+            own = _two(own, asked, drives, weights, pull, dt)
+            own_b = _two(own_b, asked_b, drives, weights, pull, dt)
+        left, left_b = left - both, left_b - both
+        if left == 0:
+            own, k = _arrived(samples, own, out, k, at_motor, encoder), k + 1
+            left = ticks[k] if k < len(ticks) else 0
+        if left_b == 0:
+            own_b, m = _arrived(samples_b, own_b, out_b, m, at_motor, encoder), m + 1
+            left_b = ticks_b[m] if m < len(ticks_b) else 0
+    _alone(one, k, left, own, drives, limb)
+    _alone(other, m, left_b, own_b, drives, limb)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _show(out, k, w, j, own, at_motor, encoder):
-    angle, speed, motor, _, torque = own
+def _alone(track, k, left, own, drives, limb):
+    """The rest of a track, and its state at the end."""
+    _, (weights, pull), _, _, encoder, at_motor, dt = limb
+    ticks, samples, target, load, state, out = track
+    last = len(at_motor) - 1
+    for span in range(k, len(ticks)):
+        asked = _asked(target, load, span, samples[span], last)
+        count = left if span == k else ticks[span]
+        for _ in range(count if last == 0 else 0):
+            own = _one(own, asked, drives, weights, pull, dt)
+        for _ in range(0 if last == 0 else count):
+            own = _two(own, asked, drives, weights, pull, dt)
+        own = _arrived(samples, own, out, span, at_motor, encoder)
+    if len(ticks) > 0:
+        _keep(state, last, own[1])
+        _keep(state, 0, own[0])
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _arrived(samples, own, out, k, at_motor, encoder):
+    """A limb at the end of a span, which it shows; at the end of a sample its waves begin anew."""
+    last = len(at_motor) - 1
+    _show(out, k, last, own[1], at_motor, encoder)
+    _show(out, k, 0, own[0], at_motor, encoder)
+    if k + 1 < len(samples) and samples[k + 1] == samples[k]:
+        return own
+    return _waves(own[0]), _waves(own[1])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _asked(target, load, k, sample, last):
+    """Targets and loads of the first and the last joint in a span."""
+    return (target[k, 0], target[k, last]), (load[sample, 0], load[sample, last])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _waves(joint):
+    angle, speed, motor, rate, pd, _ = joint
+    return angle, speed, motor, rate, pd, wave(angle)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _show(out, k, j, joint, at_motor, encoder):
+    angle, speed, motor, _, torque, _ = joint
     sensed = motor if at_motor[j] else angle
-    out[k, w, 0, j] = (1.0 + encoder[w, j, 1]) * sensed + encoder[w, j, 0]
-    out[k, w, 1, j], out[k, w, 2, j], out[k, w, 3, j] = motor, torque, speed
+    out[k, 0, j] = (1.0 + encoder[0, j, 1]) * sensed + encoder[0, j, 0]
+    out[k, 1, j], out[k, 2, j], out[k, 3, j] = motor, torque, speed
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -180,42 +250,40 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _own(s, w, j):
-    return s[w, JOINT, j], s[w, SPEED, j], s[w, MOTOR, j], s[w, MOTOR_SPEED, j], s[w, TORQUE, j]
+def _joint(s, j):
+    angle = s[JOINT, j]
+    return angle, s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], wave(angle)
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _keep(s, w, j, own):
-    s[w, JOINT, j], s[w, SPEED, j], s[w, MOTOR, j], s[w, MOTOR_SPEED, j], s[w, TORQUE, j] = own
+def _keep(s, j, joint):
+    s[JOINT, j], s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], _ = joint
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _one(ticks, target, load, own, drive, weights, pull, dt):
-    """Take a joint through some ticks."""
-    q, speed, motor, rate, pd = own
-    at = wave(q)
-    for _ in range(ticks):
-        motor, rate, pd, gear = motor_tick(target, q, speed, motor, rate, drive, dt)
-        speed += dt * accelerate_one(at, gear + load, weights, pull)
-        q += dt * speed
-        at = turned(at, q, dt * speed)
-    return q, speed, motor, rate, pd
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _one(own, asked, drives, weights, pull, dt):
+    """Take a lone joint through one tick."""
+    (q, speed, motor, rate, pd, at), other = own
+    targets, loads = asked
+    motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
+    speed += dt * accelerate_one(at, gear + loads[0], weights, pull)
+    q += dt * speed
+    return (q, speed, motor, rate, pd, turned(at, q, dt * speed)), other
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _two(ticks, targets, loads, first, second, drives, weights, pull, dt):
-    """The same of two joints."""
-    (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2) = first, second
-    at, at2 = wave(q), wave(q2)
-    for _ in range(ticks):
-        motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
-        motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
-        torques = gear + loads[0], gear2 + loads[1]
-        moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, weights, pull)
-        speed, speed2 = speed + dt * moved, speed2 + dt * moved2
-        q, q2 = q + dt * speed, q2 + dt * speed2
-        at, at2 = turned(at, q, dt * speed), turned(at2, q2, dt * speed2)
-    return (q, speed, motor, rate, pd), (q2, speed2, motor2, rate2, pd2)
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _two(own, asked, drives, weights, pull, dt):
+    """Take two joints through one tick."""
+    (q, speed, motor, rate, pd, at), (q2, speed2, motor2, rate2, pd2, at2) = own
+    targets, loads = asked
+    motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
+    motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
+    torques = gear + loads[0], gear2 + loads[1]
+    moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, weights, pull)
+    speed, speed2 = speed + dt * moved, speed2 + dt * moved2
+    q, q2 = q + dt * speed, q2 + dt * speed2
+    first = q, speed, motor, rate, pd, turned(at, q, dt * speed)
+    return first, (q2, speed2, motor2, rate2, pd2, turned(at2, q2, dt * speed2))
 
 
 @numba.njit(cache=True, error_model="numpy")
