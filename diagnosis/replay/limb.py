@@ -78,14 +78,17 @@ def is_closed(limb):
 
 @numba.njit(cache=True, error_model="numpy")
 def _run_in_time(ticks, target, load, alive, limb, state, out):
-    """`run` in closed form where nothing is late, two worlds at a time."""
-    samples, left = np.arange(len(ticks)), np.flatnonzero(alive)
-    for k in range(0, len(left), 2):
-        w, v = left[k], left[min(k + 1, len(left) - 1)]
-        ends = len(ticks) if v != w else 0
-        one = ticks, samples, target[:, w], load, state[w], out[:, w]
-        other = ticks[:ends], samples, target[:, v], load, state[v], out[:, v]
-        abreast(one, other, limb)
+    """`run` in closed form where nothing is late."""
+    _, closed, drive, _, encoder, at_motor, dt = limb
+    samples, last = np.arange(len(ticks)), len(at_motor) - 1
+    drives = _drive(drive, 0), _drive(drive, last)
+    for w in range(len(alive)):
+        if alive[w]:
+            mine, shown, own = target[:, w], out[:, w], _limb(state[w], last)
+            for k in range(len(ticks)):
+                own = _span(ticks[k], own, _asked(mine, load, k, k, last), last, drives, closed, dt)
+                own = _arrived(samples, own, shown, k, at_motor, encoder)
+            _keep(state[w], last, own)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -104,8 +107,7 @@ def abreast(one, other, limb):
     ticks_b, samples_b, target_b, load_b, state_b, out_b = other
     last = len(at_motor) - 1
     lone, drives = last == 0, (_drive(drive, 0), _drive(drive, last))
-    own = _joint(state, 0), _joint(state, last)
-    own_b = _joint(state_b, 0), _joint(state_b, last)
+    own, own_b = _limb(state, last), _limb(state_b, last)
     k, left = 0, ticks[0] if len(ticks) > 0 else 0
     m, left_b = 0, ticks_b[0] if len(ticks_b) > 0 else 0
     while k < len(ticks) and m < len(ticks_b):
@@ -125,27 +127,37 @@ def abreast(one, other, limb):
         if left_b == 0:
             own_b, m = _arrived(samples_b, own_b, out_b, m, at_motor, encoder), m + 1
             left_b = ticks_b[m] if m < len(ticks_b) else 0
-    _alone(one, k, left, own, drives, limb)
-    _alone(other, m, left_b, own_b, drives, limb)
+    if k < len(ticks):
+        own = _alone(one, k, left, own, drives, limb)
+    if m < len(ticks_b):
+        own_b = _alone(other, m, left_b, own_b, drives, limb)
+    _keep(state, last, own)
+    _keep(state_b, last, own_b)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _alone(track, k, left, own, drives, limb):
-    """The rest of a track, and its state at the end."""
-    _, (weights, pull), _, _, encoder, at_motor, dt = limb
-    ticks, samples, target, load, state, out = track
+    """The rest of a track; a limb at its end."""
+    _, closed, _, _, encoder, at_motor, dt = limb
+    ticks, samples, target, load, _, out = track
     last = len(at_motor) - 1
     for span in range(k, len(ticks)):
         asked = _asked(target, load, span, samples[span], last)
         count = left if span == k else ticks[span]
-        for _ in range(count if last == 0 else 0):
-            own = _one(own, asked, drives, weights, pull, dt)
-        for _ in range(0 if last == 0 else count):
-            own = _two(own, asked, drives, weights, pull, dt)
+        own = _span(count, own, asked, last, drives, closed, dt)
         own = _arrived(samples, own, out, span, at_motor, encoder)
-    if len(ticks) > 0:
-        _keep(state, last, own[1])
-        _keep(state, 0, own[0])
+    return own
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _span(ticks, own, asked, last, drives, closed, dt):
+    """A limb some ticks later."""
+    weights, pull = closed
+    for _ in range(ticks if last == 0 else 0):
+        own = _one(own, asked, drives, weights, pull, dt)
+    for _ in range(0 if last == 0 else ticks):
+        own = _two(own, asked, drives, weights, pull, dt)
+    return own
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -154,7 +166,7 @@ def _arrived(samples, own, out, k, at_motor, encoder):
     last = len(at_motor) - 1
     _show(out, k, last, own[1], at_motor, encoder)
     _show(out, k, 0, own[0], at_motor, encoder)
-    if k + 1 < len(samples) and samples[k + 1] == samples[k]:
+    if k + 1 == len(samples) or samples[k + 1] == samples[k]:
         return own
     return _waves(own[0]), _waves(own[1])
 
@@ -256,8 +268,15 @@ def _joint(s, j):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _keep(s, j, joint):
-    s[JOINT, j], s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], _ = joint
+def _limb(state, last):
+    """The first and the last joint; of a lone joint the same twice."""
+    return _joint(state, 0), _joint(state, last)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _keep(s, last, own):
+    for j, joint in ((last, own[1]), (0, own[0])):
+        s[JOINT, j], s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], _ = joint
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
