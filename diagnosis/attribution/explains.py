@@ -33,11 +33,11 @@ def explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
 
 
 def is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether a fit leaves nothing to explain: no parameter is bent, and what is new is noise.
+    """Whether a fit leaves nothing to explain: what is new is noise.
 
     It is white, follows no law, and no more than a few samples are out of all proportion.
     """
-    if ranked.bent > belief(ranked, rule) or not is_white(found, ranked, rule):
+    if not is_white(found, ranked, rule):
         return False
     new = found.whole.innovations(ranked.fit.effects, ranked.fit.deviations)
     wild = int((np.abs(new) > compressed(rule.wild_sd)).sum())

@@ -152,7 +152,7 @@ def ruled(found: Attribution) -> LimbVerdict:
         off = _slightly_off(found, small, rule)
         if off is not None:
             return _verdict((UNKNOWN,), off, found, (), _lead(small, off))
-        if is_plain(found, small, rule):
+        if small.bent <= rule.alone_stds and is_plain(found, small, rule):
             return _verdict((NONE,), nominal, found, (), rule.accuse_nats - max(gain, 0.0))
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, small))
     if not explains(found, singles[0], rule):
@@ -165,6 +165,8 @@ def ruled(found: Attribution) -> LimbVerdict:
     others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])
+    if best.bent > rule.alone_stds and lead < rule.pair_nats:
+        return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
     return _verdict(best.names, best, found, tied, lead)
 
 
@@ -202,7 +204,7 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= belief(one, rule)
+        and one.bent <= rule.alone_stds
         and (in_steps or not is_read(one.fit.effects[-1]))
         and not _is_nominal(found, one)
         and not _beyond_nominal(found, one, rule)
