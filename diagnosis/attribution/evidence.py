@@ -17,23 +17,19 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.replayed import Replayed
-from diagnosis.attribution.timing import late_s, later, sensors
-from diagnosis.attribution.whiten import ROUGH, innovations
+from diagnosis.attribution.timing import late_s, residual, sensors
+from diagnosis.attribution.whiten import FAR, ROUGH, innovations, news
 from diagnosis.replay.limb import CHANNELS
 from diagnosis.replay.replay import Commands
 
 USED = CHANNELS[:3]
 """Channels that are compared; velocity follows from position."""
-FAR = 1e4
-"""Residuals end here: a candidate that is unstable is merely very bad."""
 NUDGE_RAD = 1e-5
 """A shift of the start that no sensor shows [rad]."""
 CORE = 3.0
 """Residuals under so many standard deviations count in full."""
 _NODES = 20
 """Of a quadrature."""
-_LOST = 1e6
-"""What an unstable world shows [rad or Nm]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,8 +116,11 @@ class Evidence:
 
         In the order of `residual`.
         """
-        parts = [self.whitened(left) for left in self._left(effects, judged)]
-        flat = self._flat(parts, judged)
+        flat, noise = np.empty(sum(self._counts[judged])), (self._white, self.floor[:, 0])
+        ends = np.cumsum(self._counts[judged])
+        rows = zip(self._left(effects, judged), self._compared[judged], ends, strict=True)
+        for left, mask, end in rows:
+            news(left, *noise, self.sample_s, mask, flat[:end])
         return compressed(flat) if compress else flat
 
     def tracks(self, judged: bool | None = None) -> Array:
@@ -134,8 +133,7 @@ class Evidence:
         """Which protocol each residual is of, by name, in the order of `residual`."""
         ends = self._ends[judged]
         names = [r.protocol for r, end in zip(self.recordings, ends, strict=True) if end]
-        counts = [int(mask.sum()) for mask in self._compared[judged]]
-        return np.repeat(np.array(names), counts)
+        return np.repeat(np.array(names), self._counts[judged])
 
     def whitened(self, left: Array) -> Array:
         """What is new in residuals (C, T, J) of samples that are compared."""
@@ -211,8 +209,7 @@ class Evidence:
         shown = self._replayed.shown(effects, self._ends[judged])
         left = []
         for (time_s, measured), wild in zip(asked, shown, strict=True):
-            moved = later(np.clip(wild, -_LOST, _LOST), time_s, at, shift_s)
-            left.append((measured - moved)[:, :: self.stride])
+            left.append(residual(measured, wild, time_s, at, shift_s, self.stride))
         if not self.astray:
             return left
         ends = self._ends[judged]
@@ -302,6 +299,11 @@ class Evidence:
             ]
             for wanted, masks in self._masks.items()
         }
+
+    @cached_property
+    def _counts(self) -> dict[bool | None, list[int]]:
+        """Residuals of each recording that has any."""
+        return {w: [int(mask.sum()) for mask in masks] for w, masks in self._compared.items()}
 
     @cached_property
     def _ends(self) -> dict[bool | None, list[int]]:

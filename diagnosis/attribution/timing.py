@@ -15,6 +15,9 @@ from backends.spec import Drive, Spec
 from backends.state import Array
 from diagnosis.replay.replay import link_inertias_kgm2
 
+_LOST = 1e6
+"""What an unstable world shows [rad or Nm]."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Late(Effect):
@@ -100,11 +103,14 @@ def sensors(spec: Spec) -> Sensors:
     )
 
 
-def later(shown: Array, time_s: Array, at: Sensors, late: Array) -> Array:
-    """Position, motor angle and torque of a replay (4, T, J), read `late` (3,) [s] later."""
-    if not late.any():
-        return shown[: len(late)]
-    return _later(shown, time_s, late, at.age_s, at.scale, at.at_motor)
+def residual(
+    measured: Array, shown: Array, time_s: Array, at: Sensors, late: Array, every: int
+) -> Array:
+    """What measurements (3, T, J) of position, motor angle and torque are beyond a replay.
+
+    The replay (4, T, J) is read `late` (3,) [s] later, and every so-manieth sample is taken.
+    """
+    return _residual(measured, shown, time_s, late, at.age_s, at.scale, at.at_motor, every)
 
 
 def rates(shown: Array, time_s: Array, at: Sensors) -> Array:
@@ -116,36 +122,38 @@ def rates(shown: Array, time_s: Array, at: Sensors) -> Array:
     return _rates(shown, time_s, at.age_s, at.scale, at.at_motor)
 
 
-@numba.njit(cache=True)
-def _later(shown, time_s, late, age_s, scale, at_motor):
-    moved = _rates(shown, time_s, age_s, scale, at_motor)
+@numba.njit(cache=True, error_model="numpy")
+def _residual(measured, shown, time_s, late, age_s, scale, at_motor, every):
+    left = np.empty(measured[:, ::every].shape)
+    rate = np.zeros((len(late), len(time_s), len(age_s)))
+    if late.any():
+        rate = _rates(shown, time_s, age_s, scale, at_motor)
     for c in range(len(late)):
-        for k in range(len(time_s)):
+        for i in range(left.shape[1]):
+            k = i * every
             for j in range(len(age_s)):
-                moved[c, k, j] = shown[c, k, j] - late[c] * moved[c, k, j]
-    return moved
+                told = shown[c, k, j] - late[c] * rate[c, k, j]
+                told = told if np.isnan(told) else min(max(told, -_LOST), _LOST)
+                left[c, i, j] = measured[c, k, j] - told
+    return left
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _rates(shown, time_s, age_s, scale, at_motor):
     out = np.zeros((3, len(time_s), len(age_s)))
     for j in range(len(age_s)):
         position, motor, torque, speed = shown[:, :, j]
-        if at_motor[j]:
-            out[0, :, j] = _slope(position, time_s)
-        elif age_s[j] > 0.0:
-            out[0, :, j] = scale[j] * np.interp(time_s - age_s[j], time_s, speed)
-        else:
-            out[0, :, j] = scale[j] * speed
-        out[1, :, j] = out[0, :, j] + _slope(motor - position, time_s)
-        out[2, :, j] = _slope(torque, time_s)
+        if age_s[j] > 0.0:
+            speed = np.interp(time_s - age_s[j], time_s, speed)
+        for k in range(len(time_s)):
+            out[0, k, j] = 0.0 if at_motor[j] else scale[j] * speed[k]
+        for k in range(1, len(time_s) - 1):
+            span = time_s[k + 1] - time_s[k - 1]
+            moved = position[k + 1] - position[k - 1]
+            if at_motor[j]:
+                out[0, k, j] = moved / span
+            out[1, k, j] = (motor[k + 1] - motor[k - 1] - moved) / span
+            out[2, k, j] = (torque[k + 1] - torque[k - 1]) / span
+        for k in range(len(time_s)):
+            out[1, k, j] += out[0, k, j]
     return out
-
-
-@numba.njit(cache=True)
-def _slope(values, time_s):
-    """Central differences of (T,), zero at the ends."""
-    slope = np.zeros_like(values)
-    for k in range(1, len(values) - 1):
-        slope[k] = (values[k + 1] - values[k - 1]) / (time_s[k + 1] - time_s[k - 1])
-    return slope

@@ -12,6 +12,8 @@ from backends.state import Array
 
 MEMORY_S = 0.1
 """How long a model's error stays [s]: friction and play change it at a reversal."""
+FAR = 1e4
+"""Residuals end here: a candidate that is unstable is merely very bad."""
 ROUGH = 0.5
 """No model's error is all slow: the white part is at least this share of the slow one."""
 
@@ -35,6 +37,25 @@ def _innovations(left, white, slow, keep, out):
                     out[c, k, j] = np.nan
                 guess *= keep
                 variance = keep * keep * variance + (1 - keep * keep) * model
+
+
+@numba.njit(cache=True)
+def _news(left, white, slow, keep, told, flat):
+    new, at = np.empty(left.shape), len(flat) - told.sum()
+    _innovations(left, white, slow, keep, new)
+    channels, samples, joints = left.shape
+    for c in range(channels):
+        for j in range(joints):
+            for k in range(samples):
+                if told[c, j, k]:
+                    one = new[c, k, j]
+                    flat[at] = FAR if np.isnan(one) else min(max(one, -FAR), FAR)
+                    at += 1
+
+
+def news(left: Array, white: Array, slow: Array, sample_s: float, told: Array, flat: Array) -> None:
+    """Write `innovations` of residuals that are `told`, (C, J, T) bool, at the end of `flat`."""
+    _news(left, white, slow, np.exp(-sample_s / MEMORY_S), told, flat)
 
 
 def innovations(left: Array, white: Array, slow: Array, sample_s: float) -> Array:
