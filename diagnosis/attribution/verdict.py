@@ -109,8 +109,11 @@ def judge(
 
 
 def _adds(first: LimbVerdict, again: LimbVerdict) -> bool:
-    """Whether a second effect is found once strays are known, and leaves no more than strays."""
-    return set(again.names) > set(first.names) and again.chosen.gap <= rules().settled_gap
+    """Whether a second effect is found that the first needs, now that strays are known."""
+    alone = [one for one in again.attribution.singles if one.names == first.names]
+    best = min(alone, key=_cost, default=None)
+    needed = best is None or not is_white(again.attribution, best, rules())
+    return set(again.names) > set(first.names) and needed
 
 
 def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
@@ -204,7 +207,7 @@ def _with_little(
         one
         for one in tried
         if one.names[:count] == ranked.names
-        and one.bent <= rule.alone_stds
+        and one.bent <= belief(one, rule)
         and (in_steps or not is_read(one.fit.effects[-1]))
         and not _is_nominal(found, one)
         and not _beyond_nominal(found, one, rule)
