@@ -19,7 +19,7 @@ def explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
     must take most of the gap even so. And what is left follows no other law: none in the motion,
     and within the floor none of one protocol.
     """
-    if candidate.bent > belief(candidate, rule) and candidate.unrest <= CALM:
+    if candidate.bent > belief(candidate, rule) and not _is_restless(found, candidate):
         return False
     if any(map(_ends, candidate.fit.effects)):
         return False
@@ -73,6 +73,11 @@ def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> t
     if modelled:
         return rule.explained_share, 1.0
     return rule.explained_share if within else rule.exact_share, quiet
+
+
+def _is_restless(found: Attribution, candidate: Ranked) -> bool:
+    """Whether a joint's play is rough on its parameters; a little play in any world is not."""
+    return candidate.unrest > CALM + min(found.nominal.unrest, CALM)
 
 
 def _ends(effect: Effect) -> bool:

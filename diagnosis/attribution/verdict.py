@@ -162,6 +162,7 @@ def ruled(found: Attribution) -> LimbVerdict:
         singles = sorted([*map(found.elsewhere, singles[:ANEW]), *singles[ANEW:]], key=_cost)
     best, pair = _pair(found, singles[0], rule)
     if pair is not None and explains(found, pair, rule):
+        pair = _searched_on(found, pair)
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not explains(found, best, rule):
         return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
@@ -171,6 +172,14 @@ def ruled(found: Attribution) -> LimbVerdict:
     if best.bent > rule.alone_stds and lead < rule.pair_nats:
         return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
     return _verdict(best.names, best, found, tied, lead)
+
+
+def _searched_on(found: Attribution, pair: Ranked) -> Ranked:
+    """A pair that explains the log, from other magnitudes and without slopes where joints play.
+
+    A lock has a dip in its costs for every push that it holds, and in a play no slope leads on.
+    """
+    return found.slopeless(found.elsewhere(pair), 0.0) if pair.unrest > CALM else pair
 
 
 def _same(one: Ranked, other: Ranked) -> bool:
