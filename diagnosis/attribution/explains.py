@@ -76,7 +76,7 @@ def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> t
 
 
 def _is_restless(found: Attribution, candidate: Ranked) -> bool:
-    """Whether a joint's play is rough on its parameters; a little play in any world is not."""
+    """Whether a joint in its play may bend parameters by chance: not in a little play that is known."""
     return candidate.unrest > CALM + min(found.nominal.unrest, CALM)
 
 

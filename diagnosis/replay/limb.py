@@ -281,7 +281,7 @@ def _keep(s, last, own):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _one(own, asked, drives, weights, pull, dt):
-    """Take a lone joint through one tick."""
+    """Take a lone joint through one tick. Inline: a call would pass its numbers through memory."""
     (q, speed, motor, rate, pd, at), other = own
     targets, loads = asked
     motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
@@ -292,7 +292,7 @@ def _one(own, asked, drives, weights, pull, dt):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _two(own, asked, drives, weights, pull, dt):
-    """Take two joints through one tick."""
+    """Take two joints through one tick, see `_one`."""
     (q, speed, motor, rate, pd, at), (q2, speed2, motor2, rate2, pd2, at2) = own
     targets, loads = asked
     motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
