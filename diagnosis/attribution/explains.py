@@ -76,7 +76,7 @@ def _asked(found: Attribution, candidate: Ranked, rule: Rules, white: bool) -> t
 
 
 def _is_restless(found: Attribution, candidate: Ranked) -> bool:
-    """Whether a joint in its play may bend parameters by chance: not in a little play that is known."""
+    """Whether a joint's play may bend parameters by chance; a little known play does not."""
     return candidate.unrest > CALM + min(found.nominal.unrest, CALM)
 
 
