@@ -25,7 +25,7 @@ from diagnosis.attribution.refits import CLOSE, Refits
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.simplex import simplex
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
-from diagnosis.attribution.verdict import judge, little_play, ruled
+from diagnosis.attribution.verdict import _adds, _searched_on, judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.hearing import Heard
 from diagnosis.beside.losses import ACCUSE_NATS, _listened, dropouts
@@ -207,6 +207,20 @@ def test_who_bends_a_parameter_must_lead_by_more(deviations, ahead, verdict):
     assert ruled(found).names == (verdict,)
 
 
+@pytest.mark.parametrize("judged", [None, True, False])
+def test_innovations_are_those_of_residuals_that_are_compared(judged):
+    """Filter whole recordings, and take of what is new the samples that were logged and asked."""
+    part = evidence(rig="finger", protocols=("steps",))
+    for recording in part.recordings:
+        recording.measured[0, 40:50] = np.nan
+    effects = Late(magnitude=3e-4), kind("sensor-delay")(magnitude=3.3e-3)
+    part = dataclasses.replace(part, stride=2)
+    left = [part.whitened(one) for one in part._left(effects, judged)]
+    assert np.isfinite(left[0]).any() and np.isnan(left[0]).any()
+    expected = np.concatenate([one.swapaxes(1, 2)[np.isfinite(one.swapaxes(1, 2))] for one in left])
+    assert part.innovations(effects, judged, False) == pytest.approx(expected, abs=1e-12)
+
+
 def costing(ranked: Ranked, cost: float) -> Ranked:
     return dataclasses.replace(ranked, fit=dataclasses.replace(ranked.fit, cost=cost))
 
@@ -371,6 +385,22 @@ def test_a_pair_needs_no_bent_parameter():
     found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
     assert bent.names == ("encoder-bias",) and explains(found, bent, rules())
     assert not explains(found, dataclasses.replace(bent, names=names), rules())
+
+
+@pytest.mark.parametrize(
+    ("unrest", "nominal", "believed"), [(0.07, 0.0, True), (0.07, 0.06, False), (0.3, 0.3, True)]
+)
+def test_a_little_play_excuses_no_bent_parameter(unrest, nominal, believed):
+    """Believe what a joint in its play bends, unless the play is a little one that all have."""
+    part = evidence((kind("encoder-bias")(magnitude=0.02, joint="A0"),))
+    found = Attribution(part, {"encoder-bias": kind("encoder-bias")}, 0.05)
+    best = found.singles[0]
+    off = 4.0 * np.eye(len(best.fit.deviations))[-1]
+    fit = dataclasses.replace(best.fit, deviations=off)
+    bent = dataclasses.replace(best, fit=fit, unrest=unrest)
+    found.nominal = dataclasses.replace(found.nominal, unrest=nominal)
+    found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
+    assert explains(found, bent, rules()) is believed
 
 
 def test_a_parameter_bent_beyond_belief_is_the_second_effect():
@@ -687,6 +717,36 @@ def test_a_joint_that_rattles_is_fitted_without_slopes():
     found = judge(part, known, 0.05)
     assert found.names == ("backlash",) and found.chosen.unrest > CALM
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.0255, rel=0.05)
+
+
+@pytest.mark.parametrize(("surprise", "added"), [(3.0, False), (40.0, True)])
+def test_a_second_effect_is_added_where_strays_alone_leave_a_law(surprise, added):
+    """Add to a joint in its play what it needs once its strays are known, and nothing else."""
+    alone = SimpleNamespace(
+        names=("backlash",), surprise=surprise, fit=SimpleNamespace(cost=9.0, effects=())
+    )
+    found = SimpleNamespace(
+        singles=[alone], leftover=lambda one: SimpleNamespace(unevenness=one.surprise)
+    )
+    again = SimpleNamespace(names=("backlash", "series-elasticity"), attribution=found)
+    assert _adds(SimpleNamespace(names=("backlash",)), again) is added
+    assert not _adds(SimpleNamespace(names=("stiction",)), again)
+
+
+def test_a_pair_of_a_joint_in_its_play_is_searched_on():
+    """Find how much a lock beside a play holds, where the pair that explains has another dip."""
+    play, lock = kind("backlash"), kind("self-lock")
+    truth = play(magnitude=0.02, joint="A0"), lock(magnitude=0.2, joint="A0")
+    part = evidence(truth, protocols=("steps", "push"))
+    found = Attribution(part, {"backlash": play, "self-lock": lock}, 0.05)
+    wrong = truth[0], lock(magnitude=2.4, joint="A0")
+    start = found.fitter.at(wrong, np.zeros(len(found.fitter.nuisances)))
+    firm = found._ranked(("backlash", "self-lock"), start)
+    assert firm.unrest > CALM and firm.fit.effects[1].magnitude > 0.4
+    assert _searched_on(found, dataclasses.replace(firm, unrest=0.0)).fit == firm.fit
+    again = _searched_on(found, firm)
+    assert again.fit.cost < firm.fit.cost
+    assert again.fit.effects[1].magnitude == pytest.approx(0.2, rel=0.05)
 
 
 def test_what_leaves_all_is_not_searched_without_slopes(monkeypatch):

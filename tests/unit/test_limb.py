@@ -9,7 +9,7 @@ from benchmark import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.replay import limb
 from diagnosis.replay.expansion import turned, wave
-from diagnosis.replay.replay import Commands, replay
+from diagnosis.replay.replay import Commands, replay, replays
 
 EFFECTS = {"backlash": 0.01, "command-delay": 6.3e-3, "sensor-delay": 4.1e-3, "encoder-bias": 0.02}
 
@@ -61,10 +61,13 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {"command-delay": 6.3e-3},
         {"command-rate-limit": 0.3},
         {"command-delay": 0.013, "command-rate-limit": 0.1, "backlash": 0.01},
+        {"sensor-delay": 4.0e-3},
+        {"sensor-delay": 6.3e-3, "encoder-scale": 0.1, "encoder-bias": 0.02},
+        {"sensor-delay": 0.2, "command-delay": 6.3e-3, "backlash": 0.01},
     ],
 )
-def test_targets_foretold_are_targets_followed_tick_by_tick(rig, effects):
-    """Move a limb by targets that were late or limited beforehand as by its path, also at rest."""
+def test_what_is_foretold_is_what_happens_tick_by_tick(rig, effects):
+    """Move and read a limb by what is late or limited beforehand as by its path, also at rest."""
     spec, one = rigs.nominal(rig), asked(rig, 0)
     for name, size in effects.items():
         spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
@@ -76,6 +79,19 @@ def test_targets_foretold_are_targets_followed_tick_by_tick(rig, effects):
     rings = limb.memory(numbers)
     limb.run(spans, target[:, None], load, alive, numbers, rings, state, age, out)
     assert replay(spec, one) == pytest.approx(out[:, 0].transpose(1, 0, 2), abs=1e-9)
+
+
+@pytest.mark.parametrize("rig", rigs.RIGS)
+@pytest.mark.parametrize("effects", [{}, {"sensor-delay": 6.3e-3, "command-delay": 4.1e-3}])
+def test_episodes_at_a_time_are_episodes_alone(rig, effects):
+    """Replay an odd number of episodes of unequal lengths as each by itself, bit by bit."""
+    spec = rigs.nominal(rig)
+    for name, size in effects.items():
+        spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
+    several = [asked(rig, 0), asked(rig, 1).first(200), asked(rig, 2).first(1)]
+    several += [dataclasses.replace(asked(rig, 3), ticks=2 * several[0].ticks), asked(rig, 4)]
+    for one, shown in zip(several, replays(spec, several), strict=True):
+        assert np.array_equal(shown, replay(spec, one))
 
 
 def test_a_lone_sample_shows_a_limb_at_rest():
