@@ -191,16 +191,27 @@ def detectable(
     """Search the smallest detectable magnitudes and write them to `out`, as CSV and Markdown."""
     from diagnosis.blind import detectable as searching
 
-    if holding := set(wanted.rigs) & set(rigs.HOLDING):
-        raise UsageError(f"--rig {min(holding)} holds a stick; allowed: {', '.join(rigs.FREE)}")
+    held = not set(rigs.HOLDING).isdisjoint(wanted.rigs)
+    if wrong := [e for e in wanted.effects if held and e not in draw.HELD_EFFECTS]:
+        raise UsageError(
+            f"--effects {','.join(wrong)}: no grasp is asked for these; say --rig "
+            f"{' or '.join(rigs.FREE)}, or name of {', '.join(draw.HELD_EFFECTS)}"
+        )
     searches = [
         searching.Search(
-            effect=effect, real=real, rig=rig, protocol=protocol, draws=draws, seed=seed
+            effect=effect,
+            real=real,
+            rig=rig,
+            protocol=protocol,
+            channels=channels,
+            draws=draws,
+            seed=seed,
         )
         for rig in wanted.rigs
         for effect in wanted.effects
         for real in wanted.reals
-        for protocol in wanted.protocols
+        for protocol in ((GRASP,) if held else wanted.protocols)
+        for channels in _searched(effect)
     ]
     rows = _each("search", _search_one, [(one,) for one in searches], jobs)
     written = searching.write(rows, out)
@@ -212,10 +223,17 @@ def detectable(
     return result, table
 
 
+def _searched(effect: str) -> tuple[tuple[str, ...], ...]:
+    """The channels to search an effect in: of what skin reads each kind, else one of them."""
+    if effect not in draw.HELD_EFFECTS:
+        return draw.CHANNELS[:1]
+    return draw.HELD_CHANNELS[1:] if effect.startswith("taxel") else draw.HELD_CHANNELS[1:2]
+
+
 def _search_one(search: Any) -> dict:
     from diagnosis.blind.detectable import smallest
 
-    return smallest(search, _catalogue(), _start)
+    return smallest(search, _catalogue(), _start, registry.names("backend"))
 
 
 def _make_one(blind: BlindSet, case: draw.Case, seed: int) -> None:

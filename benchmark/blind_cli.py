@@ -89,10 +89,14 @@ def run(
 def detectable(
     out: Annotated[Path, typer.Option(help="Folder for detectable.csv and detectable.md.")],
     real: Real = "mujoco,plant",
-    rig: Annotated[str, typer.Option(help="all, or some of finger,hand,joint.")] = "joint",
-    effects: Annotated[str, typer.Option(help="Effects to search: all, or some.")] = "all",
+    rig: Annotated[
+        str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")
+    ] = "joint",
+    effects: Annotated[
+        str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
+    ] = "all",
     protocols: Annotated[
-        str, typer.Option(help="all, or some of steps,triangle,multisine,push.")
+        str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
     ] = "all",
     draws: Annotated[
         int, typer.Option(help="Nominal errors and motions; half of them must show.", min=1)
@@ -102,6 +106,8 @@ def detectable(
     as_json: Json = False,
 ) -> None:
     """Search the smallest magnitude of every effect that shows, each protocol by itself.
+
+    What taxels, stick and contact show in a grasp: [bold]--rig held --real mujoco[/bold].
 
     Example: [bold]bench blind detectable --out detectable --effects backlash[/bold]
     """

@@ -2,7 +2,8 @@
 
 A magnitude is detectable when in at least half of the draws the true effect, refitted together with
 the nominal parameters, lowers the cost of their refit by the oracle's limit. Noise, steps and lost
-packets no replay can show: they are detectable where the diagnosis names them, and nothing else.
+packets no replay can show: they are detectable where the diagnosis names them, and nothing else. Of
+touch, stick and contact the grasps with and without the effect must be apart by that limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,9 +17,10 @@ import pandas as pd
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.candidates import RANDOM
 from diagnosis.blind import draw, rigs
+from diagnosis.blind.apart import SKIN, Grasps
 from diagnosis.blind.draw import Case, Fault
 from diagnosis.blind.make import Simulate, real_log
-from diagnosis.blind.oracle import detectable
+from diagnosis.blind.oracle import DETECTABLE_NATS, detectable
 from diagnosis.blind.tables import markdown
 from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, LogError
@@ -27,6 +29,7 @@ BELOW = 8.0
 """The search begins at the small level over this; it ends at the largest level that shows."""
 HALVINGS = 4
 """Halvings of the search's logarithmic range: to a third, where levels span a factor of nine."""
+_SIZES = draw.SIZES | draw.HELD_SIZES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,15 +45,20 @@ class Search:
     seed: int = 0
 
 
-def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Simulate) -> dict:
-    """A row: the smallest detectable magnitude in its unit.
+def smallest(
+    search: Search,
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+    engines: Sequence[str],
+) -> dict:
+    """A row: the smallest detectable magnitude in its unit; `engines` are all that there are.
 
     `bound` is '>' where no level is detectable, '<' where the smallest one tried is. The search
     ends at the largest level that shows: steps of a sensor may be too coarse to tell anything.
     """
     kind, (least, *levels) = catalogue[search.effect], _sizes(search)
     cases = _cases(search, catalogue)
-    shows = partial(_shows, search, cases, catalogue=catalogue, simulate=simulate)
+    shows = partial(_shows, search, cases, catalogue=catalogue, simulate=simulate, engines=engines)
     shown = next((size for size in reversed(levels) if shows(size)), None)
     low, high = (least, shown) if shown is not None else (levels[-1], levels[-1])
     for _ in range(HALVINGS if shown is not None else 0):
@@ -62,6 +70,7 @@ def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Si
         "rig": search.rig,
         "real": search.real,
         "protocol": search.protocol,
+        "channels": "+".join(search.channels),
         "smallest": high / UNITS[kind.unit][1],
         "unit": kind.unit,
         "bound": bound,
@@ -72,7 +81,7 @@ def smallest(search: Search, catalogue: Mapping[str, type[Effect]], simulate: Si
 
 def _sizes(search: Search) -> tuple[float, ...]:
     """Where the search begins, and the levels at which it may end, all positive, SI."""
-    size, spec = draw.SIZES[search.effect], rigs.nominal(search.rig)
+    size, spec = _SIZES[search.effect], rigs.nominal(search.rig)
     levels = size.levels if size.levels[2] > 0 or size.falls is None else size.falls
     scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
     return tuple(scale * level for level in (levels[0] / BELOW, *levels))
@@ -97,15 +106,19 @@ def _shows(
     size: float,
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
+    engines: Sequence[str],
 ) -> bool:
     """Whether a magnitude is detectable in at least half of the draws."""
     hits, misses = 0, 0
     while 2 * hits < len(cases) and 2 * misses <= len(cases):
         bare = cases[hits + misses]
         case = _with(bare, search, size, catalogue[search.effect])
-        rng = np.random.default_rng([search.seed, 3, bare.number])
-        log = real_log(case, catalogue, simulate, rng)
-        found = _seen(case, log, catalogue)
+        if search.effect in draw.HELD_EFFECTS:
+            grasps = Grasps(case=case, catalogue=catalogue, simulate=simulate, seed=search.seed)
+            found = grasps.apart_nats(case.faults[0], engines) >= DETECTABLE_NATS
+        else:
+            rng = np.random.default_rng([search.seed, 3, bare.number])
+            found = _seen(case, real_log(case, catalogue, simulate, rng), catalogue)
         hits, misses = hits + found, misses + (not found)
     return 2 * hits >= len(cases)
 
@@ -123,7 +136,7 @@ def _seen(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
 
 def _with(bare: Case, search: Search, size: float, kind: type[Effect]) -> Case:
     """The case with the effect, on the first joint that it concerns, and no error beside it."""
-    spec, falls = rigs.nominal(search.rig), draw.SIZES[search.effect].levels[2] == 0
+    spec, falls = rigs.nominal(search.rig), _SIZES[search.effect].levels[2] == 0
     joints = kind(magnitude=0.0).joints(spec)
     fault = Fault(
         effect=search.effect,
@@ -141,11 +154,13 @@ def table(rows: Sequence[dict]) -> pd.DataFrame:
         f"{'> ' * (r.bound == '>')}{'< ' * (r.bound == '<')}{r.smallest:.2g}"
         for r in cells.itertuples()
     ]
-    wide = cells.pivot(index=["rig", "effect", "unit"], columns=["real", "protocol"], values="said")
-    wide = wide.reindex(
-        columns=list(dict.fromkeys(zip(cells["real"], cells["protocol"], strict=True)))
-    )
-    wide.columns = [f"{real}, {protocol}" for real, protocol in wide.columns]
+    cells["column"] = [
+        ", ".join([r.real, r.protocol, *(set(SKIN) & set(r.channels.split("+")))])
+        for r in cells.itertuples()
+    ]
+    wide = cells.pivot(index=["rig", "effect", "unit"], columns="column", values="said")
+    wide = wide.reindex(columns=list(dict.fromkeys(cells["column"]))).fillna("")
+    wide.columns.name = None
     return wide.reset_index()
 
 

@@ -175,7 +175,7 @@ def test_steps_too_coarse_to_tell_anything_else_are_said():
     search = detectable.Search(
         effect="encoder-resolution", real="mujoco", rig="joint", protocol="triangle", draws=1
     )
-    found = detectable.smallest(search, catalogue, blind._start)
+    found = detectable.smallest(search, catalogue, blind._start, ["mujoco"])
     assert found["bound"] == "" and found["smallest"] < 0.4
     (bare,) = detectable._cases(search, catalogue)
     case = detectable._with(bare, search, 0.02, catalogue[search.effect])

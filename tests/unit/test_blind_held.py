@@ -1,8 +1,9 @@
 """Blind cases with the stick in the hand: drawn, made on engines, solved and scored."""
 
 import dataclasses
+import json
 
-from benchmark import blind, registry
+from benchmark import blind, cli, registry
 from diagnosis.blind import draw
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.grasp import GRASP
@@ -80,3 +81,18 @@ def test_the_oracle_tells_what_shows():
     assert nats("taxel-threshold", -1e-4, "stick", "contact") > DETECTABLE_NATS
     assert nats("stick-radius", 0.1, "stick", "touch") > DETECTABLE_NATS
     assert nats("stick-mass", 0.2, "stick", "touch") < DETECTABLE_NATS
+
+
+def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):
+    """Find how small a threshold still shows in answers, at no level in depths; refuse a play."""
+    words = ["blind", "detectable", "--rig", "held", "--real", "mujoco", "--draws", "1"]
+    words += ["--effects", "taxel-threshold", "--out", str(tmp_path), "--json"]
+    assert cli._run(words) == 0
+    contact, touch = json.loads(capfd.readouterr().out)["rows"]
+    assert contact["bound"] == "" and 0.001 < contact["smallest"] < 0.4 and contact["unit"] == "mm"
+    assert touch["bound"] == ">" and touch["channels"].endswith("touch")
+    table = (tmp_path / "detectable.md").read_text()
+    assert "mujoco, grasp, contact" in table and "> 0.4" in table
+    words[words.index("taxel-threshold")] = "backlash"
+    assert cli._run(words) == 2
+    assert "no grasp is asked for these" in capfd.readouterr().err
