@@ -104,16 +104,23 @@ def judge(
     again = ruled(Attribution(first.attribution.forgiving(stray), catalogue, uncertainty))
     if first.names == (UNKNOWN,):
         return again if set(stray.names) & set(again.names) else first
-    fewer = set(again.names) <= set(first.names)
-    return again if fewer or _adds(first, again) else first
+    return again if set(again.names) <= set(first.names) else _known_strays(first, again)
 
 
-def _adds(first: LimbVerdict, again: LimbVerdict) -> bool:
-    """Whether a second effect is found that the first needs, now that strays are known."""
-    alone = [one for one in again.attribution.singles if one.names == first.names]
-    best = min(alone, key=_cost, default=None)
-    needed = best is None or not is_white(again.attribution, best, rules())
-    return set(again.names) > set(first.names) and needed
+def _known_strays(first: LimbVerdict, again: LimbVerdict) -> LimbVerdict:
+    """The verdict where other effects are found once it is known how far joints stray.
+
+    A second one that the first effect needs then is kept; else the first stands alone, as its
+    strays are known, or as it was where it was not tried so.
+    """
+    found, rule = again.attribution, rules()
+    same = [one for one in found.singles if _same(one, first.chosen)]
+    alone = min(same, key=_cost, default=None)
+    if alone is None:
+        return first
+    if set(again.names) > set(first.names) and not is_white(found, alone, rule):
+        return again
+    return _accused(found, alone, found.singles, _lead(found.nominal, alone), rule)
 
 
 def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
@@ -166,6 +173,13 @@ def ruled(found: Attribution) -> LimbVerdict:
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not explains(found, best, rule):
         return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
+    return _accused(found, best, singles, gain, rule)
+
+
+def _accused(
+    found: Attribution, best: Ranked, singles: Sequence[Ranked], gain: float, rule: Rules
+) -> LimbVerdict:
+    """The verdict on one effect that explains the log, `gain` nats ahead of `none`."""
     others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])

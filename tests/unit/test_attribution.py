@@ -25,7 +25,7 @@ from diagnosis.attribution.refits import CLOSE, Refits
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.simplex import simplex
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
-from diagnosis.attribution.verdict import _adds, _searched_on, judge, little_play, ruled
+from diagnosis.attribution.verdict import _known_strays, _searched_on, judge, little_play, ruled
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.hearing import Heard
 from diagnosis.beside.losses import ACCUSE_NATS, _listened, dropouts
@@ -719,18 +719,30 @@ def test_a_joint_that_rattles_is_fitted_without_slopes():
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.0255, rel=0.05)
 
 
-@pytest.mark.parametrize(("surprise", "added"), [(3.0, False), (40.0, True)])
-def test_a_second_effect_is_added_where_strays_alone_leave_a_law(surprise, added):
-    """Add to a joint in its play what it needs once its strays are known, and nothing else."""
-    alone = SimpleNamespace(
-        names=("backlash",), surprise=surprise, fit=SimpleNamespace(cost=9.0, effects=())
-    )
-    found = SimpleNamespace(
-        singles=[alone], leftover=lambda one: SimpleNamespace(unevenness=one.surprise)
-    )
-    again = SimpleNamespace(names=("backlash", "series-elasticity"), attribution=found)
-    assert _adds(SimpleNamespace(names=("backlash",)), again) is added
-    assert not _adds(SimpleNamespace(names=("stiction",)), again)
+@pytest.mark.parametrize(
+    ("names", "surprise", "verdict"),
+    [
+        (("backlash", "stiction"), 3.0, ("backlash",)),
+        (("backlash", "stiction"), 40.0, ("backlash", "stiction")),
+        (("unknown",), 40.0, ("backlash",)),
+    ],
+)
+def test_a_second_effect_is_added_where_strays_alone_leave_a_law(names, surprise, verdict):
+    """Add to a joint in its play what it needs once its strays are known, and nothing else.
+
+    What is named alone is judged with its strays as well.
+    """
+    play = kind("backlash")
+    part = evidence((play(magnitude=0.02, joint="A0"),), protocols=("steps",))
+    first, again = (judge(part, {"backlash": play}, 0.05) for _ in range(2))
+    again.attribution.singles = [
+        dataclasses.replace(one, surprise=surprise) for one in again.attribution.singles
+    ]
+    again.attribution.leftover = lambda one: SimpleNamespace(unevenness=one.surprise)
+    found = _known_strays(first, dataclasses.replace(again, names=names))
+    assert found.names == verdict and found.attribution is again.attribution
+    again.attribution.singles = []
+    assert _known_strays(first, dataclasses.replace(again, names=names)) is first
 
 
 def test_a_pair_of_a_joint_in_its_play_is_searched_on():
