@@ -97,7 +97,8 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
         for world in worlds:
             catalogue = own_catalogue(catalogue, world.spec)
         pairs = list(zip(logs, worlds, strict=True))
-        apart = max(_apart_rad(*pair, settings.nominal, engine, workers) for pair in pairs)
+        gaps = [_apart_rad(*pair, settings.nominal, engine, workers) for pair in pairs]
+        apart = max((gap for gap in gaps if gap is not None), default=None)
         limbs, (log, world) = _side_by_side(settings.paths[main].name, workers), pairs[main]
         if judging:
             every = [(one, its.spec) for one, its in pairs]
@@ -186,8 +187,15 @@ def _results(judge: Judge, parts: Sequence[Evidence], jobs: int) -> Iterator[Jud
         get_reusable_executor().shutdown(wait=True, kill_workers=True)
 
 
-def _apart_rad(log: Log, world: World, name: str, engine: type[Engine], workers: int) -> float:
-    """How far replays are from the engine; raises UsageError where it refuses the world."""
+def _apart_rad(
+    log: Log, world: World, name: str, engine: type[Engine], workers: int
+) -> float | None:
+    """How far replays are from the engine; raises UsageError where it refuses the world.
+
+    None where the world slides and the engine builds only hinges: replays do both.
+    """
+    if _slides(world) and engine.support["joint.slides"].startswith("refused"):
+        return None
     try:
         return apart_rad(_on(engine, workers), world.spec, log)
     except ValueError as error:
@@ -199,13 +207,20 @@ def _on(engine: type[Engine], workers: int) -> Simulate:
     return lambda specs: simulate(engine, specs, workers)
 
 
-def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
+def _slides(world: World) -> str:
+    """Names of the joints that slide."""
+    return ", ".join(body.joint.name for body in world.spec.hand.driven if body.joint.slides)
+
+
+def _warnings(log: Log, world: World, apart_rad: float | None) -> Iterator[str]:
     known, floor_rad = world.spec.hand.joint_names, rules().floor_position_rad
     if strange := [joint for joint in log.joints if joint not in known]:
         yield f"{', '.join(strange)}: no joint of this hand; left out"
     if not isinstance(log.meta.mechanism, HandMechanism):
         yield from (f"left out of the MJCF: {text}" for text in left_out(log))
-    if apart_rad > floor_rad:
+    if apart_rad is None:
+        yield f"{_slides(world)} slides, but engines build hinges: replays are held against none"
+    elif apart_rad > floor_rad:
         yield (
             f"the engine's nominal world is up to {1e3 * apart_rad:.2g} mrad (of slides: mm) from "
             f"its replay; the diagnosis takes {1e3 * floor_rad:g} as nothing"
@@ -218,7 +233,7 @@ def _result(
     log: Log,
     world: World,
     settings: Settings,
-    apart_rad: float,
+    apart_rad: float | None,
 ) -> dict:
     """The JSON object."""
     row, effects = found.row(), _corrected(found, world)
@@ -255,14 +270,15 @@ def _corrected(found: Diagnosis, world: World) -> str | None:
 def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     """What the page says of log and nominal world."""
     nominal = result["nominal"]
-    apart_mrad = 1e3 * nominal["replay_apart_rad"]
+    apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
+    held = f"not held against {name}, which builds no slides"
+    if apart_rad is not None:
+        held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
         "log": settings.words if settings.judging else settings.paths[0].resolve().name,
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
-        "replay": (
-            f"compiled; within {apart_mrad:.2g} mrad of {nominal['backend']} in the nominal world"
-        ),
+        "replay": f"compiled; {held}",
         "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal parameter",
         "made by": provenance()["command"],
     }

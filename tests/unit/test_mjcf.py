@@ -1,6 +1,7 @@
 """A user's MJCF as a spec: MuJoCo's own equations; what cannot be had is refused."""
 
 import dataclasses
+import json
 import math
 import pickle
 import re
@@ -19,7 +20,7 @@ from backends.drive import drive_table, motor_tick
 from backends.mjcf import MjcfError, left_out, mechanism
 from backends.spec import Spec
 from backends.state import Array
-from benchmark import registry
+from benchmark import cli, registry
 from benchmark.effects import effect_name
 from diagnosis.logs.log import (
     DriveSettings,
@@ -29,6 +30,7 @@ from diagnosis.logs.log import (
     MjcfMechanism,
     make_log,
     name_of,
+    write_log,
 )
 from diagnosis.replay.chain import chain, dynamics, workspace
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
@@ -408,3 +410,33 @@ def test_the_page_on_own_robots_describes_one_that_works():
     world = mechanism(xml, {name: DriveSettings(**drive) for name, drive in joints.items()})
     assert world.hand.joint_names == ("shoulder", "elbow")
     assert world.timing.drive_s == PERIODS_S[0]
+
+
+def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
+    """Name friction and noise of a rail from its log, though no engine builds it, and say so."""
+    xml, joints = MECHANISMS["rail"]
+    bare = robot_log(xml, joints, linear=True)
+    time_s = np.arange(800) * 5e-3
+    rng = np.random.default_rng(0)
+    samples = pd.DataFrame({"t_s": time_s})
+    target = 0.1 * np.sin(3 * time_s) * np.sin(11 * time_s)
+    world = registry.load("effect", "coulomb-friction")(magnitude=30.0).on_spec(mjcf_world(bare))
+    commands = Commands(
+        ticks=np.round(time_s / world.timing.drive_s).astype(np.int64),
+        target=target[:, None],
+        load=np.zeros((800, 1)),
+        start=target[:1],
+    )
+    shown = replay(world, commands)[0, :, 0] + 1e-4 * rng.normal(size=800)
+    samples["command_m.x"], samples["position_m.x"] = target, shown
+    write_log(make_log(bare.meta, samples, xml), tmp_path / "rail")
+    words = ["diagnose", str(tmp_path / "rail"), "--out", str(tmp_path / "out"), "--json"]
+    assert cli._run([*words, "--workers", "1"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    sizes = {m["effect"]: m["value"] for m in found["magnitudes"]}
+    assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}
+    assert sizes["coulomb-friction"] == pytest.approx(30e3, rel=0.1)
+    assert sizes["encoder-noise"] == pytest.approx(0.1, rel=0.2)
+    assert found["nominal"]["replay_apart_rad"] is None
+    assert any("x slides, but engines build hinges" in text for text in found["warnings"])
+    assert "not held against mujoco" in (tmp_path / "out" / "report.html").read_text()
