@@ -218,6 +218,8 @@ def _warnings(log: Log, world: World, apart_rad: float | None) -> Iterator[str]:
         yield f"{', '.join(strange)}: no joint of this hand; left out"
     if not isinstance(log.meta.mechanism, HandMechanism):
         yield from (f"left out of the MJCF: {text}" for text in left_out(log))
+    if slides := _slides(world):
+        yield f"{slides} slides: in magnitudes read N for Nm and m for rad, so 17.45 mm for a deg"
     if apart_rad is None:
         yield f"{_slides(world)} slides, but engines build hinges: replays are held against none"
     elif apart_rad > floor_rad:
