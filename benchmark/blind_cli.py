@@ -21,6 +21,13 @@ Answers = Annotated[
 Real = Annotated[
     str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
 ]
+Rig = Annotated[str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")]
+Effects = Annotated[
+    str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
+]
+Protocols = Annotated[
+    str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
+]
 Jobs = Annotated[
     int, typer.Option("--jobs", "-j", help="Cases at a time, one core each.", min=1, max=256)
 ]
@@ -32,16 +39,10 @@ def make(
     answers: Answers,
     cases: Annotated[int, typer.Option(help="Number of cases, 1 to 999.")] = 40,
     real: Real = "all",
-    rig: Annotated[
-        str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")
-    ] = "finger",
+    rig: Rig = "finger",
     modes: Annotated[str, typer.Option(help="all, or some of single,pair,none,unknown.")] = "all",
-    effects: Annotated[
-        str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
-    ] = "all",
-    protocols: Annotated[
-        str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
-    ] = "all",
+    effects: Effects = "all",
+    protocols: Protocols = "all",
     seed: Annotated[
         int | None, typer.Option(help="Decides every draw; a small one can be guessed. (secret)")
     ] = None,
@@ -89,15 +90,9 @@ def run(
 def detectable(
     out: Annotated[Path, typer.Option(help="Folder for detectable.csv and detectable.md.")],
     real: Real = "mujoco,plant",
-    rig: Annotated[
-        str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")
-    ] = "joint",
-    effects: Annotated[
-        str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
-    ] = "all",
-    protocols: Annotated[
-        str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
-    ] = "all",
+    rig: Rig = "joint",
+    effects: Effects = "all",
+    protocols: Protocols = "all",
     draws: Annotated[
         int, typer.Option(help="Nominal errors and motions; half of them must show.", min=1)
     ] = 4,
