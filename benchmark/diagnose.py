@@ -25,6 +25,7 @@ from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
+from diagnosis.attribution.gather import require_joints
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import NONE
 from diagnosis.calibration.worlds import Simulate
@@ -154,6 +155,7 @@ def _world(log: Log, settings: Settings) -> World:
         if mechanism.stick not in STICKS:
             raise unknown("stick", mechanism.stick, STICKS)
         ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+        require_joints(log, ideal)
         named = mechanism.effects
     else:
         ideal, named = mjcf_world(log), NONE

@@ -27,9 +27,7 @@ def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, 
     `floor` is the model's own error per channel: radians, and of torques a share of the limit.
     Raises LogError where the log lacks a joint or has no usable episode.
     """
-    missing = [name for name in nominal.hand.joint_names if name not in log.joints]
-    if missing:
-        raise LogError(f"this log has no commands for {', '.join(missing)}; record every joint")
+    require_joints(log, nominal)
     numbers = [
         e.episode
         for e in log.episodes
@@ -41,6 +39,16 @@ def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, 
             f"more, one per drive period; record {', '.join(FREE_AIR[:4])}"
         )
     return tuple(_limb(log, part, numbers, floor) for part in limbs(nominal))
+
+
+def require_joints(log: Log, nominal: Spec) -> None:
+    """Raise LogError where the log lacks a joint of the nominal world."""
+    missing = [name for name in nominal.hand.joint_names if name not in log.joints]
+    if missing:
+        raise LogError(
+            f"this log has no commands for {', '.join(missing)}; it has: {', '.join(log.joints)}; "
+            "record every joint"
+        )
 
 
 def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) -> Evidence:

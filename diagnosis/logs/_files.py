@@ -31,8 +31,9 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
     meta = parse_meta(_yaml(folder / META_FILE))
     found = [folder / name for name in (PARQUET_FILE, CSV_FILE) if (folder / name).is_file()]
     if len(found) != 1:
-        many = "both" if found else "neither"
-        raise LogError(f"{folder} has {many} {PARQUET_FILE} and {CSV_FILE}; allowed: one of them")
+        names = "both {} and {}" if found else "neither {} nor {}"
+        has = names.format(PARQUET_FILE, CSV_FILE)
+        raise LogError(f"{folder} has {has}; allowed: one of them")
     odd: list[str] = []
     samples = _parquet(found[0]) if found[0].name == PARQUET_FILE else _csv(found[0], odd)
     return meta, samples, _mjcf(folder, meta), tuple(odd)

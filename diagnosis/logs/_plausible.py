@@ -37,19 +37,19 @@ STILL = 1e-9
 def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list[str]:
     """Warnings about the joints; raises LogError for what is surely wrong."""
     protocols = {e.episode: e.protocol for e in meta.episodes}
-    warnings, pairs = [], {}
+    warnings, pairs, named = [], {}, {}
     for joint in joints:
         linear = name_of("command", joint, linear=True) in samples
-        names = [name_of(kind, joint, linear) for kind in ("command", "position")]
+        names = named[joint] = [name_of(kind, joint, linear) for kind in ("command", "position")]
         pairs[joint] = (_centred(samples, names[0]), _centred(samples, names[1]))
         warnings += scale_is_plausible(names[1], *pairs[joint], linear)
         largest = np.abs(samples[names[1]]).max()
         if not linear and largest > TURNS_RAD:
             warnings.append(f"'{names[1]}' reaches {largest:.0f} rad: are these degrees?")
-        for number, part in samples.groupby("episode", sort=False):
-            if protocols[int(str(number))] not in HELD:
-                position_follows(names[1], int(str(number)), part, names)
     channels_are_not_swapped(pairs)
+    for number, part in samples.groupby("episode", sort=False):
+        for joint in joints if protocols[int(str(number))] not in HELD else ():
+            position_follows(int(str(number)), part, named[joint])
     return warnings
 
 
@@ -96,7 +96,7 @@ def channels_are_not_swapped(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) ->
                 )
 
 
-def position_follows(name: str, number: int, part: pd.DataFrame, names: list[str]) -> None:
+def position_follows(number: int, part: pd.DataFrame, names: list[str]) -> None:
     """Refuse an episode whose position surely follows far too late, or leads the command."""
     dt = float(np.median(np.diff(part["t_s"])))
     step = max(1, round(SPEED_S / dt))
@@ -118,7 +118,7 @@ def position_follows(name: str, number: int, part: pd.DataFrame, names: list[str
         return
     late_s = lags[best] * dt
     raise LogError(
-        f"'{name}' {'follows' if late_s > 0 else 'leads'} its command by {abs(late_s):.2f} s in "
+        f"'{names[1]}' {'follows' if late_s > 0 else 'leads'} its command by {abs(late_s):.2f} s in "
         f"episode {number}; allowed: up to {LATEST_S:g} s behind; put both on one clock"
     )
 

@@ -171,6 +171,13 @@ def shifted(seconds: float) -> pd.DataFrame:
     return pd.DataFrame({"t_s": t, "command_rad.J0": motion, "position_rad.J0": late})
 
 
+def turned() -> pd.DataFrame:
+    """Strokes with the sign of the position turned: the same half a period late."""
+    t = np.arange(1600) / 200
+    stroke = 0.5 * np.arcsin(np.sin(math.tau * t / 4))
+    return pd.DataFrame({"t_s": t, "command_rad.J0": stroke, "position_rad.J0": -stroke})
+
+
 def swapped() -> pd.DataFrame:
     """The table with the positions of the two joints exchanged."""
     names = {"position_rad.J0": "position_rad.J1", "position_rad.J1": "position_rad.J0"}
@@ -206,6 +213,7 @@ def without(column: str) -> pd.DataFrame:
         (scaled(math.pi / 180), "the command is in degrees"),
         (scaled(4096 / math.tau), "times as far as the command; allowed: both in rad"),
         (scaled(-1.0), "the position of J0 moves against its command"),
+        (turned(), "the position of J0 moves against its command"),
         (swapped(), "columns are swapped"),
         (shifted(1.5), "follows its command by 1.50 s"),
         (shifted(-0.3), "leads its command by 0.3"),
@@ -333,7 +341,7 @@ def test_absent_files_are_named(tmp_path, write):
         read_log(tmp_path / "absent")
     folder = write(table())
     (folder / "samples.csv").rename(folder / "other.csv")
-    with pytest.raises(LogError, match="neither samples.parquet and samples.csv"):
+    with pytest.raises(LogError, match="neither samples.parquet nor samples.csv"):
         read_log(folder)
     (folder / "log.yaml").write_text("schema: [")
     with pytest.raises(LogError, match="cannot be read as YAML"):
