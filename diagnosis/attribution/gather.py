@@ -15,6 +15,8 @@ FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""
 LEAST_SAMPLES = 100
 """An episode shorter than this is left out."""
+LEAST_S = 2.5
+"""Less free air than this does not tell causes apart [s]: 1 and 2 s made a play `unknown`."""
 RATE_HZ = 200.0
 """Faster logs are compared this often: joints do nothing quicker."""
 REST_SAMPLES = 3
@@ -37,6 +39,12 @@ def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, 
         raise LogError(
             f"not identifiable from this log: no free-air episode of {LEAST_SAMPLES} samples or "
             f"more, one per drive period; record {', '.join(FREE_AIR[:4])}"
+        )
+    lasts_s = sum(_lasts_s(log, number) for number in numbers)
+    if lasts_s < LEAST_S:
+        raise LogError(
+            f"not identifiable from this log: {lasts_s:.1f} s in free air, allowed: from "
+            f"{LEAST_S:g} s; record {', '.join(FREE_AIR[:4])}"
         )
     return tuple(_limb(log, part, numbers, floor) for part in limbs(nominal))
 
@@ -98,6 +106,11 @@ def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording
     )
     protocol = next(e.protocol for e in log.episodes if e.episode == number)
     return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged[rows])
+
+
+def _lasts_s(log: Log, number: int) -> float:
+    """From the first sample of an episode to the last [s]."""
+    return float(np.ptp(log.episode(number)["t_s"]))
 
 
 def _rows(log: Log, nominal: Spec, number: int) -> tuple[Array, Array]:

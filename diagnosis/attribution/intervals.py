@@ -4,6 +4,8 @@ All else follows to first order: nominal parameters within their uncertainty, ot
 ends are found by themselves, so what is sure to one side only is said so.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.stats import chi2
 
@@ -14,7 +16,7 @@ from diagnosis.attribution.candidates import RUB, is_modelled
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.profile import Fit, Profile, grown
-from diagnosis.attribution.whiten import alike
+from diagnosis.attribution.whiten import alike, dispersion
 
 RISE = float(chi2.ppf(0.9, 1)) / 2
 """Nats above the best at the ends of a 90 % interval."""
@@ -31,6 +33,10 @@ SHIFT = 0.2
 """A time is known to this share of a drive period."""
 RESTLESS = 10.0
 """Weight of the squared unrest: it is of a change that is smaller than any interval."""
+LEAST = 0.25
+"""Dispersion is no smaller: a mechanism that the model's equations fit by chance, or an engine."""
+ROUGH, FAR = 0.5, 3.0
+"""A profile that rises by less than this share of a parabola at so many half widths is rough."""
 COARSE = 2.0
 """Variance of block means, over that of white innovations, from which a fit is coarse."""
 
@@ -53,20 +59,23 @@ def intervals(
 ) -> list[tuple[float, float]]:
     """Ends of the 90 % interval of every magnitude of a fit, smaller size first.
 
-    The cost rises by more where innovations resemble their neighbours or are larger than they
-    should be, and where the candidate is restless: then they tell less. And no model knows better
-    than `_own_error` where an effect ends and the mechanism begins, by the floor of the evidence,
-    nor what a little play adds to it. `other_law`: what is left says that laws are others here,
-    so numbers of those that are models mean nearly the same at best.
+    And no model knows better than `_own_error` where an effect ends and the mechanism begins, by
+    the floor of the evidence, nor what a little play adds to it. All of that is as large as the
+    model's error is in this log (the dispersion of McCullagh and Nelder, 1989): what innovations
+    leave in block means. The cost rises by more where the candidate is restless: then they tell
+    less. `other_law`: what is left says that laws are others here, so numbers of those that are
+    models mean nearly the same at best.
     """
     profile, new = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)
     shifts = _by_little_play(profile, fitter, fit, evidence)
-    rise = RISE * max(alike(new), float(np.mean(new**2)))
-    rise *= 1 + RESTLESS * fitter.unrest(fit) ** 2
+    spread = max(dispersion(new), LEAST)
+    rise = RISE * spread * (1 + RESTLESS * fitter.unrest(fit) ** 2)
     found = []
     for index, effect in enumerate(fit.effects):
-        share = np.hypot(shifts[index], OTHER_LAW * (other_law and is_modelled(effect)))
-        blur = Z90 * float(np.hypot(_own_error(effect, evidence), share * effect.magnitude))
+        size = abs(effect.magnitude)
+        own = np.hypot(_own_error(effect, evidence), shifts[index] * size)
+        law = OTHER_LAW * size * (other_law and is_modelled(effect))
+        blur = Z90 * float(np.hypot(min(1.0, spread) ** 0.5 * own, law))
         ends = [_end(profile, fit, index, rise, way) for way in (-1.0, 1.0)]
         pairs = zip(ends, (-1.0, 1.0), strict=True)
         found.append(tuple(_widened(effect, end, blur, way) for end, way in pairs))
@@ -112,28 +121,41 @@ def _end(profile: Profile, fit: Fit, index: int, rise: float, way: float) -> flo
     """The magnitude to one side at which the profile cost is `rise` above the best.
 
     The farthest one, where that is not refuted: a lock that holds all loads may be any stronger.
+    Where a joint rattles, magnitudes that are next to the best cost more by chance, and the profile
+    is a parabola only from afar: its end follows from there.
     """
     best = profile.at(fit.effects, index).cost
 
-    def at(step: float) -> tuple[Effect, float]:
-        moved = grown(fit.effects[index], np.exp(way * step))
-        effects = (*fit.effects[:index], moved, *fit.effects[index + 1 :])
-        return moved, profile.at(effects, index).cost - best
+    def moved(step: float) -> Effect:
+        return grown(fit.effects[index], np.exp(way * step))
 
-    moved, risen = at(float(np.log(WIDEST)))
-    if risen < rise:
-        return moved.magnitude
-    inside, outside, step = 0.0, np.inf, FIRST
+    def risen(step: float) -> float:
+        effects = (*fit.effects[:index], moved(step), *fit.effects[index + 1 :])
+        return profile.at(effects, index).cost - best
+
+    widest = float(np.log(WIDEST))
+    most = risen(widest)
+    if most < rise:
+        return moved(widest).magnitude
+    step = _crossing(risen, rise)
+    if most > FAR**2 * rise and risen(FAR * step) < ROUGH * FAR**2 * rise:
+        step = max(step, _crossing(risen, FAR**2 * rise, FAR * step) / FAR)
+    return moved(step).magnitude
+
+
+def _crossing(risen: Callable[[float], float], rise: float, step: float = FIRST) -> float:
+    """The step at which the cost has risen by so much, searched from one on."""
+    inside, outside = 0.0, np.inf
     for _ in range(TRIES):
-        moved, risen = at(step)
-        if abs(risen - rise) < CLOSE * rise:
+        cost = risen(step)
+        if abs(cost - rise) < CLOSE * rise:
             break
-        inside, outside = (step, outside) if risen < rise else (inside, step)
+        inside, outside = (step, outside) if cost < rise else (inside, step)
         # A parabola through the best is right where the cost is one; else halve or go on.
-        guess = step * np.sqrt(rise / risen) if risen > 0 else 3 * step
+        guess = step * np.sqrt(rise / cost) if cost > 0 else 3 * step
         if outside < np.inf:
             fits = inside < guess < outside
             step = guess if fits else (inside + outside) / 2
         else:
             step = min(max(guess, 1.5 * step), 3 * step, float(np.log(WIDEST)))
-    return moved.magnitude
+    return step

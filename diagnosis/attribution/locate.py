@@ -87,7 +87,8 @@ def _interval(by_block: Array, rng: np.random.Generator) -> tuple[Array, Array]:
     count = len(by_block)
     weights = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
     sums = weights @ by_block
-    low, high = np.percentile(sums / sums.sum(axis=1, keepdims=True), [5, 95], axis=0)
+    whole = np.maximum(sums.sum(axis=1, keepdims=True), 1e-300)
+    low, high = np.percentile(sums / whole, [5, 95], axis=0)
     return low, high
 
 

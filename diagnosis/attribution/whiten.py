@@ -16,6 +16,8 @@ FAR = 1e4
 """Residuals end here: a candidate that is unstable is merely very bad."""
 ROUGH = 0.5
 """No model's error is all slow: the white part is at least this share of the slow one."""
+ABSORBED = 10
+"""Blocks of innovations whose means a fit makes small by itself: about one per free number."""
 
 
 @numba.njit(cache=True)
@@ -98,3 +100,12 @@ def alike(new: Array, size: int = 64) -> float:
     """Variance of block means over what white innovations have, at least 1."""
     squares = _block_squares(new, size)
     return max(1.0, float(squares.mean())) if len(squares) else 1.0
+
+
+def dispersion(new: Array, size: int = 64) -> float:
+    """Variance of block means over what white innovations have: of slow errors over expected ones.
+
+    As if `ABSORBED` more blocks were as expected: a fit takes up as many.
+    """
+    squares = _block_squares(new, size)
+    return float((squares.sum() + ABSORBED) / (len(squares) + ABSORBED))

@@ -117,9 +117,10 @@ def position_follows(number: int, part: pd.DataFrame, names: list[str]) -> None:
     if fine[best] or not clear or found[best, 0] < allowed + SURELY:
         return
     late_s = lags[best] * dt
+    way = "follows" if late_s > 0 else "leads"
     raise LogError(
-        f"'{names[1]}' {'follows' if late_s > 0 else 'leads'} its command by {abs(late_s):.2f} s in "
-        f"episode {number}; allowed: up to {LATEST_S:g} s behind; put both on one clock"
+        f"'{names[1]}' {way} its command by {abs(late_s):.2f} s in episode {number}; "
+        f"allowed: up to {LATEST_S:g} s behind; put both on one clock"
     )
 
 

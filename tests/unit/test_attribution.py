@@ -18,9 +18,9 @@ from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.explains import explains
 from diagnosis.attribution.fit import CALM, Fitter
-from diagnosis.attribution.intervals import intervals
+from diagnosis.attribution.intervals import RISE, _end, intervals
 from diagnosis.attribution.magnitudes import magnitudes
-from diagnosis.attribution.profile import Profile, grown
+from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.refits import CLOSE, Refits
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.simplex import simplex
@@ -1157,6 +1157,36 @@ def test_intervals_hold_the_truth():
         held += low < truth.magnitude < high
         assert low < fit.effects[0].magnitude < high
     assert held >= 8
+
+
+def test_intervals_are_as_wide_as_errors_are():
+    """Narrow an interval, by a half at most, where the log holds no error of the model."""
+    truth, protocols = kind("encoder-scale")(magnitude=0.05, joint="A0"), ("steps", "multisine")
+    parts = [evidence((truth,), slow_rad=slow, protocols=protocols) for slow in (0.0, FLOOR_RAD)]
+    exact, real = (float(np.diff(interval_of(part, truth))[0]) for part in parts)
+    assert 0.45 * real < exact < 0.75 * real
+
+
+class Rough:
+    """A profile whose cost is a parabola with chance beside it, as that of a joint that rattles."""
+
+    def __init__(self, width: float, chance: float) -> None:
+        self.width, self.chance = width, chance
+
+    def at(self, effects: tuple[Effect, ...], held: int | None = None) -> Fit:
+        """The cost of one effect whose best magnitude is 1: lower than all that is beside it."""
+        step = abs(np.log(effects[0].magnitude))
+        cost = RISE * (step / self.width) ** 2 + self.chance * (1 + np.sin(1e5 * step)) * (step > 0)
+        return Fit(effects=effects, deviations=np.zeros(0), cost=float(cost))
+
+
+@pytest.mark.parametrize("chance", [0.0, 3.0])
+def test_chance_beside_the_best_narrows_no_interval(chance):
+    """Find the end of a parabola of 3 % within a third, whatever is next to the best."""
+    best = Fit(effects=(kind("kp-scale")(magnitude=1.0),), deviations=np.zeros(0), cost=0.0)
+    for way in (-1.0, 1.0):
+        end = _end(Rough(0.03, chance), best, 0, RISE, way)
+        assert way * np.log(end) == pytest.approx(0.03, rel=1 / 3 if chance else 0.03)
 
 
 def interval_of(part: Evidence, effect: Effect, other_law: bool = False) -> tuple[float, float]:

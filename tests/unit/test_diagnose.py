@@ -248,6 +248,10 @@ def still(frame: pd.DataFrame) -> pd.DataFrame:
 BAD = {
     "rest": ({"samples": still}, "not identifiable from this log: no joint moves"),
     "short": ({"samples": lambda f: f.head(60)}, "no free-air episode of 100 samples"),
+    "brief": (
+        {"samples": lambda f: f.head(400)},
+        "2.0 s in free air, allowed: from 2.5 s; record steps",
+    ),
     "shorter": ({"samples": lambda f: f.head(9)}, "has 9 samples; allowed: from 20"),
     "grasp": (
         {"meta": {"episodes": [{"episode": 0, "protocol": "grasp"}]}},
