@@ -23,6 +23,7 @@ from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.gather import gather
+from diagnosis.attribution.locate import _interval
 from diagnosis.attribution.magnitudes import Magnitude, merge
 from diagnosis.attribution.rules import rules
 from diagnosis.diagnose import _confidence, gap, judge_limb, shrinkage
@@ -298,6 +299,12 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
     ):
         assert cli._run(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         assert said in capfd.readouterr().err
+
+
+def test_shares_of_no_gap_are_numbers():
+    """Give a share of 0 where resampled blocks hold no gap at all: most of a log may be in order."""
+    low, high = _interval(np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 1.0]]), np.random.default_rng(0))
+    assert (low == 0).all() and high == pytest.approx([0.75, 0.25])
 
 
 def test_a_diagnosis_is_not_replaced_unasked(told, log, capfd):
