@@ -42,6 +42,8 @@ def excite(
     within("--seed", seed, 0, 2**32 - 1)
     if out.suffix.lower() != ".csv":
         raise UsageError(f"--out is {out}; allowed: a file name that ends in .csv")
+    if out.exists():
+        raise UsageError(f"{out} exists; choose another file or remove it first")
     described, linear = _joints(joints, ranges, limit)
     episodes = [FREE[p](described, rate_hz, seed) for p in _protocols(protocol, limit, joints)]
     if one_at_a_time:

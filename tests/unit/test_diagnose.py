@@ -302,7 +302,7 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
 
 
 def test_shares_of_no_gap_are_numbers():
-    """Give a share of 0 where resampled blocks hold no gap at all: most of a log may be in order."""
+    """Give a share of 0 where resampled blocks hold no gap: much of a log may be in order."""
     low, high = _interval(np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 1.0]]), np.random.default_rng(0))
     assert (low == 0).all() and high == pytest.approx([0.75, 0.25])
 

@@ -268,6 +268,15 @@ def test_excite_writes_what_a_log_can_be_made_of(tmp_path, capfd):
     assert read_log(folder).joints == ("a", "b")
 
 
+def test_excite_replaces_no_file(tmp_path, capfd):
+    """Leave what is there as it is: it may be a log."""
+    out = tmp_path / "samples.csv"
+    out.write_text("mine")
+    assert cli._run([*EXCITE, "--range=0:1m", "--protocol", "steps", "--out", str(out)]) == 2
+    assert "samples.csv exists; choose another file" in capfd.readouterr().err
+    assert out.read_text() == "mine"
+
+
 def test_excite_moves_linear_joints_one_at_a_time(tmp_path):
     """Name metres and newtons, and give every joint its own episode."""
     out = tmp_path / "commands.csv"
