@@ -12,6 +12,8 @@ from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
 SURE = 0.995
+NEARLY_ALL = 0.95
+"""A share of a gap that is not too little to be the verdict."""
 NOMINAL = "nominal parameters alone"
 """What the candidate without an effect is called."""
 
@@ -49,7 +51,10 @@ def _led(one: Leading) -> str:
     taken = f"takes {percent(one.share)} of the squared gap that the nominal parameters leave"
     if one.share.value <= 0.0:
         taken = "moves nothing by more than the noise floor"
-    return f"Nearest is {what}, ahead of {others}: it {taken}, too little to be the verdict."
+    why = "too little to be the verdict"
+    if one.share.value > NEARLY_ALL:
+        why = "but what it leaves, or how far it bends nominal parameters, is beyond belief"
+    return f"Nearest is {what}, ahead of {others}: it {taken}, {why}."
 
 
 def _strange(found: Diagnosis) -> str:
