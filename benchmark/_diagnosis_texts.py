@@ -97,13 +97,13 @@ def _candidates(limbs: Sequence[LimbVerdict], shown: int) -> Table:
     for column in ("limb", "candidate", "magnitude", "behind, nats", "held-out gap"):
         table.add_column(column, overflow="fold")
     for limb in limbs:
-        tried = wording.tried(limb)
-        for one in tried[:shown]:
+        best = limb.ranking[0].fit.cost
+        for one in limb.ranking[:shown]:
             table.add_row(
                 ", ".join(limb.attribution.fitter.evidence.joints),
                 wording.candidate(one),
                 wording.amounts(one),
-                f"{one.fit.cost - tried[0].fit.cost:.1f}",
+                f"{one.fit.cost - best:.1f}",
                 f"{one.gap:.2f}",
             )
     return table

@@ -253,7 +253,7 @@ def _assemble(
         confidence=_confidence(limbs, others.findings),
         ranking=(
             *(row for one in others.findings for row in ranking_of(one, catalogue)),
-            *(row for one in judged for row in _ranking(one.verdict)),
+            *(_row(one.verdict, tried) for one in judged for tried in one.verdict.ranking),
         ),
         indistinguishable=(
             *(row for one in kept for row in one.ties),
@@ -328,11 +328,3 @@ def _row(limb: LimbVerdict, ranked: Ranked) -> dict:
         "cost_nats": ranked.fit.cost,
         "gap": ranked.gap,
     }
-
-
-def _ranking(limb: LimbVerdict) -> list[dict]:
-    found = limb.attribution
-    tried = [found.nominal, *found.singles]
-    if len(limb.chosen.names) > 1:
-        tried.append(limb.chosen)
-    return [_row(limb, r) for r in sorted(tried, key=lambda r: r.fit.cost)]

@@ -50,6 +50,17 @@ class LimbVerdict:
         return tuple(n.at(d) for n, d in pairs if n.joint is not None)
 
     @property
+    def ranking(self) -> tuple[Ranked, ...]:
+        """The nominal parameters, every single effect and the chosen fit, least cost first.
+
+        Each once, though some were searched from several magnitudes.
+        """
+        found = {(self.chosen.names, self.chosen.joints): self.chosen}
+        for one in sorted((self.attribution.nominal, *self.attribution.singles), key=_cost):
+            found.setdefault((one.names, one.joints), one)
+        return tuple(sorted(found.values(), key=_cost))
+
+    @property
     def leading(self) -> tuple[Ranked, ...]:
         """Of an unknown gap the effect that is ahead of all others but one at most, and that one.
 

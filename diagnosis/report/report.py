@@ -110,7 +110,7 @@ def _cell(place: Place | None) -> dict:
 def _limb(limb: LimbVerdict) -> dict:
     """One limb's candidates, the best first, and what its nominal parameters moved by."""
     attribution = limb.attribution
-    tried = wording.tried(limb)
+    tried, tied = limb.ranking, {(one.names, one.joints) for one in limb.tied}
     widest = max(1.0, *(one.gap for one in tried))
     settled = limb.names in ((NONE,), (UNKNOWN,))
     moved = zip(attribution.fitter.nuisances, limb.chosen.fit.deviations, strict=True)
@@ -127,7 +127,7 @@ def _limb(limb: LimbVerdict) -> dict:
                 "gap": one.gap,
                 "width": 100 * one.gap / widest,
                 "chosen": one is limb.chosen and not settled,
-                "tied": any(one is rival for rival in limb.tied),
+                "tied": (one.names, one.joints) in tied,
             }
             for one in tried
         ],

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
+from diagnosis.attribution.verdict import NONE, UNKNOWN
 from diagnosis.beside.finding import Finding
 from diagnosis.diagnose import Diagnosis
 from diagnosis.leading import Leading
@@ -112,13 +112,6 @@ def amounts(ranked: Ranked) -> str:
 def amount(effect: Effect) -> str:
     """The magnitude of an effect in its usual unit."""
     return f"{number(effect.magnitude / UNITS[effect.unit][1])} {effect.unit}"
-
-
-def tried(limb: LimbVerdict) -> list[Ranked]:
-    """A limb's candidates, the one that fits best first."""
-    found = [limb.attribution.nominal, *limb.attribution.singles]
-    found += [] if any(one is limb.chosen for one in found) else [limb.chosen]
-    return sorted(found, key=lambda one: one.fit.cost)
 
 
 def confidence(found: Diagnosis) -> str:

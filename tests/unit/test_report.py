@@ -1,5 +1,6 @@
 """The report: one page by itself that says what was found, and what would settle a tie."""
 
+import copy
 import dataclasses
 import re
 
@@ -99,6 +100,20 @@ def test_the_map_holds_every_share(html, found):
     wanted = [f"{100 * place.share:.1f}" for place in found.where if place.share >= FAINT]
     assert sorted(shown) == sorted(wanted)
     assert sum(place.share for place in found.where) == pytest.approx(1.0)
+
+
+def test_a_candidate_is_ranked_once(found):
+    """List an effect that was searched from several magnitudes once, where it fits best."""
+    limb = found.limbs[0]
+    several = copy.copy(limb.attribution)
+    worse = [
+        dataclasses.replace(one, fit=dataclasses.replace(one.fit, cost=one.fit.cost + 1.0))
+        for one in several.singles
+    ]
+    several.singles = [*worse, *several.singles]
+    again = dataclasses.replace(limb, attribution=several).ranking
+    assert [id(one) for one in again] == [id(one) for one in limb.ranking]
+    assert len({(one.names, one.joints) for one in again}) == len(again) > 3
 
 
 def test_verdicts_in_words(found):
