@@ -12,11 +12,13 @@ from typing import Protocol
 
 import numpy as np
 
-from backends.spec import RIGID, Drive
+from backends.spec import Drive
 from backends.state import Array
 
 PERIODS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
 """Drive periods; the longest at which all gears are rigid and all drives stable is taken."""
+RIGID = 10.0
+"""A gear is rigid when it is so many times as stiff as the drive's proportional gain."""
 STIFFNESS, DAMPING = 0.8, 0.6
 """Natural frequency of a gear times the period, and its damping ratio: teeth hardly bounce."""
 PD_SHARE = 1.2

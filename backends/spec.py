@@ -14,8 +14,6 @@ from typing import Any
 
 Vec3 = tuple[float, float, float]
 _ZEROS = (0.0, (0.0, 0.0, 0.0))
-RIGID = 10.0
-"""A gear is rigid when it is so many times as stiff as the drive's proportional gain."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,11 +46,6 @@ class Drive:
     """Friction torque per torque that the gear transmits [1]."""
     dead_zone_rad: float = 0.0
     """The PD law takes an error as smaller by this, and none as none [rad]."""
-
-    @property
-    def is_rigid(self) -> bool:
-        """Whether the gear counts as rigid, so that its stiffness hardly shows."""
-        return self.gear_stiffness_nm_rad >= RIGID * self.kp_nm_rad
 
 
 @dataclass(frozen=True, kw_only=True)

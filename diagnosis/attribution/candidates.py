@@ -46,9 +46,6 @@ RUB = 0.002
 """Friction is known no better than to this share of the torque limit."""
 TEETH = 0.1
 """The damping of teeth is uncertain by at least this share: it is many losses taken as one."""
-TOLD_BY_NOBODY = 0.25
-"""Stiffness and damping of a gear that counts as rigid are uncertain by at least this share: a
-mechanism without a gear has one here that is as stiff as a drive period allows."""
 DAMPED = 0.3
 """What a drive period takes from a rotor's inertia (see `Late`) is known to this share."""
 LATE = 0.5
@@ -103,8 +100,6 @@ def _unsure(kind: type[Effect], std: float, drive: Drive, moment_s: float) -> fl
     """A standard deviation, and with it how well any model knows the number."""
     if kind is torque_limit.Effect:
         return max(std, SAG)
-    if kind in (series_elasticity.Effect, gear_damping.Effect) and drive.is_rigid:
-        return max(std, TOLD_BY_NOBODY)
     if kind is gear_damping.Effect:
         return max(std, TEETH)
     if kind is coulomb_friction.Effect:

@@ -40,14 +40,8 @@ class Nuisance:
     """Prior standard deviation of its magnitude."""
 
     def at(self, deviations: float) -> Effect:
-        """The effect at a number of standard deviations; of a share, within its bounds.
-
-        Frictions and inertias may be less than nominal, which as effects they may not.
-        """
-        magnitude = float(deviations * self.std)
-        if self.kind.dimension == "share":
-            magnitude = float(np.clip(magnitude, *self.kind.bounds))
-        return self.kind(magnitude=magnitude, joint=self.joint)
+        """The effect at a number of standard deviations."""
+        return self.kind(magnitude=float(deviations * self.std), joint=self.joint)
 
 
 class Fitter:

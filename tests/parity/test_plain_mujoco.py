@@ -1,4 +1,4 @@
-"""A robot of MuJoCo's own making: no gear, its own friction, none of this project's drives.
+"""A robot of MuJoCo's own making: no gear, its own friction, none of the drives of this project.
 
 What a stranger would send: the replay's equations are not the ones that made the log.
 """
@@ -65,7 +65,7 @@ def run(model: mujoco.MjModel, data: mujoco.MjData, asked: float, ticks: int) ->
 
 
 def test_friction_of_an_arm_without_a_gear_is_found(tmp_path: Path, capfd) -> None:
-    """Name friction and noise, whatever the stiffness of the gear that replays add."""
+    """Name friction and noise, though nothing of the replay made the log."""
     folder, commands = tmp_path / "arm", tmp_path / "commands.csv"
     folder.mkdir()
     asked = ["excite", "--joints", "elbow", "--range=-60:60deg"]
