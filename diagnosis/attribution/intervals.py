@@ -34,7 +34,7 @@ SHIFT = 0.2
 RESTLESS = 10.0
 """Weight of the squared unrest: it is of a change that is smaller than any interval."""
 LEAST = 0.25
-"""Dispersion is no smaller: a mechanism that the model's equations fit by chance, or an engine."""
+"""Dispersion is taken as no smaller: no log shows that a model has no error at all."""
 ROUGH, FAR = 0.5, 3.0
 """A profile that rises by less than this share of a parabola at so many half widths is rough."""
 COARSE = 2.0
@@ -59,10 +59,10 @@ def intervals(
 ) -> list[tuple[float, float]]:
     """Ends of the 90 % interval of every magnitude of a fit, smaller size first.
 
-    And no model knows better than `_own_error` where an effect ends and the mechanism begins, by
-    the floor of the evidence, nor what a little play adds to it. All of that is as large as the
-    model's error is in this log (the dispersion of McCullagh and Nelder, 1989): what innovations
-    leave in block means. The cost rises by more where the candidate is restless: then they tell
+    No model knows better than `_own_error` where an effect ends and the mechanism begins, by the
+    floor of the evidence, nor what a little play adds to it. All of that, and the rise of the cost,
+    is as large as the model's error is in this log: the dispersion (McCullagh and Nelder, 1989) that
+    the block means of innovations have. The cost rises by more where the candidate is restless: then they tell
     less. `other_law`: what is left says that laws are others here, so numbers of those that are
     models mean nearly the same at best.
     """
