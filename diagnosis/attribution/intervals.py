@@ -61,10 +61,10 @@ def intervals(
 
     No model knows better than `_own_error` where an effect ends and the mechanism begins, by the
     floor of the evidence, nor what a little play adds to it. All of that, and the rise of the cost,
-    is as large as the model's error is in this log: the dispersion (McCullagh and Nelder, 1989) that
-    the block means of innovations have. The cost rises by more where the candidate is restless: then they tell
-    less. `other_law`: what is left says that laws are others here, so numbers of those that are
-    models mean nearly the same at best.
+    is as large as the model's error is in this log: the dispersion (McCullagh and Nelder, 1989) of
+    the block means of innovations. The cost rises by more where the candidate is restless: then
+    they tell less. `other_law`: what is left says that laws are others here, so numbers of those
+    that are models mean nearly the same at best.
     """
     profile, new = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)
     shifts = _by_little_play(profile, fitter, fit, evidence)
