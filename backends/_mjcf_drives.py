@@ -16,9 +16,13 @@ from backends.spec import Drive
 from backends.state import Array
 
 PERIODS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
-"""Drive periods; the longest at which all gears are rigid and all drives stable is taken."""
-RIGID = 10.0
-"""A gear is rigid when it is so many times as stiff as the drive's proportional gain."""
+"""Drive periods. The longest is taken at which all drives are stable and all gears rigid, or the
+shortest where a gear is stiff but at none rigid."""
+STIFF = 10.0
+"""A gear is stiff when it is so many times as stiff as the drive's proportional gain."""
+RIGID_RAD = 2.5e-3
+"""A stiff gear is rigid when the largest torque twists it by no more [rad, m]: ten times what the
+positions of a log can tell (see `floor_position_rad` in diagnosis/attribution/rules.yaml)."""
 STIFFNESS, DAMPING = 0.8, 0.6
 """Natural frequency of a gear times the period, and its damping ratio: teeth hardly bounce."""
 PD_SHARE = 1.2
@@ -109,14 +113,17 @@ def drives(
 def _period_s(names: Sequence[str], servos: Sequence[Servo], inertias: Inertias) -> float:
     """The longest drive period [s] that suits all joints; raises MjcfError where none does."""
     kp, kd = (np.array([getattr(s, gain) for s in servos]) for gain in ("kp", "kd"))
+    limit = np.array([_limit(name, servo) for name, servo in zip(names, servos, strict=True)])
     damped = kd + inertias.viscous_nms_rad
     for period_s in PERIODS_S:
-        rigid = inertias.gears_kgm2 * (STIFFNESS / period_s) ** 2 >= RIGID * kp
+        gears = inertias.gears_kgm2 * (STIFFNESS / period_s) ** 2
+        stiff, rigid = gears >= STIFF * kp, limit <= RIGID_RAD * gears
         pd = (kp * period_s**2 + 2 * damped * period_s) / inertias.motor_kgm2
-        if rigid.all() and (pd <= PD_SHARE).all():
+        held = stiff.all() and (pd <= PD_SHARE).all()
+        if held and (rigid.all() or period_s == PERIODS_S[-1]):
             return period_s
-    worst = int(np.argmin(rigid)) if not rigid.all() else int(np.argmax(pd))
-    largest = inertias.gears_kgm2[worst] * (STIFFNESS / PERIODS_S[-1]) ** 2 / RIGID
+    worst = int(np.argmin(stiff)) if not stiff.all() else int(np.argmax(pd))
+    largest = gears[worst] / STIFF
     raise MjcfError(
         f"joint '{names[worst]}' has kp {kp[worst]:g} and kd {kd[worst]:g} on an armature of "
         f"{inertias.motor_kgm2[worst]:.3g}: too stiff or too damped for a drive period of "

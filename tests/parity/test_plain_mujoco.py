@@ -1,4 +1,4 @@
-"""A robot of MuJoCo's own making: no gear, its own friction, none of the drives of this project.
+"""Robots of MuJoCo's own making: no gears, their own friction, none of the drives of this project.
 
 What a stranger would send: the replay's equations are not the ones that made the log.
 """
@@ -13,71 +13,99 @@ import pytest
 
 from benchmark import cli
 
-ARM = """
-<mujoco model="arm">
-  <worldbody>
-    <body name="lower" pos="0 0 0.4">
-      <inertial mass="0.4" pos="0.10 0 0" diaginertia="0.0002 0.0015 0.0015"/>
-      <joint name="elbow" axis="0 1 0" armature="0.01"/>
-    </body>
-  </worldbody>
-</mujoco>
+ELBOW = """
+<body name="lower" pos="{at} 0 0">
+  <inertial mass="0.4" pos="0.10 0 0" diaginertia="0.0002 0.0015 0.0015"/>
+  <joint name="elbow" axis="0 1 0" armature="0.01"/>
+</body>
 """
-KP, KD, LIMIT = 30.0, 0.6, 6.0
-LOG = f"""
-schema: 1
-source: an arm without a gear
-mechanism: {{mjcf: arm.xml, joints: {{elbow: {{kp: {KP}, kd: {KD}, limit: {LIMIT}}}}}}}
-episodes: [{{episode: 0, protocol: triangle}}, {{episode: 1, protocol: multisine}}]
+SHOULDER = """
+<body name="upper">
+  <inertial mass="0.8" pos="0.12 0 0" diaginertia="0.0008 0.004 0.004"/>
+  <joint name="shoulder" axis="0 1 0" armature="0.02"/>{}
+</body>
 """
+ARMS = {
+    "elbow": ELBOW.format(at=0.0),
+    "shoulder,elbow": SHOULDER.format(ELBOW.format(at=0.25)),
+}
+DRIVES = {"shoulder": (60.0, 1.5, 12.0), "elbow": (30.0, 0.6, 6.0)}
+"""kp [Nm/rad], kd [Nms/rad], limit [Nm]."""
 FRICTION_NM, NOISE_RAD = 0.4, 5e-4
 TICK_S, DRIVE_TICKS, REST_TICKS = 2.5e-4, 4, 8000
 
 
-def simulated(commands: pd.DataFrame) -> pd.DataFrame:
-    """The log of a PD law at 1 kHz on the joint itself, from rest."""
-    model = mujoco.MjModel.from_xml_string(ARM)
+def simulated(xml: str, joints: list[str], commands: pd.DataFrame) -> pd.DataFrame:
+    """The log of PD laws at 1 kHz on the joints themselves, from rest; friction in the elbow."""
+    model = mujoco.MjModel.from_xml_string(xml)
     model.opt.timestep = TICK_S
-    model.dof_frictionloss[:] = FRICTION_NM
+    model.dof_frictionloss[-1] = FRICTION_NM
     model.dof_solref[:] = (0.001, 1.0)  # friction that holds: by default MuJoCo's creeps
     model.dof_solimp[:] = (0.999, 0.9999, 0.001, 0.5, 2.0)
     rng, parts = np.random.default_rng(0), []
     for _, part in commands.groupby("episode"):
         data = mujoco.MjData(model)
-        asked = part["command_rad.elbow"].to_numpy()
+        asked, push = (
+            part[[f"{channel}.{name}" for name in joints]].to_numpy()
+            for channel in ("command_rad", "push_nm")
+        )
         ticks = round(float(np.median(np.diff(part["t_s"]))) / TICK_S)
         read = np.empty(asked.shape)
         data.qpos[:] = asked[0]
-        run(model, data, asked[0], REST_TICKS)
+        run(model, data, joints, asked[0], 0.0, REST_TICKS)
         for k in range(len(part)):
-            read[k] = data.qpos[0] + NOISE_RAD * rng.standard_normal()
-            run(model, data, asked[k], ticks)
-        parts.append(part.assign(**{"position_rad.elbow": read}).drop(columns="protocol"))
+            read[k] = data.qpos + NOISE_RAD * rng.standard_normal(len(joints))
+            run(model, data, joints, asked[k], push[k], ticks)
+        columns = {f"position_rad.{name}": read[:, j] for j, name in enumerate(joints)}
+        parts.append(part.assign(**columns).drop(columns="protocol"))
     return pd.concat(parts)
 
 
-def run(model: mujoco.MjModel, data: mujoco.MjData, asked: float, ticks: int) -> None:
-    """Let the arm follow a constant target."""
+def run(
+    model: mujoco.MjModel, data: mujoco.MjData, joints: list[str], asked, push, ticks: int
+) -> None:
+    """Let the arm follow a constant target under a constant push."""
+    kp, kd, limit = np.transpose([DRIVES[name] for name in joints])
     for tick in range(ticks):
         if tick % DRIVE_TICKS == 0:
-            data.qfrc_applied[:] = np.clip(KP * (asked - data.qpos) - KD * data.qvel, -LIMIT, LIMIT)
+            torque = np.clip(kp * (asked - data.qpos) - kd * data.qvel, -limit, limit)
+        data.qfrc_applied[:] = torque + push
         mujoco.mj_step(model, data)
 
 
-def test_friction_of_an_arm_without_a_gear_is_found(tmp_path: Path, capfd) -> None:
-    """Name friction and noise, though nothing of the replay made the log."""
-    folder, commands = tmp_path / "arm", tmp_path / "commands.csv"
+@pytest.mark.parametrize("names", ["elbow", pytest.param("shoulder,elbow", marks=pytest.mark.slow)])
+def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, capfd) -> None:
+    """Name friction, where it is, and noise, though nothing of the replay made the log."""
+    folder, commands, joints = tmp_path / "arm", tmp_path / "commands.csv", names.split(",")
     folder.mkdir()
-    asked = ["excite", "--joints", "elbow", "--range=-60:60deg"]
-    assert cli._run([*asked, "--protocol", "triangle,multisine", "--out", str(commands)]) == 0
-    (folder / "arm.xml").write_text(ARM)
-    (folder / "log.yaml").write_text(LOG)
-    simulated(pd.read_csv(commands)).to_csv(folder / "samples.csv", index=False)
+    asked = ["excite", "--joints", names, "--range=-60:60deg", "--limit", "6"]
+    assert cli._run([*asked, "--out", str(commands)]) == 0
+    xml = f"<mujoco><worldbody>{ARMS[names]}</worldbody></mujoco>"
+    (folder / "arm.xml").write_text(xml)
+    (folder / "log.yaml").write_text(log(joints))
+    simulated(xml, joints, pd.read_csv(commands)).to_csv(folder / "samples.csv", index=False)
     capfd.readouterr()
     words = ["diagnose", str(folder), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
     assert cli._run(words) == 0
     found = json.loads(capfd.readouterr().out)
     assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}
-    size = {one["effect"]: one["value"] for one in found["magnitudes"]}
-    assert size["coulomb-friction"] == pytest.approx(1e3 * FRICTION_NM, rel=0.05)
-    assert size["encoder-noise"] == pytest.approx(1e3 * NOISE_RAD, rel=0.05)
+    size = {one["effect"]: one for one in found["magnitudes"]}
+    assert size["coulomb-friction"]["joints"] == ["elbow"]
+    assert size["coulomb-friction"]["value"] == pytest.approx(1e3 * FRICTION_NM, rel=0.05)
+    assert size["encoder-noise"]["value"] == pytest.approx(1e3 * NOISE_RAD, rel=0.05)
+
+
+def log(joints: list[str]) -> str:
+    """The `log.yaml` of an arm."""
+    numbers = (f"kp: {kp}, kd: {kd}, limit: {limit}" for kp, kd, limit in map(DRIVES.get, joints))
+    drives = ", ".join(f"{name}: {{{n}}}" for name, n in zip(joints, numbers, strict=True))
+    return f"""
+schema: 1
+source: an arm without gears
+mechanism: {{mjcf: arm.xml, joints: {{{drives}}}}}
+episodes:
+  - {{episode: 0, protocol: steps}}
+  - {{episode: 1, protocol: triangle}}
+  - {{episode: 2, protocol: multisine}}
+  - {{episode: 3, protocol: push}}
+"""
