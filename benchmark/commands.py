@@ -2,7 +2,9 @@
 
 import dataclasses
 import json
+import statistics
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from benchmark import quantities, run_folder
@@ -13,7 +15,7 @@ from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, make_env
 
 RUNS, LEADERBOARD, POLICIES = Path("runs"), Path("leaderboard"), "policies"
 _SCRIPTED = ("hold-still", "random")
-_PROBE_STEPS = 5
+_PROBE_STEPS = 15
 
 
 def changes(**options: object) -> dict:
@@ -70,11 +72,7 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
         import numpy as np
 
         still = np.zeros((env.worlds, env.action_width))
-        env.step(still)
-        began = time.monotonic()
-        for _ in range(_PROBE_STEPS):
-            env.step(still)
-        rate = _PROBE_STEPS * env.worlds / (time.monotonic() - began)
+        rate = env.worlds / typical_s(lambda: env.step(still))
     finally:
         env.close()
     evaluation = (SMOKE_EPISODES if spec.smoke else EPISODES) * env.horizon
@@ -85,6 +83,16 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
         "measured_env_steps_per_s": round(rate, 1),
         "simulation_minutes": round((spec.steps + evaluation) / rate / 60, 1),
     }
+
+
+def typical_s(call: Callable[[], object]) -> float:
+    """The median time of a call [s]: in a fresh installation some calls compile what they need."""
+    took = []
+    for _ in range(_PROBE_STEPS):
+        began = time.monotonic()
+        call()
+        took.append(time.monotonic() - began)
+    return statistics.median(took)
 
 
 def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None) -> dict:

@@ -3,10 +3,12 @@
 import json
 import subprocess
 import sys
+import time
 
 import pytest
 
 from benchmark import cli, quantities
+from benchmark.commands import typical_s
 from benchmark.errors import UsageError
 
 RUN = ["run", "--backend", "mujoco", "--task", "line"]
@@ -103,6 +105,12 @@ def test_missing_engine_names_the_install_command(tmp_path):
     assert "'pybullet', which is not installed" in done.stderr
     assert "pip install" in done.stderr
     assert json.loads((tmp_path / "run/run.json").read_text())["status"] == "skipped"
+
+
+def test_an_estimate_leaves_out_compilation():
+    """Take the usual time of a step, though one of them compiled for long."""
+    waits = iter([0.0, 0.0, 0.3])
+    assert typical_s(lambda: time.sleep(next(waits, 0.0))) < 0.1
 
 
 def test_dry_run_writes_nothing(tmp_path, capfd):
