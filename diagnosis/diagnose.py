@@ -303,9 +303,15 @@ def _squares(judged: Sequence[Judged], found: Sequence[Finding]) -> list[Array]:
 
 
 def _confidence(limbs: Sequence[LimbVerdict], found: Sequence[Finding]) -> float:
-    """That all accusations are right; else of the surest unknown, or of the least sure none."""
-    guilty = [limb.confidence for limb in limbs if limb.names not in ((NONE,), (UNKNOWN,))]
-    if accused := [*guilty, *(one.confidence for one in found)]:
+    """That all accusations are right; else of the surest unknown, or of the least sure none.
+
+    Limbs accused alike are right or wrong together.
+    """
+    guilty: dict[tuple[str, ...], float] = {}
+    for limb in limbs:
+        if limb.names not in ((NONE,), (UNKNOWN,)):
+            guilty[limb.names] = min(limb.confidence, guilty.get(limb.names, 1.0))
+    if accused := [*guilty.values(), *(one.confidence for one in found)]:
         return math.prod(accused)
     strange = [limb.confidence for limb in limbs if limb.names == (UNKNOWN,)]
     return max(strange) if strange else min(limb.confidence for limb in limbs)

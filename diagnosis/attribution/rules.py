@@ -1,10 +1,26 @@
 """The thresholds of a diagnosis, frozen in rules.yaml."""
 
+import math
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
 import yaml
 from pydantic import BaseModel, ConfigDict
+
+
+class Right(BaseModel):
+    """Shares of verdicts that were right in former blind sets, see docs/diagnosis.md."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+    effect: float
+    """Of effects named on joints and sensors, each."""
+    grasp: float
+    """Of effects named on touch, stick and contact, each."""
+    none: float
+    """Of `none`, effects too small to be detected aside."""
+    unknown: float
+    """Of `unknown`."""
 
 
 class Rules(BaseModel):
@@ -55,16 +71,22 @@ class Rules(BaseModel):
     """A nominal parameter is accused beyond so many of its standard deviations."""
     tie_nats: float
     """Effects whose cost is this near the best are not told apart."""
-    confidence: tuple[float, float]
-    """Confidence is the logistic function of a + b log(lead in nats)."""
-    confidence_none: tuple[float, float]
-    """The same of `none`, whose lead is no more than `accuse_nats`."""
+    right: Right
+    """What confidence is for a verdict that is far ahead, see `confidence`."""
 
     @property
     def floor(self) -> dict[str, float]:
         """The model's own error by channel, as `gather.gather` takes it."""
         position = self.floor_position_rad
         return {"position": position, "motor": position, "torque": self.floor_torque_share}
+
+
+def confidence(right: float, behind_nats: Iterable[float]) -> float:
+    """Probability of what is right with this share of the rivals that are so far behind it.
+
+    Among rivals by the likelihoods (Burnham and Anderson, 2002, 2.9).
+    """
+    return right / (1 + sum(math.exp(-nats) for nats in behind_nats))
 
 
 @cache

@@ -13,7 +13,7 @@ from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.explains import belief, excess, explains, is_plain, is_white
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.refits import BELIEVED
-from diagnosis.attribution.rules import Rules, rules
+from diagnosis.attribution.rules import Rules, confidence, rules
 from diagnosis.attribution.timing import Late, late_s
 
 WORTH = 0.3
@@ -82,10 +82,13 @@ class LimbVerdict:
 
     @property
     def confidence(self) -> float:
-        """Probability that the verdict is right; effects that tie are as likely as each other."""
-        a, b = rules().confidence_none if self.names == (NONE,) else rules().confidence
-        ahead = float(1 / (1 + np.exp(-(a + b * np.log(max(self.lead_nats, 1e-3))))))
-        return max(ahead, 1 / (1 + len(self.tied))) if self.tied else ahead
+        """Probability that the verdict is right."""
+        right = rules().right
+        if self.names == (UNKNOWN,):
+            return right.unknown
+        share = right.none if self.names == (NONE,) else right.effect ** len(self.names)
+        tied = [_lead(one, self.chosen) for one in self.tied]
+        return confidence(share, tied or [self.lead_nats])
 
 
 def judge(

@@ -6,14 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.attribution.rules import rules
+from diagnosis.attribution.rules import confidence, rules
+from diagnosis.attribution.verdict import UNKNOWN
 
 SENSING, PUSH, TOUCH, STICK = "sensing", "push", "touch", "stick"
-CONFIDENCE = (2.1, 0.25)
-"""Of touch and stick, as `Rules.confidence`: from 23 findings of a tuning set, of which all were
-right, so by Firth's likelihood, which takes no share as certain (Biometrika 80, 1993)."""
-SURE = 0.999
-"""No finding is surer than this."""
 ALIKE = 0.1
 """Magnitudes of joints are one where their intervals meet or they differ by less, relative."""
 _GAPS = ("gap_before", "gap_after")
@@ -54,10 +50,12 @@ class Finding:
 
     @property
     def confidence(self) -> float:
-        """Probability that it is right: of touch and stick by their own rules."""
-        a, b = CONFIDENCE if self.family in (TOUCH, STICK) else rules().confidence
-        odds = a + b * np.log(max(self.lead_nats, 1e-3))
-        return min(float(1 / (1 + np.exp(-odds))), SURE)
+        """Probability that it is right."""
+        right = rules().right
+        if self.effect == UNKNOWN:
+            return right.unknown
+        share = right.grasp if self.family in (TOUCH, STICK) else right.effect
+        return confidence(share, [nats for _, nats in self.ties] or [self.lead_nats])
 
 
 @dataclass(frozen=True, kw_only=True)

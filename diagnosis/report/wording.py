@@ -11,7 +11,6 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
-SURE = 0.995
 NEARLY_ALL = 0.95
 """A share of a gap that is not too little to be the verdict."""
 NOMINAL = "nominal parameters alone"
@@ -116,9 +115,7 @@ def amount(effect: Effect) -> str:
 
 def confidence(found: Diagnosis) -> str:
     """How sure the verdict is."""
-    return (
-        f"over {100 * SURE:g} %" if found.confidence >= SURE else f"{100 * found.confidence:.0f} %"
-    )
+    return f"{100 * found.confidence:.0f} %"
 
 
 def shrinkage(found: Diagnosis) -> str:

@@ -1113,16 +1113,14 @@ def test_slopes_follow_a_fit():
 
 
 def test_ties_are_not_sure():
-    """Give a verdict that is within a tie no better than even odds, and one far ahead most."""
+    """Share what is believed of a verdict that is far ahead among effects that tie."""
     none = judge(evidence(protocols=("push",)), {"gravity-tilt": kind("gravity-tilt")}, 0.05)
     assert none.names == ("none",)
     found = dataclasses.replace(none, names=("gravity-tilt",))
-    tied, far = (
-        dataclasses.replace(found, lead_nats=nats).confidence for nats in (rules().tie_nats, 1000.0)
-    )
-    assert tied < 0.5 < 0.95 < far
+    tied, far = (dataclasses.replace(found, lead_nats=nats).confidence for nats in (1.0, 1000.0))
+    assert tied < far == rules().right.effect
     alike = dataclasses.replace(found, lead_nats=0.0, tied=(found.chosen, found.chosen))
-    assert alike.confidence == pytest.approx(1 / 3)
+    assert alike.confidence == pytest.approx(rules().right.effect / 3)
 
 
 def test_a_weak_effect_outside_of_the_catalogue_is_unknown():

@@ -178,12 +178,14 @@ def test_a_sound_hand_is_as_sure_as_its_least_sure_finger():
     part = gather(log, mjcf_world(log), FLOOR)[0]
     sound = judge_limb(part, catalogue={}, uncertainty=0.05).verdict
     assert sound.names == ("none",)
-    worse = dataclasses.replace(sound, lead_nats=1.0)
-    assert 0.5 > worse.confidence == _confidence([sound, worse, sound], ())
+    worse = dataclasses.replace(sound, lead_nats=0.5)
+    assert sound.confidence > worse.confidence == _confidence([sound, worse, sound], ())
     strange = dataclasses.replace(sound, names=("unknown",), lead_nats=500.0)
     assert _confidence([worse, strange], ()) == strange.confidence
     accused = dataclasses.replace(sound, names=("kp-scale",), lead_nats=50.0)
-    assert _confidence([worse, strange, accused], ()) == accused.confidence
+    assert _confidence([worse, strange, accused, accused], ()) == accused.confidence
+    other = dataclasses.replace(sound, names=("backlash",), lead_nats=50.0)
+    assert _confidence([accused, other], ()) == pytest.approx(accused.confidence**2)
 
 
 def test_a_log_faster_than_the_drive_is_judged(tmp_path):

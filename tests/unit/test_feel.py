@@ -10,6 +10,7 @@ from backends.shard import simulate
 from benchmark import cli, registry
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
+from diagnosis.attribution.rules import rules
 from diagnosis.beside._skin import Faults, Pressed
 from diagnosis.beside._taxel_fits import Fitting
 from diagnosis.beside.feel import feel
@@ -68,11 +69,12 @@ def test_dead_taxels(kind):
     assert one.interval[0] <= 0.2 <= one.interval[1]
 
 
-def test_confidence_grows_with_the_lead():
-    """Be as sure of a fault as those that were found in tuning cases, surer where it leads more."""
+def test_confidence_is_what_former_findings_were_right():
+    """Be as sure of a fault that is far ahead as former ones were right, else less."""
     (one,) = told("taxel-dropout=20%", "contact").findings
-    small, large = (replace(one, lead_nats=nats).confidence for nats in (6.0, 600.0))
-    assert 0.9 < small < large < 1.0
+    assert one.confidence == pytest.approx(rules().right.grasp)
+    tied = replace(one, ties=(("taxel-drift", 0.0),))
+    assert tied.confidence == pytest.approx(rules().right.grasp / 2)
 
 
 def test_halo():
