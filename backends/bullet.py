@@ -288,11 +288,14 @@ class Backend(Engine):
             if any(force):
                 world.push(force)
 
-    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
+    def _period(
+        self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
+    ) -> None:
         rows, ticks, errand = team.rows, self._timing.substeps, self._errands[team]
         age = self._age_steps[rows]
-        if load_nm is not None or not team.plain or team.lifted_ticks(age).any():
-            super()._period(team, target_rad, load_nm)
+        acted = load_nm is not None or pull_n is not None or team.lifted_ticks(age).any()
+        if acted or not team.plain:
+            super()._period(team, target_rad, load_nm, pull_n)
             return
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         errand.target_rad[:] = target_rad

@@ -16,7 +16,7 @@ from backends.command import CommandBank
 from backends.drive import DriveBank
 from backends.encoder import EncoderBank
 from backends.spec import Spec, field_names
-from backends.state import Array, InitialState, State
+from backends.state import Array, InitialState, State, quat_z_axis
 
 EXACT = "exact"
 _SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
@@ -35,10 +35,13 @@ class Simulator(Protocol):
         """Start the masked worlds from `initial`; the others stay as they are."""
         ...
 
-    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
         """Hold the target angles (N, J) [rad] for one policy period; the state after it.
 
-        `load_nm` (N, J) is an external torque on the joints, such as a push.
+        `load_nm` (N, J) is an external torque on the joints, such as a push, and `pull_n` (N,) a
+        force along the sticks' axes, towards their lower ends, while a fingertip touches them.
         """
         ...
 
@@ -145,16 +148,25 @@ class Engine(ABC):
         self._measure()
         return state
 
-    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
         """See `Simulator.advance`."""
+        pull = None if pull_n is None else self._pull_n(pull_n)
         for team in self._teams:
             rows, drives = team.rows, team.drives
-            self._period(team, target_rad[rows], None if load_nm is None else load_nm[rows])
+            outer = (None if one is None else one[rows] for one in (load_nm, pull))
+            self._period(team, target_rad[rows], *outer)
             self.state.motor_rad[rows] = drives.motor_rad
             self.state.drive_torque_nm[rows] = drives.pd_nm
             self._observe(rows)
         self._measure()
         return self.state
+
+    def _pull_n(self, pull_n: Array) -> Array:
+        """Forces (N, 3) [N] on the sticks in the world's frame; none on a stick that is out."""
+        touched = self.state.contact_force_n.any(axis=(1, 2))
+        return -(pull_n * touched)[:, None] * quat_z_axis(self.state.stick_quat_wxyz)
 
     def coast(self, ticks: int) -> None:
         """Step the bare engine `ticks` drive periods under the torques and forces of the last one.
@@ -166,8 +178,12 @@ class Engine(ABC):
             lift_n = team.lift_n(age) if team.lifted_ticks(age).any() else None
             self._tick(team.rows, team.drives.gear_nm, lift_n, ticks)
 
-    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
-        """One policy period of a team's worlds, whose targets and loads (N, J) are given.
+    def _period(
+        self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
+    ) -> None:
+        """One policy period of a team's worlds.
+
+        Given are their targets and loads (N, J), and forces (N, 3) on the sticks, None: none.
 
         An engine that can be driven by compiled code does it there where the team is `plain`.
         """
@@ -178,7 +194,10 @@ class Engine(ABC):
         for _ in range(self._timing.substeps):
             torque = drives.step(team.commands.step(target_rad, age, seed), angle, speed)
             torque = torque if load_nm is None else torque + load_nm
-            self._tick(rows, torque, team.lift_n(age) if lifts else None)
+            force = team.lift_n(age) if lifts else None
+            if pull_n is not None:
+                force = pull_n if force is None else force + pull_n
+            self._tick(rows, torque, force)
             age += 1
             if encoders.remembers:
                 encoders.note(angle, drives.motor_rad, age)

@@ -268,9 +268,11 @@ class Backend(Engine):
         self._batch.step(nstep=ticks)
         self._read_joints()
 
-    def _period(self, team: Team, target_rad: Array, load_nm: Array | None) -> None:
-        if load_nm is not None or not team.plain:
-            super()._period(team, target_rad, load_nm)
+    def _period(
+        self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
+    ) -> None:
+        if load_nm is not None or pull_n is not None or not team.plain:
+            super()._period(team, target_rad, load_nm, pull_n)
             return
         self._orders.errand.target_rad[:] = target_rad
         self._orders.lifted_ticks[:] = team.lifted_ticks(self._age_steps)

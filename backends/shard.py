@@ -39,7 +39,8 @@ class _Shared:
             np.frombuffer(b, dtype=np.float64).reshape(s)
             for b, s in zip(buffers, shapes, strict=True)
         )
-        self.target, self.load, self.mask = next(arrays), next(arrays), next(arrays)
+        self.target, self.load = next(arrays), next(arrays)
+        self.pull, self.mask = next(arrays), next(arrays)
         self.initial = InitialState(
             joint_rad=next(arrays),
             stick_pos_m=next(arrays),
@@ -52,7 +53,7 @@ class _Shared:
 
 
 def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
-    shapes: list[tuple[int, ...]] = [(n, joints)] * 2 + [(n,)]
+    shapes: list[tuple[int, ...]] = [(n, joints)] * 2 + [(n,)] * 2
     shapes += [(n, joints), (n, 3), (n, 4), (n,)]
 
     def note(shape: tuple[int, ...]) -> Array:
@@ -106,7 +107,7 @@ def _work(
             elif order == "advance":
                 engine.advance(shared.target[rows])
             elif order == "advance under load":
-                engine.advance(shared.target[rows], shared.load[rows])
+                engine.advance(shared.target[rows], shared.load[rows], shared.pull[rows])
             else:
                 engine.coast(order)
             pipe.send(None)
@@ -150,12 +151,15 @@ class Sharded:
         self._shared.initial.noise_seed[:] = initial.noise_seed
         return self._order("reset")
 
-    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
         """See `Simulator.advance`."""
         self._shared.target[:] = target_rad
-        if load_nm is None:
+        if load_nm is None and pull_n is None:
             return self._order("advance")
-        self._shared.load[:] = load_nm
+        self._shared.load[:] = 0.0 if load_nm is None else load_nm
+        self._shared.pull[:] = 0.0 if pull_n is None else pull_n
         return self._order("advance under load")
 
     def coast(self, ticks: int) -> None:

@@ -21,7 +21,7 @@ from benchmark.run_spec import within
 from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
-from diagnosis.blind.grasp import GRASP
+from diagnosis.blind.grasp import GRASP, HOLDS, PULL
 from diagnosis.blind.make import PLANT, write_case
 
 MOST_CASES = 999
@@ -50,7 +50,7 @@ def settings(
     chosen = every if effects == "all" else _words("effect", effects, named)
     if len(chosen) < fewest:
         raise UsageError(f"--effects names {len(chosen)}; allowed: {fewest} or more, 'all'")
-    moved = _words("protocol", protocols, (*motion.PROTOCOLS, *(GRASP,) * holding))
+    moved = _words("protocol", protocols, (*motion.PROTOCOLS, *tuple(HOLDS) * holding))
     if holding and GRASP not in moved:
         raise UsageError(f"--protocols has no '{GRASP}', in which the stick is held; add it")
     return draw.Settings(
@@ -210,7 +210,7 @@ def detectable(
         for rig in wanted.rigs
         for effect in wanted.effects
         for real in wanted.reals
-        for protocol in ((GRASP,) if held else wanted.protocols)
+        for protocol in (_held(effect) if held else wanted.protocols)
         for channels in _searched(effect)
     ]
     rows = _each("search", _search_one, [(one,) for one in searches], jobs)
@@ -221,6 +221,11 @@ def detectable(
         table.add_row(*map(str, row))
     result = {"status": "done", "rows": rows, "written": [str(file) for file in written]}
     return result, table
+
+
+def _held(effect: str) -> tuple[str, ...]:
+    """The protocols to search an effect of touch, stick or contact in."""
+    return (GRASP, PULL) if effect in draw.SLIPPING else (GRASP,)
 
 
 def _searched(effect: str) -> tuple[tuple[str, ...], ...]:

@@ -49,11 +49,13 @@ def regrasp(simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]) -
     length = max(len(p.time_s) for p in parts)
     target = np.stack([_padded(p.command_rad, length) for _, p in pairs], axis=1)
     load = np.stack([_padded(p.push_nm, length) for _, p in pairs], axis=1)
+    pull = np.stack([_padded(p.pull_n, length) for _, p in pairs], axis=1)
+    loads, pulls = (some if some.any() else [None] * length for some in (load, pull))
     simulator = simulate([world for world, _ in pairs])
     try:
         rows = [_row(simulator.reset(start, np.ones(len(pairs), dtype=bool)))]
         for k in range(length - 1):
-            rows.append(_row(simulator.advance(target[k], load[k] if load.any() else None)))
+            rows.append(_row(simulator.advance(target[k], loads[k], pulls[k])))
     finally:
         simulator.close()
     taken = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]

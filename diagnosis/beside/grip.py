@@ -1,8 +1,9 @@
 """What is wrong with stick and contact, from episodes with the stick in the hand.
 
-Radius and softness show in geometry (`yields`), friction and mass in how the stick moves: worlds of
-other magnitudes are replayed side by side on an engine, and the residual decides. Engines differ in
-that by more than sensors see, so every episode has to agree.
+Radius and softness show in geometry (`yields`), friction and mass where the stick is pulled out
+(`slips`). Where it is not, they show in how the stick moves: worlds of other magnitudes are
+replayed side by side on an engine, and the residual decides. Engines differ in that by more than
+sensors see, so every episode has to agree.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.rules import rules
+from diagnosis.beside import slips
 from diagnosis.beside._regrasp import Shown, Simulate, ends_m, regrasp
 from diagnosis.beside.finding import STICK, Finding, Report
 from diagnosis.beside.held import Held, held, white_noise
@@ -53,8 +55,8 @@ SAME = 0.25
 otherwise by 0.35 and more."""
 ENGINE = (
     "not identifiable from this log: the stick moves otherwise than on the nominal engine, by "
-    "{:.2f} of what engines differ by among themselves, and neither explains it; weigh the stick, "
-    "and pull it until it slips"
+    "{:.2f} of what engines differ by among themselves, and neither explains it; record --protocol "
+    "pull with the channels stick and pull"
 )
 
 
@@ -118,6 +120,10 @@ def grip(
         return Report()
     if not parts:
         return Report(missing=(f"{', '.join(sought)}: {NEEDS}",))
+    pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
+    pulled = slips.told(nominal, pulls, simulate) if pulls else None
+    if pulled is not None:
+        return _pulled_out(nominal, parts, pulls, pulled, catalogue, simulate)
     moving = {name: catalogue[name] for name in MOTION if name in catalogue}
     yielding = {name: catalogue[name] for name in YIELDING if name in catalogue and moving}
     alone = motions(nominal, parts, moving | yielding, simulate)
@@ -129,6 +135,27 @@ def grip(
         findings=(*shape.findings, *moved.findings),
         spots=shape.spots,
         missing=(*shape.missing, *moved.missing),
+    )
+
+
+def _pulled_out(
+    nominal: Spec,
+    parts: Sequence[Held],
+    pulls: Sequence[Held],
+    first: slips.Told,
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+) -> Report:
+    """Shapes in a world that slips as the stick did; then what pulls tell in a world so shaped."""
+    world = slips.corrected(nominal, first)
+    shape = shapes(world, parts, catalogue, simulate)
+    again = slips.told(shape.world, pulls, simulate)
+    last = again.beside(first) if again else first
+    sought = [name for name in MOTION if name in catalogue]
+    return Report(
+        findings=(*shape.findings, *last.findings(catalogue)),
+        spots=shape.spots,
+        missing=(*shape.missing, *(last.missing if slips.MASS in sought else ())),
     )
 
 

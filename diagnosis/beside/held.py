@@ -1,5 +1,6 @@
 """Episodes with the stick in the hand, as geometry: where tips and stick are, sample by sample."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,7 +15,7 @@ from backends.touch import Skin, stick_shape, surface_distance
 from diagnosis.logs.log import Log
 
 PROTOCOLS = ("grasp", "policy")
-"""Protocols with the stick in the hand."""
+"""Protocols with the stick in the hand, and staying there."""
 POINTS = 64
 """Points on a tip's axis of which the nearest to the stick is sought: 0.2 mm apart, which is
 0.0002 mm in the distance."""
@@ -47,6 +48,8 @@ class Held:
     """Targets from each sample on, shape (T, J)."""
     push_nm: Array
     """Known torques on the joints from each sample on, shape (T, J)."""
+    pull_n: Array
+    """Known force on the stick along its axis, towards its lower end, shape (T,)."""
     torque_nm: Array
     """PD torques, shape (T, J); NaN where none were logged."""
     touch: Array | None
@@ -59,20 +62,21 @@ class Held:
 
     def every(self, rows: Array) -> "Held":
         """Some samples of it."""
-        names = ("time_s", "joint_rad", "stick", "command_rad", "push_nm", "torque_nm", "touch")
+        moved = ("joint_rad", "stick", "command_rad", "push_nm", "pull_n", "torque_nm")
+        names = ("time_s", *moved, "touch")
         kept = {k: getattr(self, k) for k in names}
         some: dict[str, Any] = {k: None if v is None else v[rows] for k, v in kept.items()}
         return replace(self, **some)
 
 
-def held(log: Log, nominal: Spec) -> list[Held]:
+def held(log: Log, nominal: Spec, protocols: Sequence[str] = PROTOCOLS) -> list[Held]:
     """The episodes of a log in which the stick is held and its pose was logged."""
     if any(name not in log.joints for name in nominal.hand.joint_names):
         return []
     parts = [
         _held(log, nominal, meta.episode, meta.protocol, stick)
         for meta in log.episodes
-        if meta.protocol in PROTOCOLS and (stick := log.stick(meta.episode)) is not None
+        if meta.protocol in protocols and (stick := log.stick(meta.episode)) is not None
     ]
     kept = [_while_held(nominal, part) for part in parts]
     return [part for part in kept if len(part.time_s) and part.time_s[-1] >= LEAST_S]
@@ -86,7 +90,7 @@ def _while_held(nominal: Spec, part: Held) -> Held:
 
 def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
     frame, names = log.episode(episode), nominal.hand.joint_names
-    time_s = frame["t_s"].to_numpy(float)
+    time_s, pull = frame["t_s"].to_numpy(float), log.pull(episode)
 
     def read(kind: str) -> Array:
         blank = np.full(len(frame), np.nan)
@@ -106,6 +110,7 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
         stick=stick,
         command_rad=read("command"),
         push_nm=np.nan_to_num(read("push")),
+        pull_n=np.zeros(len(frame)) if pull is None else pull,
         torque_nm=read("torque"),
         touch=log.touch(episode) if same else None,
     )

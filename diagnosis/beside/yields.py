@@ -130,13 +130,22 @@ def shapes(
         if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
             why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"
             return Shapes(world=nominal, missing=(why,) if sought else ())
-        found = _findings(nominal, seen, sought)
-        world = _stiff(nominal) if seen.rigid else nominal
-        for one in found:
-            if one.effect in catalogue:
-                world = catalogue[one.effect](magnitude=one.value).on_spec(world)
+        world = _with(_stiff(nominal) if seen.rigid else nominal, seen)
         force, _ = _replayed(world, nominal, parts, simulate)
-    return Shapes(world=world, findings=found, spots=_spots(nominal, seen))
+    return Shapes(
+        world=world, findings=_findings(nominal, seen, sought), spots=_spots(nominal, seen)
+    )
+
+
+def _with(world: Spec, seen: Seen) -> Spec:
+    """The world with what a line asks for, whether or not the catalogue has a name for it."""
+    stick, contact = world.stick, world.contact
+    if RADIUS in seen.line.effects:
+        stick = replace(stick, radius_m=stick.radius_m + seen.line.radius_m)
+    if SOFTNESS in seen.line.effects:
+        softer_m_n = contact.compliance_m_n + float(np.mean(seen.soft_m_n))
+        contact = replace(contact, compliance_m_n=softer_m_n)
+    return replace(world, stick=stick, contact=contact)
 
 
 def _replayed(

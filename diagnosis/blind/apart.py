@@ -17,7 +17,7 @@ from diagnosis.beside._regrasp import ends_m
 from diagnosis.beside.held import tip_gaps_m
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
-from diagnosis.blind.grasp import GRASP
+from diagnosis.blind.grasp import GRASP, HOLDS
 from diagnosis.blind.make import (
     TORQUE_NOISE,
     Simulate,
@@ -33,6 +33,10 @@ ALIKE_S = 0.5
 FLIP_NATS = 1.0
 """What a taxel tells that answers otherwise."""
 SKIN = ("touch", "contact")
+SLIPPED_M, GONE_M = 1e-3, 15e-3
+"""A stick that is pulled slips from the one on, and is gone at the other."""
+SLIP_NOISE = (0.005, 0.05)
+"""What the tracker's noise makes of logarithms of the pulls in between."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +63,11 @@ class Grasps:
         others = [self._signals(case, engine) for engine in engines if engine != case.real]
         names = [name for name in _noise(self._spec) if name in real]
         return max(
-            _nats(real[n] - without[n], _noise(self._spec)[n], [real[n] - o[n] for o in others])
-            for n in names
+            _slip_nats(real["slips"], without["slips"], [o["slips"] for o in others]),
+            *(
+                _nats(real[n] - without[n], _noise(self._spec)[n], [real[n] - o[n] for o in others])
+                for n in names
+            ),
         )
 
     @property
@@ -70,24 +77,49 @@ class Grasps:
     def _motions(self) -> list[Motion]:
         world = hidden_world(self.case, self._spec, self.catalogue)
         drawn = motions(self.case, self._spec, world, case_rng(self.case, self.seed))
-        return [one for one in drawn if one.protocol == GRASP]
+        return [one for one in drawn if one.protocol in HOLDS]
 
     def _signals(self, case: Case, engine: str) -> dict[str, Array]:
         """What every sensor of a case reads on an engine, every `ALIKE_S`, shape (S, ...)."""
-        read = engine_readings(
+        moved = self._motions()
+        both = engine_readings(
             lambda specs: self.simulate(engine, specs),
             hidden_world(case, self._spec, self.catalogue),
-            self._motions(),
+            moved,
             case_rng(self.case, self.seed),
         )
+        pairs = list(zip(moved, both, strict=True))
+        slips = [_slip(m.pull_n, one["stick"]) for m, one in pairs if m.pull_n is not None]
+        read = [one for m, one in pairs if m.protocol == GRASP]
+        slipped = {"slips": np.array(slips).reshape(-1, len(SLIP_NOISE))}
+        if not read:
+            return slipped
         some = slice(None, None, round(ALIKE_S * RATE_HZ))
         rows = {k: np.concatenate([one[k][some] for one in read]) for k in read[0]}
         kept = {k: v for k, v in rows.items() if k in self.case.channels}
         stick = rows["stick"]
-        return kept | {
-            "stick": ends_m(stick, self._spec.stick.length_m),
-            "gap": tip_gaps_m(self._spec, rows["position"], stick),
-        }
+        return (
+            slipped
+            | kept
+            | {
+                "stick": ends_m(stick, self._spec.stick.length_m),
+                "gap": tip_gaps_m(self._spec, rows["position"], stick),
+            }
+        )
+
+
+def _slip(pull_n: Array, stick: Array) -> list[float]:
+    """Logarithms of the pull at which a stick slips, and of what is added until it is gone."""
+    low = stick[0, 2] - np.minimum.accumulate(stick[:, 2])
+    still = low - low[np.argmax(pull_n > 0)]
+    ends = [float(np.interp(at, still, pull_n)) for at in (SLIPPED_M, GONE_M)]
+    return [float(np.log(max(ends[0], 1e-3))), float(np.log(max(ends[1] - ends[0], 1e-3)))]
+
+
+def _slip_nats(real: Array, without: Array, others: Sequence[Array]) -> float:
+    """By the tracker's noise, and by how far engines are apart, of slips (E, 2)."""
+    apart = np.mean([(real - one) ** 2 for one in others], axis=(0, 1)) if len(real) else 0.0
+    return float(((real - without) ** 2 / (np.square(SLIP_NOISE) + apart)).sum() / 2)
 
 
 def _skin_nats(kind: str, one: Array, other: Array) -> float:

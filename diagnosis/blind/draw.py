@@ -98,6 +98,8 @@ HELD_SIZES = {
 """What shows with the stick in the hand alone: touch, stick and contact. A grasp presses by up to
 12 N, and engines hold a stick while contacts yield less than 3.5 mm."""
 EFFECTS, HELD_EFFECTS = tuple(SIZES), tuple(HELD_SIZES)
+SLIPPING = ("stick-mass", "contact-friction")
+"""Of these what shows where the stick slips."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """A blind case's episodes with the stick in the hand: how it moves, what skin and tracker log.
 
-Fingers close on the stick, which has no weight until they hold it, and move a little. Knows no
-solver; the skin's equations are those that every engine has.
+Fingers close on the stick, which has no weight until they hold it, and move a little, or hold it
+until it is pulled out. Knows no solver; the skin's equations are those that every engine has.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from diagnosis.blind import rigs
 from diagnosis.blind.motion import REST_S, Motion, evenly, times_s
 from tasks.initial_states import sample_initial_states
 
-GRASP = "grasp"
+GRASP, PULL = "grasp", "pull"
 SINES, SINE_HZ, SWAY_RAD = 3, (0.3, 3.0), (0.015, 0.04)
 """Sines of random frequency, and the largest excursion of a joint about its grip."""
 SQUEEZE = (0.8, 1.4)
@@ -25,6 +25,8 @@ FALLEN_M = 0.02
 """A stick that has sunk by this falls: the episode ends [m]."""
 LEAST = 100
 """An episode has so many samples [1]."""
+PULL_AT_S, PULL_N_S = (1.2, 1.6), (70.0, 130.0)
+"""When somebody begins to pull at the stick, and by how much more every second."""
 
 
 def grasp(world: Spec, rng: np.random.Generator) -> Motion:
@@ -40,12 +42,31 @@ def grasp(world: Spec, rng: np.random.Generator) -> Motion:
     )
 
 
+def pull(world: Spec, rng: np.random.Generator) -> Motion:
+    """A random grasp of the stick that is held still until the stick is pulled out of it."""
+    start = sample_initial_states([world], rng)
+    squeeze = rng.uniform(*SQUEEZE) * np.array(world.hand.preload_rad)
+    since_s = np.maximum(times_s() - rng.uniform(*PULL_AT_S), 0.0)
+    target = np.tile(start.joint_rad[0] + squeeze, (len(since_s), 1))
+    return Motion(
+        protocol=PULL,
+        target_rad=target,
+        push_nm=0.0 * target,
+        start=start,
+        pull_n=rng.uniform(*PULL_N_S) * since_s,
+    )
+
+
 def _sway(since_s: Array, rng: np.random.Generator) -> Array:
     """A joint's excursion (T,) [rad], none before it begins."""
     inside_s, phases = np.maximum(since_s, 0.0), rng.uniform(0, 2 * np.pi, SINES)
     pairs = zip(evenly(rng, SINE_HZ, SINES), phases, strict=True)
     moved = sum(np.sin(2 * np.pi * hz * inside_s + at) - np.sin(at) for hz, at in pairs)
     return rng.uniform(*SWAY_RAD) * moved / np.abs(moved).max()
+
+
+HOLDS = {GRASP: grasp, PULL: pull}
+"""Protocols with the stick in the hand."""
 
 
 class Touching:

@@ -17,10 +17,10 @@ from backends.state import Array, InitialState
 from diagnosis.blind import motion, rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
-from diagnosis.blind.grasp import GRASP, Touching, fallen, grasp, tracked
+from diagnosis.blind.grasp import HOLDS, Touching, fallen, tracked
 from diagnosis.blind.motion import RATE_HZ, Motion
 from diagnosis.blind.plant import Plant
-from diagnosis.logs._columns import STICK
+from diagnosis.logs._columns import PULL, STICK
 from diagnosis.logs.log import (
     Channel,
     EpisodeMeta,
@@ -90,7 +90,7 @@ def real_log(
 def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> list[Motion]:
     """Random episodes: in free air of the nominal hand, in a grasp of the stick that is there."""
     return [
-        grasp(world, rng) if protocol == GRASP else motion.motion(protocol, spec, rng)
+        HOLDS[protocol](world, rng) if protocol in HOLDS else motion.motion(protocol, spec, rng)
         for protocol in case.protocols
         for _ in range(case.variants)
     ]
@@ -123,7 +123,7 @@ def engine_readings(
     seeds = rng.integers(1 << 53, size=len(motions))
     read: dict[int, dict[str, Array]] = {}
     for held in (False, True):
-        chosen = [k for k, one in enumerate(motions) if (one.protocol == GRASP) == held]
+        chosen = [k for k, one in enumerate(motions) if (one.protocol in HOLDS) == held]
         if chosen:
             timing = dataclasses.replace(
                 spec.timing,
@@ -143,6 +143,8 @@ def _played(
     touching = Touching(engine.specs) if held else None
     target = np.stack([m.target_rad for m in motions], axis=1)
     push = np.stack([m.push_nm for m in motions], axis=1)
+    still = np.zeros(len(target))
+    pull = np.stack([still if m.pull_n is None else m.pull_n for m in motions], axis=1)
     rows: list[dict[str, Array]] = []
     try:
         state = engine.reset(_together(motions, seeds), np.ones(len(motions), dtype=bool))
@@ -154,7 +156,7 @@ def _played(
             }
             rows.append(row | (touching.read(state, k / RATE_HZ) if touching else {}))
             if k + 1 < len(target):
-                state = engine.advance(target[k], push[k])
+                state = engine.advance(target[k], push[k], pull[k] if pull.any() else None)
     finally:
         engine.close()
     stacked = {kind: np.stack([row[kind] for row in rows], axis=1) for kind in rows[0]}
@@ -191,6 +193,7 @@ def _frame(
     columns: dict[str, object] = {"episode": number, "t_s": motion.times_s()}
     signals = {"command": one.target_rad, "push": one.push_nm}
     signals |= {kind: read[kind] for kind in channels if kind in read}
+    columns |= {} if one.pull_n is None else {PULL: one.pull_n}
     for kind, values in signals.items():
         columns |= _columns(spec, kind, values)
     frame = pd.DataFrame(columns)

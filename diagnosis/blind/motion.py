@@ -39,6 +39,8 @@ class Motion:
     """External torques from each sample on [Nm], shape (T, J)."""
     start: InitialState
     """Where joints and stick of the one world start."""
+    pull_n: Array | None = None
+    """Force on the stick along its axis, towards its lower end [N], shape (T,); None: none."""
 
 
 def times_s() -> Array:

@@ -25,13 +25,18 @@ LINEAR = {
 KINDS = tuple(ROTARY)
 STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"))
 """Centre of the stick [m] and its orientation, world frame."""
+PULL = "pull_n"
+"""Known force on the stick along its axis, towards its lower end [N]."""
 UNITS = {
     **{f"{kind}_{name}": (unit,) for kind, (name, unit) in ROTARY.items()},
     **{f"{kind}_{name}": (unit,) for kind, (name, unit) in LINEAR.items()},
     "touch": ("m", "1"),
     "stick": ("m",),
+    PULL: ("N",),
 }
 """Channels and the units they may be declared in."""
+WHOLE = ("stick", PULL)
+"""Channels of no joint or finger."""
 
 
 def name_of(kind: str, joint: str, linear: bool = False) -> str:
@@ -43,8 +48,10 @@ def channel_of(column: str) -> str:
     """The channel that a column belongs to; raises LogError when there is none of that name."""
     if column in STICK:
         return "stick"
+    if column == PULL:
+        return PULL
     channel, dot, what = column.partition(".")
-    if channel in UNITS and channel != "stick" and dot and what:
+    if channel in UNITS and channel not in WHOLE and dot and what:
         return channel
     raise LogError(_unknown(column))
 
@@ -58,7 +65,8 @@ def kind_of(column: str) -> tuple[str, str] | None:
 
 def _unknown(column: str) -> str:
     channel, _, joint = column.partition(".")
-    names = ["episode", "t_s", *STICK, *(f"{c}.{joint or 'JOINT'}" for c in UNITS if c != "stick")]
+    joints = [f"{c}.{joint or 'JOINT'}" for c in UNITS if c not in WHOLE]
+    names = ["episode", "t_s", *STICK, PULL, *joints]
     near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
     known = ", ".join(["episode", "t_s", *UNITS])
     hint = f" Did you mean '{near[0]}'?" if near else ""

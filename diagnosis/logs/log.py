@@ -16,7 +16,7 @@ import pandas as pd
 from diagnosis.logs import _checks as _log_checks
 from diagnosis.logs import _files as _log_files
 from diagnosis.logs import _plausible
-from diagnosis.logs._columns import KINDS, STICK, kind_of, name_of
+from diagnosis.logs._columns import KINDS, PULL, STICK, kind_of, name_of
 from diagnosis.logs._files import check_target
 from diagnosis.logs._meta import (
     Channel,
@@ -128,6 +128,16 @@ class Log:
             return None
         pose = self.episode(episode)[list(STICK)].to_numpy(dtype=float)
         return None if np.isnan(pose).any() else pose
+
+    def pull(self, episode: int) -> Array | None:
+        """Known force on the stick along its axis, towards its lower end [N], shape (T,).
+
+        None if the episode has none.
+        """
+        if PULL not in self.samples.columns:
+            return None
+        force = self.episode(episode)[PULL].to_numpy(dtype=float)
+        return None if np.isnan(force).any() else force
 
     def dt_s(self, episode: int) -> float:
         """Sample period: the median of an episode's time steps [s]."""

@@ -11,7 +11,7 @@ from backends.spec import Spec
 from backends.state import Array, InitialState, State
 from backends.touch import Skin
 from diagnosis.logs._checks import MIN_SAMPLES
-from diagnosis.logs._columns import STICK, name_of
+from diagnosis.logs._columns import PULL, STICK, name_of
 from tasks.batch import DROP_M, SimulationDivergedError
 
 SIGNALS = {
@@ -21,7 +21,7 @@ SIGNALS = {
     "velocity": "joint_rad_s",
 }
 """State fields behind the channels."""
-NEEDS_STICK = ("touch", "contact", "stick")
+NEEDS_STICK = ("touch", "contact", "stick", "pull")
 
 
 class Tape:
@@ -47,14 +47,18 @@ class Tape:
         self._state = self._simulator.reset(initial, everywhere)
         return self._state
 
-    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
         """Note this sample and hold the targets (N, J) until the next."""
-        self.note(target_rad, load_nm)
-        self._state = self._simulator.advance(target_rad, load_nm)
+        self.note(target_rad, load_nm, pull_n)
+        self._state = self._simulator.advance(target_rad, load_nm, pull_n)
         return self._state
 
-    def note(self, target_rad: Array, load_nm: Array | None = None) -> None:
-        """Keep what is read now beside the targets and loads (N, J) from now on."""
+    def note(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> None:
+        """Keep what is read now beside targets and loads (N, J) and pulls (N,) from now on."""
         state = self._state
         if state is None:
             raise RuntimeError("reset the tape first")
@@ -65,6 +69,7 @@ class Tape:
         row = {"command": target_rad.copy()}
         row |= {kind: getattr(state, field).copy() for kind, field in SIGNALS.items()}
         row["push"] = np.zeros_like(target_rad) if load_nm is None else load_nm.copy()
+        row["pull"] = np.zeros(len(target_rad)) if pull_n is None else pull_n.copy()
         row["stick"] = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
         if self._skin is not None:
             touch = self._skin.feel(state, np.full(len(target_rad), now_s))
@@ -93,6 +98,8 @@ class Tape:
         for kind in self._channels:
             if kind == "stick":
                 columns |= dict(zip(STICK, taken[kind].T, strict=True))
+            elif kind == "pull":
+                columns[PULL] = taken[kind]
             elif kind in ("touch", "contact"):
                 for f, tip in enumerate(hand.fingertips):
                     columns[f"touch.{tip.finger}"] = list(taken[kind][:, f])
@@ -122,10 +129,12 @@ class SlowFace:
         """See `Simulator.reset`; all worlds start together."""
         return self._tape.reset(initial)
 
-    def advance(self, target_rad: Array, load_nm: Array | None = None) -> State:
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
         """See `Simulator.advance`."""
         for _ in range(self._samples):
-            state = self._tape.advance(target_rad, load_nm)
+            state = self._tape.advance(target_rad, load_nm, pull_n)
         return state
 
     def close(self) -> None:

@@ -7,7 +7,8 @@ and ends at rest in the centre.
 
 Which protocol shows what: small steps show stiction, dead zone and resolution, large ones torque
 and rate limits and delays; a slow triangle shows play and friction at its reversals; the multisine
-gains, inertias and damping; the push the gear, its self-lock and the scale of all torques.
+gains, inertias and damping; the push the gear, its self-lock and the scale of all torques. With the
+stick in the hand, a grasp shows touch and contact, and a pull what it weighs and how it slips.
 """
 
 from collections.abc import Callable, Sequence
@@ -46,6 +47,11 @@ RAMP_S, PRESS_S = 0.3, 0.2
 GRASP_RAD = 0.03
 """Amplitude of the motion with the stick in the hand [rad]."""
 GRASP_HZ, GRASP_S = (0.3, 0.7, 1.3), 6.0
+GRIP_S = 1.0
+"""The stick is held so long before it is pulled [s]."""
+PULL_N_S, PULL_N = 100.0, 60.0
+"""How fast it is pulled, and how far, if it has not slipped before: so fast that what it weighs
+shows against what friction changes by on the way [N/s, N]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,6 +85,8 @@ class Excitation:
     """Targets [rad], shape (T, J), within the ranges."""
     push_nm: Array
     """External torque on each joint [Nm], shape (T, J)."""
+    pull_n: Array
+    """Force on the stick along its axis, towards its lower end [N], shape (T,)."""
 
     def alone(self, joint: int) -> "Excitation":
         """The same with one joint moving and pushed, and the others held where they start."""
@@ -185,6 +193,13 @@ def grasp(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation
     return _about(joints, "grasp", t, np.minimum(GRASP_RAD, joints.room_rad) * moved)
 
 
+def pull(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
+    """Hold the stick still and pull it out of the grip along its axis, faster and faster."""
+    t = _times(GRIP_S + PULL_N / PULL_N_S, rate_hz)
+    held = _about(joints, "pull", t, np.zeros((len(t), len(joints.names))))
+    return replace(held, pull_n=PULL_N_S * np.maximum(t - GRIP_S, 0.0))
+
+
 FREE: dict[str, Callable[..., Excitation]] = {
     "steps": steps,
     "triangle": triangle,
@@ -192,14 +207,20 @@ FREE: dict[str, Callable[..., Excitation]] = {
     "push": push,
 }
 """Protocols with nothing in the hand."""
-OPEN_LOOP = {**FREE, "grasp": grasp}
+OPEN_LOOP = {**FREE, "grasp": grasp, "pull": pull}
 PROTOCOLS = (*OPEN_LOOP, "policy")
 """All protocols; 'policy' is closed loop, so it has no trajectory of its own."""
 
 
 def _about(joints: Joints, protocol: str, t_s: Array, moved_rad: Array) -> Excitation:
     target = joints.center_rad + moved_rad
-    return Excitation(protocol=protocol, t_s=t_s, target_rad=target, push_nm=np.zeros_like(target))
+    return Excitation(
+        protocol=protocol,
+        t_s=t_s,
+        target_rad=target,
+        push_nm=np.zeros_like(target),
+        pull_n=np.zeros(len(t_s)),
+    )
 
 
 def _times(length_s: float, rate_hz: float) -> Array:

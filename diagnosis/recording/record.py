@@ -23,12 +23,12 @@ from tasks.initial_states import sample_initial_states
 from tasks.observation import Observation
 from tasks.task import Figure
 
-CHANNELS = ("command", "position", "motor", "torque", "velocity", "push", "touch", "stick")
+CHANNELS = ("command", "position", "motor", "torque", "velocity", "push", "touch", "stick", "pull")
 OPTIONAL = ("contact",)
 """Instead of 'touch': each taxel as active or not, as after the robot's own threshold."""
 ALWAYS = ("command", "position")
 """Channels without which a log says nothing."""
-HELD = ("grasp", "policy")
+HELD = ("grasp", "pull", "policy")
 """Protocols with the stick in the hand."""
 ASIDE_M = (5.0, 0.0, 0.0)
 """Where the stick floats without weight in the other protocols [m]."""
@@ -173,10 +173,11 @@ def _open_loop(
             now = [min(t, length - 1) for length in lengths]
             target = np.stack([m.target_rad[k] for m, k in zip(motions, now, strict=True)])
             load = np.stack([m.push_nm[k] for m, k in zip(motions, now, strict=True)])
+            pull = np.array([m.pull_n[k] for m, k in zip(motions, now, strict=True)])
             if t + 1 < max(lengths):
-                tape.advance(target, load)
+                tape.advance(target, load, pull if held else None)
             else:
-                tape.note(target, load)
+                tape.note(target, load, pull)
             progress((t + 1) / max(lengths))
         return dict(zip(chosen, tape.frames(lengths), strict=True))
     finally:

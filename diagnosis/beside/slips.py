@@ -1,0 +1,411 @@
+"""Friction and mass of the stick, from episodes in which it is pulled out of the grip.
+
+The stick slips where pull and weight outdo friction, and falls by Newton's law from there,
+
+    m x'' = F(t) + m g - mu sum(N),   x: how far it has slipped towards its lower end
+
+whatever engine or robot it is. So the pull at which it slips tells mu, given the forces of a
+replay, and how fast it goes then tells m. Contacts that creep, as an engine's may, slip otherwise:
+replays of other masses on the nominal engine are tried as well, and what fits the slips better is
+believed.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array, quat_z_axis
+from diagnosis.attribution.verdict import UNKNOWN
+from diagnosis.beside._regrasp import Simulate, regrasp
+from diagnosis.beside.finding import STICK, Finding, share
+from diagnosis.beside.held import Held, white_noise
+
+FRICTION, MASS = "contact-friction", "stick-mass"
+LEAST_S = 0.2
+"""A stick is held so long, at least, before it is pulled."""
+SLIPPED_M, GONE_M = 1e-3, 15e-3
+"""It slips from the one on, and what it does beyond the other tells nothing of the grip."""
+FINE_S = 1e-3
+"""Replays are read this often."""
+MASSES = tuple(np.exp(np.linspace(np.log(0.15), np.log(8.0), 81)))
+"""Masses that are tried, over the nominal one."""
+REPLAYED = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.6, 4.0)
+"""The same of replays."""
+FORCES = 241
+"""Friction forces that are tried, around the pull at which it slips."""
+NEAR = 0.25
+"""They end at this from it, relative."""
+SHIFTS_S = np.arange(-0.08, 0.0801, 2.5e-4)
+"""How much later or earlier a stick slips than in a replay."""
+STRONGER, MORE_S = 3.0, 1.0
+"""A replay is pulled so much harder than the stick was, and for so much longer, at most [1, s]."""
+FRICTION_FLOOR = 0.04
+"""Engines agree on the pull at which a stick slips to 0.03, relative."""
+WANDERS = 0.015
+"""Friction changes by this while the stick slips, relative: the pull must outgrow that."""
+MASS_FLOOR = 0.04
+"""Least standard deviation of a mass by Newton's law, as a logarithm."""
+MASS_FLOOR_REPLAYED = 0.13
+"""The same of replays, which are as good as the pose that they start from."""
+ODD = 1.8
+"""A slip of which the better model leaves more is of another kind."""
+MODEL = 0.03
+"""Share of a slip by which any model of it may be off."""
+SURE_Z, Z90 = 3.0, 1.645
+VAGUE = (
+    "within {:.0f} % of the nominal one as far as these pulls tell; pull more often (--variants), "
+    "by about 100 N/s, or weigh the stick"
+)
+OTHERWISE = (
+    "not identifiable from this log: the stick slips neither by Newton's law nor as on the nominal "
+    "engine; weigh it"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Slip:
+    """How one stick was pulled out."""
+
+    time_s: Array
+    """Since it was pulled first, shape (T,), 0 first."""
+    pull_n: Array
+    """From each sample on, shape (T,)."""
+    travel_m: Array
+    """Towards its lower end, shape (T,)."""
+    weight: float
+    """Gravity along its way [m/s^2]."""
+    noise_m: float
+
+    @property
+    def slipping(self) -> int:
+        """Number of the first sample by which it has slipped; T if it never has."""
+        out = self.travel_m > SLIPPED_M
+        return int(np.argmax(out)) if out.any() else len(out)
+
+    @property
+    def end(self) -> int:
+        """Number of the first sample at which it is gone."""
+        out = self.travel_m > GONE_M
+        return int(np.argmax(out)) if out.any() else len(out)
+
+    @property
+    def slipped_n(self) -> float:
+        """The pull at which it has slipped by `SLIPPED_M`, between samples."""
+        k = self.slipping
+        past = (SLIPPED_M - self.travel_m[k - 1]) / (self.travel_m[k] - self.travel_m[k - 1])
+        return float(self.pull_n[k - 1] + past * (self.pull_n[k] - self.pull_n[k - 1]))
+
+    @property
+    def gained_n(self) -> float:
+        """By how much the pull has grown from slipping to being gone."""
+        return float(self.pull_n[min(self.end, len(self.pull_n) - 1)]) - self.slipped_n
+
+    @property
+    def spread_m(self) -> Array:
+        """Standard deviation of a model of it, shape (T,) up to its end."""
+        known = self.travel_m[: self.end]
+        return np.hypot(self.noise_m, MODEL * np.maximum(known, 0.0))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What pulls tell, over what is nominal."""
+
+    friction: float
+    """Logarithm of the ratio."""
+    friction_std: float
+    mass: float
+    """Logarithm of the ratio."""
+    mass_std: float
+    left: float
+    """Root mean square of what the better model leaves, over its standard deviation."""
+    newton: bool
+    """Whether that is Newton's law or the nominal engine."""
+    episodes: int
+    """That slipped."""
+
+    def findings(self, catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
+        """The effects that are sure, `unknown` where the catalogue lacks one."""
+        odds = self.friction / self.friction_std, self.mass / self.mass_std
+        before = float(np.sqrt(1 + np.square(odds).mean()))
+        sure = self.sure
+        after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
+        logs = (self.friction, self.friction_std), (self.mass, self.mass_std)
+        return tuple(
+            _finding(name if name in catalogue else UNKNOWN, *log, before, after, self.episodes)
+            for name, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
+            if found
+        )
+
+    @property
+    def sure(self) -> tuple[bool, bool]:
+        """Whether friction and mass are other than nominal."""
+        mass = abs(self.mass) > SURE_Z * self.mass_std and self.left < ODD
+        return abs(self.friction) > SURE_Z * self.friction_std, mass
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What these pulls do not tell."""
+        if self.left >= ODD:
+            return (f"{MASS}: {OTHERWISE}",)
+        return (f"{MASS}: {VAGUE.format(100 * np.expm1(SURE_Z * self.mass_std))}",) * (
+            not self.sure[1]
+        )
+
+    def beside(self, other: "Told") -> "Told":
+        """This, seen in a world that has what is sure in another one already."""
+        friction, mass = (
+            v * s for v, s in zip((other.friction, other.mass), other.sure, strict=True)
+        )
+        return replace(self, friction=self.friction + friction, mass=self.mass + mass)
+
+
+def _finding(
+    effect: str, log: float, std: float, before: float, after: float, episodes: int
+) -> Finding:
+    known = effect != UNKNOWN
+    ends = np.expm1([log - Z90 * std, log + Z90 * std])
+    return Finding(
+        effect=effect,
+        joint=None,
+        family=STICK,
+        value=float(np.expm1(log)) if known else 0.0,
+        interval=(float(ends[0]), float(ends[1])) if known else (0.0, 0.0),
+        share=share(before, after) if known else 0.0,
+        gap_before=before,
+        gap_after=after if known else before,
+        lead_nats=float((log / std) ** 2 / 2),
+        evidence=f"{episodes} sticks that were pulled out slipped otherwise",
+    )
+
+
+def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
+    """An episode as one slip; None where the stick was not held still before it was pulled."""
+    pulled = part.pull_n > 0
+    first = int(np.argmax(pulled))
+    before = (np.arange(len(pulled)) < first) & (part.time_s > part.time_s[first] - LEAST_S)
+    if not pulled.any() or part.time_s[first] < LEAST_S:
+        return None
+    axis = quat_z_axis(part.stick[before, 3:]).mean(axis=0)
+    axis /= np.linalg.norm(axis)
+    travel = -(part.stick[:, :3] - part.stick[before, :3].mean(axis=0)) @ axis
+    return Slip(
+        time_s=part.time_s[first:] - part.time_s[first],
+        pull_n=part.pull_n[first:],
+        travel_m=travel[first:],
+        weight=float(-np.dot(gravity_m_s2, axis)),
+        noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), 1e-5),
+    )
+
+
+def corrected(world: Spec, told: Told) -> Spec:
+    """The world with what is sure."""
+    friction, mass = (v * s for v, s in zip((told.friction, told.mass), told.sure, strict=True))
+    return changed(world, friction, mass)
+
+
+def told(world: Spec, parts: Sequence[Held], simulate: Simulate) -> Told | None:
+    """What some episodes tell of friction and mass; None where no stick slips."""
+    slips = [slip(part, world.gravity_m_s2) for part in parts]
+    pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slipping < len(s.time_s)]
+    if not pairs:
+        return None
+    kept, seen = [p for p, _ in pairs], [s for _, s in pairs]
+    played = _replays(world, kept, simulate, REPLAYED)
+    shown = played[REPLAYED.index(1.0)]
+    newton = _by_newton(seen, shown, world.stick.mass_kg)
+    replayed = _by_replays(world, kept, seen, played, simulate)
+    return newton if newton.left < replayed.left else replayed
+
+
+def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], mass_kg: float) -> Told:
+    real, nominal = (_newton(some, mass_kg) for some in (seen, shown))
+    ratios = np.log(real.friction_n / nominal.friction_n)
+    wander = np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen])
+    return Told(
+        friction=float(ratios.mean()),
+        friction_std=_spread(ratios, FRICTION_FLOOR),
+        mass=real.log_mass,
+        mass_std=float(np.hypot(wander, np.hypot(real.log_mass_std, MASS_FLOOR))),
+        left=real.left,
+        newton=True,
+        episodes=len(seen),
+    )
+
+
+def _spread(values: Array, floor: float) -> float:
+    """Standard deviation of a mean of some episodes that share an error."""
+    scatter = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else floor
+    return float(np.hypot(floor, scatter))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Newton:
+    """Slips by Newton's law: one mass, and friction by episode."""
+
+    log_mass: float
+    log_mass_std: float
+    friction_n: Array
+    left: float
+
+
+def _newton(slips: Sequence[Slip], mass_kg: float) -> Newton:
+    masses = mass_kg * np.array(MASSES)
+    costs, forces = zip(*(_friction_costs(s, masses) for s in slips), strict=True)
+    total = np.sum(costs, axis=0)
+    best, half = _valley(np.log(MASSES), total)
+    k = int(np.argmin(total))
+    count = sum(s.end for s in slips)
+    return Newton(
+        log_mass=best,
+        log_mass_std=half,
+        friction_n=np.array([force[k] for force in forces]),
+        left=float(np.sqrt(total[k] / count)),
+    )
+
+
+def _valley(places: Array, costs: Array) -> tuple[float, float]:
+    """Where squared deviations are least, by a parabola, and the standard deviation of that."""
+    k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
+    a, b, _ = np.polyfit(places[k - 1 : k + 2] - places[k], costs[k - 1 : k + 2], 2)
+    if a <= 0:
+        return float(places[np.argmin(costs)]), float(places[1] - places[0])
+    scale = max(float(costs.min()), 1.0)
+    moved = np.clip(-b / (2 * a), places[k - 1] - places[k], places[k + 1] - places[k])
+    return float(places[k] + moved), float(np.sqrt(min(scale, 10.0) / a))
+
+
+def _friction_costs(one: Slip, masses_kg: Array) -> tuple[Array, Array]:
+    """Least cost over friction by mass, and that friction [N], both (M,)."""
+    forces = one.slipped_n * np.linspace(1 - NEAR, 1 + NEAR, FORCES)
+    costs = _falls(
+        one.time_s, one.pull_n, one.travel_m, one.spread_m, one.weight, masses_kg, forces
+    )
+    best = np.argmin(costs, axis=1)
+    return costs.min(axis=1), forces[best]
+
+
+@numba.njit(cache=True)
+def _falls(time, pull, travel, spread, weight, masses, frictions):
+    """Squared deviations of falls by Newton's law, by mass and friction."""
+    costs = np.zeros((len(masses), len(frictions)))
+    for i in range(len(masses)):
+        for j in range(len(frictions)):
+            x, v = 0.0, 0.0
+            for k in range(len(spread)):
+                costs[i, j] += ((x - travel[k]) / spread[k]) ** 2
+                dt = time[k + 1] - time[k] if k + 1 < len(time) else 0.0
+                a = (pull[k] - frictions[j]) / masses[i] + weight
+                if v == 0.0 and a < 0.0:
+                    continue
+                x += v * dt + a * dt * dt / 2
+                v = max(v + a * dt, 0.0)
+    return costs
+
+
+def _replays(
+    world: Spec, parts: Sequence[Held], simulate: Simulate, masses: Sequence[float]
+) -> list[list[Slip]]:
+    """Slips on the nominal engine by mass over the nominal one, read every `FINE_S`."""
+    fine = [_finely(part) for part in parts]
+    worlds = [changed(world, mass=float(np.log(m))) for m in masses]
+    rows = []
+    for shown in regrasp(simulate, worlds, fine):
+        played = [replace(p, stick=s.stick) for p, s in zip(fine, shown, strict=True)]
+        slips = [slip(p, world.gravity_m_s2) for p in played]
+        rows.append([one for one in slips if one is not None])
+    return rows
+
+
+def _finely(part: Held) -> Held:
+    """An episode whose commands stand in rows every `FINE_S`, each of them until the next.
+
+    Its pull goes on growing to `STRONGER` times the largest, for a replay may slip later.
+    """
+    rises = np.diff(part.pull_n[-2:])[0] / np.diff(part.time_s[-2:])[0]
+    more_s = (STRONGER - 1) * part.pull_n[-1] / max(rises, 1e-3)
+    end_s = part.time_s[-1] + min(more_s, MORE_S)
+    times = np.arange(0.0, end_s + FINE_S / 2, FINE_S)
+    rows = np.searchsorted(part.time_s, times + FINE_S / 2, side="right") - 1
+    fine = replace(part.every(rows), time_s=times)
+    return replace(fine, pull_n=fine.pull_n + rises * np.maximum(times - part.time_s[-1], 0.0))
+
+
+def _by_replays(
+    world: Spec,
+    parts: Sequence[Held],
+    seen: Sequence[Slip],
+    played: Sequence[Sequence[Slip]],
+    simulate: Simulate,
+) -> Told:
+    """The mass whose replays fit, once more where friction is what the first ones make of it."""
+    first = _shifted(seen, played, REPLAYED, world.stick.mass_kg)
+    near = np.exp(first.mass) * np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4])
+    other = changed(world, friction=first.friction)
+    again = _shifted(seen, _replays(other, parts, simulate, near), near, world.stick.mass_kg)
+    return replace(again, friction=first.friction + again.friction)
+
+
+def _shifted(
+    seen: Sequence[Slip],
+    played: Sequence[Sequence[Slip]],
+    masses: Sequence[float],
+    mass_kg: float,
+) -> Told:
+    """The mass whose replays fit where each may slip later, which tells friction."""
+    costs, ratios = np.zeros(len(masses)), np.zeros((len(masses), len(seen)))
+    for m, slips in enumerate(played):
+        for e, (real, model) in enumerate(zip(seen, slips, strict=True)):
+            cost, later_s = _best_shift(real, model)
+            costs[m] += cost
+            pull_n = model.slipped_n if model.slipping < len(model.time_s) else model.pull_n[-1]
+            friction_n = pull_n + masses[m] * mass_kg * model.weight
+            ratios[m, e] = np.log(max(1 + _slope(real) * later_s / friction_n, 1e-3))
+    mass, half = _valley(np.log(masses), costs)
+    k = int(np.argmin(costs))
+    return Told(
+        friction=float(ratios[k].mean()),
+        friction_std=_spread(ratios[k], FRICTION_FLOOR),
+        mass=mass,
+        mass_std=float(np.hypot(half, MASS_FLOOR_REPLAYED)),
+        left=float(np.sqrt(costs[k] / sum(s.end for s in seen))),
+        newton=False,
+        episodes=len(seen),
+    )
+
+
+def _slope(one: Slip) -> float:
+    """How fast the pull grows where it slips [N/s]."""
+    k = one.slipping
+    return float((one.pull_n[k] - one.pull_n[k - 1]) / (one.time_s[k] - one.time_s[k - 1]))
+
+
+def _best_shift(real: Slip, model: Slip) -> tuple[float, float]:
+    """Least cost of a replay that slips later than it does, and by how much."""
+    rows = slice(0, real.end)
+    at = real.time_s[rows, None] - SHIFTS_S - _guess(real, model)
+    moved = np.interp(at, model.time_s, np.minimum(model.travel_m, 2 * GONE_M))
+    costs = (((moved - real.travel_m[rows, None]) / real.spread_m[:, None]) ** 2).sum(axis=0)
+    best = int(np.argmin(costs))
+    return float(costs[best]), float(SHIFTS_S[best] + _guess(real, model))
+
+
+def _guess(real: Slip, model: Slip) -> float:
+    """How much later a stick slips than a replay does [s]."""
+    last = len(model.time_s) - 1
+    return float(real.time_s[real.slipping] - model.time_s[min(model.slipping, last)])
+
+
+def changed(world: Spec, friction: float = 0.0, mass: float = 0.0) -> Spec:
+    """A world with other friction and mass, given as logarithms of ratios."""
+    stick = world.stick
+    return replace(
+        world,
+        stick=replace(
+            stick, friction=stick.friction * np.exp(friction), mass_kg=stick.mass_kg * np.exp(mass)
+        ),
+    )

@@ -1,0 +1,125 @@
+"""Friction and mass from sticks that are pulled out of the grip, on engines of all kinds."""
+
+import dataclasses
+from functools import cache
+
+import numpy as np
+import pytest
+
+from backends.shard import simulate
+from benchmark import registry
+from benchmark.run_spec import RunSpec
+from diagnosis.beside import slips
+from diagnosis.beside.grip import grip
+from diagnosis.beside.held import held
+from diagnosis.logs.log import Log
+from diagnosis.recording.record import Plan, record
+
+CATALOGUE = {
+    name: registry.load("effect", name)
+    for name in ("contact-friction", "stick-mass", "stick-radius", "contact-softness")
+}
+NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
+DT_S = 0.005
+
+
+def on_mujoco(specs):
+    return simulate(registry.load("backend", "mujoco"), specs, 1)
+
+
+@cache
+def log(effects: str, backend: str = "mujoco") -> Log:
+    engine = registry.load("backend", backend)
+    spec = RunSpec(backend=backend, task="circle", effects=effects).world()
+    plan = Plan(
+        protocols=("grasp", "pull"),
+        channels=("command", "position", "stick", "pull"),
+        variants=2,
+        seed=7,
+    )
+    return record(lambda specs: simulate(engine, specs, 1), spec, plan, "test")
+
+
+@cache
+def told(effects: str, backend: str = "mujoco"):
+    report = grip(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
+    return {one.effect: one for one in report.findings}
+
+
+def fall(mass_kg: float, friction_n: float) -> slips.Slip:
+    """A slip by Newton's law in small steps, read as a log would be."""
+    fine = DT_S / 100
+    time = np.arange(0.0, 0.4, fine)
+    pull = 100.0 * np.floor(time / DT_S + 1e-9) * DT_S
+    travel, speed = np.zeros(len(time)), 0.0
+    for k in range(len(time) - 1):
+        push = (pull[k] - friction_n) / mass_kg + 9.81
+        speed = max(speed + push * fine, 0.0)
+        travel[k + 1] = travel[k] + speed * fine
+    return slips.Slip(
+        time_s=time[::100],
+        pull_n=pull[::100],
+        travel_m=travel[::100],
+        weight=9.81,
+        noise_m=1e-5,
+    )
+
+
+@pytest.mark.parametrize("mass_kg", [0.015, 0.03, 0.09])
+def test_newton_tells_mass_and_friction(mass_kg):
+    """Recover both numbers of a slip that obeys Newton's law."""
+    found = slips._newton([fall(mass_kg, 12.0), fall(mass_kg, 15.0)], 0.03)
+    assert found.log_mass == pytest.approx(np.log(mass_kg / 0.03), abs=0.05)
+    assert found.friction_n == pytest.approx([12.0, 15.0], rel=0.005)
+    assert found.left < 1.0
+
+
+@pytest.mark.parametrize("backend", registry.names("backend"))
+@pytest.mark.parametrize("effects", ["none", "contact-friction=-30%", "contact-friction=40%"])
+def test_friction_is_told_on_every_engine(backend, effects):
+    """Name friction, and nothing else, whatever engine the log is from."""
+    found = told(effects, backend)
+    if effects == "none":
+        assert not found
+        return
+    true = float(effects.split("=")[1].strip("%")) / 100
+    assert set(found) == {"contact-friction"}
+    low, high = found["contact-friction"].interval
+    assert low <= true <= high
+    assert 1 + found["contact-friction"].value == pytest.approx(1 + true, rel=0.05)
+
+
+@pytest.mark.parametrize("backend", registry.names("backend"))
+def test_a_heavy_stick_is_told_on_every_engine(backend):
+    """Name a stick of thrice the mass, and nothing else."""
+    found = told("stick-mass=200%", backend)
+    assert set(found) == {"stick-mass"}
+    assert 1 + found["stick-mass"].value == pytest.approx(3.0, rel=0.4)
+
+
+def test_a_thick_stick_is_not_rough():
+    """Blame a radius, which squeezes more, for a later slip, and not the friction."""
+    assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
+
+
+def test_friction_outside_of_the_catalogue_is_unknown():
+    """Call a slip `unknown` that only friction could explain, which nobody may name."""
+    kinds = {n: k for n, k in CATALOGUE.items() if n != "contact-friction"}
+    report = grip(log("contact-friction=40%", "bullet"), NOMINAL, kinds, on_mujoco)
+    assert [one.effect for one in report.findings] == ["unknown"]
+
+
+def test_a_stick_that_does_not_slip_says_nothing():
+    """Tell nothing of a pull that was too weak, nor of one that began at once."""
+    parts = held(log("none"), NOMINAL, ("pull",))
+    weak = [part.every(np.arange(len(part.time_s)) < 210) for part in parts]
+    assert slips.told(NOMINAL, weak, on_mujoco) is None
+    early = dataclasses.replace(parts[0], pull_n=parts[0].pull_n + 1.0)
+    assert slips.slip(early, NOMINAL.gravity_m_s2) is None
+
+
+def test_a_vague_mass_says_what_would_tell(capfd):
+    """Say how near the nominal mass is known to be, and what would tell more."""
+    report = grip(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
+    (said,) = report.missing
+    assert "stick-mass" in said and "weigh the stick" in said
