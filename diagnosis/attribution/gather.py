@@ -21,6 +21,8 @@ RATE_HZ = 200.0
 """Faster logs are compared this often: joints do nothing quicker."""
 REST_SAMPLES = 3
 """The start is the mean of so many readings at rest."""
+NOISY, HIDDEN_SD = 2.0, 3.0
+"""That is too noisy beyond so many floors, and hides what is nearer to the target than this."""
 
 
 def gather(log: Log, nominal: Spec, floor: dict[str, float]) -> tuple[Evidence, ...]:
@@ -61,7 +63,7 @@ def require_joints(log: Log, nominal: Spec) -> None:
 
 def _limb(log: Log, nominal: Spec, numbers: list[int], floor: dict[str, float]) -> Evidence:
     judged = _judged(log, numbers)
-    recordings = tuple(_recording(log, nominal, number, judged[number]) for number in numbers)
+    recordings = tuple(_recording(log, nominal, n, judged[n], floor["position"]) for n in numbers)
     size = _sizes(nominal, recordings)
     limit = np.array([drive.torque_limit_nm for drive in nominal.drives])
     allowed = np.stack([floor[name] * (limit if name == "torque" else size) for name in USED])
@@ -88,7 +90,19 @@ def _sizes(nominal: Spec, recordings: Sequence[Recording]) -> Array:
     return np.where(slides, moved, 1.0)
 
 
-def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording:
+def _start(measured: Array, target: Array, floor: float) -> Array:
+    """Where joints rest before they move (J,), of channels (C, T, J) and the first targets (J,).
+
+    As read; or at the target, where noise hides whether they are there: three readings of 5 mrad of
+    noise would put a joint off by 3 mrad, which its motor then shows for a tenth of a second.
+    """
+    read = measured[0, :REST_SAMPLES].mean(axis=0)
+    std = _noise(measured)[0] / np.sqrt(REST_SAMPLES)
+    hidden = (std > NOISY * floor) & (np.abs(read - target) < HIDDEN_SD * std)
+    return np.where(hidden, target, read)
+
+
+def _recording(log: Log, nominal: Spec, number: int, judged: Array, floor_rad: float) -> Recording:
     names, (ticks, rows) = nominal.hand.joint_names, _rows(log, nominal, number)
     frame = log.episode(number).iloc[rows]
 
@@ -98,11 +112,12 @@ def _recording(log: Log, nominal: Spec, number: int, judged: Array) -> Recording
         return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
 
     measured = np.stack([read(kind) for kind in USED])
+    command = read("command")
     commands = Commands(
         ticks=ticks,
-        target=read("command"),
+        target=command,
         load=np.nan_to_num(read("push")),
-        start=measured[0, :REST_SAMPLES].mean(axis=0),
+        start=_start(measured, command[0], floor_rad),
     )
     protocol = next(e.protocol for e in log.episodes if e.episode == number)
     return Recording(protocol=protocol, commands=commands, measured=measured, judged=judged[rows])

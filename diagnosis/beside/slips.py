@@ -13,32 +13,22 @@ believed.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
 
 from backends.effect import Effect
 from backends.spec import Spec
-from backends.state import Array, quat_z_axis
+from backends.state import Array
 from diagnosis.attribution.verdict import UNKNOWN
 from diagnosis.beside._regrasp import Simulate, regrasp
+from diagnosis.beside._slip import GONE_M, Slip, newton, slip, valley
 from diagnosis.beside.finding import STICK, Finding, share
-from diagnosis.beside.held import Held, white_noise
+from diagnosis.beside.held import Held
 
 FRICTION, MASS = "contact-friction", "stick-mass"
-LEAST_S = 0.2
-"""A stick is held so long, at least, before it is pulled."""
-SLIPPED_M, GONE_M = 1e-3, 15e-3
-"""It slips from the one on, and what it does beyond the other tells nothing of the grip."""
 FINE_S = 1e-3
 """Replays are read this often."""
-MASSES = tuple(np.exp(np.linspace(np.log(0.15), np.log(8.0), 81)))
-"""Masses that are tried, over the nominal one."""
 REPLAYED = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.6, 4.0)
 """The same of replays."""
-FORCES = 241
-"""Friction forces that are tried, around the pull at which it slips."""
-NEAR = 0.25
-"""They end at this from it, relative."""
 SHIFTS_S = np.arange(-0.08, 0.0801, 2.5e-4)
 """How much later or earlier a stick slips than in a replay."""
 STRONGER, MORE_S = 3.0, 1.0
@@ -53,8 +43,6 @@ MASS_FLOOR_REPLAYED = 0.13
 """The same of replays, which are as good as the pose that they start from."""
 ODD = 1.8
 """A slip of which the better model leaves more is of another kind."""
-MODEL = 0.03
-"""Share of a slip by which any model of it may be off."""
 SURE_Z, Z90 = 3.0, 1.645
 VAGUE = (
     "within {:.0f} % of the nominal one as far as these pulls tell; pull more often (--variants), "
@@ -62,53 +50,8 @@ VAGUE = (
 )
 OTHERWISE = (
     "not identifiable from this log: the stick slips neither by Newton's law nor as on the nominal "
-    "engine; weigh it"
+    "engine, or its contacts are soft; weigh it"
 )
-
-
-@dataclass(frozen=True, kw_only=True)
-class Slip:
-    """How one stick was pulled out."""
-
-    time_s: Array
-    """Since it was pulled first, shape (T,), 0 first."""
-    pull_n: Array
-    """From each sample on, shape (T,)."""
-    travel_m: Array
-    """Towards its lower end, shape (T,)."""
-    weight: float
-    """Gravity along its way [m/s^2]."""
-    noise_m: float
-
-    @property
-    def slipping(self) -> int:
-        """Number of the first sample by which it has slipped; T if it never has."""
-        out = self.travel_m > SLIPPED_M
-        return int(np.argmax(out)) if out.any() else len(out)
-
-    @property
-    def end(self) -> int:
-        """Number of the first sample at which it is gone."""
-        out = self.travel_m > GONE_M
-        return int(np.argmax(out)) if out.any() else len(out)
-
-    @property
-    def slipped_n(self) -> float:
-        """The pull at which it has slipped by `SLIPPED_M`, between samples."""
-        k = self.slipping
-        past = (SLIPPED_M - self.travel_m[k - 1]) / (self.travel_m[k] - self.travel_m[k - 1])
-        return float(self.pull_n[k - 1] + past * (self.pull_n[k] - self.pull_n[k - 1]))
-
-    @property
-    def gained_n(self) -> float:
-        """By how much the pull has grown from slipping to being gone."""
-        return float(self.pull_n[min(self.end, len(self.pull_n) - 1)]) - self.slipped_n
-
-    @property
-    def spread_m(self) -> Array:
-        """Standard deviation of a model of it, shape (T,) up to its end."""
-        known = self.travel_m[: self.end]
-        return np.hypot(self.noise_m, MODEL * np.maximum(known, 0.0))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -183,25 +126,6 @@ def _finding(
     )
 
 
-def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
-    """An episode as one slip; None where the stick was not held still before it was pulled."""
-    pulled = part.pull_n > 0
-    first = int(np.argmax(pulled))
-    before = (np.arange(len(pulled)) < first) & (part.time_s > part.time_s[first] - LEAST_S)
-    if not pulled.any() or part.time_s[first] < LEAST_S:
-        return None
-    axis = quat_z_axis(part.stick[before, 3:]).mean(axis=0)
-    axis /= np.linalg.norm(axis)
-    travel = -(part.stick[:, :3] - part.stick[before, :3].mean(axis=0)) @ axis
-    return Slip(
-        time_s=part.time_s[first:] - part.time_s[first],
-        pull_n=part.pull_n[first:],
-        travel_m=travel[first:],
-        weight=float(-np.dot(gravity_m_s2, axis)),
-        noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), 1e-5),
-    )
-
-
 def corrected(world: Spec, told: Told) -> Spec:
     """The world with what is sure."""
     friction, mass = (v * s for v, s in zip((told.friction, told.mass), told.sure, strict=True))
@@ -223,7 +147,7 @@ def told(world: Spec, parts: Sequence[Held], simulate: Simulate) -> Told | None:
 
 
 def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], mass_kg: float) -> Told:
-    real, nominal = (_newton(some, mass_kg) for some in (seen, shown))
+    real, nominal = (newton(some, mass_kg) for some in (seen, shown))
     ratios = np.log(real.friction_n / nominal.friction_n)
     wander = np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen])
     return Told(
@@ -241,70 +165,6 @@ def _spread(values: Array, floor: float) -> float:
     """Standard deviation of a mean of some episodes that share an error."""
     scatter = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else floor
     return float(np.hypot(floor, scatter))
-
-
-@dataclass(frozen=True, kw_only=True)
-class Newton:
-    """Slips by Newton's law: one mass, and friction by episode."""
-
-    log_mass: float
-    log_mass_std: float
-    friction_n: Array
-    left: float
-
-
-def _newton(slips: Sequence[Slip], mass_kg: float) -> Newton:
-    masses = mass_kg * np.array(MASSES)
-    costs, forces = zip(*(_friction_costs(s, masses) for s in slips), strict=True)
-    total = np.sum(costs, axis=0)
-    best, half = _valley(np.log(MASSES), total)
-    k = int(np.argmin(total))
-    count = sum(s.end for s in slips)
-    return Newton(
-        log_mass=best,
-        log_mass_std=half,
-        friction_n=np.array([force[k] for force in forces]),
-        left=float(np.sqrt(total[k] / count)),
-    )
-
-
-def _valley(places: Array, costs: Array) -> tuple[float, float]:
-    """Where squared deviations are least, by a parabola, and the standard deviation of that."""
-    k = int(np.clip(np.argmin(costs), 1, len(costs) - 2))
-    a, b, _ = np.polyfit(places[k - 1 : k + 2] - places[k], costs[k - 1 : k + 2], 2)
-    if a <= 0:
-        return float(places[np.argmin(costs)]), float(places[1] - places[0])
-    scale = max(float(costs.min()), 1.0)
-    moved = np.clip(-b / (2 * a), places[k - 1] - places[k], places[k + 1] - places[k])
-    return float(places[k] + moved), float(np.sqrt(min(scale, 10.0) / a))
-
-
-def _friction_costs(one: Slip, masses_kg: Array) -> tuple[Array, Array]:
-    """Least cost over friction by mass, and that friction [N], both (M,)."""
-    forces = one.slipped_n * np.linspace(1 - NEAR, 1 + NEAR, FORCES)
-    costs = _falls(
-        one.time_s, one.pull_n, one.travel_m, one.spread_m, one.weight, masses_kg, forces
-    )
-    best = np.argmin(costs, axis=1)
-    return costs.min(axis=1), forces[best]
-
-
-@numba.njit(cache=True)
-def _falls(time, pull, travel, spread, weight, masses, frictions):
-    """Squared deviations of falls by Newton's law, by mass and friction."""
-    costs = np.zeros((len(masses), len(frictions)))
-    for i in range(len(masses)):
-        for j in range(len(frictions)):
-            x, v = 0.0, 0.0
-            for k in range(len(spread)):
-                costs[i, j] += ((x - travel[k]) / spread[k]) ** 2
-                dt = time[k + 1] - time[k] if k + 1 < len(time) else 0.0
-                a = (pull[k] - frictions[j]) / masses[i] + weight
-                if v == 0.0 and a < 0.0:
-                    continue
-                x += v * dt + a * dt * dt / 2
-                v = max(v + a * dt, 0.0)
-    return costs
 
 
 def _replays(
@@ -365,7 +225,7 @@ def _shifted(
             pull_n = model.slipped_n if model.slipping < len(model.time_s) else model.pull_n[-1]
             friction_n = pull_n + masses[m] * mass_kg * model.weight
             ratios[m, e] = np.log(max(1 + _slope(real) * later_s / friction_n, 1e-3))
-    mass, half = _valley(np.log(masses), costs)
+    mass, half = valley(np.log(masses), costs)
     k = int(np.argmin(costs))
     return Told(
         friction=float(ratios[k].mean()),

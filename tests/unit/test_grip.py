@@ -145,7 +145,7 @@ def test_another_engine_is_not_another_mass():
     report = motions(NOMINAL, parts, some("stick-mass"), on_mujoco)
     assert report.findings == ()
     assert "not identifiable from this log" in report.missing[0]
-    assert "weigh the stick" in report.missing[0]
+    assert "record --protocol pull" in report.missing[0]
 
 
 def test_one_grasp_may_agree_by_chance():

@@ -9,7 +9,7 @@ import pytest
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.run_spec import RunSpec
-from diagnosis.beside import slips
+from diagnosis.beside import _slip, slips
 from diagnosis.beside.grip import grip
 from diagnosis.beside.held import held
 from diagnosis.logs.log import Log
@@ -46,7 +46,7 @@ def told(effects: str, backend: str = "mujoco"):
     return {one.effect: one for one in report.findings}
 
 
-def fall(mass_kg: float, friction_n: float) -> slips.Slip:
+def fall(mass_kg: float, friction_n: float) -> _slip.Slip:
     """A slip by Newton's law in small steps, read as a log would be."""
     fine = DT_S / 100
     time = np.arange(0.0, 0.4, fine)
@@ -56,7 +56,7 @@ def fall(mass_kg: float, friction_n: float) -> slips.Slip:
         push = (pull[k] - friction_n) / mass_kg + 9.81
         speed = max(speed + push * fine, 0.0)
         travel[k + 1] = travel[k] + speed * fine
-    return slips.Slip(
+    return _slip.Slip(
         time_s=time[::100],
         pull_n=pull[::100],
         travel_m=travel[::100],
@@ -68,7 +68,7 @@ def fall(mass_kg: float, friction_n: float) -> slips.Slip:
 @pytest.mark.parametrize("mass_kg", [0.015, 0.03, 0.09])
 def test_newton_tells_mass_and_friction(mass_kg):
     """Recover both numbers of a slip that obeys Newton's law."""
-    found = slips._newton([fall(mass_kg, 12.0), fall(mass_kg, 15.0)], 0.03)
+    found = _slip.newton([fall(mass_kg, 12.0), fall(mass_kg, 15.0)], 0.03)
     assert found.log_mass == pytest.approx(np.log(mass_kg / 0.03), abs=0.05)
     assert found.friction_n == pytest.approx([12.0, 15.0], rel=0.005)
     assert found.left < 1.0
@@ -102,6 +102,11 @@ def test_a_thick_stick_is_not_rough():
     assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
 
 
+def test_a_soft_contact_is_not_a_light_stick():
+    """Blame softness alone for a slip that begins slowly."""
+    assert set(told("contact-softness=0.12mm/N")) == {"contact-softness"}
+
+
 def test_friction_outside_of_the_catalogue_is_unknown():
     """Call a slip `unknown` that only friction could explain, which nobody may name."""
     kinds = {n: k for n, k in CATALOGUE.items() if n != "contact-friction"}
@@ -115,10 +120,10 @@ def test_a_stick_that_does_not_slip_says_nothing():
     weak = [part.every(np.arange(len(part.time_s)) < 210) for part in parts]
     assert slips.told(NOMINAL, weak, on_mujoco) is None
     early = dataclasses.replace(parts[0], pull_n=parts[0].pull_n + 1.0)
-    assert slips.slip(early, NOMINAL.gravity_m_s2) is None
+    assert _slip.slip(early, NOMINAL.gravity_m_s2) is None
 
 
-def test_a_vague_mass_says_what_would_tell(capfd):
+def test_a_vague_mass_says_what_would_tell():
     """Say how near the nominal mass is known to be, and what would tell more."""
     report = grip(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
     (said,) = report.missing
