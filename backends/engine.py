@@ -19,6 +19,8 @@ from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State, quat_z_axis
 
 EXACT = "exact"
+OUTRUN_M_S = 10.0
+"""A stick that is faster is pulled by nobody: it would pass through a hand within a step [m/s]."""
 _SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
 SHARED_SUPPORT: Mapping[str, str] = {
     name: EXACT for name in field_names() if name.split(".")[0] in _SHARED and name != "joint.axis"
@@ -41,7 +43,8 @@ class Simulator(Protocol):
         """Hold the target angles (N, J) [rad] for one policy period; the state after it.
 
         `load_nm` (N, J) is an external torque on the joints, such as a push, and `pull_n` (N,) a
-        force along the sticks' axes, towards their lower ends, while a fingertip touches them.
+        force along the sticks' axes, towards their lower ends, while a fingertip touches them and
+        they do not outrun it.
         """
         ...
 
@@ -165,8 +168,10 @@ class Engine(ABC):
 
     def _pull_n(self, pull_n: Array) -> Array:
         """Forces (N, 3) [N] on the sticks in the world's frame; none on a stick that is out."""
-        touched = self.state.contact_force_n.any(axis=(1, 2))
-        return -(pull_n * touched)[:, None] * quat_z_axis(self.state.stick_quat_wxyz)
+        state = self.state
+        speed_m_s = np.linalg.norm(state.stick_vel_m_s, axis=1)
+        there = state.contact_force_n.any(axis=(1, 2)) & (speed_m_s < OUTRUN_M_S)
+        return -(pull_n * there)[:, None] * quat_z_axis(state.stick_quat_wxyz)
 
     def coast(self, ticks: int) -> None:
         """Step the bare engine `ticks` drive periods under the torques and forces of the last one.

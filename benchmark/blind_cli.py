@@ -26,7 +26,7 @@ Effects = Annotated[
     str, typer.Option(help="Some effects, or all that the rig is for: free air, or held stick.")
 ]
 Protocols = Annotated[
-    str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp.")
+    str, typer.Option(help="all, or some of steps,triangle,multisine,push, if held grasp,pull.")
 ]
 Jobs = Annotated[
     int, typer.Option("--jobs", "-j", help="Cases at a time, one core each.", min=1, max=256)

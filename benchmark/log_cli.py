@@ -14,7 +14,7 @@ def record(
     out: Annotated[Path, typer.Option(help="Folder of the log; must not exist yet.")],
     protocol: Annotated[
         str,
-        typer.Option(help="all, or some of steps,triangle,multisine,push,grasp,policy."),
+        typer.Option(help="all, or some of steps,triangle,multisine,push,grasp,pull,policy."),
     ] = "all",
     effects: Effects = None,
     known_effects: Annotated[

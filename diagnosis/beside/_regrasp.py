@@ -14,6 +14,10 @@ Simulate = Callable[[Sequence[Spec]], Simulator]
 """Puts worlds on an engine."""
 
 
+GONE_M = 0.1
+"""Where all sticks have fallen by this, nothing follows: they stay where they are [m]."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Shown:
     """One world in one episode, a row per sample of the log."""
@@ -55,9 +59,13 @@ def regrasp(simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]) -
     try:
         rows = [_row(simulator.reset(start, np.ones(len(pairs), dtype=bool)))]
         for k in range(length - 1):
-            rows.append(_row(simulator.advance(target[k], loads[k], pulls[k])))
+            state = simulator.advance(target[k], loads[k], pulls[k])
+            rows.append(_row(state))
+            if (state.stick_pos_m[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
+                break
     finally:
         simulator.close()
+    rows += rows[-1:] * (length - len(rows))
     taken = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
     shown = [
         Shown(**dict(zip(_NAMES, (v[n, : len(p.time_s)] for v in taken), strict=True)))

@@ -78,6 +78,7 @@ def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
     axis = quat_z_axis(part.stick[before, 3:]).mean(axis=0)
     axis /= np.linalg.norm(axis)
     travel = -(part.stick[:, :3] - part.stick[before, :3].mean(axis=0)) @ axis
+    travel = np.nan_to_num(travel, nan=np.inf)  # a replay that burst after it was gone
     return Slip(
         time_s=part.time_s[first:] - part.time_s[first],
         pull_n=part.pull_n[first:],

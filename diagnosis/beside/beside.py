@@ -69,7 +69,7 @@ def beside(
     held = (
         grip(log, nominal, catalogue, simulate) if simulate else Report(missing=_unasked(catalogue))
     )
-    touch = feel(log, corrected(nominal, held.findings, catalogue), catalogue)
+    touch = feel(log, held.world or nominal, catalogue)
     return Report(
         findings=(*touch.findings, *held.findings),
         spots=(*touch.spots, *held.spots),

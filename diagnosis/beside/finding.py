@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.rules import confidence, rules
 from diagnosis.attribution.verdict import UNKNOWN
@@ -77,6 +78,8 @@ class Report:
     spots: tuple[Spot, ...] = ()
     missing: tuple[str, ...] = ()
     """Why effects could not be looked for, and what to record for them."""
+    world: Spec | None = None
+    """The nominal world with the shapes that were found, named or not; None: as it was."""
 
 
 def gap(residual: Array, sigma: Array | float) -> float:

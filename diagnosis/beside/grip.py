@@ -135,6 +135,7 @@ def grip(
         findings=(*shape.findings, *moved.findings),
         spots=shape.spots,
         missing=(*shape.missing, *moved.missing),
+        world=shape.world,
     )
 
 
@@ -158,6 +159,7 @@ def _pulled_out(
         findings=(*shape.findings, *last.findings(catalogue)),
         spots=shape.spots,
         missing=(*shape.missing, *(last.missing if slips.MASS in sought else ())),
+        world=shape.world,
     )
 
 

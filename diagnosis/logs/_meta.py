@@ -45,7 +45,7 @@ class EpisodeMeta(_Part):
 
     episode: NonNegativeInt
     protocol: Text = "free"
-    """What was commanded: steps, triangle, multisine, push, grasp, policy, or free."""
+    """What was commanded: steps, triangle, multisine, push, grasp, pull, policy, or free."""
     note: str | None = None
 
 

@@ -28,7 +28,7 @@ SEARCH_S = (-0.5, 3.0)
 SPEED_S = 0.05
 """Speeds are differences over this [s], so that sensor noise does not hide them."""
 _LAGS = 141
-HELD = ("grasp", "policy")
+HELD = ("grasp", "pull", "policy")
 """Protocols in which a joint need not follow: the stick holds it, and other joints move it."""
 TURNS_RAD = 4 * np.pi
 STILL = 1e-9

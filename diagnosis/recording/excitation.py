@@ -47,8 +47,8 @@ RAMP_S, PRESS_S = 0.3, 0.2
 GRASP_RAD = 0.03
 """Amplitude of the motion with the stick in the hand [rad]."""
 GRASP_HZ, GRASP_S = (0.3, 0.7, 1.3), 6.0
-GRIP_S = 1.0
-"""The stick is held so long before it is pulled [s]."""
+GRIP_S, LATE_S = 1.0, 0.1
+"""The stick is held so long before it is pulled, and by up to so much longer [s]."""
 PULL_N_S, PULL_N = 100.0, 60.0
 """How fast it is pulled, and how far, if it has not slipped before: so fast that what it weighs
 shows against what friction changes by on the way [N/s, N]."""
@@ -197,7 +197,8 @@ def pull(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
     """Hold the stick still and pull it out of the grip along its axis, faster and faster."""
     t = _times(GRIP_S + PULL_N / PULL_N_S, rate_hz)
     held = _about(joints, "pull", t, np.zeros((len(t), len(joints.names))))
-    return replace(held, pull_n=PULL_N_S * np.maximum(t - GRIP_S, 0.0))
+    begins_s = GRIP_S + np.random.default_rng([seed, 6]).uniform(0.0, LATE_S)
+    return replace(held, pull_n=PULL_N_S * np.maximum(t - begins_s, 0.0))
 
 
 FREE: dict[str, Callable[..., Excitation]] = {

@@ -6,7 +6,7 @@ import json
 from benchmark import blind, cli, registry
 from diagnosis.blind import draw
 from diagnosis.blind.apart import Grasps
-from diagnosis.blind.grasp import GRASP
+from diagnosis.blind.grasp import GRASP, PULL
 from diagnosis.blind.oracle import DETECTABLE_NATS
 from diagnosis.logs.log import read_log
 
@@ -81,6 +81,9 @@ def test_the_oracle_tells_what_shows():
     assert nats("taxel-threshold", -1e-4, "stick", "contact") > DETECTABLE_NATS
     assert nats("stick-radius", 0.1, "stick", "touch") > DETECTABLE_NATS
     assert nats("stick-mass", 0.2, "stick", "touch") < DETECTABLE_NATS
+    assert nats("contact-friction", -0.3, "stick", "touch") < DETECTABLE_NATS
+    case = dataclasses.replace(case, protocols=("steps", GRASP, PULL))
+    assert nats("contact-friction", -0.3, "stick", "touch") > DETECTABLE_NATS
 
 
 def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):

@@ -7,7 +7,11 @@ from backends import trx
 from diagnosis.recording.excitation import (
     FREE,
     GRASP_S,
+    GRIP_S,
+    LATE_S,
     OPEN_LOOP,
+    PULL_N,
+    PULL_N_S,
     PUSH_SHARES,
     SINE_S,
     Joints,
@@ -38,7 +42,7 @@ def joints(request: pytest.FixtureRequest) -> Joints:
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 200.0, 1000.0])
-@pytest.mark.parametrize("protocol", OPEN_LOOP)
+@pytest.mark.parametrize("protocol", [name for name in OPEN_LOOP if name != "pull"])
 def test_targets_stay_inside_and_move_every_joint(joints, protocol, rate_hz):
     """Command nothing out of range, move every joint, begin and end in the centre."""
     made = OPEN_LOOP[protocol](joints, rate_hz, seed=1)
@@ -66,7 +70,20 @@ def test_a_seed_decides_everything(protocol):
     one, again, other = (OPEN_LOOP[protocol](joints, 200.0, seed) for seed in (1, 1, 2))
     assert np.array_equal(one.target_rad, again.target_rad)
     assert np.array_equal(one.push_nm, again.push_nm)
-    assert not np.array_equal(one.target_rad, other.target_rad)
+    assert np.array_equal(one.pull_n, again.pull_n)
+    kept = [np.array_equal(getattr(one, k), getattr(other, k)) for k in ("target_rad", "pull_n")]
+    assert not all(kept)
+
+
+def test_a_pull_holds_still_first():
+    """Hold every joint, and pull no stick before it is held; then pull harder and harder."""
+    joints = hand_joints(trx.HAND)
+    made = OPEN_LOOP["pull"](joints, 200.0, 3)
+    assert (made.target_rad == joints.center_rad).all() and not made.push_nm.any()
+    pulled = made.pull_n > 0
+    assert made.t_s[pulled][0] >= GRIP_S and pulled[-1]
+    assert np.allclose(np.diff(made.pull_n[pulled]), PULL_N_S / 200.0)
+    assert made.pull_n[-1] > 0.99 * PULL_N - PULL_N_S * LATE_S
 
 
 def test_joints_step_one_after_the_other():

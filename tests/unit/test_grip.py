@@ -9,6 +9,7 @@ import pytest
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.run_spec import RunSpec
+from diagnosis.beside.beside import beside
 from diagnosis.beside.grip import grip, motions
 from diagnosis.beside.held import gaps_m, held
 from diagnosis.beside.yields import line
@@ -161,3 +162,10 @@ def test_no_stick_no_grip():
     report = grip(blind, NOMINAL, CATALOGUE, on_mujoco)
     assert report.findings == ()
     assert "with the channel stick" in report.missing[0]
+
+
+def test_a_radius_that_nobody_may_name_is_no_threshold():
+    """Judge taxels on the stick that is there, though its radius is out of the catalogue."""
+    thin = log("stick-radius=-10%", "bullet", channels="stick,contact")
+    report = beside(thin, NOMINAL, some("contact-softness", "taxel-threshold"), on_mujoco)
+    assert [one.effect for one in report.findings] == ["unknown"]

@@ -68,11 +68,13 @@ def test_every_protocol_is_whole(everything, number):
     frame = everything.episode(number)
     for kind in KINDS:
         assert np.isfinite(everything.signal(kind, number)).all()
-    held = PROTOCOLS[number] in ("grasp", "policy")
+    held = PROTOCOLS[number] in ("grasp", "pull", "policy")
     touch, stick = everything.touch(number), everything.stick(number)
     assert (touch is not None) == (stick is not None) == held
+    assert (everything.pull(number) is not None) == held
     if held:
         assert touch.shape == (len(frame), 3, 128)
+    if held and PROTOCOLS[number] != "pull":
         assert (touch[-1] > 0).any(axis=1).all()
         assert stick[-1, 2] > stick[0, 2] - DROP_M
     assert np.allclose(np.diff(frame["t_s"]), 0.005)
@@ -208,6 +210,18 @@ def test_a_fallen_stick_ends_the_episode(everything):
     stick = log.stick(0)
     assert len(stick) < len(everything.episode(PROTOCOLS.index("grasp")))
     assert (stick[:, 2] >= stick[0, 2] - DROP_M).all()
+
+
+def test_a_pull_ends_where_the_stick_is_out(everything):
+    """Hold the stick still, pull more and more, and end where it has left the grip."""
+    number = PROTOCOLS.index("pull")
+    force, stick = everything.pull(number), everything.stick(number)
+    pulled = force > 0
+    assert 200 <= np.argmax(pulled) < len(force) - 10
+    assert (np.diff(force[pulled]) > 0).all()
+    assert np.ptp(stick[~pulled][100:, 2]) < 1e-4
+    assert 0.005 < stick[0, 2] - stick[-1, 2] <= DROP_M
+    assert not everything.pull(PROTOCOLS.index("grasp")).any()
 
 
 @pytest.mark.parametrize("backend", registry.names("backend"))
