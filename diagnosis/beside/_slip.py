@@ -19,6 +19,8 @@ FORCES = 241
 """Friction forces that are tried, around the pull at which it slips."""
 NEAR = 0.25
 """They end at this from it, relative."""
+CREEP_M = 1e-4
+"""Contacts creep by this before they slip."""
 MODEL = 0.03
 """Share of a slip by which any model of it may be off."""
 
@@ -84,7 +86,7 @@ def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
         pull_n=part.pull_n[first:],
         travel_m=travel[first:],
         weight=float(-np.dot(gravity_m_s2, axis)),
-        noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), 1e-5),
+        noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), CREEP_M),
     )
 
 
