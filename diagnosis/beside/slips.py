@@ -44,6 +44,9 @@ MASS_FLOOR_REPLAYED = 0.13
 ODD = 1.8
 """A slip of which the better model leaves more is of another kind."""
 SURE_Z, Z90 = 3.0, 1.645
+LIGHT_Z = 5.0
+"""By Newton's law a light stick is asked for more: contacts that hold until they give way at once,
+as SAPIEN's do, look like one."""
 VAGUE = (
     "within {:.0f} % of the nominal one as far as these pulls tell; pull more often (--variants), "
     "by about 100 N/s, or weigh the stick"
@@ -87,7 +90,8 @@ class Told:
     @property
     def sure(self) -> tuple[bool, bool]:
         """Whether friction and mass are other than nominal."""
-        mass = abs(self.mass) > SURE_Z * self.mass_std and self.left < ODD
+        asked = LIGHT_Z if self.newton and self.mass < 0 else SURE_Z
+        mass = abs(self.mass) > asked * self.mass_std and self.left < ODD
         return abs(self.friction) > SURE_Z * self.friction_std, mass
 
     @property
