@@ -181,4 +181,5 @@ def _channels(log: Log) -> list[str]:
                 kind if len(joints) == len(log.joints) else f"{kind} ({', '.join(joints)})"
             )
     stick = any(log.stick(e.episode) is not None for e in log.episodes)
-    return [*found, *["touch"] * bool(log.fingers), *["stick"] * stick]
+    pull = any(log.pull(e.episode) is not None for e in log.episodes)
+    return [*found, *["touch"] * bool(log.fingers), *["stick"] * stick, *["pull"] * pull]
