@@ -61,13 +61,14 @@ class Grasps:
         if fault.effect.startswith("taxel"):
             return _skin_nats(skin, real[skin], without[skin])
         others = [self._signals(case, engine) for engine in engines if engine != case.real]
-        names = [name for name in _noise(self._spec) if name in real]
+        noise = _noise(self._spec)
+        told = [
+            _nats(real[n] - without[n], noise[n], [real[n] - other[n] for other in others])
+            for n in noise
+            if n in real
+        ]
         return max(
-            _slip_nats(real["slips"], without["slips"], [o["slips"] for o in others]),
-            *(
-                _nats(real[n] - without[n], _noise(self._spec)[n], [real[n] - o[n] for o in others])
-                for n in names
-            ),
+            [_slip_nats(real["slips"], without["slips"], [o["slips"] for o in others]), *told]
         )
 
     @property

@@ -96,6 +96,11 @@ def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):
     assert touch["bound"] == ">" and touch["channels"].endswith("touch")
     table = (tmp_path / "detectable.md").read_text()
     assert "mujoco, grasp, contact" in table and "> 0.4" in table
-    words[words.index("taxel-threshold")] = "backlash"
+    words[words.index("taxel-threshold")] = "contact-friction"
+    assert cli._run(words) == 0
+    grasp, pull = json.loads(capfd.readouterr().out)["rows"]
+    assert (grasp["protocol"], pull["protocol"]) == (GRASP, PULL)
+    assert pull["smallest"] < 10 < grasp["smallest"]
+    words[words.index("contact-friction")] = "backlash"
     assert cli._run(words) == 2
     assert "no grasp is asked for these" in capfd.readouterr().err
