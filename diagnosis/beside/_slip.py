@@ -38,6 +38,7 @@ class Slip:
     weight: float
     """Gravity along its way [m/s^2]."""
     noise_m: float
+    """Standard deviation of its travel as it is tracked."""
 
     @property
     def slipping(self) -> int:
@@ -101,6 +102,7 @@ class Newton:
 
 
 def newton(slips: Sequence[Slip], mass_kg: float) -> Newton:
+    """The mass, as a logarithm over `mass_kg`, and the frictions that make Newton's law fit."""
     masses = mass_kg * np.array(MASSES)
     costs, forces = zip(*(_friction_costs(s, masses) for s in slips), strict=True)
     total = np.sum(costs, axis=0)

@@ -89,6 +89,12 @@ def test_friction_is_told_on_every_engine(backend, effects):
     assert 1 + found["contact-friction"].value == pytest.approx(1 + true, rel=0.05)
 
 
+def test_a_slippery_stick_is_told():
+    """Tell a friction so small that the nominal stick would not have slipped yet."""
+    found = told("contact-friction=-80%", "bullet")
+    assert found["contact-friction"].value < -0.6
+
+
 @pytest.mark.parametrize("backend", registry.names("backend"))
 def test_a_heavy_stick_is_told_on_every_engine(backend):
     """Name a stick of thrice the mass, and nothing else."""
