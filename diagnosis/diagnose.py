@@ -21,7 +21,7 @@ from diagnosis.attribution.gather import gather
 from diagnosis.attribution.locate import locate
 from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
 from diagnosis.attribution.rules import rules
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge
+from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, unaccused
 from diagnosis.beside.beside import (
     beside,
     corrected,
@@ -217,6 +217,8 @@ def judge_limb(
     known = {} if set(settled) & set(evidence.joints) else catalogue
     limb = judge(evidence, known, uncertainty)
     found = () if limb.names in ((NONE,), (UNKNOWN,)) else tuple(magnitudes(limb))
+    if len(found) == 1 and found[0].interval[0] <= 0.0 <= found[0].interval[1]:
+        limb, found = unaccused(limb), ()
     trials = Trials(limb) if limb.tied else None
     ties = tuple(tie(limb, rival, trials) for rival in limb.tied if trials is not None)
     return Judged(verdict=limb, found=found, ties=ties)

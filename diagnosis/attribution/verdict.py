@@ -121,6 +121,18 @@ def judge(
     return again if set(again.names) <= set(first.names) else _known_strays(first, again)
 
 
+def unaccused(limb: LimbVerdict) -> LimbVerdict:
+    """The verdict where an effect that was accused may as well be nothing: that on the nominal fit.
+
+    What it gains then is what is known of a nominal parameter, which it frees.
+    """
+    found, rule = limb.attribution, rules()
+    nominal = found.nominal
+    if nominal.bent <= rule.alone_stds and is_plain(found, nominal, rule):
+        return _verdict((NONE,), nominal, found, (), rule.accuse_nats)
+    return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, nominal))
+
+
 def _known_strays(first: LimbVerdict, again: LimbVerdict) -> LimbVerdict:
     """The verdict where other effects are found once it is known how far joints stray.
 
@@ -181,7 +193,8 @@ def ruled(found: Attribution) -> LimbVerdict:
         return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, small))
     if not explains(found, singles[0], rule):
         singles = sorted([*map(found.elsewhere, singles[:ANEW]), *singles[ANEW:]], key=_cost)
-    best, pair = _pair(found, singles[0], rule)
+    doubted = _accused(found, singles[0], singles, gain, rule).names == (UNKNOWN,)
+    best, pair = _pair(found, singles[0], rule, doubted)
     if pair is not None and explains(found, pair, rule):
         pair = _searched_on(found, pair)
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
@@ -271,8 +284,13 @@ def _in_steps(found: Attribution, rule: Rules) -> bool:
     return bool((evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size).any())
 
 
-def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked | None]:
+def _pair(
+    found: Attribution, best: Ranked, rule: Rules, doubted: bool
+) -> tuple[Ranked, Ranked | None]:
     """The best single effect, and the best pair where that does not explain and a second adds.
+
+    Where that effect is doubted, for a nominal parameter is bent beyond belief beside it, a second
+    one need do no more than a first.
 
     The single one is fitted again from where pairs have taken the nominal parameters, also such as
     are no more than nominal: a refit that stopped early would make any second effect look needed.
@@ -292,7 +310,8 @@ def _pair(found: Attribution, best: Ranked, rule: Rules) -> tuple[Ranked, Ranked
     best = min(near, key=_cost, default=least)
     if _lead(least, pair) >= rule.pair_nats:
         least = found.slopeless(least, 0.0)
-    if _lead(_with_little(found, least, found.pairs, rule), pair) < rule.pair_nats:
+    asked = rule.accuse_nats if doubted else rule.pair_nats
+    if _lead(_with_little(found, least, found.pairs, rule), pair) < asked:
         return best, None
     enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)
     needed = enough or is_white(found, best, rule) or not explains(found, best, rule)

@@ -25,7 +25,14 @@ from diagnosis.attribution.refits import CLOSE, Refits
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.simplex import simplex
 from diagnosis.attribution.timing import AngleLate, Late, TorqueLate, rates, sensors
-from diagnosis.attribution.verdict import _known_strays, _searched_on, judge, little_play, ruled
+from diagnosis.attribution.verdict import (
+    LimbVerdict,
+    _known_strays,
+    _searched_on,
+    judge,
+    little_play,
+    ruled,
+)
 from diagnosis.attribution.whiten import MEMORY_S, innovations, surprise
 from diagnosis.beside.hearing import Heard
 from diagnosis.beside.losses import ACCUSE_NATS, _listened, dropouts
@@ -309,6 +316,29 @@ def test_what_excuses_a_world_is_no_parameter_of_it(name, size, deviations, verd
     little = costing(dataclasses.replace(little, fit=fit), cost - 3)
     found.singles = [costing(rotor, cost - 1.2 * rules().accuse_nats), little]
     assert ruled(found).names == (verdict,)
+
+
+@pytest.mark.parametrize(
+    ("low", "deviations", "verdict"),
+    [(0.0, 0.0, "none"), (0.0, 4.0, "unknown"), (0.01, 0.0, "kd-scale")],
+)
+def test_what_may_as_well_be_nothing_is_not_accused(low, deviations, verdict, monkeypatch):
+    """Name no effect whose interval holds nothing: the nominal fit says what there is instead."""
+    part = evidence()
+    found = Attribution(part, {"kd-scale": kind("kd-scale")}, 0.05)
+    off = deviations * np.eye(len(found.nominal.fit.deviations))[0]
+    fit = dataclasses.replace(found.nominal.fit, deviations=off)
+    found.nominal = dataclasses.replace(found.nominal, fit=fit)
+    best = found.singles[0]
+    accused = LimbVerdict(names=best.names, chosen=best, attribution=found, tied=(), lead_nats=7.0)
+    (one,) = magnitudes(accused)
+    monkeypatch.setattr("diagnosis.diagnose.judge", lambda *_: accused)
+    monkeypatch.setattr(
+        "diagnosis.diagnose.magnitudes", lambda _: [dataclasses.replace(one, interval=(low, 40.0))]
+    )
+    judged = judge_limb(part, {"kd-scale": kind("kd-scale")}, 0.05)
+    assert judged.verdict.names == (verdict,)
+    assert len(judged.found) == (verdict == "kd-scale")
 
 
 def test_bent_nominal_parameters_are_unknown():
@@ -1064,6 +1094,23 @@ def test_a_single_effect_is_searched_without_slopes_before_a_second_is_named():
     found.halves = lambda _: []
     found.slopeless = lambda one, settled=1.0: one if settled else right
     assert ruled(found).names == right.names
+
+
+@pytest.mark.parametrize(
+    ("bent", "verdict"), [(3.3, ("backlash", "command-delay")), (2.0, ("command-delay",))]
+)
+def test_beside_a_bent_parameter_a_second_effect_needs_no_more_than_a_first(bent, verdict):
+    """Name a pair that leads by little where its first effect alone would be doubted."""
+    found, right = beside_delay(5e-3)
+    off = bent * np.eye(len(right.fit.deviations))[0]
+    alone = dataclasses.replace(right, fit=dataclasses.replace(right.fit, deviations=off))
+    (pair,) = found.second()
+    found.singles, found.halves = [alone], lambda _: []
+    found.slopeless = lambda one, *_: one
+    found.second = lambda *_, **__: [costing(pair, right.fit.cost - 8 * right.spread)]
+    found.nominal = costing(found.nominal, right.fit.cost + 8 * right.spread)
+    assert rules().accuse_nats < 8.0 < rules().pair_nats
+    assert ruled(found).names == verdict
 
 
 def test_a_little_play_is_nominal_where_all_else_is_unknown():
