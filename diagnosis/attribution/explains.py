@@ -56,7 +56,7 @@ def is_white(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
 
 def belief(ranked: Ranked, rule: Rules) -> float:
     """How many of its standard deviations a nominal parameter may be off beside these effects."""
-    return rule.bent_stds if len(ranked.names) == 1 else rule.alone_stds
+    return rule.bent_stds if len(ranked.names) == 1 else rule.pair_stds
 
 
 def excess(gap: float, least: float = 1.0) -> float:

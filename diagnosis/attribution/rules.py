@@ -64,7 +64,9 @@ class Rules(BaseModel):
     """Beside the effect that explains a log, no nominal parameter is off by more of its standard
     deviations: where laws differ, some make up for it."""
     alone_stds: float
-    """The same of the nominal world alone, and beside a pair, which needs no such help."""
+    """The same of the nominal world alone."""
+    pair_stds: float
+    """The same beside a pair."""
     settled_gap: float
     """Held-out gap that counts as none."""
     nominal_stds: float

@@ -409,7 +409,7 @@ def test_a_pair_needs_no_bent_parameter():
     names = ("encoder-bias", "kd-scale")
     found = Attribution(part, {name: kind(name) for name in names}, 0.05)
     best = found.singles[0]
-    off = 3.3 * np.eye(len(best.fit.deviations))[-1]
+    off = 3.45 * np.eye(len(best.fit.deviations))[-1]
     fit = dataclasses.replace(best.fit, deviations=off)
     bent = dataclasses.replace(best, fit=fit, unrest=0.0)
     found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
@@ -548,7 +548,7 @@ def test_what_a_pair_bends_takes_the_place_of_either_effect():
     wrong = truth[0], kind("rotor-inertia")(magnitude=1e-5, joint="A0")
     whole = found.whole.refit(found.whole.at(wrong, np.zeros(len(found.whole.nuisances))))
     pair = dataclasses.replace(found.nominal, names=names[::2], fit=whole)
-    assert pair.bent > rules().alone_stds
+    assert pair.bent > rules().pair_stds
     best = min(found.instead(pair), key=lambda one: one.fit.cost)
     assert best.names == ("encoder-bias", "kd-scale") and best in found.pairs
     assert best.fit.effects[1].magnitude == pytest.approx(0.5, rel=0.1)
