@@ -74,10 +74,25 @@ def _run(arguments: list[str]) -> int:
         where = f" {error.filename}" if error.filename else ""
         return _fail(f"cannot use{where}: {error.strerror or error}", 1, as_json)
     except (KeyboardInterrupt, typer.Abort):
-        kept = "interrupted; what was written is kept, --resume continues a run"
-        return _fail(kept, INTERRUPTED, as_json)
+        return _interrupted(as_json)
+    except SystemError as error:
+        if not _was_interrupt(error):
+            raise
+        return _interrupted(as_json)
     except typer.TyperException as error:
         return _fail(f"{error.format_message()} See `bench --help`.", 2, as_json)
+
+
+def _was_interrupt(error: BaseException | None) -> bool:
+    """Whether an error began as an interrupt: compiled code makes others of it."""
+    if error is None or isinstance(error, KeyboardInterrupt):
+        return error is not None
+    return _was_interrupt(error.__cause__)
+
+
+def _interrupted(as_json: bool) -> int:
+    kept = "interrupted; what was written is kept, --resume continues a run"
+    return _fail(kept, INTERRUPTED, as_json)
 
 
 def _fail(message: str, code: int, as_json: bool) -> int:

@@ -136,3 +136,25 @@ def test_counts_are_whole_numbers():
     assert quantities.count("2e6", "--steps") == 2_000_000
     with pytest.raises(UsageError, match="whole number"):
         quantities.count("1.5", "--steps")
+
+
+@pytest.mark.parametrize(("first", "code"), [(KeyboardInterrupt, 130), (ValueError, None)])
+def test_an_interrupt_within_compiled_code_is_one(first, code, monkeypatch, capfd):
+    """Say that a command was stopped where compiled code made other errors of that."""
+
+    def command(*_, **__):
+        try:
+            try:
+                raise first
+            except first as error:
+                raise SystemError("unpickle returned a result with an exception set") from error
+        except SystemError as error:
+            raise SystemError("dispatcher returned a result with an exception set") from error
+
+    monkeypatch.setattr(cli, "app", command)
+    if code is None:
+        with pytest.raises(SystemError):
+            cli._run(["list"])
+    else:
+        assert cli._run(["list"]) == code
+        assert "interrupted; what was written is kept" in capfd.readouterr().err
