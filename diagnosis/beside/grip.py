@@ -31,6 +31,10 @@ YIELDING = {SOFTNESS: (0.03e-3, 0.1e-3, 0.3e-3, 0.6e-3)}
 """What shows there as well: a lighter stick may yield more, as on engines whose contacts are
 tuned by the masses that meet."""
 NEEDS = "not identifiable from this log: record --protocol grasp with the channel stick"
+PULLS = (
+    "not identifiable from this log: record --protocol grasp,pull --variants 2 with the channels "
+    "stick and pull"
+)
 AGREE = f"{NEEDS}, --variants 2 or more: one episode may agree by chance"
 CHANNELS = ("stick", "joint", "torque")
 EPS = (5e-5, 5e-5, 5e-4)
@@ -119,22 +123,25 @@ def grip(
     if not sought:
         return Report()
     if not parts:
-        return Report(missing=(f"{', '.join(sought)}: {NEEDS}",))
+        still = [name for name in sought if name not in MOTION]
+        moving = [name for name in sought if name in MOTION]
+        asked = ((still, NEEDS), (moving, PULLS))
+        return Report(missing=tuple(f"{', '.join(names)}: {why}" for names, why in asked if names))
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
     pulled = slips.told(nominal, pulls, simulate) if pulls else None
     if pulled is not None:
         return _pulled_out(nominal, parts, pulls, pulled, catalogue, simulate)
-    moving = {name: catalogue[name] for name in MOTION if name in catalogue}
-    yielding = {name: catalogue[name] for name in YIELDING if name in catalogue and moving}
-    alone = motions(nominal, parts, moving | yielding, simulate)
+    moved = {name: catalogue[name] for name in MOTION if name in catalogue}
+    yielding = {name: catalogue[name] for name in YIELDING if name in catalogue and moved}
+    alone = motions(nominal, parts, moved | yielding, simulate)
     if any(one.share >= WHOLE for one in alone.findings):
         return alone
     shape = shapes(nominal, parts, catalogue, simulate)
-    moved = motions(shape.world, parts, moving, simulate) if shape.world != nominal else alone
+    again = motions(shape.world, parts, moved, simulate) if shape.world != nominal else alone
     return Report(
-        findings=(*shape.findings, *moved.findings),
+        findings=(*shape.findings, *again.findings),
         spots=shape.spots,
-        missing=(*shape.missing, *moved.missing),
+        missing=(*shape.missing, *again.missing),
         world=shape.world,
     )
 

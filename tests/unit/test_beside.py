@@ -9,6 +9,7 @@ from backends.shard import simulate
 from benchmark import registry
 from benchmark._diagnosis_texts import effects_text
 from benchmark.run_spec import RunSpec
+from diagnosis.beside.grip import grip
 from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
@@ -134,3 +135,11 @@ def test_a_free_log_asks_for_a_grasp():
     missing = " ".join(told("encoder-resolution=0.02deg", "mujoco", ("steps",)).missing)
     assert "taxel-threshold" in missing and "stick-radius" in missing
     assert "record --protocol grasp" in missing
+
+
+def test_a_free_log_asks_to_pull_for_friction():
+    """Ask for pulls where an effect shows in motion alone, for grasps elsewhere."""
+    sought = {name: registry.load("effect", name) for name in ("stick-radius", "contact-friction")}
+    radius, friction = grip(log("none"), NOMINAL, sought, on("mujoco")).missing
+    assert radius.startswith("stick-radius") and "grasp with the channel stick" in radius
+    assert friction.startswith("contact-friction") and "grasp,pull --variants 2" in friction
