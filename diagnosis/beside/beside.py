@@ -69,7 +69,9 @@ def beside(
     held = (
         grip(log, nominal, catalogue, simulate) if simulate else Report(missing=_unasked(catalogue))
     )
-    touch = feel(log, held.world or nominal, catalogue)
+    world = held.world or nominal
+    shape, known = ((w.stick.radius_m, w.contact.compliance_m_n) for w in (world, nominal))
+    touch = feel(log, world, catalogue, mended=shape != known)
     return Report(
         findings=(*touch.findings, *held.findings),
         spots=(*touch.spots, *held.spots),

@@ -63,8 +63,14 @@ MISPLACED = (
 )
 
 
-def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Report:
-    """The touch effects that a log shows, and which of them it cannot show."""
+def feel(
+    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], mended: bool = False
+) -> Report:
+    """The touch effects that a log shows, and which of them it cannot show.
+
+    `mended`: stick or contacts of the nominal world are what this log itself shows of them. How
+    deep they press is known no better than a sample then, so a threshold within that is none.
+    """
     sought = [name for name in EFFECTS if name in catalogue]
     if not sought:
         return Report()
@@ -77,6 +83,8 @@ def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Repo
         return Report(missing=(_why(sought, other),))
     binary = log.meta.channels["touch"].unit == "1"
     skins, start, wrong = _skins(nominal, parts, grid, binary)
+    if mended and binary:
+        start = _offset(skins.whole, start)
     mute = _mute(sought, binary, wrong)
     found, faults = _search(skins, start, [name for name in sought if name not in mute])
     if wrong and any(f.effect == UNKNOWN for f in found):
@@ -84,7 +92,7 @@ def feel(log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Repo
     known = nominal.hand.taxels
     beyond = [_beyond(f, getattr(known, EFFECTS.get(f.effect, ""), 0.0)) for f in found]
     return Report(
-        findings=tuple(f for f in beyond if _is_new(f, start.blur_m)),
+        findings=tuple(f for f in beyond if _is_new(f)),
         spots=_spots(nominal, skins.whole, start, faults),
         missing=tuple(_why(names, why) for why, names in _by_reason(mute).items()),
     )
@@ -140,10 +148,15 @@ def _beyond(found: Finding, known: float) -> Finding:
     return replace(found, value=found.value - known, interval=(low - known, high - known))
 
 
-def _is_new(found: Finding, blur: float) -> bool:
-    """Whether it is more than what is nominal, and a threshold more than the geometry's error."""
-    if found.effect == THRESHOLD and abs(found.value) < blur:
-        return False
+def _offset(skin: Fitting, start: Faults) -> Faults:
+    """The skin that all faults are sought beside, with a threshold within the blur of samples."""
+    guess = skin.guess(THRESHOLD, start)
+    small = guess is not None and abs(guess.value - start.threshold_m) < start.blur_m
+    return guess.faults if guess is not None and small else start
+
+
+def _is_new(found: Finding) -> bool:
+    """Whether it is more than what is nominal."""
     return found.effect == UNKNOWN or not found.interval[0] <= 0.0 <= found.interval[1]
 
 

@@ -16,10 +16,11 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.rules import rules
 from diagnosis.beside import slips
-from diagnosis.beside._regrasp import Shown, Simulate, ends_m, regrasp
+from diagnosis.beside._alike import SAME, judged
+from diagnosis.beside._regrasp import Simulate, regrasp
 from diagnosis.beside.finding import STICK, Finding, Report
-from diagnosis.beside.held import Held, held, white_noise
-from diagnosis.beside.yields import RADIUS, SOFTNESS, shapes
+from diagnosis.beside.held import Held, held
+from diagnosis.beside.yields import FORCE_SHARE, RADIUS, SOFTNESS, shapes
 from diagnosis.logs.log import Log
 
 MOTION = {
@@ -36,13 +37,6 @@ PULLS = (
     "stick and pull"
 )
 AGREE = f"{NEEDS}, --variants 2 or more: one episode may agree by chance"
-CHANNELS = ("stick", "joint", "torque")
-EPS = (5e-5, 5e-5, 5e-4)
-"""Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""
-ENGINES = (2e-3, 4e-3, 12e-3)
-"""Nominal worlds on Bullet and SAPIEN differ by this from their replay on MuJoCo [m, rad, Nm]."""
-ALIKE_S = 0.5
-"""Time in which residuals tell as much as one."""
 ACCUSE_NATS = 30.0
 """All episodes together must favour an effect by this."""
 CLOSE_NATS = 1.35
@@ -54,9 +48,6 @@ WHOLE = 0.95
 """An effect that explains this share of the squared gap by itself leaves nothing to the shapes."""
 STILL = 0.01
 """A gap this far under what engines differ by is none."""
-SAME = 0.25
-"""A gap under this is left where the log is from the nominal engine; others move the stick
-otherwise by 0.35 and more."""
 ENGINE = (
     "not identifiable from this log: the stick moves otherwise than on the nominal engine, by "
     "{:.2f} of what engines differ by among themselves, and neither explains it; record --protocol "
@@ -160,7 +151,9 @@ def _pulled_out(
     again = slips.told(shape.world, pulls, simulate)
     last = again.beside(first) if again else first
     if shape.world.contact.compliance_m_n > world.contact.compliance_m_n:
-        last = replace(last, left=np.inf)  # soft contacts yield along the stick as well
+        # Soft contacts yield along the stick as well, and bear as much as they are soft.
+        std = float(np.hypot(last.friction_std, FORCE_SHARE))
+        last = replace(last, left=np.inf, friction_std=std)
     sought = [name for name in MOTION if name in catalogue]
     return Report(
         findings=(*shape.findings, *last.findings(catalogue)),
@@ -220,7 +213,7 @@ def _sweep(
     for _ in range(1 + ROUNDS):
         worlds = [kind(magnitude=size).on_spec(world) for size in asked]
         for size, shown in zip(asked, regrasp(simulate, worlds, parts), strict=True):
-            done[size] = _judged(shown, parts, world)
+            done[size] = judged(shown, parts, world)
         asked = _closer(done)
     sizes = sorted(done)
     return Swept(
@@ -236,26 +229,3 @@ def _closer(done: Mapping[float, tuple[Array, float]]) -> list[float]:
     k = min(range(len(sizes)), key=lambda i: float(done[sizes[i]][0].sum()))
     near = [sizes[max(k - 1, 0)], sizes[min(k + 1, len(sizes) - 1)]]
     return [sizes[k] + abs(f) * (near[f > 0] - sizes[k]) for f in FINER if near[f > 0] != sizes[k]]
-
-
-def _judged(shown: Sequence[Shown], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
-    """Cost by episode (E,) [nats], with every channel's spread profiled out, and the gap."""
-    nats, gaps = [], []
-    for one, part in zip(shown, parts, strict=True):
-        length = world.stick.length_m
-        pairs = (
-            (ends_m(one.stick, length), ends_m(part.stick, length)),
-            (one.joint_rad, part.joint_rad),
-            (one.torque_nm, part.torque_nm),
-        )
-        cost, ratios = 0.0, []
-        for (model, real), eps, far in zip(pairs, EPS, ENGINES, strict=True):
-            if np.isfinite(real).all():
-                square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
-                told = real.shape[1] * part.time_s[-1] / ALIKE_S
-                noise = float(np.mean(white_noise(real) ** 2))
-                cost += told / 2 * np.log(square + eps**2 + noise)
-                ratios.append(max(square - noise, 0.0) / far**2)
-        nats.append(cost)
-        gaps.append(np.mean(ratios))
-    return np.array(nats), float(np.sqrt(np.mean(gaps)))

@@ -8,7 +8,8 @@ thicker, whatever engine or robot it is:
 where `gap` is the distance between the surfaces of tip and nominal stick, and forces are those of a
 replay. Fingers bear unequal loads, which tells the two apart. Contacts of the nominal engine yield
 somewhat by themselves, which those of another engine or robot may not: both are tried, and the one
-that needs fewer effects is believed.
+that needs fewer effects is believed. Where a replay of one moves as the log does, the log is from
+the nominal engine: that decides where they need as many, and what of a softness is its own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -20,6 +21,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.verdict import UNKNOWN
+from diagnosis.beside._alike import judged
 from diagnosis.beside._regrasp import Simulate, regrasp
 from diagnosis.beside.finding import STICK, Finding, Spot, share
 from diagnosis.beside.held import Held, gaps_m
@@ -35,6 +37,9 @@ ODD_M, ODD_SHARE = 6e-5, 0.15
 """Fingers that disagree by more than this, and this share of what they yield, are misplaced."""
 FORCE_SHARE = 0.05
 """Forces are those of a replay, whose drives are known no better."""
+OWN = 0.3
+"""A replay on the nominal engine is this near where the log is from it; of others no replay comes
+nearer than 0.35, see `judged`."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 Z90, SURE_Z = 1.645, 3.0
@@ -68,9 +73,9 @@ class Line:
         return (RADIUS,) * thick + (SOFTNESS,) * (soft and self.compliance_m_n >= SOFT_M_N)
 
     @property
-    def price(self) -> tuple[int, float]:
-        """What speaks against it: effects, one more where contacts push out, and what is left."""
-        return len(self.effects) + (self.odds[1] <= -SURE_Z), self.left_m
+    def asks(self) -> int:
+        """What speaks against it: effects, one more where contacts push out."""
+        return len(self.effects) + (self.odds[1] <= -SURE_Z)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +117,18 @@ class Seen:
     """Shape (E, F)."""
     soft_m_n: tuple[float, float]
     """Compliance with the engine's own taken off in full, and not at all."""
+    is_own: bool = False
+    """Whether the log moves as the nominal engine does."""
+
+    @property
+    def hard(self) -> bool:
+        """Whether contacts are taken to yield by nothing but the line."""
+        return self.rigid and not self.is_own
+
+    @property
+    def compliance_m_n(self) -> float:
+        """Compliance beyond what contacts yield by themselves."""
+        return self.soft_m_n[self.hard]
 
 
 def shapes(
@@ -124,13 +141,15 @@ def shapes(
     sought = [name for name in (RADIUS, SOFTNESS) if name in catalogue]
     real = np.array([_gap(nominal, p) for p in parts])
     force, own = _replayed(nominal, nominal, parts, simulate)
+    own_m_n = float(np.median(-own / force))
+    is_own = _is_own(nominal, _readings(real, own, force, own_m_n), parts, simulate)
     for _ in range(ROUNDS):
-        seen = _seen(real, own, force)
+        seen = _better(_readings(real, own, force, own_m_n), is_own)
         left_m = seen.line.left_m
         if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
             why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"
             return Shapes(world=nominal, missing=(why,) if sought else ())
-        world = _with(_stiff(nominal) if seen.rigid else nominal, seen)
+        world = _with(nominal, seen)
         force, _ = _replayed(world, nominal, parts, simulate)
     return Shapes(
         world=world, findings=_findings(nominal, seen, sought), spots=_spots(nominal, seen)
@@ -139,11 +158,11 @@ def shapes(
 
 def _with(world: Spec, seen: Seen) -> Spec:
     """The world with what a line asks for, whether or not the catalogue has a name for it."""
-    stick, contact = world.stick, world.contact
+    stick, contact = world.stick, _stiff(world).contact if seen.hard else world.contact
     if RADIUS in seen.line.effects:
         stick = replace(stick, radius_m=stick.radius_m + seen.line.radius_m)
     if SOFTNESS in seen.line.effects:
-        softer_m_n = contact.compliance_m_n + float(np.mean(seen.soft_m_n))
+        softer_m_n = max(contact.compliance_m_n + seen.compliance_m_n, 0.0)
         contact = replace(contact, compliance_m_n=softer_m_n)
     return replace(world, stick=stick, contact=contact)
 
@@ -159,19 +178,50 @@ def _replayed(
     return force, np.array([_gap(nominal, p) for p in played])
 
 
-def _seen(real: Array, own: Array, force: Array) -> Seen:
+def _readings(real: Array, own: Array, force: Array, own_m_n: float) -> tuple[Seen, Seen]:
+    """The gaps as of contacts that yield by nothing but the line, and as the nominal engine's do.
+
+    `own`: gaps that the nominal engine leaves by itself, some `own_m_n` times the force.
+    """
     rigid, yielding = line(real, force), line(real - own, force)
-    own_m_n = float(np.median(-own / force))
-    stiff = rigid.price < yielding.price
-    best = rigid if stiff else yielding
-    total_m_n = best.compliance_m_n + (0.0 if stiff else own_m_n)
-    return Seen(
-        line=best,
-        rigid=stiff,
-        gap_m=real if stiff else real - own,
-        force_n=force,
-        soft_m_n=(total_m_n - own_m_n, total_m_n),
+    return (
+        Seen(
+            line=rigid,
+            rigid=True,
+            gap_m=real,
+            force_n=force,
+            soft_m_n=(rigid.compliance_m_n - own_m_n, rigid.compliance_m_n),
+        ),
+        Seen(
+            line=yielding,
+            rigid=False,
+            gap_m=real - own,
+            force_n=force,
+            soft_m_n=(yielding.compliance_m_n, yielding.compliance_m_n + own_m_n),
+        ),
     )
+
+
+def _better(readings: tuple[Seen, Seen], is_own: bool) -> Seen:
+    """The reading that asks for fewer effects; of two that ask alike the nominal engine's own way.
+
+    A softness of other engines' contacts may look as a radius does beside the nominal engine's, and
+    how the stick moves tells which engine it was.
+    """
+    rigid, yielding = (replace(seen, is_own=is_own) for seen in readings)
+    if rigid.line.asks == yielding.line.asks:
+        return yielding if is_own else rigid
+    return rigid if rigid.line.asks < yielding.line.asks else yielding
+
+
+def _is_own(
+    nominal: Spec, readings: tuple[Seen, Seen], parts: Sequence[Held], simulate: Simulate
+) -> bool:
+    """Whether the log moves as the nominal engine does, in the world of one of its readings."""
+    rigid, yielding = readings
+    tried = (rigid, replace(rigid, is_own=True), yielding)
+    worlds = [_with(nominal, seen) for seen in tried]
+    return min(judged(shown, parts, nominal)[1] for shown in regrasp(simulate, worlds, parts)) < OWN
 
 
 def _spots(nominal: Spec, seen: Seen) -> tuple[Spot, ...]:
@@ -208,42 +258,45 @@ def _findings(nominal: Spec, seen: Seen, sought: Sequence[str]) -> tuple[Finding
     odds = dict(zip((RADIUS, SOFTNESS), seen.line.odds, strict=True))
     sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
     return tuple(
-        _finding(name if name in sought else UNKNOWN, *sizes[name], odds[name], before, after)
+        _finding(name if name in sought else UNKNOWN, sizes[name], odds[name], before, after)
         for name in seen.line.effects
     )
 
 
-def _radius(nominal: Spec, seen: Line) -> tuple[float, float, str]:
-    """Relative change of the radius, half of its interval, and what says so."""
-    half = Z90 * float(np.hypot(seen.std[0], FLOOR_M)) / nominal.stick.radius_m
+Size = tuple[float, tuple[float, float], str]
+"""A magnitude, its 90 % interval, and what says so."""
+
+
+def _radius(nominal: Spec, seen: Line) -> Size:
+    """Relative change of the radius."""
+    value, std = seen.radius_m / nominal.stick.radius_m, np.hypot(seen.std[0], FLOOR_M)
+    half = Z90 * float(std) / nominal.stick.radius_m
     text = (
         f"tips touch {1e3 * seen.radius_m:+.2f} mm from where the nominal stick's surface is; so "
         "would they if all joint zeros were off alike"
     )
-    return seen.radius_m / nominal.stick.radius_m, half, text
+    return value, (value - half, value + half), text
 
 
-def _softness(seen: Seen) -> tuple[float, float, str]:
-    """The compliance, half of its interval, and what says so."""
+def _softness(seen: Seen) -> Size:
+    """The compliance, as sure as it is known what contacts yield by themselves."""
     low, high = seen.soft_m_n
     text = (
         f"tips sink into the stick by {1e3 * high:.2f} mm/N, of which the nominal contact may "
         f"make {1e3 * (high - low):.2f}"
     )
-    half = (high - low) / 2 + Z90 * float(np.hypot(seen.line.std[1], FORCE_SHARE * high))
-    return (low + high) / 2, half, text
+    blur = Z90 * float(np.hypot(seen.line.std[1], FORCE_SHARE * high))
+    return seen.compliance_m_n, (max(low - blur, 0.0), high + blur), text
 
 
-def _finding(
-    effect: str, value: float, half: float, text: str, z: float, before: float, after: float
-) -> Finding:
-    known = effect != UNKNOWN
+def _finding(effect: str, size: Size, z: float, before: float, after: float) -> Finding:
+    known, (value, interval, text) = effect != UNKNOWN, size
     return Finding(
         effect=effect,
         joint=None,
         family=STICK,
         value=value if known else 0.0,
-        interval=(value - half, value + half) if known else (0.0, 0.0),
+        interval=interval if known else (0.0, 0.0),
         share=share(before, after) if known else 0.0,
         gap_before=before,
         gap_after=after if known else before,
