@@ -19,6 +19,7 @@ from diagnosis.beside._skin import Faults, Pressed, joined, nats
 from diagnosis.beside._taxel_fits import Fitting, Guess
 from diagnosis.beside.finding import TOUCH, Finding, Report, Spot, share
 from diagnosis.beside.held import CALMER, Held, blur_m, gaps_m, held, pressed_m, smoothed
+from diagnosis.beside.yields import FLOOR_M
 from diagnosis.logs.log import Log
 
 THRESHOLD = "taxel-threshold"
@@ -156,7 +157,9 @@ def _offset(skin: Fitting, start: Faults) -> Faults:
 
 
 def _is_new(found: Finding) -> bool:
-    """Whether it is more than what is nominal."""
+    """Whether it is more than what is nominal, and a threshold more than sticks are thick alike."""
+    if found.effect == THRESHOLD and abs(found.value) < FLOOR_M:
+        return False
     return found.effect == UNKNOWN or not found.interval[0] <= 0.0 <= found.interval[1]
 
 

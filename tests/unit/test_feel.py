@@ -16,12 +16,15 @@ from diagnosis.beside._taxel_fits import Fitting
 from diagnosis.beside.feel import feel
 from diagnosis.beside.finding import Report
 from diagnosis.beside.held import held
+from diagnosis.blind import rigs
 from diagnosis.logs.log import Log, read_log
 from diagnosis.recording.record import Plan, record
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
 MM = 1e-3
+STICK_M, QUAT, JOINTS = ("stick_x", "stick_y", "stick_z"), "stick_q", "position_rad"
+NOISE = rigs.NOISE_RAD
 
 
 @cache
@@ -32,6 +35,15 @@ def log(effects: str, kind: str, protocol: str = "grasp", variants: int = 2) -> 
     channels = ("command", "position", "stick", kind)
     plan = Plan(protocols=(protocol,), channels=channels, variants=variants, seed=5)
     return record(lambda specs: simulate(engine, specs, 1), spec, plan, "test")
+
+
+def tracked(clean: Log) -> Log:
+    """The log with a tracker's noise on the stick and an encoder's on the joints."""
+    rng, samples = np.random.default_rng(0), clean.samples.copy()
+    for names, std in ((STICK_M, rigs.TRACKER_M), (QUAT, rigs.TRACKER_RAD / 2), (JOINTS, NOISE)):
+        columns = [name for name in samples.columns if name.startswith(names)]
+        samples[columns] += std * rng.normal(size=(len(samples), len(columns)))
+    return replace(clean, samples=samples)
 
 
 @cache
@@ -167,6 +179,17 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
     without = {k: v for k, v in CATALOGUE.items() if k != effects.split("=")[0]}
     report = feel(log(effects, "contact"), NOMINAL, without)
     assert [one.effect for one in report.findings] == ["unknown"]
+
+
+@pytest.mark.parametrize(
+    ("shift_mm", "mended", "named"),
+    [(-0.038, False, True), (-0.038, True, False), (-0.08, True, True), (-0.015, False, False)],
+)
+def test_a_small_threshold_shows_where_the_stick_is_as_told(shift_mm, mended, named):
+    """Name a threshold within a sample's blur, unless the log says how thick the stick is."""
+    noisy = tracked(log(f"taxel-threshold={shift_mm}mm", "contact"))
+    found = [one.effect for one in feel(noisy, NOMINAL, CATALOGUE, mended).findings]
+    assert found == ["taxel-threshold"] * named
 
 
 def test_a_finger_that_presses_a_little_deeper_is_no_fault_of_its_skin():

@@ -12,7 +12,7 @@ from benchmark.run_spec import RunSpec
 from diagnosis.beside.beside import beside
 from diagnosis.beside.grip import grip, motions
 from diagnosis.beside.held import gaps_m, held
-from diagnosis.beside.yields import line
+from diagnosis.beside.yields import _better, _readings, line
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 
@@ -104,12 +104,32 @@ def test_radius_on_any_engine(backend):
     assert one.gap_after < one.gap_before
 
 
-@pytest.mark.parametrize("backend", ["mujoco", "bullet"])
-def test_softness_on_any_engine(backend):
-    """Measure a contact's softness, up to what nominal contacts of engines yield themselves."""
-    (one,) = shapes_of("contact-softness=0.2mm/N", backend).findings
+@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize("soft_mm_n", [0.08, 0.2])
+def test_softness_on_any_engine(backend, soft_mm_n):
+    """Measure a contact's softness beside what the engine's own contacts yield, whichever it is."""
+    (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N", backend).findings
     assert one.effect == "contact-softness"
-    assert one.interval[0] <= 0.2e-3 <= one.interval[1]
+    assert one.interval[0] <= soft_mm_n / 1e3 <= one.interval[1]
+    assert one.value == pytest.approx(soft_mm_n / 1e3, rel=0.12)
+
+
+@pytest.mark.parametrize(
+    ("is_own", "rigid_m_n", "rigid"),
+    [(True, 0.1e-3, False), (False, 0.1e-3, True), (True, 0.0, True), (False, 0.0, True)],
+)
+def test_whose_contacts_it_was_decides_where_readings_ask_alike(is_own, rigid_m_n, rigid):
+    """Take the nominal engine's way to yield where the log moves so and that asks for no more."""
+    force = np.array([[2.3, 2.0, 4.4], [1.9, 2.2, 4.1]])
+    real, own_m_n = -rigid_m_n * force, 0.05e-3
+    own = real - 0.2e-3 if rigid_m_n else -own_m_n * force - 0.2e-3
+    readings = _readings(real, own, force, own_m_n)
+    asked = 1 if rigid_m_n else 0
+    assert readings[0].line.asks == asked and readings[1].line.asks == max(asked, 1) + (not asked)
+    better = _better(readings, is_own)
+    assert better.rigid is rigid
+    taken = own_m_n if is_own and better.rigid else 0.0
+    assert better.compliance_m_n == pytest.approx(better.line.compliance_m_n - taken, abs=1e-12)
 
 
 def test_a_wrong_joint_zero_is_no_radius():
