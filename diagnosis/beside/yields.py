@@ -142,9 +142,11 @@ def shapes(
     real = np.array([_gap(nominal, p) for p in parts])
     force, own = _replayed(nominal, nominal, parts, simulate)
     own_m_n = float(np.median(-own / force))
-    is_own = _is_own(nominal, _readings(real, own, force, own_m_n), parts, simulate)
+    is_own = False
     for _ in range(ROUNDS):
-        seen = _better(_readings(real, own, force, own_m_n), is_own)
+        readings = _readings(real, own, force, own_m_n)
+        is_own = is_own or _is_own(nominal, readings, parts, simulate)
+        seen = _better(readings, is_own)
         left_m = seen.line.left_m
         if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
             why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"
