@@ -8,7 +8,7 @@ bounds lie far beyond what the effects of the catalogue do.
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs._columns import name_of
+from diagnosis.logs._columns import PULL, name_of
 from diagnosis.logs._meta import LogError, LogMeta
 
 RANGE_RATIO = 100.0
@@ -32,6 +32,8 @@ HELD = ("grasp", "pull", "policy")
 """Protocols in which a joint need not follow: the stick holds it, and other joints move it."""
 TURNS_RAD = 4 * np.pi
 STILL = 1e-9
+STRONGEST_N = 1000.0
+"""No hand holds a stick against such a pull."""
 
 
 def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list[str]:
@@ -47,6 +49,8 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
         if not linear and largest > TURNS_RAD:
             warnings.append(f"'{names[1]}' reaches {largest:.0f} rad: are these degrees?")
     channels_are_not_swapped(pairs)
+    if PULL in samples:
+        pull_is_plausible(samples[PULL].to_numpy())
     for number, part in samples.groupby("episode", sort=False):
         for joint in joints if protocols[int(str(number))] not in HELD else ():
             position_follows(int(str(number)), part, named[joint])
@@ -77,6 +81,21 @@ def scale_is_plausible(
         if not SCALE_RANGE[0] < scale < SCALE_RANGE[1]:
             return [f"'{name}' moves {scale:.2f} times as far as the command: is it scaled?"]
     return []
+
+
+def pull_is_plausible(pull_n: np.ndarray) -> None:
+    """Refuse a pull that pushes the stick into the hand, or that no hand holds."""
+    low, high = np.nanmin(pull_n, initial=0.0), np.nanmax(pull_n, initial=0.0)
+    if high > STRONGEST_N:
+        raise LogError(
+            f"'{PULL}' reaches {high:.4g} N; allowed: up to {STRONGEST_N:g} N; convert mN, grams "
+            "or counts first"
+        )
+    if low < -0.1 * high - STILL:
+        raise LogError(
+            f"'{PULL}' is down to {low:.4g} N; allowed: forces towards the stick's lower end, out "
+            "of the hand, are positive; turn the sign"
+        )
 
 
 def channels_are_not_swapped(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:

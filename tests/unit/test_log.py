@@ -218,6 +218,8 @@ def without(column: str) -> pd.DataFrame:
         (shifted(1.5), "follows its command by 1.50 s"),
         (shifted(-0.3), "leads its command by 0.3"),
         (table().assign(stick_x_m=0.0), "lacks stick_y_m"),
+        (table().assign(pull_n=np.linspace(0, 9e4, 400)), "'pull_n' reaches 9e.04 N; allowed"),
+        (table().assign(pull_n=np.linspace(0, -90, 400)), "'pull_n' is down to -90 N; allowed"),
         (table().assign(**{"touch.finger1": "0 1 x"}), "allowed: numbers between spaces"),
         (
             table().assign(**{"touch.finger1": ["0 1", *["0 1 0"] * 399]}),
