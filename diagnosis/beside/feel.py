@@ -19,7 +19,7 @@ from diagnosis.beside._skin import Faults, Pressed, joined, nats
 from diagnosis.beside._taxel_fits import Fitting, Guess
 from diagnosis.beside.finding import TOUCH, Finding, Report, Spot, share
 from diagnosis.beside.held import CALMER, Held, blur_m, gaps_m, held, pressed_m, smoothed
-from diagnosis.beside.yields import FLOOR_M
+from diagnosis.beside.yields import FLOOR_M, Z90
 from diagnosis.logs.log import Log
 
 THRESHOLD = "taxel-threshold"
@@ -150,9 +150,12 @@ def _beyond(found: Finding, known: float) -> Finding:
 
 
 def _offset(skin: Fitting, start: Faults) -> Faults:
-    """The skin that all faults are sought beside, with a threshold within the blur of samples."""
-    guess = skin.guess(THRESHOLD, start)
-    small = guess is not None and abs(guess.value - start.threshold_m) < start.blur_m
+    """The skin that all faults are sought beside, with a threshold within the geometry's error.
+
+    That is the blur of samples, and what a radius is known by.
+    """
+    guess, error_m = skin.guess(THRESHOLD, start), np.hypot(start.blur_m, Z90 * FLOOR_M)
+    small = guess is not None and abs(guess.value - start.threshold_m) < error_m
     return guess.faults if guess is not None and small else start
 
 

@@ -145,13 +145,17 @@ def _pulled_out(
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
 ) -> Report:
-    """Shapes in a world that slips as the stick did; then what pulls tell in a world so shaped."""
-    world = slips.corrected(nominal, first)
-    shape = shapes(world, parts, catalogue, simulate)
+    """Shapes in a world that slips as the stick did; then what pulls tell in a world so shaped.
+
+    Soft contacts yield along the stick as well, and bear as much as they are soft: they look light.
+    """
+    shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
+    if shape.soft:
+        first = replace(first, mass=0.0)
+        shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
     again = slips.told(shape.world, pulls, simulate)
     last = again.beside(first) if again else first
-    if shape.world.contact.compliance_m_n > world.contact.compliance_m_n:
-        # Soft contacts yield along the stick as well, and bear as much as they are soft.
+    if shape.soft:
         std = float(np.hypot(last.friction_std, FORCE_SHARE))
         last = replace(last, left=np.inf, friction_std=std)
     sought = [name for name in MOTION if name in catalogue]

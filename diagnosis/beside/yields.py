@@ -40,6 +40,9 @@ FORCE_SHARE = 0.05
 OWN = 0.3
 """A replay on the nominal engine is this near where the log is from it; of others no replay comes
 nearer than 0.35, see `judged`."""
+BENT, NOISE_M = 2.0, 7e-6
+"""Gaps are no line where they leave so many times what another reading does, and that is more than
+what a tracker makes of medians."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 Z90, SURE_Z = 1.645, 3.0
@@ -83,6 +86,8 @@ class Shapes:
     """What the gaps say, and the world with it."""
 
     world: Spec
+    soft: bool = False
+    """Whether contacts are softer than they are told to be."""
     findings: tuple[Finding, ...] = ()
     spots: tuple[Spot, ...] = ()
     missing: tuple[str, ...] = ()
@@ -154,7 +159,10 @@ def shapes(
         world = _with(nominal, seen)
         force, _ = _replayed(world, nominal, parts, simulate)
     return Shapes(
-        world=world, findings=_findings(nominal, seen, sought), spots=_spots(nominal, seen)
+        world=world,
+        soft=SOFTNESS in seen.line.effects,
+        findings=_findings(nominal, seen, sought),
+        spots=_spots(nominal, seen),
     )
 
 
@@ -208,11 +216,13 @@ def _better(readings: tuple[Seen, Seen], is_own: bool) -> Seen:
     """The reading that asks for fewer effects; of two that ask alike the nominal engine's own way.
 
     A softness of other engines' contacts may look as a radius does beside the nominal engine's, and
-    how the stick moves tells which engine it was.
+    how the stick moves tells which engine it was. Unless that leaves far more: soft contacts yield
+    by a line on the nominal engine as well.
     """
     rigid, yielding = (replace(seen, is_own=is_own) for seen in readings)
     if rigid.line.asks == yielding.line.asks:
-        return yielding if is_own else rigid
+        bent = yielding.line.left_m > BENT * max(rigid.line.left_m, NOISE_M)
+        return yielding if is_own and not bent else rigid
     return rigid if rigid.line.asks < yielding.line.asks else yielding
 
 

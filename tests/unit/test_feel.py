@@ -183,7 +183,13 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
 
 @pytest.mark.parametrize(
     ("shift_mm", "mended", "named"),
-    [(-0.038, False, True), (-0.038, True, False), (-0.08, True, True), (-0.015, False, False)],
+    [
+        (-0.038, False, True),
+        (-0.038, True, False),
+        (0.053, True, False),
+        (-0.08, True, True),
+        (-0.015, False, False),
+    ],
 )
 def test_a_small_threshold_shows_where_the_stick_is_as_told(shift_mm, mended, named):
     """Name a threshold within a sample's blur, unless the log says how thick the stick is."""

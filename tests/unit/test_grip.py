@@ -132,6 +132,16 @@ def test_whose_contacts_it_was_decides_where_readings_ask_alike(is_own, rigid_m_
     assert better.compliance_m_n == pytest.approx(better.line.compliance_m_n - taken, abs=1e-12)
 
 
+def test_a_reading_that_leaves_far_more_is_not_believed():
+    """Take a line for softness where the nominal engine's own way to yield leaves bent gaps."""
+    force = np.array([[2.3, 2.0, 4.4], [1.9, 2.2, 4.1]])
+    own = -0.05e-3 * force - 0.2e-3
+    for bent_m, rigid in ((3e-6, False), (2e-5, True)):
+        readings = _readings(-0.05e-3 * force, own + bent_m * np.array([1, -1, 0]), force, 0.05e-3)
+        assert readings[0].line.asks == readings[1].line.asks == 1
+        assert _better(readings, True).rigid is rigid
+
+
 def test_a_wrong_joint_zero_is_no_radius():
     """Say that fingers disagree where one joint's zero is wrong."""
     report = shapes_of("encoder-bias=1deg@J3")
