@@ -108,9 +108,14 @@ def test_a_thick_stick_is_not_rough():
     assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
 
 
-def test_a_soft_contact_is_not_a_light_stick():
-    """Blame softness alone for a slip that begins slowly."""
-    assert set(told("contact-softness=0.12mm/N")) == {"contact-softness"}
+@pytest.mark.parametrize("soft_mm_n", [0.05, 0.12])
+def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
+    """Blame softness alone for a slip that begins slowly, and measure it beside a stick as told."""
+    found = told(f"contact-softness={soft_mm_n}mm/N")
+    assert set(found) == {"contact-softness"}
+    softness = found["contact-softness"]
+    assert softness.value == pytest.approx(soft_mm_n / 1e3, rel=0.2)
+    assert softness.interval[0] <= soft_mm_n / 1e3 <= softness.interval[1]
 
 
 def test_friction_outside_of_the_catalogue_is_unknown():
