@@ -132,8 +132,8 @@ class Seen:
 
     @property
     def compliance_m_n(self) -> float:
-        """Compliance beyond what contacts yield by themselves."""
-        return self.soft_m_n[self.hard]
+        """Compliance beyond what contacts yield by themselves, which may be less than it was."""
+        return self.soft_m_n[self.hard or self.soft_m_n[0] <= 0]
 
 
 def shapes(

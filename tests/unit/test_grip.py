@@ -128,8 +128,17 @@ def test_whose_contacts_it_was_decides_where_readings_ask_alike(is_own, rigid_m_
     assert readings[0].line.asks == asked and readings[1].line.asks == max(asked, 1) + (not asked)
     better = _better(readings, is_own)
     assert better.rigid is rigid
-    taken = own_m_n if is_own and better.rigid else 0.0
-    assert better.compliance_m_n == pytest.approx(better.line.compliance_m_n - taken, abs=1e-12)
+    assert better.compliance_m_n == pytest.approx(better.line.compliance_m_n, abs=1e-12)
+
+
+def test_no_contact_is_harder_than_hard():
+    """Give all of a softness to it where the nominal engine's own would leave less than none."""
+    force = np.array([[2.3, 2.0, 4.4], [1.9, 2.2, 4.1]])
+    for own_m_n, left in ((0.02e-3, 0.03e-3), (0.08e-3, 0.05e-3)):
+        soft = dataclasses.replace(
+            _readings(-0.05e-3 * force, 0 * force, force, own_m_n)[0], is_own=True
+        )
+        assert soft.compliance_m_n == pytest.approx(left)
 
 
 def test_a_reading_that_leaves_far_more_is_not_believed():
