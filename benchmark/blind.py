@@ -22,9 +22,11 @@ from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
-from diagnosis.blind.make import PLANT, write_case
+from diagnosis.blind.make import PLANTS, write_case
 
 MOST_CASES = 999
+KEPT_APART = "dart"
+"""A real side that no rule may be tuned on: only sets that name it have it."""
 FEWEST_EFFECTS = 3
 """A pair, and another one to take out of the catalogue."""
 SECRET_BITS = 128
@@ -78,14 +80,17 @@ def _rigs(text: str) -> tuple[str, ...]:
 
 
 def _reals(text: str, holding: bool) -> tuple[str, ...]:
-    """Real sides, 'all' being all that can carry the rig."""
+    """Real sides, 'all' being all that can carry the rig, but what is kept apart."""
     engines = registry.names("backend")
-    if holding and PLANT in text.split(","):
+    if holding and set(PLANTS) & set(text.split(",")):
         raise UsageError(
-            f"--real {text}: the plant has joints alone and no contacts, so it cannot hold a "
-            f"stick; known: {', '.join(engines)}, or all"
+            f"--real {text}: {' and '.join(PLANTS)} have joints alone and no contacts, so they "
+            f"cannot hold a stick; known: {', '.join(engines)}, or all"
         )
-    return _words("real side", text, engines if holding else (*engines, PLANT))
+    known = engines if holding else (*engines, *PLANTS)
+    if text == "all":
+        return tuple(real for real in known if real != KEPT_APART)
+    return _words("real side", text, known)
 
 
 def make(
@@ -97,7 +102,7 @@ def make(
         within("--seed", seed, 0, 2**SECRET_BITS)
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
-        if real != PLANT:
+        if real not in PLANTS:
             registry.load("backend", real)
     cases = draw.draw(wanted, _catalogue(), seed)
     blind = BlindSet(path=out)

@@ -19,7 +19,8 @@ Answers = Annotated[
     Path, typer.Option(help="File of the sealed answers, outside the set's folder.")
 ]
 Real = Annotated[
-    str, typer.Option(help="What is real: all, or some of mujoco,bullet,sapien,plant.")
+    str,
+    typer.Option(help="What is real: some of mujoco,bullet,sapien,plant, all of these, or dart."),
 ]
 Rig = Annotated[str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")]
 Effects = Annotated[

@@ -123,7 +123,7 @@ class Case:
     mode: str
     """single, pair, none or unknown."""
     real: str
-    """What stands for reality: an engine, or the plant."""
+    """What stands for reality: an engine, or a plant."""
     rig: str
     channels: tuple[str, ...]
     protocols: tuple[str, ...]

@@ -1,10 +1,11 @@
 """Makes a blind case: hidden world, random motions, what its sensors would log. Knows no solver.
 
-The real side is an engine, or the plant of other equations. Engines share the drive law with the
-solver, as a simulator and its user share a textbook; the plant shares nothing.
+The real side is an engine, or a plant of other equations. Engines share the drive law with the
+solver, as a simulator and its user share a textbook; plants share nothing.
 """
 
 import dataclasses
+import importlib
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -19,7 +20,7 @@ from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
 from diagnosis.blind.grasp import HOLDS, Touching, fallen, tracked
 from diagnosis.blind.motion import RATE_HZ, Motion
-from diagnosis.blind.plant import Plant
+from diagnosis.blind.plant import Mechanics, Plant
 from diagnosis.logs._columns import PULL, STICK
 from diagnosis.logs.log import (
     Channel,
@@ -32,7 +33,8 @@ from diagnosis.logs.log import (
     write_log,
 )
 
-PLANT = "plant"
+PLANTS = ("plant", "dart")
+"""Real sides with equations of their own, a file each in `mechanics`; they have joints alone."""
 TORQUE_NOISE = 0.02
 """Noise of a logged torque over the drive's limit, standard deviation."""
 FOREVER_S = 1e6
@@ -67,9 +69,9 @@ def real_log(
 ) -> Log:
     """What the hidden world of a case would log."""
     spec = rigs.nominal(case.rig)
-    world = spec if case.real == PLANT else hidden_world(case, spec, catalogue)
+    world = spec if case.real in PLANTS else hidden_world(case, spec, catalogue)
     moved = motions(case, spec, world, rng)
-    if case.real == PLANT:
+    if case.real in PLANTS:
         episodes = _on_plant(case, spec, moved, rng)
     else:
         episodes = engine_readings(lambda specs: simulate(case.real, specs), world, moved, rng)
@@ -107,10 +109,15 @@ def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) 
 def _on_plant(
     case: Case, spec: Spec, motions: Sequence[Motion], rng: np.random.Generator
 ) -> list[dict[str, Array]]:
-    plant = Plant(spec)
+    plant = Plant(spec, mechanics(case.real))
     for fault in (*case.nominal, *case.faults):
         plant.add(fault.effect, fault.magnitude, fault.joint)
     return [plant.run(m.target_rad, m.push_nm, 1 / RATE_HZ, rng) for m in motions]
+
+
+def mechanics(plant: str) -> Mechanics:
+    """The equations of one of PLANTS."""
+    return importlib.import_module(f"diagnosis.blind.mechanics.{plant}").Mechanics()
 
 
 def engine_readings(

@@ -1,25 +1,28 @@
-"""A real mechanism of other equations than every engine's and the solver's, and its effects.
+"""A real mechanism of other equations than the engines' and the solver's drives, and its effects.
 
-It shares no code with them: the equations stand in `_plant_equations`, and what an effect means is
-said here once more. On top of the ideal mechanism there is always a little more play, friction,
-cogging and stiffening (`Baseline`): that much every real drive has, and the truth of a case is what
-dominates it.
+It shares no code with them: what an effect means is said here once more, and the equations of
+motion stand in `mechanics`, one file each. On top of the effects there is always a little more that
+every real drive has, and the truth of a case is what dominates it.
 """
 
-from collections.abc import Sequence
+import dataclasses
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from backends.spec import Body, Spec
 from backends.state import Array
-from diagnosis.blind._plant_equations import TICK_S, run
 
 _DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead", "delay", "slowness", "cogging", "friction"),
+    *("lock", "stiction", "load", "dead"),
 )
-_OTHER = ("mass", "loss", "bias", "scale", "resolution", "noise", "late")
+_OTHER = (
+    *("delay", "slowness", "loss"),
+    *("mass", "bias", "scale", "resolution", "noise", "late"),
+)
 NUMBERS = (*_DRIVE, *_OTHER)
 CHANGES = {
     "backlash": ("play", "add"),
@@ -51,28 +54,40 @@ WORMS = ("backlash", "self-lock")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Baseline:
-    """What is always there, on every joint."""
+class Limb:
+    """A chain of driven hinges from the palm outwards, as the effects left it."""
 
-    play_rad: float = 3e-4
-    """Half play."""
-    corner_rad: float = 1e-4
-    """Width of the play's corners."""
-    friction_share: float = 1.5e-3
-    """Dry friction over the torque limit."""
-    cogging_share: float = 1.5e-3
-    """Amplitude of the cogging torque over the torque limit."""
-    cogging_per_rad: float = 57.0
-    """Its angular frequency: nine slots through a gear of some 40."""
-    stiffening_rad2: float = 10.0
-    """Relative growth of the teeth's stiffness per squared deflection [1/rad^2]."""
+    bodies: tuple[Body, ...]
+    """Their drives are the nominal ones; `numbers` outrank them."""
+    numbers: Mapping[str, Array]
+    """By name of NUMBERS, shape (joints,)."""
+    gravity_m_s2: Array
+
+
+Course = tuple[Array, Array, Array]
+"""Angles at every tick; motor angles and motor torques at every sample; all (.., joints)."""
+
+
+class Mechanics(Protocol):
+    """Equations of motion of one limb, with what every real drive has on top of the effects."""
+
+    @property
+    def tick_s(self) -> float:
+        """Their period [s]; a sample is a whole number of them."""
+
+    def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
+        """The course from rest at `wanted_rad[0]`; ValueError for limbs that it does not know.
+
+        `wanted_rad` are the targets that drives follow at every tick, `push_nm` external torques
+        from every sample on.
+        """
 
 
 class Plant:
     """One real mechanism: the numbers of a rig, which effects change."""
 
-    def __init__(self, spec: Spec, baseline: Baseline | None = None) -> None:
-        self._baseline = baseline or Baseline()
+    def __init__(self, spec: Spec, mechanics: Mechanics) -> None:
+        self._mechanics = mechanics
         self._driven = spec.hand.driven
         self._limbs = _limbs(spec)
         self._gravity = np.array(spec.gravity_m_s2)
@@ -89,9 +104,7 @@ class Plant:
                 "viscous": drive.viscous_nms_rad,
                 "stiffness": drive.gear_stiffness_nm_rad,
                 "damping": drive.gear_damping_nms_rad,
-                "play": drive.play_rad + self._baseline.play_rad,
-                "cogging": self._baseline.cogging_share * drive.torque_limit_nm,
-                "friction": self._baseline.friction_share * drive.torque_limit_nm,
+                "play": drive.play_rad,
                 "mass": body.mass_kg,
                 "noise": body.joint.encoder.noise_rad,
             }
@@ -119,26 +132,26 @@ class Plant:
         self, target_rad: Array, push_nm: Array, sample_s: float, rng: np.random.Generator
     ) -> dict[str, Array]:
         """What is read in one episode of T samples from rest: position, motor, torque, (T, J)."""
-        commanded = self._kept(target_rad, rng)
-        steps = round(sample_s / TICK_S)
-        shape = target_rad.shape
-        angle = np.zeros(((shape[0] - 1) * steps + 1, shape[1]))
-        motor, torque = np.zeros(shape), np.zeros(shape)
-        table = np.array([self.numbers[name] for name in _DRIVE]).T
+        wanted = self._wanted(self._kept(target_rad, rng), sample_s)
+        angle = np.zeros(wanted.shape)
+        motor, torque = np.zeros(target_rad.shape), np.zeros(target_rad.shape)
         for columns in self._limbs:
-            links, pull = self._geometry(columns)
-            angle[:, columns], motor[:, columns], torque[:, columns] = run(
-                np.ascontiguousarray(commanded[:, columns]),
-                np.ascontiguousarray(push_nm[:, columns]),
-                np.ascontiguousarray(table[columns]),
-                links,
-                pull,
-                np.array(list(vars(self._baseline).values())),
-                sample_s,
-                steps,
+            angle[:, columns], motor[:, columns], torque[:, columns] = self._mechanics(
+                self._limb(columns), wanted[:, columns], push_nm[:, columns]
             )
-        position = self._read(angle, sample_s * np.arange(shape[0]), rng)
+        position = self._read(angle, sample_s * np.arange(len(target_rad)), rng)
         return {"position": position, "motor": motor, "torque": torque}
+
+    def _limb(self, columns: list[int]) -> Limb:
+        bodies = (
+            dataclasses.replace(self._driven[j], mass_kg=float(self.numbers["mass"][j]))
+            for j in columns
+        )
+        return Limb(
+            bodies=tuple(bodies),
+            numbers={name: self.numbers[name][columns] for name in _DRIVE},
+            gravity_m_s2=self._gravity,
+        )
 
     def _kept(self, target_rad: Array, rng: np.random.Generator) -> Array:
         """Targets with packets lost: all joints share one packet per sample."""
@@ -148,9 +161,26 @@ class Plant:
             kept[k, lost] = kept[k - 1, lost]
         return kept
 
+    def _wanted(self, sent_rad: Array, sample_s: float) -> Array:
+        """What drives follow at every tick: targets as they were, no faster than they may move."""
+        tick_s = self._mechanics.tick_s
+        steps = round(sample_s / tick_s)
+        ticks = np.arange((len(sent_rad) - 1) * steps + 1)
+        now_s = ticks // steps * sample_s + ticks % steps * tick_s
+        wanted = np.zeros((len(ticks), sent_rad.shape[1]))
+        for j in range(wanted.shape[1]):
+            rows = np.floor((now_s - self.numbers["delay"][j]) / sample_s + 1e-6).astype(int)
+            wanted[:, j] = sent_rad[np.maximum(rows, 0), j]
+            if self.numbers["slowness"][j] > 0.0:
+                most = tick_s / self.numbers["slowness"][j]
+                for k in range(1, len(wanted)):
+                    move = wanted[k, j] - wanted[k - 1, j]
+                    wanted[k, j] = wanted[k - 1, j] + min(max(move, -most), most)
+        return wanted
+
     def _read(self, angle: Array, times_s: Array, rng: np.random.Generator) -> Array:
         """Readings of the position sensors at the samples from the angles at every tick."""
-        ticks_s = TICK_S * np.arange(len(angle))
+        ticks_s = self._mechanics.tick_s * np.arange(len(angle))
         numbers = self.numbers
         columns = []
         for j in range(angle.shape[1]):
@@ -161,35 +191,14 @@ class Plant:
             columns.append(np.floor(read / step + 0.5) * step if step > 0 else read)
         return np.stack(columns, axis=1)
 
-    def _geometry(self, columns: list[int]) -> tuple[Array, Array]:
-        """Links (2, 6) of a limb in its plane (mass, centre, length, inertia), and gravity (2,)."""
-        axis = np.array(self._driven[columns[0]].joint.axis)
-        u = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.5 else np.array([0.0, 1.0, 0.0])
-        u = u - (u @ axis) * axis
-        plane = np.stack([u / np.linalg.norm(u), np.cross(axis, u / np.linalg.norm(u))])
-        links = np.zeros((2, 6))
-        for i, j in enumerate(columns):
-            body = self._driven[j]
-            inertia = float(axis**2 @ np.array(body.inertia_kgm2))
-            links[i, 0], links[i, 5] = self.numbers["mass"][j], inertia
-            links[i, 1:3] = plane @ np.array(body.com_m)
-            if i > 0:
-                links[0, 3:5] = plane @ np.array(body.origin_m)
-        return links, plane @ self._gravity
-
 
 def _limbs(spec: Spec) -> list[list[int]]:
-    """Columns of the joints of each limb; ValueError for what is no plane chain of one or two."""
+    """Columns of the joints of each limb, from the palm outwards; ValueError where one branches."""
     driven: Sequence[Body] = spec.hand.driven
-    at = {body.name: j for j, body in enumerate(driven)}
-    limbs: list[list[int]] = []
+    limbs: dict[str, list[int]] = {}
     for j, body in enumerate(driven):
-        if body.parent in at:
-            limb = next(m for m in limbs if m[-1] == at[body.parent])
-            first = driven[limb[0]].joint
-            if len(limb) == 2 or body.joint.axis != first.axis:
-                raise ValueError("the plant knows limbs of one or two parallel hinges only")
-            limb.append(j)
-        else:
-            limbs.append([j])
-    return limbs
+        carrier = body.parent or ""
+        if carrier not in limbs and carrier in [b.name for b in driven]:
+            raise ValueError("a plant knows limbs that do not branch only")
+        limbs[body.name] = [*limbs.pop(carrier, []), j]
+    return list(limbs.values())

@@ -11,9 +11,18 @@ closed form. Semi-implicit Euler at 0.1 ms, the rotor's friction implicit.
 On top of the ideal mechanism there is always a little play, friction, cogging and stiffening.
 """
 
+from dataclasses import dataclass
+
 import numba
 import numpy as np
 
+from backends.state import Array
+from diagnosis.blind.plant import Course, Limb
+
+_DRIVE = (
+    *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
+    *("lock", "stiction", "load", "dead"),
+)
 TICK_S = 1e-4
 CREEP_RAD_S = 2e-3
 """W: speed at which friction has grown to three quarters."""
@@ -21,6 +30,72 @@ STRIBECK_RAD_S = 0.05
 """V: speed at which stiction has faded to a third."""
 CORNER = 0.05
 """Width of a dead zone's corners, as a share of it."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """What is always there, on every joint."""
+
+    play_rad: float = 3e-4
+    """Half play."""
+    corner_rad: float = 1e-4
+    """Width of the play's corners."""
+    friction_share: float = 1.5e-3
+    """Dry friction over the torque limit."""
+    cogging_share: float = 1.5e-3
+    """Amplitude of the cogging torque over the torque limit."""
+    cogging_per_rad: float = 57.0
+    """Its angular frequency: nine slots through a gear of some 40."""
+    stiffening_rad2: float = 10.0
+    """Relative growth of the teeth's stiffness per squared deflection [1/rad^2]."""
+
+
+class Mechanics:
+    """Smooth equations of a limb whose hinges are parallel, one or two of them."""
+
+    tick_s = TICK_S
+
+    def __init__(self, baseline: Baseline | None = None) -> None:
+        self._baseline = baseline or Baseline()
+
+    def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
+        """Angles at every tick, motor angles and torques at every sample; see `Mechanics`.
+
+        ValueError for what is no plane chain of one or two.
+        """
+        links, pull = _geometry(limb)
+        base, numbers = self._baseline, limb.numbers
+        drives = np.array([numbers[name] for name in _DRIVE])
+        drives[_DRIVE.index("play")] += base.play_rad
+        limits = [b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive]
+        shares = np.outer([base.cogging_share, base.friction_share], limits)
+        return _run(
+            np.ascontiguousarray(wanted_rad),
+            np.ascontiguousarray(push_nm),
+            np.concatenate([drives, shares]).T.copy(),
+            links,
+            pull,
+            base.corner_rad,
+            base.cogging_per_rad,
+            base.stiffening_rad2,
+        )
+
+
+def _geometry(limb: Limb) -> tuple[Array, Array]:
+    """Links (2, 6) of a limb in its plane (mass, centre, length, inertia), and gravity (2,)."""
+    axis = np.array(limb.bodies[0].joint.axis)
+    if len(limb.bodies) > 2 or any(body.joint.axis != tuple(axis) for body in limb.bodies):
+        raise ValueError("the plant knows limbs of one or two parallel hinges only")
+    u = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.5 else np.array([0.0, 1.0, 0.0])
+    u = u - (u @ axis) * axis
+    plane = np.stack([u / np.linalg.norm(u), np.cross(axis, u / np.linalg.norm(u))])
+    links = np.zeros((2, 6))
+    for i, body in enumerate(limb.bodies):
+        links[i, 0], links[i, 5] = body.mass_kg, float(axis**2 @ np.array(body.inertia_kgm2))
+        links[i, 1:3] = plane @ np.array(body.com_m)
+        if i > 0:
+            links[0, 3:5] = plane @ np.array(body.origin_m)
+    return links, plane @ np.array(limb.gravity_m_s2)
 
 
 @numba.njit(cache=True)
@@ -82,13 +157,13 @@ def _fall(q, qd, torque, links, pull, out):
 
 
 @numba.njit(cache=True)
-def run(target, push, drives, links, pull, baseline, sample_s, steps):
+def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
     """Angles at every tick, motor angles and torques at every sample, of one limb."""
-    corner, per_rad, stiffening = baseline[1], baseline[4], baseline[5]
-    samples, joints = target.shape
-    q, qd, motor, speed = target[0].copy(), np.zeros(joints), target[0].copy(), np.zeros(joints)
-    wanted, torque, acceleration = target[0].copy(), np.zeros(joints), np.zeros(joints)
-    angle = np.zeros(((samples - 1) * steps + 1, joints))
+    samples, joints = push.shape
+    steps = (len(wanted) - 1) // (samples - 1)
+    q, qd, motor, speed = wanted[0].copy(), np.zeros(joints), wanted[0].copy(), np.zeros(joints)
+    torque, acceleration = np.zeros(joints), np.zeros(joints)
+    angle = np.zeros(wanted.shape)
     motor_out, torque_out = np.zeros((samples, joints)), np.zeros((samples, joints))
     pd = np.zeros(joints)
     angle[0] = q
@@ -97,16 +172,10 @@ def run(target, push, drives, links, pull, baseline, sample_s, steps):
         if k + 1 == samples:
             break
         for i in range(steps):
-            now_s = k * sample_s + i * TICK_S
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-                lock, stiction, load, dead, delay, slowness, cogging, friction = drives[j, 9:]
-                row = int(np.floor((now_s - delay) / sample_s + 1e-6))
-                move = target[max(row, 0), j] - wanted[j]
-                if slowness > 0.0:
-                    move = min(max(move, -TICK_S / slowness), TICK_S / slowness)
-                wanted[j] += move
-                error = wanted[j] - motor[j]
+                lock, stiction, load, dead, cogging, friction = drives[j, 9:]
+                error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
                 asked = kp * error - kd * speed[j]
