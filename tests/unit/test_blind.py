@@ -440,7 +440,7 @@ def test_plant_effects_act(effect, name):
     motions = [motion.motion(p, spec, rng) for p in ("steps", "push")]
 
     def position(real: Plant, m: motion.Motion) -> np.ndarray:
-        first, rng = slice(250), np.random.default_rng(0)
+        first, rng = slice(400), np.random.default_rng(0)
         sample_s = 1 / motion.RATE_HZ
         return real.run(m.target_rad[first], m.push_nm[first], sample_s, rng)["position"]
 
