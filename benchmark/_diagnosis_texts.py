@@ -11,6 +11,7 @@ from backends.spec import Spec
 from benchmark import registry
 from benchmark.effects import effect_name, parse_effects
 from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import NONE, LimbVerdict
 from diagnosis.diagnose import Diagnosis
 from diagnosis.report.report import wording
@@ -75,6 +76,8 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     lines += [f"Not settled: {wording.tie(row)}." for row in found.indistinguishable]
     if found.unseen:
         lines.append(f"Of {wording.listed(found.unseen)} this log tells nothing.")
+    if result["healthy"]["logs"]:
+        lines.append(f"Healthy logs: {wording.healthy(result['healthy'], rules())}.")
     lines += [f"Not judged: {text}." for text in found.missing]
     lines += [f"Warning: {warning}" for warning in result["warnings"]]
     end = [f"Next: {command}  ({what})" for command, what in result["next"].items()]

@@ -2,6 +2,7 @@
 
 import secrets
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -18,13 +19,14 @@ from benchmark.console import Bar
 from benchmark.errors import UsageError, unknown
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import within
+from diagnosis.attribution.sound import Sound
 from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
-from diagnosis.blind.make import PLANTS, write_case
+from diagnosis.blind.make import PLANTS, write_case, write_sound
 
-MOST_CASES = 999
+MOST_CASES, MOST_HEALTHY = 999, 20
 KEPT_APART = "dart"
 """A real side that no rule may be tuned on: only sets that name it have it."""
 FEWEST_EFFECTS = 3
@@ -42,9 +44,11 @@ def settings(
     effects: str,
     protocols: str,
     fewest: int = FEWEST_EFFECTS,
+    healthy: int = 0,
 ) -> draw.Settings:
     """What options ask for; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
+    within("--healthy", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
     holding = places[0] in rigs.HOLDING
     every = draw.HELD_EFFECTS if holding else draw.EFFECTS
@@ -63,6 +67,7 @@ def settings(
         effects=chosen,
         protocols=moved,
         channels=draw.HELD_CHANNELS if holding else draw.CHANNELS,
+        healthy=healthy,
     )
 
 
@@ -106,7 +111,15 @@ def make(
             registry.load("backend", real)
     cases = draw.draw(wanted, _catalogue(), seed)
     blind = BlindSet(path=out)
-    _each("make", _make_one, [(blind, case, seed) for case in cases], jobs)
+    sound = draw.sound(wanted, cases, seed)
+    makes = {make: number for number, make in enumerate(sound) if wanted.healthy}
+    _each("make", _make_one, [(blind, case, seed, makes.get(case.make)) for case in cases], jobs)
+    logs = [
+        (blind.healthy(makes[make]) / str(case.number), case, seed)
+        for make, some in sound.items()
+        for case in some
+    ]
+    _each("sound", _sound_one, logs, jobs)
     text = files.seal(wanted, seed, cases)
     answers.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(answers, text)
@@ -136,6 +149,8 @@ def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
         )
     solver = frozen.solver()
     blind.note_try(**solver)
+    unheard = [make for make in blind.makes if not _is_told(blind, make, solver)]
+    _each("healthy", _hear_one, [(blind, make, solver) for make in unheard], jobs)
     waiting = [n for n in blind.numbers if not _is_done(blind, n, solver)]
     _each("solve", _solve_one, [(blind, number, solver) for number in waiting], jobs)
     said = {f"{n:03d}": blind.read_result(n) or {} for n in blind.numbers}
@@ -246,8 +261,20 @@ def _search_one(search: Any) -> dict:
     return smallest(search, _catalogue(), _start, registry.names("backend"))
 
 
-def _make_one(blind: BlindSet, case: draw.Case, seed: int) -> None:
-    write_case(blind, case, _catalogue(), _start, seed)
+def _make_one(blind: BlindSet, case: draw.Case, seed: int, make: int | None) -> None:
+    write_case(blind, case, _catalogue(), _start, seed, make)
+
+
+def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
+    write_sound(folder, case, _catalogue(), _start, seed)
+
+
+def _hear_one(blind: BlindSet, make: int, solver: dict) -> None:
+    """Write what sound mechanisms of a make leave; the whole catalogue may fit them."""
+    from diagnosis.blind.solve import left_sound
+
+    left = left_sound(sorted(blind.healthy(make).iterdir()), _catalogue())
+    files.write_json(blind.soundness(make), {"limbs": [asdict(one) for one in left], **solver})
 
 
 def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
@@ -255,12 +282,22 @@ def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
     from diagnosis.blind.solve import solve
 
     excluded = blind.excluded(number)
+    start = partial(_start, frozen.ENGINE)
     try:
-        said = solve(blind.log(number), excluded, _catalogue(), partial(_start, frozen.ENGINE))
+        said = solve(blind.log(number), excluded, _catalogue(), start, _sound(blind, number))
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
         left = sorted(set(_catalogue()) - set(excluded))
         said = {"refused": f"broke: {type(error).__name__}: {error}", "catalogue": left}
     files.write_json(blind.result(number), {"number": number, **said, **solver})
+
+
+def _sound(blind: BlindSet, number: int) -> tuple[Sound, ...]:
+    """What the limbs of sound mechanisms of a case's make leave; none where none are known."""
+    make = blind.make(number)
+    if make is None:
+        return ()
+    file = blind.soundness(make)
+    return tuple(Sound(**limb) for limb in files.read_json(file)["limbs"])
 
 
 def _ask_one(blind: BlindSet, name: str, number: int) -> None:
@@ -309,6 +346,14 @@ def _is_done(blind: BlindSet, number: int, solver: dict) -> bool:
     """Whether this very solver has solved a case."""
     said = _told(lambda: blind.read_result(number))
     return said is not None and said.get("solver_sha256") == solver["solver_sha256"]
+
+
+def _is_told(blind: BlindSet, make: int, solver: dict) -> bool:
+    """Whether this very solver has seen the sound mechanisms of a make."""
+    file = blind.soundness(make)
+    if not file.exists():
+        return False
+    return _told(lambda: files.read_json(file)).get("solver_sha256") == solver["solver_sha256"]
 
 
 def _told(ask: Callable) -> Any:

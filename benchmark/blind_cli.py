@@ -44,6 +44,12 @@ def make(
     modes: Annotated[str, typer.Option(help="all, or some of single,pair,none,unknown.")] = "all",
     effects: Effects = "all",
     protocols: Protocols = "all",
+    healthy: Annotated[
+        int,
+        typer.Option(
+            help="Logs of sound mechanisms of the same make that the solver is given, 0 to 20."
+        ),
+    ] = 0,
     seed: Annotated[
         int | None, typer.Option(help="Decides every draw; a small one can be guessed. (secret)")
     ] = None,
@@ -56,7 +62,7 @@ def make(
     """
     from benchmark import blind
 
-    wanted = blind.settings(cases, real, rig, modes, effects, protocols)
+    wanted = blind.settings(cases, real, rig, modes, effects, protocols, healthy=healthy)
     emit(blind.make(wanted, seed, out, answers, jobs), as_json)
 
 

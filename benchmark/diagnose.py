@@ -2,7 +2,7 @@
 
 import dataclasses
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ import joblib
 from joblib.externals.loky import get_reusable_executor
 from rich.console import RenderableType
 
-from backends.effect import Effect, with_effects
+from backends.effect import UNITS, Effect, with_effects
 from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
@@ -27,6 +27,7 @@ from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.gather import require_joints
 from diagnosis.attribution.rules import rules
+from diagnosis.attribution.sound import LARGER, Sound
 from diagnosis.attribution.verdict import NONE
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import (
@@ -36,10 +37,12 @@ from diagnosis.diagnose import (
     SideBySide,
     diagnose,
     diagnose_settings,
+    healthy,
 )
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
+from diagnosis.report import wording
 from diagnosis.report.report import page
 from diagnosis.report.wording import sentence
 
@@ -60,12 +63,15 @@ class Settings:
     effects_known: str | None
     """Effects of the nominal world; None: those that the log's mechanism names."""
     workers: int | None
+    healthy: tuple[Path, ...] = ()
+    """Folders of logs of the same mechanism while nothing was wrong with it."""
 
     @property
     def words(self) -> str:
         """The logs as on the command line."""
         judging = (f"--judge {path}" for path in self.judging)
-        return " ".join([*map(str, self.paths), *judging])
+        healthy = (f"--healthy {path}" for path in self.healthy)
+        return " ".join([*map(str, self.paths), *judging, *healthy])
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,12 +106,13 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
         pairs = list(zip(logs, worlds, strict=True))
         gaps = [_apart_rad(*pair, settings.nominal, engine, workers) for pair in pairs]
         apart = max((gap for gap in gaps if gap is not None), default=None)
+        sound = _sound(settings, catalogue, workers)
         limbs, (log, world) = _side_by_side(settings.paths[main].name, workers), pairs[main]
         if judging:
             every = [(one, its.spec) for one, its in pairs]
-            found = diagnose_settings(every, judging, catalogue, limbs)
+            found = diagnose_settings(every, judging, catalogue, limbs, sound)
         else:
-            found = diagnose(log, world.spec, catalogue, limbs, _on(engine, workers))
+            found = diagnose(log, world.spec, catalogue, limbs, _on(engine, workers), sound)
     except LogError as error:
         raise UsageError(str(error)) from error
     except (WorkerError, BrokenProcessPool) as error:
@@ -137,6 +144,21 @@ def _judging(settings: Settings) -> list[int]:
     if settings.judging and len({path.resolve() for path in settings.judging}) == len(paths):
         raise UsageError("every log judges; leave one to fit on, without --judge")
     return sorted({paths.index(path.resolve()) for path in settings.judging})
+
+
+def _sound(
+    settings: Settings, catalogue: Mapping[str, type[Effect]], workers: int
+) -> tuple[Sound, ...]:
+    """What every limb leaves in the healthy logs; raises UsageError or LogError."""
+    paths = [path.resolve() for path in settings.paths]
+    if both := [path for path in settings.healthy if path.resolve() in paths]:
+        raise UsageError(
+            f"--healthy {both[0]} is the log that is diagnosed; give logs of the same mechanism "
+            "from when nothing was wrong"
+        )
+    logs = [read_log(path) for path in settings.healthy]
+    pairs = [(log, _world(log, settings).spec) for log in logs]
+    return healthy(pairs, catalogue, _side_by_side("healthy logs", workers)) if pairs else ()
 
 
 def _catalogue() -> dict[str, type[Effect]]:
@@ -252,6 +274,7 @@ def _result(
             "effects": world.known,
             "replay_apart_rad": apart_rad,
         },
+        "healthy": _healthy(found, settings),
         "verdict": row.pop("verdict"),
         "effects": effects,
         "next": _commands(effects, log, settings),
@@ -259,6 +282,31 @@ def _result(
         "warnings": list(log.warnings),
         **row,
     }
+
+
+def _healthy(found: Diagnosis, settings: Settings) -> dict:
+    """What healthy logs leave of every limb, and what is therefore asked of it."""
+    attributed = (limb.attribution for limb in found.limbs)
+    limbs = [(one.fitter.evidence, one.rule) for one in attributed]
+    return {
+        "logs": list(map(str, settings.healthy)),
+        "limbs": [
+            {
+                "joints": list(evidence.joints),
+                "left": dataclasses.asdict(evidence.sound),
+                "excused": [_excused(*one) for one in evidence.sound.sizes.items()],
+                "rules": rule.model_dump(mode="json", exclude={"right", "version"}),
+            }
+            for evidence, rule in limbs
+            if evidence.sound is not None
+        ],
+    }
+
+
+def _excused(effect: str, size: float) -> dict:
+    """The largest magnitude of an effect that is no more than what a sound mechanism has."""
+    unit = registry.load("effect", effect).unit
+    return {"effect": effect, "magnitude": LARGER * size / UNITS[unit][1], "unit": unit}
 
 
 def _corrected(found: Diagnosis, world: World) -> str | None:
@@ -283,6 +331,11 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": f"compiled; {held}",
+        **(
+            {"healthy logs": wording.healthy(result["healthy"], rules())}
+            if settings.healthy
+            else {}
+        ),
         "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal parameter",
         "made by": provenance()["command"],
     }

@@ -57,6 +57,13 @@ def diagnose(
         list[Path] | None,
         typer.Option(help="Of several logs one that judges; the others are fitted. (repeatable)"),
     ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            help="Log of the same mechanism, moved alike, while nothing was wrong with it: what it "
+            "leaves is not accused. (repeatable)"
+        ),
+    ] = None,
     nominal: Annotated[
         str,
         typer.Option(
@@ -78,6 +85,8 @@ def diagnose(
 
     Example: [bold]bench diagnose logs/one --effects-known built[/bold]
 
+    A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
+
     Settings: [bold]bench diagnose logs/gain100 logs/gain400 --judge logs/gain400[/bold]
     """
     from benchmark import diagnose as diagnoses
@@ -85,6 +94,7 @@ def diagnose(
     settings = diagnoses.Settings(
         paths=tuple(logs),
         judging=tuple(judge or ()),
+        healthy=tuple(healthy or ()),
         nominal=nominal,
         effects_known=effects_known,
         workers=workers,

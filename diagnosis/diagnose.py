@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, S
 from dataclasses import dataclass
 from functools import partial
 from itertools import compress
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,7 +22,15 @@ from diagnosis.attribution.gather import gather
 from diagnosis.attribution.locate import locate
 from diagnosis.attribution.magnitudes import Magnitude, magnitudes, merge
 from diagnosis.attribution.rules import rules
-from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict, judge, unaccused
+from diagnosis.attribution.sound import Sound, worst
+from diagnosis.attribution.verdict import (
+    NONE,
+    UNKNOWN,
+    LimbVerdict,
+    judge,
+    leaves,
+    unaccused,
+)
 from diagnosis.beside.beside import (
     beside,
     corrected,
@@ -44,6 +53,7 @@ from diagnosis.result import Diagnosis
 from diagnosis.shrinkage import gap, shrinkage
 from diagnosis.triage.triage import refuse_bugs
 
+E = TypeVar("E", bound=Evidence)
 ALONE = "lost packets, touch, stick and contact: diagnose each log by itself"
 """What several settings leave out."""
 
@@ -55,6 +65,8 @@ class Judged:
     verdict: LimbVerdict
     found: tuple[Magnitude, ...]
     ties: tuple[dict, ...]
+    sound: Sound | None = None
+    """What it leaves where nothing is wrong, see `healthy`."""
 
 
 Judge = Callable[[Evidence], Judged]
@@ -68,14 +80,17 @@ def diagnose(
     catalogue: Mapping[str, type[Effect]],
     side_by_side: SideBySide = map,
     simulate: Simulate | None = None,
+    sound: Sequence[Sound] = (),
 ) -> Diagnosis:
     """The diagnosis of `log` against the nominal world; limbs are judged by `side_by_side`.
 
-    Stick and contact are judged where `simulate` puts worlds on the nominal engine. Raises LogError
-    where nothing can be said.
+    Stick and contact are judged where `simulate` puts worlds on the nominal engine. `sound` is what
+    every limb leaves while nothing is wrong, see `healthy`. Raises LogError where nothing can be
+    said.
     """
     began_s = _cpu_s()
     whole, found = _gathered(log, nominal, catalogue)
+    whole = _excusing(whole, sound)
     told, unseen = _told(whole, catalogue, found)
     parts = tuple(map(at_rest, whole))
     clear = list(compress(parts, told))
@@ -119,7 +134,7 @@ def _anew(
 def _heard(again: Judged, first: Judged) -> Judged:
     """A limb's verdict beside lost packets."""
     limb = again.verdict
-    if limb.names == (UNKNOWN,) or limb.gain_nats < rules().pair_nats:
+    if limb.names == (UNKNOWN,) or limb.gain_nats < limb.attribution.rule.pair_nats:
         again = Judged(verdict=_nominal(limb), found=(), ties=())
     return dataclasses.replace(
         again, verdict=dataclasses.replace(again.verdict, told=first.verdict)
@@ -131,18 +146,21 @@ def diagnose_settings(
     judging: Collection[int],
     catalogue: Mapping[str, type[Effect]],
     side_by_side: SideBySide = map,
+    sound: Sequence[Sound] = (),
 ) -> Diagnosis:
     """The diagnosis of one mechanism's logs under several settings, each with its nominal world.
 
     Limbs are fitted on some logs and judged on those numbered in `judging`. Lost packets, touch,
-    stick and contact are a matter of one log. Raises LogError where nothing can be said.
+    stick and contact are a matter of one log. For `sound` see `diagnose`. Raises LogError where
+    nothing can be said.
     """
     began_s = _cpu_s()
     logs = [_gathered(log, nominal, catalogue) for log, nominal in settings]
     if len({tuple(part.joints for part in parts) for parts, _ in logs}) > 1:
         raise LogError("these logs are of different joints; give logs of one mechanism")
     rests = [tuple(map(at_rest, parts)) for parts, _ in logs]
-    parts = tuple(join(limb, judging) for limb in zip(*rests, strict=True))
+    joined = [join(limb, judging) for limb in zip(*rests, strict=True)]
+    parts = _excusing(joined, sound)
     told, unseen = _told(parts, catalogue, [one for _, seen in logs for one in seen])
     clear = list(compress(parts, told))
     uncertainty = max(log.meta.nominal_uncertainty for log, _ in settings)
@@ -151,6 +169,43 @@ def diagnose_settings(
     slow = [text for setting, _ in logs for text in unjudged(setting)]
     others = Report(findings=logs[min(judging)][1], missing=(*dict.fromkeys(slow), ALONE))
     return _assemble(parts, limbs, others, catalogue, unseen, began_s)
+
+
+def healthy(
+    logs: Sequence[tuple[Log, Spec]],
+    catalogue: Mapping[str, type[Effect]],
+    side_by_side: SideBySide = map,
+) -> tuple[Sound, ...]:
+    """What every limb of a mechanism leaves in logs of it, with their nominal worlds, while sound.
+
+    The most in any of them. Nothing is judged: what these logs show is called sound. Raises
+    LogError where one cannot be used, or the logs are of different joints.
+    """
+    gathered = [tuple(map(at_rest, _gathered(*pair, catalogue)[0])) for pair in logs]
+    if len({tuple(part.joints for part in parts) for parts in gathered}) > 1:
+        raise LogError("the healthy logs are of different joints; give logs of one mechanism")
+    uncertainty = max(log.meta.nominal_uncertainty for log, _ in logs)
+    judge_one = partial(_sound_limb, catalogue=catalogue, uncertainty=uncertainty)
+    every = [part for parts in gathered for part in parts]
+    found = [one.sound or Sound() for one in side_by_side(judge_one, every)]
+    return tuple(worst(found[k :: len(gathered[0])]) for k in range(len(gathered[0])))
+
+
+def _sound_limb(
+    evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+) -> Judged:
+    limb, left = leaves(evidence, catalogue, uncertainty)
+    return Judged(verdict=limb, found=(), ties=(), sound=left)
+
+
+def _excusing(parts: Sequence[E], left: Sequence[Sound]) -> tuple[E, ...]:
+    """The evidence for every limb, with what it leaves while sound."""
+    if not left:
+        return tuple(parts)
+    if len(left) != len(parts):
+        raise LogError("the healthy logs are of other joints; give logs of the same mechanism")
+    pairs = zip(parts, left, strict=True)
+    return tuple(dataclasses.replace(part, sound=one) for part, one in pairs)
 
 
 def _gathered(

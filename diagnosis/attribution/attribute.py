@@ -86,7 +86,9 @@ class Attribution:
     ) -> None:
         known = nuisances(evidence.nominal, uncertainty)
         self.fitter = Fitter(evidence, known)
-        self._refits = Refits(self.fitter)
+        self.rule = evidence.sound.excused(rules()) if evidence.sound else rules()
+        """What the verdict goes by."""
+        self._refits = Refits(self.fitter, self.rule.bent_stds)
         self.whole = self._refits.whole
         self._candidates = candidates(catalogue, evidence)
         self._leftovers: dict[int, Leftover] = {}
@@ -282,7 +284,7 @@ class Attribution:
         bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
         found = [(bent.get((c.kind, c.joint), 0.0), c) for c in among]
         most, suspect = max(found, key=lambda one: one[0], default=(0.0, None))
-        if suspect is None or most <= rules().alone_stds:
+        if suspect is None or most <= self.rule.alone_stds:
             return []
         return [c for c in among if c is suspect or everywhere(c, suspect.name)]
 
@@ -328,7 +330,7 @@ class Attribution:
         effect on both, an effect on each looks as good.
         """
         best = found[0] if found else None
-        if best is None or not best.names or best.surprise <= rules().white_sd:
+        if best is None or not best.names or best.surprise <= self.rule.white_sd:
             return []
         name, last = best.names[-1], best.fit.effects[-1]
         known = any(one.names == best.names and one.joints[-1] is None for one in found)

@@ -17,6 +17,7 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.replayed import Replayed
+from diagnosis.attribution.sound import Sound
 from diagnosis.attribution.timing import late_s, residual, sensors
 from diagnosis.attribution.whiten import FAR, ROUGH, innovations, news
 from diagnosis.replay.limb import CHANNELS
@@ -78,6 +79,8 @@ class Evidence:
     """Every so-manieth sample is compared."""
     astray: tuple[Array, ...] = ()
     """How far a joint in its play may be from any replay, in `sigma`: per recording (C, T, J)."""
+    sound: Sound | None = None
+    """What logs of the same mechanism leave while nothing is wrong; None: there are none."""
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ import numpy as np
 from backends.effect import Effect
 from diagnosis.attribution.fit import POLISH, Fitter
 from diagnosis.attribution.profile import Fit, grown
-from diagnosis.attribution.rules import rules
 from diagnosis.attribution.timing import AngleLate, Late, late_s
 
 BELIEVED = 8.0
@@ -33,13 +32,13 @@ CLOSE = (1.1, 1.0, 1.0)
 class Refits:
     """New starts for fits to one limb's evidence: to the samples for fitting, and to all."""
 
-    def __init__(self, fitter: Fitter) -> None:
+    def __init__(self, fitter: Fitter, bent_stds: float) -> None:
         self.fitter = fitter
         """Fits to the samples for fitting."""
         evidence, known = fitter.evidence, fitter.nuisances
         self.whole = Fitter(evidence, known, None)
         """Fits to all samples."""
-        self._within = Fitter(evidence, known, None, rules().bent_stds)
+        self._within = Fitter(evidence, known, None, bent_stds)
         self._samples = len(evidence.tracks(False))
 
     def is_hard(self, fit: Fit) -> bool:

@@ -14,6 +14,7 @@ from diagnosis.attribution.explains import belief, excess, explains, is_plain, i
 from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.refits import BELIEVED
 from diagnosis.attribution.rules import Rules, confidence, rules
+from diagnosis.attribution.sound import Sound
 from diagnosis.attribution.timing import Late, late_s
 
 WORTH = 0.3
@@ -22,6 +23,8 @@ this share of what it needs on all."""
 ANEW = 2
 """So many of the best candidates are searched from other magnitudes where the first does not
 explain the log."""
+SEEMS = 0.5
+"""An effect seems to be there where it gains this share of what an accusation needs."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
@@ -66,7 +69,7 @@ class LimbVerdict:
 
         It must leave least on held-out samples, too.
         """
-        found, best, rule = self.attribution, self.chosen, rules()
+        found, best, rule = self.attribution, self.chosen, self.attribution.rule
         if self.names != (UNKNOWN,) or len(best.names) != 1:
             return ()
         others = [one for one in found.singles if not _same(one, best)]
@@ -101,11 +104,7 @@ def judge(
     without keeps its effects, but for a second one that is not needed then. And what is unknown is
     judged once more beside the little play that every mechanism has.
     """
-    fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
-    bare = fitter.at((), np.zeros(len(fitter.nuisances)))
-    if fitter.unrest(bare) > CALM:
-        evidence = fitter.forgiving(bare)
-    first = ruled(Attribution(evidence, catalogue, uncertainty))
+    first = ruled(_attributed(evidence, catalogue, uncertainty))
     little = little_play(first)
     if little:
         world = first.attribution.fitter.evidence.knowing(little)
@@ -121,12 +120,48 @@ def judge(
     return again if set(again.names) <= set(first.names) else _known_strays(first, again)
 
 
+def leaves(
+    evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+) -> tuple[LimbVerdict, Sound]:
+    """What a limb with which nothing is wrong leaves beside the nominal world: `none` all the same.
+
+    Beside an effect too small to accuse, where that fits better, as in any verdict.
+    """
+    found = _attributed(evidence, catalogue, uncertainty)
+    rule, left = found.rule, found.leftover(found.nominal)
+    small = _with_little(found, found.nominal, found.singles, rule)
+    seem = [one for one in found.singles if _lead(found.nominal, one) >= SEEMS * rule.accuse_nats]
+    sizes: dict[str, float] = {}
+    for one in seem:
+        size = _size(found, one.fit.effects[-1], one)
+        sizes[one.names[-1]] = max(size, sizes.get(one.names[-1], 0.0))
+    shown = Sound(
+        surprise=max(found.nominal.surprise, 0.0),
+        unevenness=max(left.unevenness, 0.0),
+        lack_of_fit=left.lack_of_fit,
+        bent=small.bent,
+        sizes=sizes,
+    )
+    return _verdict((NONE,), found.nominal, found, (), rule.accuse_nats), shown
+
+
+def _attributed(
+    evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
+) -> Attribution:
+    """The search in a limb's evidence; as far as its nominal replays can be foretold."""
+    fitter = Fitter(evidence, nuisances(evidence.nominal, uncertainty))
+    bare = fitter.at((), np.zeros(len(fitter.nuisances)))
+    if fitter.unrest(bare) > CALM:
+        evidence = fitter.forgiving(bare)
+    return Attribution(evidence, catalogue, uncertainty)
+
+
 def unaccused(limb: LimbVerdict) -> LimbVerdict:
     """The verdict where an effect that was accused may as well be nothing: that on the nominal fit.
 
     What it gains then is what is known of a nominal parameter, which it frees.
     """
-    found, rule = limb.attribution, rules()
+    found, rule = limb.attribution, limb.attribution.rule
     nominal = found.nominal
     if nominal.bent <= rule.alone_stds and is_plain(found, nominal, rule):
         return _verdict((NONE,), nominal, found, (), rule.accuse_nats)
@@ -139,7 +174,7 @@ def _known_strays(first: LimbVerdict, again: LimbVerdict) -> LimbVerdict:
     A second one that the first effect needs then is kept; else the first stands alone, as its
     strays are known, or as it was where it was not tried so.
     """
-    found, rule = again.attribution, rules()
+    found, rule = again.attribution, again.attribution.rule
     same = [one for one in found.singles if _same(one, first.chosen)]
     alone = min(same, key=_cost, default=None)
     if alone is None:
@@ -154,7 +189,8 @@ def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
 
     It starts as large as the model's own error, and is too small to accuse.
     """
-    rule, chosen, whole = rules(), verdict.chosen, verdict.attribution.whole
+    found, chosen = verdict.attribution, verdict.chosen
+    rule, whole = found.rule, found.whole
     evidence = whole.evidence
     drives = evidence.world(chosen.fit.effects).drives
     rows = zip(evidence.joints, drives, evidence.floor[0, 0], strict=True)
@@ -171,7 +207,7 @@ def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
 
 def _stray(verdict: LimbVerdict) -> Ranked | None:
     """The best restless candidate, where what the verdict leaves is not white."""
-    if verdict.chosen.surprise <= rules().white_sd:
+    if verdict.chosen.surprise <= verdict.attribution.rule.white_sd:
         return None
     found = verdict.attribution
     tried = min((*found.singles, *found.pairs), key=_cost, default=None)
@@ -180,7 +216,7 @@ def _stray(verdict: LimbVerdict) -> Ranked | None:
 
 def ruled(found: Attribution) -> LimbVerdict:
     """The verdict that the fits give by the rules."""
-    rule, nominal = rules(), found.nominal
+    rule, nominal = found.rule, found.nominal
     singles = [r for r in found.singles if _beyond_nominal(found, r, rule)]
     small = _with_little(found, nominal, found.singles, rule)
     gain = _lead(small, singles[0]) if singles else -np.inf
@@ -409,7 +445,9 @@ def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
 
     Each of them: the first of a pair, too, may be no more than that beside the second.
     """
-    return all(_is_beyond(found, effect, ranked, rule) for effect in ranked.fit.effects)
+    sound, pairs = found.fitter.evidence.sound, zip(ranked.names, ranked.fit.effects, strict=True)
+    excused = sound and any(sound.excuses(n, _size(found, e, ranked)) for n, e in pairs)
+    return not excused and all(_is_beyond(found, e, ranked, rule) for e in ranked.fit.effects)
 
 
 def _is_beyond(found: Attribution, effect: Effect, ranked: Ranked, rule: Rules) -> bool:

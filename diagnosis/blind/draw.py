@@ -115,6 +115,12 @@ class Fault:
     """One of LEVELS; empty for a nominal error."""
 
 
+Make = tuple[str, str, tuple[str, ...]]
+"""Real side, rig and channels of a mechanism."""
+SOUND = 1000
+"""Logs of sound mechanisms are numbered from here on, cases below."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Case:
     """One case with its answer."""
@@ -136,6 +142,11 @@ class Case:
     excluded: tuple[str, ...]
     """Effects that the solver's catalogue lacks; in `unknown` the true one, else any other."""
 
+    @property
+    def make(self) -> Make:
+        """What logs of a sound mechanism have in common with this one."""
+        return self.real, self.rig, self.channels
+
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
@@ -149,6 +160,8 @@ class Settings:
     protocols: tuple[str, ...] = motion.PROTOCOLS
     channels: tuple[tuple[str, ...], ...] = CHANNELS
     variants: int = 2
+    healthy: int = 0
+    """Logs of sound mechanisms that the solver is given of every make."""
 
 
 def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -> tuple[Case, ...]:
@@ -179,6 +192,30 @@ def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -
             )
         )
     return tuple(cases)
+
+
+def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tuple[Case, ...]]:
+    """Cases of every make in which nothing is hidden but other nominal errors, in random order."""
+    rng = np.random.default_rng([seed, 3])
+    makes = list(dict.fromkeys(case.make for case in cases))
+    found: dict[Make, tuple[Case, ...]] = {}
+    for group, (real, rig, channels) in enumerate(makes[k] for k in rng.permutation(len(makes))):
+        found[real, rig, channels] = tuple(
+            Case(
+                number=SOUND + settings.healthy * group + k,
+                mode="none",
+                real=real,
+                rig=rig,
+                channels=channels,
+                protocols=settings.protocols,
+                variants=settings.variants,
+                faults=(),
+                nominal=tuple(_nominal(rigs.nominal(rig), (), rng)),
+                excluded=(),
+            )
+            for k in range(settings.healthy)
+        )
+    return found
 
 
 def _counts(settings: Settings) -> dict[str, int]:

@@ -1,8 +1,11 @@
 """A blind set as files: what anybody may see, and the sealed answers.
 
     DIR/commitment.json        hash of the answers, hashes of rules and solver, before any is solved
-    DIR/cases/NNN/             one log each, and case.json: what the solver's catalogue lacks
+    DIR/cases/NNN/             one log each, and case.json: what the solver's catalogue lacks, and
+                               of which make it is
+    DIR/healthy/NN/NNNN/       logs of sound mechanisms by make, where there are any
     DIR/results/NNN.json       what the solver said
+    DIR/results/make-NN.json   what it made of the sound ones
     DIR/rivals/NAME/NNN.json   what another method said, where one was asked
     DIR/tried.json             every version of the solver that was run on this set
 
@@ -56,6 +59,23 @@ class BlindSet:
     def result(self, number: int) -> Path:
         """File of a case's result."""
         return self.path / "results" / f"{number:03d}.json"
+
+    def healthy(self, make: int) -> Path:
+        """Folder of the logs of sound mechanisms of a make."""
+        return self.path / "healthy" / f"{make:02d}"
+
+    @property
+    def makes(self) -> list[int]:
+        """Numbers of the makes of which there are logs of sound mechanisms."""
+        return sorted(int(path.name) for path in (self.path / "healthy").glob("*"))
+
+    def soundness(self, make: int) -> Path:
+        """File of what the solver made of the sound mechanisms of a make."""
+        return self.path / "results" / f"make-{make:02d}.json"
+
+    def make(self, number: int) -> int | None:
+        """Number of a case's make; None where there are no logs of sound ones."""
+        return read_json(self.log(number) / "case.json").get("make")
 
     def excluded(self, number: int) -> tuple[str, ...]:
         """Effects that the solver's catalogue lacks in a case."""

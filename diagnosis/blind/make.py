@@ -7,6 +7,7 @@ solver, as a simulator and its user share a textbook; plants share nothing.
 import dataclasses
 import importlib
 from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -49,11 +50,23 @@ def write_case(
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     seed: int,
+    make: int | None,
 ) -> None:
-    """Make a case's log and say what its solver may use; nothing of the answer is written."""
+    """Make a case's log and say what its solver may use; nothing of the answer is written.
+
+    `make` numbers the logs of sound mechanisms of the same make; None: there are none.
+    """
     log = real_log(case, catalogue, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
-    write_json(blind.log(case.number) / "case.json", {"excluded": list(case.excluded)})
+    told = {"excluded": list(case.excluded)} | ({} if make is None else {"make": make})
+    write_json(blind.log(case.number) / "case.json", told)
+
+
+def write_sound(
+    folder: Path, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
+) -> None:
+    """Make a log of a sound mechanism."""
+    write_log(real_log(case, catalogue, simulate, case_rng(case, seed)), folder)
 
 
 def case_rng(case: Case, seed: int) -> np.random.Generator:

@@ -1,15 +1,17 @@
 """Solves one blind case from its log alone."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from backends.effect import UNITS, Effect
+from backends.spec import Spec
+from diagnosis.attribution.sound import Sound
 from diagnosis.blind import rigs
 from diagnosis.calibration.worlds import Simulate
-from diagnosis.diagnose import Diagnosis, diagnose, shrinkage
-from diagnosis.logs.log import HandMechanism, LogError, read_log
+from diagnosis.diagnose import Diagnosis, diagnose, healthy, shrinkage
+from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 
 
 def solve(
@@ -17,21 +19,33 @@ def solve(
     excluded: tuple[str, ...],
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
+    sound: Sequence[Sound] = (),
 ) -> dict:
     """What the solver says of a log without the excluded effects; magnitudes in SI units.
 
-    `simulate` puts worlds on the nominal engine, for grasps.
+    `simulate` puts worlds on the nominal engine, for grasps; `sound` is what sound mechanisms of
+    the same make leave.
     A log that it refuses gives its reason as `refused`, and is no answer.
     """
     known = {name: kind for name, kind in catalogue.items() if name not in excluded}
-    log = read_log(folder)
-    mechanism = log.meta.mechanism
-    assert isinstance(mechanism, HandMechanism)
+    log, nominal = _read(folder)
     try:
-        found = diagnose(log, rigs.nominal(mechanism.hand), known, map, simulate)
+        found = diagnose(log, nominal, known, map, simulate, sound)
     except LogError as error:
         return {"refused": str(error), "catalogue": sorted(known)}
     return {"refused": None, "catalogue": sorted(known), **_said(found)}
+
+
+def left_sound(folders: Iterable[Path], catalogue: Mapping[str, type[Effect]]) -> tuple[Sound, ...]:
+    """What every limb of sound mechanisms leaves, see `diagnosis.diagnose.healthy`."""
+    return healthy([_read(folder) for folder in folders], catalogue)
+
+
+def _read(folder: Path) -> tuple[Log, Spec]:
+    log = read_log(folder)
+    mechanism = log.meta.mechanism
+    assert isinstance(mechanism, HandMechanism)
+    return log, rigs.nominal(mechanism.hand)
 
 
 def _said(found: Diagnosis) -> dict:

@@ -1,10 +1,12 @@
 """What a diagnosis says in plain words, the same on the terminal and on the page."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from backends.effect import UNITS, Effect
 from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.magnitudes import Magnitude
+from diagnosis.attribution.rules import Rules
 from diagnosis.attribution.verdict import NONE, UNKNOWN
 from diagnosis.beside.finding import Finding
 from diagnosis.diagnose import Diagnosis
@@ -54,6 +56,34 @@ def _led(one: Leading) -> str:
     if one.share.value > NEARLY_ALL:
         why = "but what it leaves, or how far it bends nominal parameters, is beyond belief"
     return f"Nearest is {what}, ahead of {others}: it {taken}, {why}."
+
+
+def healthy(told: Mapping[str, Any], base: Rules) -> str:
+    """What healthy logs ask of a verdict: `told` as diagnosis.json has it, beside the rules."""
+    asked = []
+    for limb in told["limbs"]:
+        rule = limb["rules"]
+        wider = [
+            f"{what} up to {number(rule[name])} {unit} (else {number(getattr(base, name))})"
+            for name, what, unit in _EXCUSED
+            if rule[name] > getattr(base, name)
+        ]
+        wider += [
+            f"{one['effect']} up to {number(one['magnitude'])} {one['unit']}"
+            for one in limb["excused"]
+        ]
+        joints = listed(limb["joints"])
+        asked.append(f"on {joints} {listed(wider) if wider else 'nothing more'} is excused")
+    return f"by {len(told['logs'])}, {'; '.join(asked)}"
+
+
+_EXCUSED = (
+    ("white_sd", "what is not white by", "deviations"),
+    ("uneven_sd", "one protocol by", "deviations"),
+    ("law_nats", "what follows the motion by", "nats"),
+    ("alone_stds", "a nominal parameter that is off by", "of its deviations"),
+)
+"""Rules that healthy logs widen: what they are about, and in what."""
 
 
 def _strange(found: Diagnosis) -> str:

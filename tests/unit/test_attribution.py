@@ -458,7 +458,10 @@ def test_a_log_that_does_not_insist_bends_nothing_beyond_belief():
     more = 4.5 * known[gain].std * part.nominal.drives[0].kd_nms_rad
     friction = dataclasses.replace(best.effects[0], magnitude=best.effects[0].magnitude + more)
     bent = found.whole.at((friction,), moved)
-    assert np.abs(Refits(found.fitter).believed(bent, 1.0).deviations).max() <= rules().bent_stds
+    assert (
+        np.abs(Refits(found.fitter, rules().bent_stds).believed(bent, 1.0).deviations).max()
+        <= rules().bent_stds
+    )
     found._refits.shaken = lambda _: bent
     (half,) = found.halves(found.singles[0])
     assert half.bent <= rules().bent_stds < np.abs(bent.deviations).max()
@@ -468,7 +471,7 @@ def test_a_nominal_world_bent_beyond_belief_is_unknown():
     """Call a log unknown that nominal parameters explain just within belief, and better beyond."""
     part = evidence((kind("gear-damping")(magnitude=0.5, joint="A0"),), noise_rad=2e-4)
     found = Attribution(part, {}, 0.05)
-    believed = Refits(found.fitter).believed(found.nominal.fit, 1.0)
+    believed = Refits(found.fitter, rules().bent_stds).believed(found.nominal.fit, 1.0)
     assert found.nominal.bent > rules().bent_stds >= np.abs(believed.deviations).max()
     assert ruled(found).names == ("unknown",)
 
@@ -712,7 +715,7 @@ def test_a_delay_that_the_time_of_readings_hides_is_found():
     start = found.whole.at((delay(magnitude=3.5e-4, joint="A0"),), hidden)
     stuck = found.whole.refit(start, CLOSE)
     assert stuck.cost > found.singles[0].fit.cost + 10
-    assert Refits(found.fitter).leapt(stuck).cost < found.singles[0].fit.cost + 1
+    assert Refits(found.fitter, rules().bent_stds).leapt(stuck).cost < found.singles[0].fit.cost + 1
 
 
 def test_a_delay_counts_with_how_late_readings_are():
@@ -864,7 +867,7 @@ def test_dips_of_a_cost_ask_for_no_second_effect():
     part = evidence([stiction(magnitude=0.08, joint="A0")], seed=4, finer=4, noise_rad=1e-4)
     best = Attribution(part, {"stiction": stiction}, 0.05)
     fit = best.singles[0].fit
-    assert Refits(best.fitter).shaken(fit).cost < fit.cost - 5
+    assert Refits(best.fitter, rules().bent_stds).shaken(fit).cost < fit.cost - 5
 
 
 def lawless(found: Attribution) -> None:
