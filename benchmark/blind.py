@@ -27,8 +27,8 @@ from diagnosis.blind.grasp import GRASP, HOLDS, PULL
 from diagnosis.blind.make import PLANTS, write_case, write_sound
 
 MOST_CASES, MOST_HEALTHY = 999, 20
-KEPT_APART = "dart"
-"""A real side that no rule may be tuned on: only sets that name it have it."""
+KEPT_APART = ("dart", "bristle")
+"""Real sides that no rule may be tuned on: only sets that name them have them."""
 FEWEST_EFFECTS = 3
 """A pair, and another one to take out of the catalogue."""
 SECRET_BITS = 128
@@ -89,12 +89,12 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
     engines = registry.names("backend")
     if holding and set(PLANTS) & set(text.split(",")):
         raise UsageError(
-            f"--real {text}: {' and '.join(PLANTS)} have joints alone and no contacts, so they "
+            f"--real {text}: {', '.join(PLANTS)} have joints alone and no contacts, so they "
             f"cannot hold a stick; known: {', '.join(engines)}, or all"
         )
     known = engines if holding else (*engines, *PLANTS)
     if text == "all":
-        return tuple(real for real in known if real != KEPT_APART)
+        return tuple(real for real in known if real not in KEPT_APART)
     return _words("real side", text, known)
 
 

@@ -20,7 +20,9 @@ Answers = Annotated[
 ]
 Real = Annotated[
     str,
-    typer.Option(help="What is real: some of mujoco,bullet,sapien,plant, all of these, or dart."),
+    typer.Option(
+        help="What is real: some of mujoco,bullet,sapien,plant, all of these, or dart,bristle."
+    ),
 ]
 Rig = Annotated[str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")]
 Effects = Annotated[

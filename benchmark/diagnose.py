@@ -27,7 +27,7 @@ from benchmark.run_spec import HANDS
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.gather import require_joints
 from diagnosis.attribution.rules import rules
-from diagnosis.attribution.sound import LARGER, Sound
+from diagnosis.attribution.sound import Sound
 from diagnosis.attribution.verdict import NONE
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import (
@@ -294,7 +294,7 @@ def _healthy(found: Diagnosis, settings: Settings) -> dict:
             {
                 "joints": list(evidence.joints),
                 "left": dataclasses.asdict(evidence.sound),
-                "excused": [_excused(*one) for one in evidence.sound.sizes.items()],
+                "excused": [_excused(name, evidence.sound) for name in evidence.sound.sizes],
                 "rules": rule.model_dump(mode="json", exclude={"right", "version"}),
             }
             for evidence, rule in limbs
@@ -303,10 +303,14 @@ def _healthy(found: Diagnosis, settings: Settings) -> dict:
     }
 
 
-def _excused(effect: str, size: float) -> dict:
+def _excused(effect: str, sound: Sound) -> dict:
     """The largest magnitude of an effect that is no more than what a sound mechanism has."""
     unit = registry.load("effect", effect).unit
-    return {"effect": effect, "magnitude": LARGER * size / UNITS[unit][1], "unit": unit}
+    return {
+        "effect": effect,
+        "magnitude": sound.most(effect, rules()) / UNITS[unit][1],
+        "unit": unit,
+    }
 
 
 def _corrected(found: Diagnosis, world: World) -> str | None:

@@ -10,11 +10,6 @@ from dataclasses import dataclass, field
 
 from diagnosis.attribution.rules import Rules
 
-MORE = 1.25
-"""Another log of the same mechanism may leave so many times what the worst of these does."""
-LARGER = 2.0
-"""And show an effect that is so many times as large: a little of it is known to half of itself."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Sound:
@@ -31,9 +26,9 @@ class Sound:
     sizes: Mapping[str, float] = field(default_factory=dict)
     """Magnitudes of effects that seem to be there, by name; what a sound mechanism has of them."""
 
-    def excuses(self, effect: str, size: float) -> bool:
-        """Whether an effect of that size may be no more than what a sound mechanism has."""
-        return size <= LARGER * self.sizes.get(effect, 0.0)
+    def most(self, effect: str, rule: Rules) -> float:
+        """An effect may be so large and no more than what a sound mechanism has of it."""
+        return rule.sound_size * self.sizes.get(effect, 0.0)
 
     def excused(self, rule: Rules) -> Rules:
         """The rules, so much wider that none of these logs would be of an unknown effect.
@@ -43,9 +38,9 @@ class Sound:
         wider = max(1.0, self.bent / rule.alone_stds)
         return rule.model_copy(
             update={
-                "white_sd": max(rule.white_sd, MORE * self.surprise),
-                "uneven_sd": max(rule.uneven_sd, MORE * self.unevenness),
-                "law_nats": max(rule.law_nats, MORE * self.lack_of_fit),
+                "white_sd": max(rule.white_sd, rule.sound_left * self.surprise),
+                "uneven_sd": max(rule.uneven_sd, rule.sound_left * self.unevenness),
+                "law_nats": max(rule.law_nats, rule.sound_left * self.lack_of_fit),
                 "alone_stds": wider * rule.alone_stds,
                 "bent_stds": wider * rule.bent_stds,
                 "pair_stds": wider * rule.pair_stds,

@@ -23,8 +23,6 @@ this share of what it needs on all."""
 ANEW = 2
 """So many of the best candidates are searched from other magnitudes where the first does not
 explain the log."""
-SEEMS = 0.5
-"""An effect seems to be there where it gains this share of what an accusation needs."""
 OTHERS = 2
 """Singles beside the best one that a pair is built on, where that does not explain the log."""
 NONE, UNKNOWN = "none", "unknown"
@@ -130,7 +128,7 @@ def leaves(
     found = _attributed(evidence, catalogue, uncertainty)
     rule, left = found.rule, found.leftover(found.nominal)
     small = _with_little(found, found.nominal, found.singles, rule)
-    seem = [one for one in found.singles if _lead(found.nominal, one) >= SEEMS * rule.accuse_nats]
+    seem = [one for one in found.singles if _lead(found.nominal, one) >= rule.sound_nats]
     sizes: dict[str, float] = {}
     for one in seem:
         size = _size(found, one.fit.effects[-1], one)
@@ -446,7 +444,7 @@ def _beyond_nominal(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
     Each of them: the first of a pair, too, may be no more than that beside the second.
     """
     sound, pairs = found.fitter.evidence.sound, zip(ranked.names, ranked.fit.effects, strict=True)
-    excused = sound and any(sound.excuses(n, _size(found, e, ranked)) for n, e in pairs)
+    excused = sound and any(_size(found, e, ranked) <= sound.most(n, rule) for n, e in pairs)
     return not excused and all(_is_beyond(found, e, ranked, rule) for e in ranked.fit.effects)
 
 

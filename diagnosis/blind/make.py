@@ -34,7 +34,7 @@ from diagnosis.logs.log import (
     write_log,
 )
 
-PLANTS = ("plant", "dart")
+PLANTS = ("plant", "dart", "bristle")
 """Real sides with equations of their own, a file each in `mechanics`; they have joints alone."""
 TORQUE_NOISE = 0.02
 """Noise of a logged torque over the drive's limit, standard deviation."""

@@ -18,7 +18,7 @@ from benchmark.errors import UsageError
 from diagnosis.blind import detectable, draw, files, frozen, make, motion, rigs
 from diagnosis.blind.files import BlindSet
 from diagnosis.blind.measures import median, share
-from diagnosis.blind.mechanics import dart, plant
+from diagnosis.blind.mechanics import bristle, dart, plant
 from diagnosis.blind.plant import CHANGES, NUMBERS, Plant
 from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import LogError
@@ -29,10 +29,18 @@ WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
 NO_BASELINE = plant.Baseline(
     play_rad=0.0, friction_share=0.0, cogging_share=0.0, stiffening_rad2=0.0
 )
-NO_DART_BASELINE = dart.Baseline(
-    **dict.fromkeys((f.name for f in dataclasses.fields(dart.Baseline)), 0.0)
-)
-IDEAL = {"plant": plant.Mechanics(NO_BASELINE), "dart": dart.Mechanics(NO_DART_BASELINE)}
+
+
+def nothing(kind: type, **kept: float):
+    """A baseline in which nothing is there but what is named."""
+    return kind(**(dict.fromkeys((f.name for f in dataclasses.fields(kind)), 0.0) | kept))
+
+
+IDEAL = {
+    "plant": plant.Mechanics(NO_BASELINE),
+    "dart": dart.Mechanics(nothing(dart.Baseline)),
+    "bristle": bristle.Mechanics(nothing(bristle.Baseline, bristle_rad=1e-4)),
+}
 """Plants without what every real drive has."""
 SOLVER_FOLDERS = ("diagnosis/attribution/", "diagnosis/replay/", "diagnosis/beside/")
 
@@ -294,6 +302,7 @@ def test_maker_and_solver_share_no_code():
     for name in make.PLANTS:
         assert frozen.imported(f"diagnosis.blind.mechanics.{name}") <= {
             "diagnosis/blind/plant.py",
+            "diagnosis/blind/mechanics/_chain.py",
             f"diagnosis/blind/mechanics/{name}.py",
             "backends/spec.py",
             "backends/state.py",
@@ -369,54 +378,58 @@ def test_plant_agrees_with_engines_in_the_limit(rig, tilt_rad):
 
 
 @pytest.mark.parametrize(("rig", "tilt_rad"), [("finger", 0.0), ("finger", 1.2), ("joint", 0.4)])
-def test_dart_agrees_with_the_plant_in_the_limit(rig, tilt_rad, monkeypatch):
-    """Meet the plant's closed form without friction and play, to first order in DART's period.
+def test_plants_agree_in_the_limit(rig, tilt_rad, monkeypatch):
+    """Meet the plant's closed form without friction and play, at the plant's own period.
 
-    Within 0.1 mrad and 1 % of the way at the plant's own period, where corners and limits are not
-    reached; two independent derivations of a two-link chain, a rotor each and a spring between.
+    Within 0.1 mrad and 1 % of the torque where limits are not reached: DART's articulated bodies
+    and the closed form are two derivations of a chain with rotors and springs between.
     """
     rng = np.random.default_rng(3)
     spec = bare(rig, 1e-3)
     motions = [motion.motion(p, spec, rng) for p in ("triangle", "multisine", "push")]
     monkeypatch.setattr(dart, "TICK_S", plant.TICK_S)
     monkeypatch.setattr(dart.Mechanics, "tick_s", plant.TICK_S)
-    read = []
-    for mechanics in IDEAL.values():
+    read: dict[str, list] = {}
+    for name, mechanics in IDEAL.items():
         real = Plant(spec, mechanics)
         real.add("gravity-tilt", tilt_rad, None)
-        read.append([real.run(m.target_rad, m.push_nm, 1 / motion.RATE_HZ, rng) for m in motions])
-    for ours, theirs in zip(*read, strict=True):
-        assert theirs["position"] == pytest.approx(ours["position"], abs=1e-4)
-        limit = spec.drives[0].torque_limit_nm
-        assert theirs["torque"] == pytest.approx(ours["torque"], abs=0.01 * limit)
+        runs = [real.run(m.target_rad, m.push_nm, 1 / motion.RATE_HZ, rng) for m in motions]
+        read[name] = runs
+    limit = spec.drives[0].torque_limit_nm
+    for theirs in (read["dart"], read["bristle"]):
+        for one, other in zip(read["plant"], theirs, strict=True):
+            assert other["position"] == pytest.approx(one["position"], abs=1e-4)
+            assert other["torque"] == pytest.approx(one["torque"], abs=0.01 * limit)
 
 
+@pytest.mark.parametrize("name", ["dart", "bristle"])
 @pytest.mark.parametrize(("share", "moves"), [(0.95, False), (1.05, True)])
-def test_dart_sticks_until_friction_is_overcome(share, moves):
+def test_plants_stick_until_friction_is_overcome(share, moves, name):
     """Hold a joint whose target calls for less than its breakaway torque, and let go above.
 
     The arm rests a second first: DART must not put it to sleep.
     """
     spec = rigs.nominal("joint")
     drive = spec.drives[0]
-    real = Plant(bare("joint", 1e-3), IDEAL["dart"])
+    real = Plant(bare("joint", 1e-3), IDEAL[name])
     real.add("gravity-tilt", math.pi / 2, None)  # gravity along the arm, which stays straight
     real.add("coulomb-friction", 0.1, None)
     real.add("stiction", 0.1, None)
     samples = 401
     target = np.zeros((samples, 1))
-    target[200:] = share * 0.2 / drive.kp_nm_rad
+    target[200:, 0] = np.linspace(0.0, share * 0.2 / drive.kp_nm_rad, samples - 200)
     read = real.run(target, np.zeros((samples, 1)), 1 / motion.RATE_HZ, np.random.default_rng(0))
     assert np.ptp(read["motor"][:200]) < 1e-5
     assert (np.ptp(read["motor"]) > 1e-3) == moves
 
 
-def test_a_kept_real_side_is_named_alone():
-    """Deal `all` without the side that no rule may be tuned on; it has no contacts either."""
+def test_kept_real_sides_are_named_alone():
+    """Deal `all` without the sides that no rule may be tuned on; they have no contacts either."""
     words = {"rig": "finger", "modes": "all", "effects": "all", "protocols": "all"}
     assert blind.settings(8, "all", **words).reals == ("bullet", "mujoco", "sapien", "plant")
     assert blind.settings(8, "dart", **words).reals == ("dart",)
-    with pytest.raises(UsageError, match="plant and dart have joints alone"):
+    assert set(blind.KEPT_APART) < set(make.PLANTS)
+    with pytest.raises(UsageError, match="plant, dart, bristle have joints alone"):
         blind.settings(8, "dart", **(words | {"rig": "held"}))
 
 

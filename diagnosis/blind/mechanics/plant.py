@@ -5,8 +5,8 @@
     F    = coulomb + stiction exp(-(w / V)^2) + load |gear| + worm
 
 `band` is a dead band with rounded corners, `sat` a limit with rounded corners, the worm a friction
-that rises with the share of the motion that the load drives. Joints are plane two-link chains in
-closed form. Semi-implicit Euler at 0.1 ms, the rotor's friction implicit.
+that rises with the share of the motion that the load drives. Semi-implicit Euler at 0.1 ms, the
+rotor's friction implicit.
 
 On top of the ideal mechanism there is always a little play, friction, cogging and stiffening.
 """
@@ -17,6 +17,7 @@ import numba
 import numpy as np
 
 from backends.state import Array
+from diagnosis.blind.mechanics._chain import fall, geometry
 from diagnosis.blind.plant import Course, Limb
 
 _DRIVE = (
@@ -63,7 +64,7 @@ class Mechanics:
 
         ValueError for what is no plane chain of one or two.
         """
-        links, pull = _geometry(limb)
+        links, pull = geometry(limb)
         base, numbers = self._baseline, limb.numbers
         drives = np.array([numbers[name] for name in _DRIVE])
         drives[_DRIVE.index("play")] += base.play_rad
@@ -79,23 +80,6 @@ class Mechanics:
             base.cogging_per_rad,
             base.stiffening_rad2,
         )
-
-
-def _geometry(limb: Limb) -> tuple[Array, Array]:
-    """Links (2, 6) of a limb in its plane (mass, centre, length, inertia), and gravity (2,)."""
-    axis = np.array(limb.bodies[0].joint.axis)
-    if len(limb.bodies) > 2 or any(body.joint.axis != tuple(axis) for body in limb.bodies):
-        raise ValueError("the plant knows limbs of one or two parallel hinges only")
-    u = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.5 else np.array([0.0, 1.0, 0.0])
-    u = u - (u @ axis) * axis
-    plane = np.stack([u / np.linalg.norm(u), np.cross(axis, u / np.linalg.norm(u))])
-    links = np.zeros((2, 6))
-    for i, body in enumerate(limb.bodies):
-        links[i, 0], links[i, 5] = body.mass_kg, float(axis**2 @ np.array(body.inertia_kgm2))
-        links[i, 1:3] = plane @ np.array(body.com_m)
-        if i > 0:
-            links[0, 3:5] = plane @ np.array(body.origin_m)
-    return links, plane @ np.array(limb.gravity_m_s2)
 
 
 @numba.njit(cache=True)
@@ -127,33 +111,6 @@ def _slowed(speed, decay, friction):
         if step <= 1e-12 * (w + 1e-9):
             break
     return np.copysign(w, speed)
-
-
-@numba.njit(cache=True)
-def _fall(q, qd, torque, links, pull, out):
-    """Write the accelerations of a plane chain of one or two links."""
-    m1, m2 = links[0, 0], links[1, 0]
-    c1, l1, c2 = links[0, 1:3], links[0, 3:5], links[1, 1:3]
-    a, b = np.cos(q[0]), np.sin(q[0])
-    g0, g1 = a * pull[0] + b * pull[1], a * pull[1] - b * pull[0]  # gravity seen from link 1
-    own = links[0, 5] + m1 * (c1[0] ** 2 + c1[1] ** 2)
-    weight1 = m1 * (c1[0] * g1 - c1[1] * g0)
-    if len(q) == 1:
-        out[0] = (torque[0] + weight1) / own
-        return
-    c, s = np.cos(q[1]), np.sin(q[1])
-    x, y = c * c2[0] - s * c2[1], s * c2[0] + c * c2[1]
-    m22 = links[1, 5] + m2 * (c2[0] ** 2 + c2[1] ** 2)
-    m12 = m22 + m2 * (l1[0] * x + l1[1] * y)
-    m11 = own + m2 * (l1[0] ** 2 + l1[1] ** 2) + 2 * m12 - m22
-    h = m2 * (l1[1] * x - l1[0] * y)
-    weight2 = m2 * (x * g1 - y * g0)
-    weight1 += weight2 + m2 * (l1[0] * g1 - l1[1] * g0)
-    t1 = torque[0] + weight1 - h * qd[1] * (2 * qd[0] + qd[1])
-    t2 = torque[1] + weight2 + h * qd[0] ** 2
-    det = m11 * m22 - m12 * m12
-    out[0] = (m22 * t1 - m12 * t2) / det
-    out[1] = (m11 * t2 - m12 * t1) / det
 
 
 @numba.njit(cache=True)
@@ -196,7 +153,7 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
                 speed[j] = _slowed(free, decay, TICK_S / rotor * dry)
                 motor[j] += TICK_S * speed[j]
                 torque[j] = gear + push[k, j]
-            _fall(q, qd, torque, links, pull, acceleration)
+            fall(q, qd, torque, links, pull, acceleration)
             for j in range(joints):
                 qd[j] += TICK_S * acceleration[j]
                 q[j] += TICK_S * qd[j]
