@@ -28,6 +28,8 @@ class Score:
     """Versions of the rules behind the results."""
     solvers_tried: int
     """Versions of the solver that were ever run on this set."""
+    healthy: int
+    """Logs of sound mechanisms of every make that the solver was given."""
     tables: dict[str, pd.DataFrame]
 
     def plain(self) -> dict:
@@ -38,6 +40,7 @@ class Score:
             "frozen": self.frozen,
             "rules_versions": list(self.rules_versions),
             "solvers_tried": self.solvers_tried,
+            "healthy": self.healthy,
             "detectable_nats": DETECTABLE_NATS,
             "strong_nats": STRONG_NATS,
             "intervals": {
@@ -75,6 +78,7 @@ def score(
         frozen=set(by_case["solver_sha256"]) == {promised.solver_sha256},
         rules_versions=tuple(sorted(set(by_case["rules_version"]))),
         solvers_tried=len(blind.tried()),
+        healthy=int(opened.settings.get("healthy", 0)),
         tables={
             "cases": by_case.drop(columns=["wrong", "says_none", "missed", "solver_sha256"]),
             "groups": tables.by_group(by_case, by_fault),
@@ -129,7 +133,8 @@ def markdown(found: Score) -> str:
     parts = [
         "# Blind score\n",
         f"{len(found.tables['cases'])} cases, solved {when}; rules version {versions}; "
-        f"{found.solvers_tried} versions of the solver were run on this set. Intervals: "
+        f"{found.solvers_tried} versions of the solver were run on this set; with {found.healthy} "
+        "logs of sound mechanisms of every make. Intervals: "
         "Wilson 95 % of shares, order statistics of medians. Headline figures are over cases "
         f"whose true effects lower the cost by {DETECTABLE_NATS:g} nats or more; weaker ones "
         f"stand apart (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
