@@ -332,6 +332,8 @@ def _catalogue() -> dict[str, type[Effect]]:
 
 def _each(what: str, work: Callable, tasks: Sequence[tuple], jobs: int) -> list:
     """The work's results in order, one core per task; tasks that were done stay done."""
+    if not tasks:
+        return []
     parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
     found = []
     with Bar(what, len(tasks)) as bar:

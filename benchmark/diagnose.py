@@ -24,8 +24,8 @@ from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
-from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.gather import require_joints
+from diagnosis.attribution.evidence import USED, Evidence
+from diagnosis.attribution.gather import FREE_AIR, require_joints
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.sound import Sound
 from diagnosis.attribution.verdict import NONE
@@ -106,7 +106,7 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
         pairs = list(zip(logs, worlds, strict=True))
         gaps = [_apart_rad(*pair, settings.nominal, engine, workers) for pair in pairs]
         apart = max((gap for gap in gaps if gap is not None), default=None)
-        sound = _sound(settings, catalogue, workers)
+        sound = _sound(settings, pairs[main], catalogue, workers)
         limbs, (log, world) = _side_by_side(settings.paths[main].name, workers), pairs[main]
         if judging:
             every = [(one, its.spec) for one, its in pairs]
@@ -147,18 +147,52 @@ def _judging(settings: Settings) -> list[int]:
 
 
 def _sound(
-    settings: Settings, catalogue: Mapping[str, type[Effect]], workers: int
+    settings: Settings,
+    diagnosed: tuple[Log, World],
+    catalogue: Mapping[str, type[Effect]],
+    workers: int,
 ) -> tuple[Sound, ...]:
-    """What every limb leaves in the healthy logs; raises UsageError or LogError."""
+    """What every limb leaves in the healthy logs; raises UsageError or LogError.
+
+    They must be of the same joints, and have moved and read what the log that is diagnosed did.
+    """
     paths = [path.resolve() for path in settings.paths]
     if both := [path for path in settings.healthy if path.resolve() in paths]:
         raise UsageError(
             f"--healthy {both[0]} is the log that is diagnosed; give logs of the same mechanism "
             "from when nothing was wrong"
         )
+    today, world = diagnosed
     logs = [read_log(path) for path in settings.healthy]
     pairs = [(log, _world(log, settings).spec) for log in logs]
+    for path, (log, spec) in zip(settings.healthy, pairs, strict=True):
+        if spec.hand.joint_names != world.spec.hand.joint_names:
+            raise UsageError(
+                f"--healthy {path} is of {', '.join(spec.hand.joint_names)}, and the log that is "
+                f"diagnosed of {', '.join(world.spec.hand.joint_names)}; give logs of the same "
+                "mechanism"
+            )
+        for what, asked, there in (
+            ("protocols", _protocols(today), _protocols(log)),
+            ("channels", _read(today), _read(log)),
+        ):
+            if lacking := sorted(asked - there):
+                raise UsageError(
+                    f"--healthy {path} lacks the {what} {', '.join(lacking)} of the log that is "
+                    "diagnosed; what a sound mechanism leaves is told of the same motions and "
+                    "sensors: record it likewise"
+                )
     return healthy(pairs, catalogue, _side_by_side("healthy logs", workers)) if pairs else ()
+
+
+def _protocols(log: Log) -> set[str]:
+    """Protocols of a log in free air."""
+    return {e.protocol for e in log.episodes} & set(FREE_AIR)
+
+
+def _read(log: Log) -> set[str]:
+    """Channels of a log that replays are compared with."""
+    return {kind for kind in USED if any(log.has(kind, joint) for joint in log.joints)}
 
 
 def _catalogue() -> dict[str, type[Effect]]:

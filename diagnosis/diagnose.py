@@ -181,7 +181,12 @@ def healthy(
     The most in any of them. Nothing is judged: what these logs show is called sound. Raises
     LogError where one cannot be used, or the logs are of different joints.
     """
-    gathered = [tuple(map(at_rest, _gathered(*pair, catalogue)[0])) for pair in logs]
+    gathered = []
+    for number, pair in enumerate(logs, start=1):
+        try:
+            gathered.append(tuple(map(at_rest, _gathered(*pair, catalogue)[0])))
+        except LogError as error:
+            raise LogError(f"healthy log {number} of {len(logs)}: {error}") from error
     if len({tuple(part.joints for part in parts) for parts in gathered}) > 1:
         raise LogError("the healthy logs are of different joints; give logs of one mechanism")
     uncertainty = max(log.meta.nominal_uncertainty for log, _ in logs)

@@ -5,7 +5,7 @@ import json
 
 import numpy as np
 import pytest
-from diagnosis_logs import arm_log
+from diagnosis_logs import arm_log, hand_log
 
 from backends.spec import Spec
 from benchmark import blind, cli, registry
@@ -136,9 +136,19 @@ def test_healthy_logs_on_the_command_line(tmp_path, capfd):
     assert "healthy logs" in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_the_log_itself_is_not_healthy(tmp_path, capfd):
-    """Refuse the log that is diagnosed as its own measure."""
-    log = tmp_path / "log"
+def test_healthy_logs_that_cannot_be_held_against_are_refused(tmp_path, capfd):
+    """Say in one line why a log is no measure: itself, of other joints, or moved otherwise."""
+    log, short, hand = tmp_path / "log", tmp_path / "short", tmp_path / "hand"
     write_log(arm_log("none"), log, "csv")
-    assert cli._run(["diagnose", str(log), "--healthy", str(log)]) == 2
-    assert "is the log that is diagnosed" in capfd.readouterr().err
+    write_log(arm_log("none", ("steps",)), short, "csv")
+    hand_log(hand, "none", "steps")
+    capfd.readouterr()
+    for other, said in (
+        (log, "is the log that is diagnosed"),
+        (short, "lacks the protocols multisine of the log that is diagnosed"),
+        (hand, "is of J0, J1, J3, J4, J6, J7, and the log that is diagnosed of shoulder, elbow"),
+        (tmp_path / "none", "no log"),
+    ):
+        assert cli._run(["diagnose", str(log), "--healthy", str(other), "--workers", "1"]) == 2
+        err = " ".join(capfd.readouterr().err.split())
+        assert said in err and "Traceback" not in err
