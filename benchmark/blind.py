@@ -16,7 +16,7 @@ from backends.shard import simulate
 from backends.spec import Spec
 from benchmark import registry
 from benchmark.console import Bar
-from benchmark.errors import UsageError, unknown
+from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import within
 from diagnosis.attribution.sound import Sound
@@ -24,7 +24,7 @@ from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
-from diagnosis.blind.make import PLANTS, write_case, write_sound
+from diagnosis.blind.make import PLANTS, mechanics, write_case, write_sound
 
 MOST_CASES, MOST_HEALTHY = 999, 20
 KEPT_APART = ("dart", "bristle")
@@ -107,7 +107,9 @@ def make(
         within("--seed", seed, 0, 2**SECRET_BITS)
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
-        if real not in PLANTS:
+        if real in PLANTS:
+            _load_plant(real)
+        else:
             registry.load("backend", real)
     cases = draw.draw(wanted, _catalogue(), seed)
     blind = BlindSet(path=out)
@@ -134,6 +136,17 @@ def make(
         "rules_version": promised.rules_version,
         "solver_sha256": promised.solver_sha256,
     }
+
+
+def _load_plant(name: str) -> None:
+    """Raises CommandError where what a plant needs is not there."""
+    try:
+        mechanics(name)
+    except ImportError as error:
+        raise CommandError(
+            f"real side '{name}' cannot be loaded: {error}; install Stickbench with its "
+            "dependencies again, or choose another --real"
+        ) from error
 
 
 def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:

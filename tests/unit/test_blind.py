@@ -433,6 +433,17 @@ def test_kept_real_sides_are_named_alone():
         blind.settings(8, "dart", **(words | {"rig": "held"}))
 
 
+def test_a_plant_without_its_engine_is_refused(tmp_path, capfd, monkeypatch):
+    """Say in one line that DART is not there, and make nothing."""
+    monkeypatch.delitem(sys.modules, "diagnosis.blind.mechanics.dart", raising=False)
+    monkeypatch.setitem(sys.modules, "dartpy", None)
+    words = ["blind", "make", "--out", str(tmp_path / "set"), "--answers", str(tmp_path / "a")]
+    assert cli._run([*words, "--real", "dart", "--cases", "1"]) == 1
+    err = capfd.readouterr().err
+    assert "real side 'dart' cannot be loaded" in err and "Traceback" not in err
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_plant_knows_no_branches():
     """Refuse a tree of hinges, of which neither closed form nor drive order would be right."""
     spec = rigs.nominal("finger")
