@@ -71,10 +71,9 @@ class Rules(BaseModel):
     """Held-out gap that counts as none."""
     nominal_stds: float
     """A nominal parameter is accused beyond so many of its standard deviations."""
-    sound_left: float
-    """A log may leave so many times what the worst log of a sound mechanism does, see `Sound`."""
-    sound_size: float
-    """And an effect be so many times as large as there: a little is known to half of itself."""
+    sound_more: float
+    """A log may leave so many times what the worst log of a sound mechanism does, and an effect be
+    so many times as large as there, see `Sound`: what is little differs by that from log to log."""
     sound_nats: float
     """An effect is there where it lowers the cost of the nominal refit by this."""
     tie_nats: float

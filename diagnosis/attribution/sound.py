@@ -28,7 +28,7 @@ class Sound:
 
     def most(self, effect: str, rule: Rules) -> float:
         """An effect may be so large and no more than what a sound mechanism has of it."""
-        return rule.sound_size * self.sizes.get(effect, 0.0)
+        return rule.sound_more * self.sizes.get(effect, 0.0)
 
     def excused(self, rule: Rules) -> Rules:
         """The rules, so much wider that none of these logs would be of an unknown effect.
@@ -38,9 +38,9 @@ class Sound:
         wider = max(1.0, self.bent / rule.alone_stds)
         return rule.model_copy(
             update={
-                "white_sd": max(rule.white_sd, rule.sound_left * self.surprise),
-                "uneven_sd": max(rule.uneven_sd, rule.sound_left * self.unevenness),
-                "law_nats": max(rule.law_nats, rule.sound_left * self.lack_of_fit),
+                "white_sd": max(rule.white_sd, rule.sound_more * self.surprise),
+                "uneven_sd": max(rule.uneven_sd, rule.sound_more * self.unevenness),
+                "law_nats": max(rule.law_nats, rule.sound_more * self.lack_of_fit),
                 "alone_stds": wider * rule.alone_stds,
                 "bent_stds": wider * rule.bent_stds,
                 "pair_stds": wider * rule.pair_stds,
