@@ -283,10 +283,14 @@ def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
 
 
 def _hear_one(blind: BlindSet, make: int, solver: dict) -> None:
-    """Write what sound mechanisms of a make leave; the whole catalogue may fit them."""
+    """Write what sound mechanisms of a make leave, nothing where the solver refuses their logs."""
     from diagnosis.blind.solve import left_sound
+    from diagnosis.logs.log import LogError
 
-    left = left_sound(sorted(blind.healthy(make).iterdir()), _catalogue())
+    try:
+        left = left_sound(sorted(blind.healthy(make).iterdir()), _catalogue())
+    except LogError:
+        left = ()
     files.write_json(blind.soundness(make), {"limbs": [asdict(one) for one in left], **solver})
 
 

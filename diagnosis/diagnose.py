@@ -179,7 +179,8 @@ def healthy(
     """What every limb of a mechanism leaves in logs of it, with their nominal worlds, while sound.
 
     The most in any of them. Nothing is judged: what these logs show is called sound. Raises
-    LogError where one cannot be used, or the logs are of different joints.
+    LogError where one cannot be used or leaves too much for that, or the logs are of different
+    joints.
     """
     gathered = []
     for number, pair in enumerate(logs, start=1):
@@ -192,8 +193,18 @@ def healthy(
     uncertainty = max(log.meta.nominal_uncertainty for log, _ in logs)
     judge_one = partial(_sound_limb, catalogue=catalogue, uncertainty=uncertainty)
     every = [part for parts in gathered for part in parts]
-    found = [one.sound or Sound() for one in side_by_side(judge_one, every)]
-    return tuple(worst(found[k :: len(gathered[0])]) for k in range(len(gathered[0])))
+    limbs, found = len(gathered[0]), list(side_by_side(judge_one, every))
+    for k, one in enumerate(found):
+        gap_there = one.verdict.attribution.nominal.gap
+        if gap_there > rules().sound_gap:
+            raise LogError(
+                f"healthy log {k // limbs + 1} of {len(logs)} leaves {gap_there:.1f} times the "
+                f"noise floor on {', '.join(every[k].joints)} with the nominal parameters "
+                f"refitted; allowed: up to {rules().sound_gap:g}. What excuses that excuses any effect: "
+                "diagnose that log first, and name what it finds with --effects-known"
+            )
+    sounds = [one.sound or Sound() for one in found]
+    return tuple(worst(sounds[k::limbs]) for k in range(limbs))
 
 
 def _sound_limb(

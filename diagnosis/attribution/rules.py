@@ -76,6 +76,8 @@ class Rules(BaseModel):
     so many times as large as there, see `Sound`: what is little differs by that from log to log."""
     sound_nats: float
     """An effect is there where it lowers the cost of the nominal refit by this."""
+    sound_gap: float
+    """Held-out gap beyond which a log is none of a sound mechanism: it would excuse any effect."""
     tie_nats: float
     """Effects whose cost is this near the best are not told apart."""
     right: Right

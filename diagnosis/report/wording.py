@@ -26,9 +26,11 @@ VERDICT, BEST = "the verdict", "the best that was found"
 def sentence(found: Diagnosis) -> str:
     """The verdict in one or two sentences."""
     if found.verdict == (NONE,):
+        sound = any(limb.attribution.fitter.evidence.sound for limb in found.limbs)
+        beyond = " beyond what healthy logs show" if sound else ""
         return (
-            "No effect is needed: the nominal world explains this log within the uncertainty of "
-            "its parameters."
+            f"No effect is needed{beyond}: the nominal world explains this log within the "
+            "uncertainty of its parameters."
         )
     parts = []
     if found.magnitudes:

@@ -16,6 +16,7 @@ from diagnosis.blind.files import BlindSet
 from diagnosis.blind.mechanics import plant
 from diagnosis.diagnose import diagnose, healthy
 from diagnosis.logs.log import Log, LogError, write_log
+from diagnosis.report.wording import sentence
 
 ROUGH = plant.Baseline(play_rad=1e-3, cogging_share=8e-3, friction_share=4e-3)
 """A mechanism with more on top of any effect than the rules allow for."""
@@ -87,7 +88,14 @@ def test_what_a_sound_mechanism_leaves_is_excused(rough):
     found = diagnose(*hurt, catalogue(), sound=left)
     assert found.verdict == ("coulomb-friction",) and found.joints == ("A0",)
     assert found.magnitudes[0].value == pytest.approx(100.0, rel=0.1)
-    assert diagnose(*rough_log(8), catalogue(), sound=left).verdict == ("none",)
+    fine = diagnose(*rough_log(8), catalogue(), sound=left)
+    assert fine.verdict == ("none",) and "beyond what healthy logs show" in sentence(fine)
+
+
+def test_what_would_excuse_anything_is_refused():
+    """Refuse a healthy log that leaves a large gap, and say what to do with it."""
+    with pytest.raises(LogError, match="healthy log 1 of 1 leaves .* on A0 .* diagnose that log"):
+        healthy([rough_log(1, draw.Fault(effect="dead-zone", joint="A0", magnitude=0.02))], {})
 
 
 def test_soundness_of_other_limbs_is_refused():

@@ -162,7 +162,7 @@ def test_a_page_without_a_finding(found, log, verdict):
     assert wording.sentence(lost) in text
     assert "No effect was found" in text
     assert '"with the verdict"' not in text.split("</script>", 1)[1]
-    assert summary(lost, {"warnings": [], "next": {}, "written": []})
+    assert summary(lost, {"healthy": {"logs": []}, "warnings": [], "next": {}, "written": []})
 
 
 def test_what_arrived_is_drawn_beside_what_was_told(found, log):
