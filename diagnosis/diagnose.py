@@ -200,8 +200,8 @@ def healthy(
             raise LogError(
                 f"healthy log {k // limbs + 1} of {len(logs)} leaves {gap_there:.1f} times the "
                 f"noise floor on {', '.join(every[k].joints)} with the nominal parameters "
-                f"refitted; allowed: up to {rules().sound_gap:g}. What excuses that excuses any effect: "
-                "diagnose that log first, and name what it finds with --effects-known"
+                f"refitted; allowed: up to {rules().sound_gap:g}. What excuses that excuses "
+                "any effect: diagnose that log first, and name what it finds with --effects-known"
             )
     sounds = [one.sound or Sound() for one in found]
     return tuple(worst(sounds[k::limbs]) for k in range(limbs))
