@@ -76,7 +76,7 @@ def healthy(told: Mapping[str, Any], base: Rules) -> str:
         ]
         joints = listed(limb["joints"])
         asked.append(f"on {joints} {listed(wider) if wider else 'nothing more'} is excused")
-    return f"by {len(told['logs'])}, {'; '.join(asked)}"
+    return f"by {len(told['logs'])}: {'; '.join(asked)}"
 
 
 _EXCUSED = (
