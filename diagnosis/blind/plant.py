@@ -15,15 +15,16 @@ import numpy as np
 from backends.spec import Body, Spec
 from backends.state import Array
 
-_DRIVE = (
+DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
     *("lock", "stiction", "load", "dead"),
 )
+"""Numbers of a drive, in the order in which equations take them."""
 _OTHER = (
     *("delay", "slowness", "loss"),
     *("mass", "bias", "scale", "resolution", "noise", "late"),
 )
-NUMBERS = (*_DRIVE, *_OTHER)
+NUMBERS = (*DRIVE, *_OTHER)
 CHANGES = {
     "backlash": ("play", "add"),
     "self-lock": ("lock", "add"),
@@ -149,7 +150,7 @@ class Plant:
         )
         return Limb(
             bodies=tuple(bodies),
-            numbers={name: self.numbers[name][columns] for name in _DRIVE},
+            numbers={name: self.numbers[name][columns] for name in DRIVE},
             gravity_m_s2=self._gravity,
         )
 

@@ -1,4 +1,4 @@
-"""A real side whose friction has bristles, written when the rules were done and never looked into.
+"""A real side whose friction has bristles; kept out of sets that rules are tuned on, see docs/blind.md.
 
     i' = (clip(kp band(target - motor) - kd f) - i) / T,    f' = (w - f) / D
     J w' = side(i) i + cogging - gear - viscous w - F
@@ -21,12 +21,8 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind.mechanics._chain import fall, geometry
-from diagnosis.blind.plant import Course, Limb
+from diagnosis.blind.plant import DRIVE, Course, Limb
 
-_DRIVE = (
-    *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead"),
-)
 TICK_S = 1e-4
 STRIBECK_RAD_S = 0.05
 """V: speed at which stiction has faded to a half."""
@@ -71,10 +67,10 @@ class Mechanics:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""
         links, pull = geometry(limb)
         base = self._baseline
-        drives = np.array([limb.numbers[name] for name in _DRIVE])
+        drives = np.array([limb.numbers[name] for name in DRIVE])
         limits = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
-        drives[_DRIVE.index("play")] += base.play_rad
-        drives[_DRIVE.index("coulomb")] += base.friction_share * limits
+        drives[DRIVE.index("play")] += base.play_rad
+        drives[DRIVE.index("coulomb")] += base.friction_share * limits
         return _run(
             np.ascontiguousarray(wanted_rad),
             np.ascontiguousarray(push_nm),

@@ -1,4 +1,4 @@
-"""A real side in DART, an engine that no rule of the diagnosis was ever tuned on.
+"""A real side in the engine DART; kept out of sets that rules are tuned on, see docs/blind.md.
 
 Links move by DART's articulated bodies, every rotor is a body of its own. Dry friction is DART's:
 a constraint that holds until it is overcome, so it sticks; viscous friction is implicit.
@@ -9,6 +9,7 @@ a constraint that holds until it is overcome, so it sticks; viscous friction is 
     limit = coulomb + stiction exp(-|w| / V) + load |gear| + lock where the load drives the motor
 
 The speed w that the servo uses is the motor encoder's difference over one period of 0.2 ms.
+Motor angles are logged as the servo last read them, a period before the joints'.
 
 On top of the effects there is always a little hard play, dry friction at the rotor and in the
 link's bearing, ripple of the torque, teeth that are stiffer here than there, and the current loop's

@@ -18,12 +18,8 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind.mechanics._chain import fall, geometry
-from diagnosis.blind.plant import Course, Limb
+from diagnosis.blind.plant import DRIVE, Course, Limb
 
-_DRIVE = (
-    *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead"),
-)
 TICK_S = 1e-4
 CREEP_RAD_S = 2e-3
 """W: speed at which friction has grown to three quarters."""
@@ -66,8 +62,8 @@ class Mechanics:
         """
         links, pull = geometry(limb)
         base, numbers = self._baseline, limb.numbers
-        drives = np.array([numbers[name] for name in _DRIVE])
-        drives[_DRIVE.index("play")] += base.play_rad
+        drives = np.array([numbers[name] for name in DRIVE])
+        drives[DRIVE.index("play")] += base.play_rad
         limits = [b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive]
         shares = np.outer([base.cogging_share, base.friction_share], limits)
         return _run(
