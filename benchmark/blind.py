@@ -24,10 +24,18 @@ from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
-from diagnosis.blind.make import PLANTS, mechanics, write_case, write_sound
+from diagnosis.blind.make import (
+    ENGINES,
+    PLANTS,
+    STICKLESS,
+    engine,
+    mechanics,
+    write_case,
+    write_sound,
+)
 
 MOST_CASES, MOST_HEALTHY = 999, 20
-KEPT_APART = ("dart", "bristle")
+KEPT_APART = ("dart", "bristle", "drake")
 """Real sides that no rule may be tuned on: only sets that name them have them."""
 FEWEST_EFFECTS = 3
 """A pair, and another one to take out of the catalogue."""
@@ -87,12 +95,12 @@ def _rigs(text: str) -> tuple[str, ...]:
 def _reals(text: str, holding: bool) -> tuple[str, ...]:
     """Real sides, 'all' being all that can carry the rig, but what is kept apart."""
     engines = registry.names("backend")
-    if holding and set(PLANTS) & set(text.split(",")):
+    if holding and set(STICKLESS) & set(text.split(",")):
         raise UsageError(
-            f"--real {text}: {', '.join(PLANTS)} have joints alone and no contacts, so they "
+            f"--real {text}: {', '.join(STICKLESS)} have joints alone and no contacts, so they "
             f"cannot hold a stick; known: {', '.join(engines)}, or all"
         )
-    known = engines if holding else (*engines, *PLANTS)
+    known = engines if holding else (*engines, *STICKLESS)
     if text == "all":
         return tuple(real for real in known if real not in KEPT_APART)
     return _words("real side", text, known)
@@ -107,10 +115,7 @@ def make(
         within("--seed", seed, 0, 2**SECRET_BITS)
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
-        if real in PLANTS:
-            _load_plant(real)
-        else:
-            registry.load("backend", real)
+        _load_real(real)
     cases = draw.draw(wanted, _catalogue(), seed)
     blind = BlindSet(path=out)
     sound = draw.sound(wanted, cases, seed)
@@ -138,14 +143,17 @@ def make(
     }
 
 
-def _load_plant(name: str) -> None:
-    """Raises CommandError where what a plant needs is not there."""
+def _load_real(name: str) -> None:
+    """Raises CommandError where what a real side needs is not there."""
+    if name not in STICKLESS:
+        registry.load("backend", name)
+        return
     try:
-        mechanics(name)
+        mechanics(name) if name in PLANTS else engine(name)
     except ImportError as error:
         raise CommandError(
             f"real side '{name}' cannot be loaded: {error}; install Stickbench with its "
-            "dependencies again, or choose another --real"
+            "extra 'dev', or choose another --real"
         ) from error
 
 
@@ -338,8 +346,8 @@ def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
     return consult(case, blind.log(case.number), _catalogue(), apart)
 
 
-def _start(engine: str, specs: Sequence[Spec]) -> Simulator:
-    return simulate(registry.load("backend", engine), specs, 1)
+def _start(name: str, specs: Sequence[Spec]) -> Simulator:
+    return simulate(engine(name) if name in ENGINES else registry.load("backend", name), specs, 1)
 
 
 @cache

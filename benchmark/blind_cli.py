@@ -21,7 +21,8 @@ Answers = Annotated[
 Real = Annotated[
     str,
     typer.Option(
-        help="What is real: some of mujoco,bullet,sapien,plant, all of these, or dart,bristle."
+        help="What is real: some of mujoco,bullet,sapien,plant, all of these, or some of "
+        "dart,bristle,drake."
     ),
 ]
 Rig = Annotated[str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")]

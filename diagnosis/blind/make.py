@@ -1,7 +1,8 @@
 """Makes a blind case: hidden world, random motions, what its sensors would log. Knows no solver.
 
 The real side is an engine, or a plant of other equations. Engines share the drive law with the
-solver, as a simulator and its user share a textbook; plants share nothing.
+solver, as a simulator and its user share a textbook; plants share nothing. An engine that is no
+backend, as nobody needs it to hold a stick, is a file in `engines`.
 """
 
 import dataclasses
@@ -13,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from backends.effect import Effect, with_effects
-from backends.engine import Simulator
+from backends.engine import Engine, Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.blind import motion, rigs
@@ -36,6 +37,10 @@ from diagnosis.logs.log import (
 
 PLANTS = ("plant", "dart", "bristle")
 """Real sides with equations of their own, a file each in `mechanics`; they have joints alone."""
+ENGINES = ("drake",)
+"""Real sides that are engines and no backends, a file each in `engines`: free air alone."""
+STICKLESS = (*PLANTS, *ENGINES)
+"""Real sides that hold no stick."""
 TORQUE_NOISE = 0.02
 """Noise of a logged torque over the drive's limit, standard deviation."""
 FOREVER_S = 1e6
@@ -126,6 +131,11 @@ def _on_plant(
     for fault in (*case.nominal, *case.faults):
         plant.add(fault.effect, fault.magnitude, fault.joint)
     return [plant.run(m.target_rad, m.push_nm, 1 / RATE_HZ, rng) for m in motions]
+
+
+def engine(name: str) -> type[Engine]:
+    """One of ENGINES."""
+    return importlib.import_module(f"diagnosis.blind.engines.{name}").Backend
 
 
 def mechanics(plant: str) -> Mechanics:

@@ -428,19 +428,26 @@ def test_kept_real_sides_are_named_alone():
     words = {"rig": "finger", "modes": "all", "effects": "all", "protocols": "all"}
     assert blind.settings(8, "all", **words).reals == ("bullet", "mujoco", "sapien", "plant")
     assert blind.settings(8, "dart", **words).reals == ("dart",)
-    assert set(blind.KEPT_APART) < set(make.PLANTS)
-    with pytest.raises(UsageError, match="plant, dart, bristle have joints alone"):
-        blind.settings(8, "dart", **(words | {"rig": "held"}))
+    assert set(blind.KEPT_APART) < set(make.STICKLESS)
+    for name in ("dart", "drake"):
+        with pytest.raises(UsageError, match="plant, dart, bristle, drake have joints alone"):
+            blind.settings(8, name, **(words | {"rig": "held"}))
 
 
-def test_a_plant_without_its_engine_is_refused(tmp_path, capfd, monkeypatch):
-    """Say in one line that DART is not there, and make nothing."""
-    monkeypatch.delitem(sys.modules, "diagnosis.blind.mechanics.dart", raising=False)
-    monkeypatch.setitem(sys.modules, "dartpy", None)
+@pytest.mark.parametrize(
+    ("name", "module", "package"),
+    [("dart", "mechanics.dart", "dartpy"), ("drake", "engines.drake", "pydrake.math")],
+)
+def test_a_real_side_without_its_package_is_refused(
+    name, module, package, tmp_path, capfd, monkeypatch
+):
+    """Say in one line that DART or Drake is not there, and make nothing."""
+    monkeypatch.delitem(sys.modules, f"diagnosis.blind.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, package, None)
     words = ["blind", "make", "--out", str(tmp_path / "set"), "--answers", str(tmp_path / "a")]
-    assert cli._run([*words, "--real", "dart", "--cases", "1"]) == 1
+    assert cli._run([*words, "--real", name, "--cases", "1"]) == 1
     err = capfd.readouterr().err
-    assert "real side 'dart' cannot be loaded" in err and "Traceback" not in err
+    assert f"real side '{name}' cannot be loaded" in err and "Traceback" not in err
     assert not list(tmp_path.iterdir())
 
 

@@ -1,0 +1,119 @@
+"""A real side in the engine Drake: hands in free air; kept out of sets that rules are tuned on.
+
+Links are a `MultibodyPlant` in continuous time. Every drive period is integrated to `ACCURACY` by
+an error-controlled Runge-Kutta rule of third order, under the torques that the drives gave. Drives
+are those of every backend, see `backends.engine`. There is no stick, and nothing touches.
+
+Drake: R. Tedrake et al., https://drake.mit.edu, 2019.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from pydrake.math import RigidTransform
+from pydrake.multibody.plant import MultibodyPlant
+from pydrake.multibody.tree import (
+    FixedOffsetFrame,
+    RevoluteJoint,
+    RotationalInertia,
+    SpatialInertia,
+)
+from pydrake.systems.analysis import Simulator
+
+from backends.engine import EXACT, SHARED_SUPPORT, Engine
+from backends.spec import Body, Spec, field_names
+from backends.state import Array, InitialState
+
+ACCURACY = 1e-6
+"""Relative error of one drive period; at 1e-9 no joint is 1e-9 rad elsewhere after 3 s."""
+CARRIED = ("body", "fingertip", "spec")
+"""Homes of fields that a free hand has."""
+_BARE = "approximate: there is no stick, and nothing touches"
+
+
+class _World:
+    """One hand, and the simulator that takes it through a drive period."""
+
+    def __init__(self, spec: Spec) -> None:
+        self._drive_s = spec.timing.drive_s
+        self._plant = MultibodyPlant(time_step=0.0)
+        self._plant.mutable_gravity_field().set_gravity_vector(spec.gravity_m_s2)
+        for body in spec.hand.bodies:
+            self._add(body)
+        self._plant.Finalize()
+        self._simulator = Simulator(self._plant)
+        self._simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)
+        self._context = self._simulator.get_mutable_context()
+        self._torque = self._plant.get_applied_generalized_force_input_port()
+        # Drake orders joints by depth, not as they were added.
+        joints = [self._plant.GetJointByName(name) for name in spec.hand.joint_names]
+        self._order = np.array([joint.velocity_start() for joint in joints])
+
+    def _add(self, body: Body) -> None:
+        mass_kg, plant = body.mass_kg, self._plant
+        inertia = RotationalInertia(*body.inertia_kgm2, *body.products_kgm2)
+        link = plant.AddRigidBody(
+            body.name,
+            SpatialInertia.MakeFromCentralInertia(mass_kg, np.array(body.com_m), inertia),
+        )
+        carrier = plant.world_body() if body.parent is None else plant.GetBodyByName(body.parent)
+        place = RigidTransform(np.array(body.origin_m))
+        if body.joint.drive is None:
+            plant.WeldFrames(carrier.body_frame(), link.body_frame(), place)
+            return
+        start = plant.AddFrame(FixedOffsetFrame(f"{body.name} origin", carrier.body_frame(), place))
+        plant.AddJoint(
+            RevoluteJoint(body.joint.name, start, link.body_frame(), np.array(body.joint.axis))
+        )
+
+    def place(self, joint_rad: Array) -> None:
+        """Put the hand at rest."""
+        self._context.SetTime(0.0)
+        moved = np.zeros(2 * len(joint_rad))
+        moved[self._order] = joint_rad
+        self._plant.SetPositionsAndVelocities(self._context, moved)
+        self._torque.FixValue(self._context, np.zeros(len(joint_rad)))
+        self._simulator.Initialize()
+
+    def step(self, torque_nm: Array, ticks: int) -> tuple[Array, Array]:
+        """Joint angles [rad] and speeds [rad/s] after so many drive periods."""
+        torque = np.empty(len(torque_nm))
+        torque[self._order] = torque_nm
+        self._torque.FixValue(self._context, torque)
+        self._simulator.AdvanceTo(self._context.get_time() + ticks * self._drive_s)
+        moved = self._plant.GetPositionsAndVelocities(self._context)
+        return moved[self._order], moved[len(torque) + self._order]
+
+
+class Backend(Engine):
+    """N hands in free air, one Drake simulator each."""
+
+    support = {
+        **dict.fromkeys(field_names(), _BARE),
+        **{name: EXACT for name in field_names() if name.split(".")[0] in CARRIED},
+        **SHARED_SUPPORT,
+        "joint.axis": EXACT,
+        "joint.slides": "refused: only hinges are built",
+    }
+
+    def __init__(self, specs: Sequence[Spec]) -> None:
+        super().__init__(specs)
+        self._worlds = [_World(spec) for spec in specs]
+
+    def close(self) -> None:
+        """Free the simulators."""
+        self._worlds = []
+
+    def _place(self, ids: Array, initial: InitialState) -> None:
+        for n in ids:
+            self._worlds[n].place(initial.joint_rad[n])
+
+    def _tick(
+        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
+    ) -> None:
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        for n, world in enumerate(self._worlds[rows]):
+            angle[n], speed[n] = world.step(torque_nm[n], ticks)
+
+    def _observe(self, rows: slice) -> None:
+        """A stick that floats stays where it was placed."""

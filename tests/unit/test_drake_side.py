@@ -1,0 +1,84 @@
+"""The real side in Drake against closed forms and against the reference backend."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from backends.spec import Spec
+from backends.state import InitialState
+from benchmark import registry
+from diagnosis.blind import make, motion, rigs
+from diagnosis.blind.engines import drake
+from diagnosis.blind.mechanics import _chain
+from diagnosis.blind.plant import Limb
+
+
+def placed(spec: Spec, joint_rad: list[float]) -> drake.Backend:
+    """One world of a rig at rest."""
+    engine = drake.Backend([spec])
+    start = InitialState(
+        joint_rad=np.array([joint_rad]),
+        stick_pos_m=np.array([motion.ASIDE_M]),
+        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
+    )
+    engine.reset(start, np.ones(1, dtype=bool))
+    return engine
+
+
+def test_a_free_joint_speeds_up_evenly():
+    """Turn by M t^2 / 2 J under a torque M without gravity, to the integrator's accuracy."""
+    spec = dataclasses.replace(rigs.nominal("joint"), gravity_m_s2=(0.0, 0.0, 0.0))
+    body = spec.hand.driven[0]
+    about_hinge = np.array(body.joint.axis) ** 2 @ np.array(body.inertia_kgm2)
+    arm_m = np.cross(body.joint.axis, body.com_m)
+    inertia = float(about_hinge + body.mass_kg * arm_m @ arm_m)
+    engine = placed(spec, [0.0])
+    engine._tick(slice(0, 1), np.array([[1e-4]]), None, 200)
+    assert engine.state.joint_rad_s[0, 0] == pytest.approx(1e-4 * 0.2 / inertia, rel=1e-9)
+    assert engine.state.joint_rad[0, 0] == pytest.approx(1e-4 * 0.2**2 / 2 / inertia, rel=1e-9)
+
+
+def test_a_finger_falls_as_lagrange_says():
+    """Follow the closed form of two links that fall freely, within 10 microrad in 0.3 s."""
+    spec = dataclasses.replace(rigs.nominal("finger"), gravity_m_s2=(9.0, 2.0, -3.0))
+    start = [0.4, -0.7]
+    limb = Limb(bodies=spec.hand.driven, numbers={}, gravity_m_s2=np.array(spec.gravity_m_s2))
+    links, pull = _chain.geometry(limb)
+
+    def rates(_: float, state: np.ndarray) -> np.ndarray:
+        faster = np.zeros(2)
+        _chain.fall(state[:2], state[2:], np.zeros(2), links, pull, faster)
+        return np.concatenate([state[2:], faster])
+
+    exact = solve_ivp(rates, (0.0, 0.3), [*start, 0.0, 0.0], rtol=1e-10, atol=1e-12)
+    engine = placed(spec, start)
+    for _ in range(300):
+        engine._tick(slice(0, 1), np.zeros((1, 2)), None)
+    assert np.abs(engine.state.joint_rad[0] - start).max() > 0.1
+    assert engine.state.joint_rad[0] == pytest.approx(exact.y[:2, -1], abs=1e-5)
+
+
+def test_logs_are_those_of_the_reference_but_for_the_integrator():
+    """Stay within half a millirad of MuJoCo on smooth motions, and not on it."""
+    spec = rigs.nominal("finger")
+    rng = np.random.default_rng(0)
+    motions = [motion.motion(p, spec, rng) for p in ("triangle", "multisine", "push")]
+    engines = (registry.load("backend", "mujoco"), make.engine("drake"))
+    seen = [make.engine_readings(e, spec, motions, np.random.default_rng(1)) for e in engines]
+    for one, other in zip(*seen, strict=True):
+        apart = np.abs(one["position"] - other["position"]).max()
+        assert 1e-6 < apart < 5e-4
+
+
+def test_slides_are_refused():
+    """Say that Drake's side builds hinges alone."""
+    spec = rigs.nominal("joint")
+    body = spec.hand.driven[0]
+    slide = dataclasses.replace(body, joint=dataclasses.replace(body.joint, slides=True))
+    bodies = tuple(slide if b.name == body.name else b for b in spec.hand.bodies)
+    with pytest.raises(ValueError, match=r"joint\.slides is refused: only hinges"):
+        drake.Backend(
+            [dataclasses.replace(spec, hand=dataclasses.replace(spec.hand, bodies=bodies))]
+        )
