@@ -299,6 +299,9 @@ def test_maker_and_solver_share_no_code():
     solver = frozen.imported("diagnosis.diagnose")
     assert all(any(name.startswith(folder) for name in solver) for folder in SOLVER_FOLDERS)
     assert not [name for name in frozen.imported("diagnosis.diagnose") if "blind" in name]
+    for name in make.ENGINES:
+        theirs = frozen.imported(f"diagnosis.blind.engines.{name}")
+        assert not [file for file in theirs if file.startswith(SOLVER_FOLDERS)]
     for name in make.PLANTS:
         assert frozen.imported(f"diagnosis.blind.mechanics.{name}") <= {
             "diagnosis/blind/plant.py",
