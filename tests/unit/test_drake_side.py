@@ -35,7 +35,7 @@ def test_a_free_joint_speeds_up_evenly():
     arm_m = np.cross(body.joint.axis, body.com_m)
     inertia = float(about_hinge + body.mass_kg * arm_m @ arm_m)
     engine = placed(spec, [0.0])
-    engine._tick(slice(0, 1), np.array([[1e-4]]), None, 200)
+    engine._tick(slice(0, 1), np.array([[1e-4]]), None, 1000)
     assert engine.state.joint_rad_s[0, 0] == pytest.approx(1e-4 * 0.2 / inertia, rel=1e-9)
     assert engine.state.joint_rad[0, 0] == pytest.approx(1e-4 * 0.2**2 / 2 / inertia, rel=1e-9)
 
@@ -54,7 +54,7 @@ def test_a_finger_falls_as_lagrange_says():
 
     exact = solve_ivp(rates, (0.0, 0.3), [*start, 0.0, 0.0], rtol=1e-10, atol=1e-12)
     engine = placed(spec, start)
-    for _ in range(300):
+    for _ in range(1500):
         engine._tick(slice(0, 1), np.zeros((1, 2)), None)
     assert np.abs(engine.state.joint_rad[0] - start).max() > 0.1
     assert engine.state.joint_rad[0] == pytest.approx(exact.y[:2, -1], abs=1e-5)
@@ -70,6 +70,25 @@ def test_logs_are_those_of_the_reference_but_for_the_integrator():
     for one, other in zip(*seen, strict=True):
         apart = np.abs(one["position"] - other["position"]).max()
         assert 1e-6 < apart < 5e-4
+
+
+def test_a_held_torque_gives_back_damping(monkeypatch):
+    """Ring as with k dt / 2 less damping in the teeth, which is why drives are at 5 kHz."""
+    spec = rigs.nominal("joint")
+    drive = spec.drives[0]
+    push = motion.motion("push", spec, np.random.default_rng(2))
+    noise = np.random.default_rng
+
+    def torque(drive_s: float, damping: float) -> np.ndarray:
+        monkeypatch.setattr(drake, "DRIVE_S", drive_s)
+        world = spec.with_drives([dataclasses.replace(drive, gear_damping_nms_rad=damping)])
+        return make.engine_readings(drake.Backend, world, [push], noise(1))[0]["position"]
+
+    wet = drive.gear_damping_nms_rad
+    lost = drive.gear_stiffness_nm_rad * 5e-4
+    slow, exact = torque(1e-3, wet), torque(1e-4, wet)
+    as_lost = torque(1e-4, wet - lost)
+    assert np.abs(slow - as_lost).std() < 0.5 * np.abs(slow - exact).std()
 
 
 def test_slides_are_refused():
