@@ -11,7 +11,7 @@ import joblib
 from rich.table import Table
 
 from backends.effect import Effect
-from backends.engine import Simulator
+from backends.engine import Engine, Simulator
 from backends.shard import simulate
 from backends.spec import Spec
 from benchmark import registry
@@ -145,11 +145,9 @@ def make(
 
 def _load_real(name: str) -> None:
     """Raises CommandError where what a real side needs is not there."""
-    if name not in STICKLESS:
-        registry.load("backend", name)
-        return
+    load: Callable[[str], object] = mechanics if name in PLANTS else _engine
     try:
-        mechanics(name) if name in PLANTS else engine(name)
+        load(name)
     except ImportError as error:
         raise CommandError(
             f"real side '{name}' cannot be loaded: {error}; install Stickbench with its "
@@ -347,7 +345,12 @@ def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
 
 
 def _start(name: str, specs: Sequence[Spec]) -> Simulator:
-    return simulate(engine(name) if name in ENGINES else registry.load("backend", name), specs, 1)
+    return simulate(_engine(name), specs, 1)
+
+
+def _engine(name: str) -> type[Engine]:
+    """A backend, or an engine that is a real side alone."""
+    return engine(name) if name in ENGINES else registry.load("backend", name)
 
 
 @cache
