@@ -99,6 +99,7 @@ class Attribution:
         self._base, self._moved = bare if strained else found, found.deviations
         self.pairs: list[Ranked] = []
         """All that were tried."""
+        self.singles: list[Ranked] = []
         self.singles = self._rank((), self._base)
         self.nominal = self._settled(found)
         self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
@@ -342,7 +343,7 @@ class Attribution:
         return [wide] if wide.fit.cost < best.fit.cost else []
 
     def _with_moved(self, candidate: Candidate, around: Fit) -> Candidate:
-        """A candidate, also as large as fits have moved the nominal parameter that it changes."""
+        """A candidate, also as large as it is alone, and as fits have moved what it changes."""
         pairs = zip(self.fitter.nuisances, around.deviations, self._moved, strict=True)
         moved = [
             float(d * n.std)
@@ -352,7 +353,12 @@ class Attribution:
         ]
         low, high = candidate.kind.bounds
         inside = [m for m in moved if low <= m <= high and m != 0.0]
-        return replace(candidate, levels=(*candidate.levels, *inside))
+        alone = [
+            one.fit.effects[0].magnitude
+            for one in self.singles
+            if (one.names, one.joints) == ((candidate.name,), (candidate.joint,))
+        ]
+        return replace(candidate, levels=(*candidate.levels, *inside, *alone))
 
     def _ranked(
         self, names: tuple[str, ...], trained: Fit, rounds: Sequence[float] = LAST

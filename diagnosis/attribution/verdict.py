@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from diagnosis.attribution.rules import Rules, confidence, rules
 from diagnosis.attribution.sound import Sound
 from diagnosis.attribution.timing import Late, late_s
 
-WORTH = 0.3
+WORTH = 0.5
 """A second effect is fitted when to first order it lowers the cost, on the samples for fitting, by
 this share of what it needs on all."""
 ANEW = 2
@@ -166,6 +167,21 @@ def unaccused(limb: LimbVerdict) -> LimbVerdict:
     return _verdict((UNKNOWN,), nominal, found, (), _strangeness(found, nominal))
 
 
+def most_of(limb: LimbVerdict) -> LimbVerdict | None:
+    """The verdict on the effect that takes most of an unknown gap, where the rest has a cause.
+
+    It must be ahead of all others, as a second effect must, with nothing bent beyond belief.
+    """
+    found, rule = limb.attribution, limb.attribution.rule
+    best = next((one for one in found.singles if _beyond_nominal(found, one, rule)), None)
+    if best is None or best.bent > belief(best, rule):
+        return None
+    if excess(best.gap) > (1 - rule.explained_share) * excess(found.nominal.gap):
+        return None
+    verdict = _accused(found, best, found.singles, _lead(found.nominal, best), rule)
+    return verdict if not verdict.tied and verdict.lead_nats >= rule.pair_nats else None
+
+
 def _known_strays(first: LimbVerdict, again: LimbVerdict) -> LimbVerdict:
     """The verdict where other effects are found once it is known how far joints stray.
 
@@ -286,13 +302,13 @@ def _with_little(
     known of it, nor a sensor that is off, unless it reads in steps: a little play is in every
     mechanism.
     """
-    count, in_steps = len(ranked.names), _in_steps(found, rule)
+    count, stepped = len(ranked.names), _in_steps(found, rule)
     little = (
         one
         for one in tried
         if one.names[:count] == ranked.names
         and one.bent <= belief(one, rule)
-        and (in_steps or not is_read(one.fit.effects[-1]))
+        and (not is_read(one.fit.effects[-1]) or _on(found, one.fit.effects[-1]) <= stepped)
         and not _is_nominal(found, one)
         and not _beyond_nominal(found, one, rule)
     )
@@ -312,10 +328,16 @@ def _slightly_off(found: Attribution, small: Ranked, rule: Rules) -> Ranked | No
     return best if _lead(small, best) >= rule.accuse_nats else None
 
 
-def _in_steps(found: Attribution, rule: Rules) -> bool:
-    """Whether a position sensor reads in steps: its floor is wider than the model's own error."""
+def _in_steps(found: Attribution, rule: Rules) -> set[str]:
+    """Joints whose sensor reads in steps: its floor is wider than the model's own error."""
     evidence = found.fitter.evidence
-    return bool((evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size).any())
+    wide = evidence.floor[0, 0] > 1.01 * rule.floor_position_rad * evidence.size
+    return set(compress(evidence.joints, wide))
+
+
+def _on(found: Attribution, effect: Effect) -> set[str]:
+    """The joints that an effect is on."""
+    return set(found.fitter.evidence.joints) if effect.joint is None else {effect.joint}
 
 
 def _pair(
