@@ -122,7 +122,7 @@ def _anew(
     """Limbs that did not hear all that they were told, judged by what they heard.
 
     Which packets were lost is not known for sure: what is left beside them is not called unknown,
-    an effect that takes most of it is named, and any must do what a second one must.
+    an effect that takes most of it is named, and any must lead by `firm_nats`.
     """
     pairs = list(zip(told, heard, strict=True))
     again = iter(judged([right for wrong, right in pairs if wrong is not right]))
@@ -137,7 +137,7 @@ def _heard(again: Judged, first: Judged) -> Judged:
     if again.verdict.names == (UNKNOWN,) and (most := most_of(again.verdict)) is not None:
         again = Judged(verdict=most, found=tuple(magnitudes(most)), ties=())
     limb = again.verdict
-    if limb.names == (UNKNOWN,) or limb.gain_nats < limb.attribution.rule.pair_nats:
+    if limb.names == (UNKNOWN,) or limb.gain_nats < limb.attribution.rule.firm_nats:
         again = Judged(verdict=_nominal(limb), found=(), ties=())
     return dataclasses.replace(
         again, verdict=dataclasses.replace(again.verdict, told=first.verdict)

@@ -35,7 +35,9 @@ class Rules(BaseModel):
     accuse_nats: float
     """An effect must lower the cost of the nominal refit by this, see `_lead`."""
     pair_nats: float
-    """A second effect must lower the cost of the first by this."""
+    """A second effect must lower the cost of the first by this, where the pair leaves noise."""
+    firm_nats: float
+    """Or else by this, and so must what is named beside lost packets or a much bent parameter."""
     pair_share: float
     """It must then also explain this share of what the first left over the floor, if anything."""
     white_sd: float

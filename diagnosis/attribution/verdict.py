@@ -170,7 +170,7 @@ def unaccused(limb: LimbVerdict) -> LimbVerdict:
 def most_of(limb: LimbVerdict) -> LimbVerdict | None:
     """The verdict on the effect that takes most of an unknown gap, where the rest has a cause.
 
-    It must be ahead of all others, as a second effect must, with nothing bent beyond belief.
+    It must be ahead of all others by `firm_nats`, with nothing bent beyond belief.
     """
     found, rule = limb.attribution, limb.attribution.rule
     best = next((one for one in found.singles if _beyond_nominal(found, one, rule)), None)
@@ -179,7 +179,7 @@ def most_of(limb: LimbVerdict) -> LimbVerdict | None:
     if excess(best.gap) > (1 - rule.explained_share) * excess(found.nominal.gap):
         return None
     verdict = _accused(found, best, found.singles, _lead(found.nominal, best), rule)
-    return verdict if not verdict.tied and verdict.lead_nats >= rule.pair_nats else None
+    return verdict if not verdict.tied and verdict.lead_nats >= rule.firm_nats else None
 
 
 def _known_strays(first: LimbVerdict, again: LimbVerdict) -> LimbVerdict:
@@ -214,7 +214,7 @@ def little_play(verdict: LimbVerdict) -> tuple[Effect, ...]:
     little = tuple(backlash.Effect(magnitude=size, joint=joint) for joint, size in floor.items())
     fit = whole.refit(whole.at((*chosen.fit.effects, *little), chosen.fit.deviations))
     plays = fit.effects[len(chosen.fit.effects) :]
-    helps = chosen.fit.cost - fit.cost >= rule.pair_nats * chosen.spread
+    helps = chosen.fit.cost - fit.cost >= rule.firm_nats * chosen.spread
     small = all(e.magnitude <= rule.nominal_stds * floor[str(e.joint)] for e in plays)
     return plays if helps and small else ()
 
@@ -260,7 +260,7 @@ def _accused(
     others = [r for r in singles if not _same(r, best)]
     tied = tuple(r for r in others if _lead(r, best) < rule.tie_nats)
     lead = min([_lead(r, best) for r in others] + [gain])
-    if best.bent > rule.alone_stds and lead < rule.pair_nats:
+    if best.bent > rule.alone_stds and lead < rule.firm_nats:
         return _verdict((UNKNOWN,), best, found, (), _strangeness(found, best))
     return _verdict(best.names, best, found, tied, lead)
 
@@ -366,7 +366,8 @@ def _pair(
     best = min(near, key=_cost, default=least)
     if _lead(least, pair) >= rule.pair_nats:
         least = found.slopeless(least, 0.0)
-    asked = rule.accuse_nats if doubted else rule.pair_nats
+    asked = rule.pair_nats if is_white(found, pair, rule) else rule.firm_nats
+    asked = rule.accuse_nats if doubted else asked
     if _lead(_with_little(found, least, found.pairs, rule), pair) < asked:
         return best, None
     enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)

@@ -198,7 +198,7 @@ def test_readings_of_a_late_sensor_change_as_late():
 
 @pytest.mark.parametrize(
     ("deviations", "ahead", "verdict"),
-    [(3.0, 6.2, "kd-scale"), (3.3, 6.2, "unknown"), (3.3, 14.0, "kd-scale")],
+    [(3.0, 8.0, "kd-scale"), (3.3, 8.0, "unknown"), (3.3, 14.0, "kd-scale")],
 )
 def test_who_bends_a_parameter_must_lead_by_more(deviations, ahead, verdict):
     """Accuse beside a parameter that no nominal world has only who is far ahead of all others."""
@@ -211,7 +211,7 @@ def test_who_bends_a_parameter_must_lead_by_more(deviations, ahead, verdict):
     found.singles = [best]
     found.nominal = costing(found.nominal, best.fit.cost + ahead * best.spread)
     found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
-    assert rules().accuse_nats < 6.2 < rules().pair_nats < 14.0
+    assert rules().accuse_nats < 8.0 < rules().firm_nats < 14.0
     assert ruled(found).names == (verdict,)
 
 
@@ -701,13 +701,13 @@ def test_a_rate_limit_loses_no_packets(limit_s_rad):
     assert dropouts([part], [judge(part, {}, 0.05)])[0] == ()
 
 
-@pytest.mark.parametrize("tilt_rad", [0.018, 0.1])
+@pytest.mark.parametrize("tilt_rad", [0.02, 0.1])
 def test_an_effect_beside_losses_must_be_clear(tilt_rad):
-    """Name beside lost packets only what passes the test of a second effect."""
+    """Name beside lost packets only what leads by more than an effect must."""
     part = evidence((kind("gravity-tilt")(magnitude=tilt_rad),))
     one = judge_limb(part, {"gravity-tilt": kind("gravity-tilt")}, 0.05)
     assert one.verdict.names == ("gravity-tilt",) and one.verdict.gain_nats > rules().accuse_nats
-    clear = one.verdict.gain_nats >= rules().pair_nats
+    clear = one.verdict.gain_nats >= rules().firm_nats
     assert clear == (tilt_rad > 0.05) == bool(_heard(one, one).found)
 
 
