@@ -366,8 +366,8 @@ def _pair(
     best = min(near, key=_cost, default=least)
     if _lead(least, pair) >= rule.pair_nats:
         least = found.slopeless(least, 0.0)
-    asked = rule.pair_nats if is_white(found, pair, rule) else rule.firm_nats
-    asked = rule.accuse_nats if doubted else asked
+    firm = rule.pair_nats if is_white(found, pair, rule) else rule.firm_nats
+    asked = rule.accuse_nats if doubted else firm
     if _lead(_with_little(found, least, found.pairs, rule), pair) < asked:
         return best, None
     enough = excess(pair.gap) <= (1 - rule.pair_share) * excess(best.gap)

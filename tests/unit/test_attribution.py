@@ -286,12 +286,9 @@ def test_an_offset_excuses_a_world_only_where_all_its_sensors_read_in_steps(wide
     part = evidence(rig="finger", protocols=("steps",))
     part = dataclasses.replace(part, floor=part.floor * np.array(wider))
     found = Attribution(part, {}, 0.05)
-    off = dataclasses.replace(
-        costing(found.nominal, found.nominal.fit.cost - 5),
-        names=("encoder-bias",),
-    )
-    fit = dataclasses.replace(off.fit, effects=(kind("encoder-bias")(magnitude=1e-5),))
-    off = dataclasses.replace(off, fit=fit)
+    nominal, offset = found.nominal.fit, kind("encoder-bias")(magnitude=1e-5)
+    fit = dataclasses.replace(nominal, effects=(offset,), cost=nominal.cost - 5)
+    off = dataclasses.replace(found.nominal, names=("encoder-bias",), fit=fit)
     assert (_with_little(found, found.nominal, [off], rules()) is off) is excused
 
 
