@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import chi2
 
 from backends.effect import Effect
-from backends.effects import backlash
+from backends.effects import backlash, command_delay, gear_damping, sensor_delay
 from backends.state import Array
 from diagnosis.attribution.candidates import RUB, is_modelled
 from diagnosis.attribution.evidence import Evidence
@@ -30,7 +30,9 @@ Z90 = 1.645
 OTHER_LAW = 0.08
 """Numbers of two laws for one thing agree within this share, standard deviation."""
 SHIFT = 0.2
-"""A time is known to this share of a drive period."""
+"""No model of a loop knows when it acts but to this share of a drive period, standard deviation."""
+LATE = (command_delay.Effect, sensor_delay.Effect)
+"""What such a time is late in."""
 RESTLESS = 10.0
 """Weight of the squared unrest: it is of a change that is smaller than any interval."""
 LEAST = 0.25
@@ -62,12 +64,14 @@ def intervals(
     No model knows better than `_own_error` where an effect ends and the mechanism begins, by the
     floor of the evidence, nor what a little play adds to it. All of that, and the rise of the cost,
     is as large as the model's error is in this log: the dispersion (McCullagh and Nelder, 1989) of
-    the block means of innovations. The cost rises by more where the candidate is restless: then
-    they tell less. `other_law`: what is left says that laws are others here, so numbers of those
-    that are models mean nearly the same at best.
+    the block means of innovations. Not so what a loop of another rate does, which fits take up
+    whole: see `_by_little_time` and `_own_time`. The cost rises by more where the candidate is
+    restless: then they tell less. `other_law`: what is left says that laws are others here, so
+    numbers of those that are models mean nearly the same at best.
     """
     profile, new = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)
     shifts = _by_little_play(profile, fitter, fit, evidence)
+    late = _by_little_time(profile, fitter, fit, evidence)
     spread = max(dispersion(new), LEAST)
     rise = RISE * spread * (1 + RESTLESS * fitter.unrest(fit) ** 2)
     found = []
@@ -75,7 +79,8 @@ def intervals(
         size = abs(effect.magnitude)
         own = np.hypot(_own_error(effect, evidence), shifts[index] * size)
         law = OTHER_LAW * size * (other_law and is_modelled(effect))
-        blur = Z90 * float(np.hypot(min(1.0, spread) ** 0.5 * own, law))
+        timed = max(late[index] * size, _own_time(effect, evidence))
+        blur = Z90 * float(np.linalg.norm([min(1.0, spread) ** 0.5 * own, timed, law]))
         ends = [_end(profile, fit, index, rise, way) for way in (-1.0, 1.0)]
         pairs = zip(ends, (-1.0, 1.0), strict=True)
         found.append(tuple(_widened(effect, end, blur, way) for end, way in pairs))
@@ -91,9 +96,7 @@ def _widened(effect: Effect, end: float, blur: float, way: float) -> float:
 
 
 def _own_error(effect: Effect, evidence: Evidence) -> float:
-    """The model's own error as a magnitude of this effect: a little play, friction or time."""
-    if effect.dimension == "time":
-        return SHIFT * evidence.nominal.timing.drive_s
+    """The model's own error as a magnitude of this effect: a little play or friction."""
     if not effect.per_joint or effect.dimension not in ("angle", "torque"):
         return 0.0
     drives = zip(evidence.joints, evidence.nominal.drives, evidence.floor[0, 0], strict=True)
@@ -115,6 +118,37 @@ def _by_little_play(profile: Profile, fitter: Fitter, fit: Fit, evidence: Eviden
             played = fitter.innovations((*fit.effects, little), fit.deviations)
             squares += profile.pulled(played - base) ** 2
     return np.sqrt(squares)
+
+
+def _by_little_time(profile: Profile, fitter: Fitter, fit: Fit, evidence: Evidence) -> Array:
+    """By which share times like the model's own error, on any joint, move each magnitude."""
+    base, squares = fitter.innovations(fit.effects, fit.deviations), np.zeros(len(fit.effects))
+    time = SHIFT * evidence.nominal.timing.drive_s
+    for kind in LATE:
+        for joint in evidence.joints:
+            late = (*fit.effects, kind(magnitude=time, joint=joint))
+            squares += profile.pulled(fitter.innovations(late, fit.deviations) - base) ** 2
+    return np.sqrt(squares)
+
+
+def _own_time(effect: Effect, evidence: Evidence) -> float:
+    """The model's own error of time as a magnitude of this effect: of a delay, or of teeth.
+
+    A loop that holds the torque of the teeth's spring k for a time t is late by t / 2, and gives
+    k t / 2 of their damping back.
+    """
+    time = SHIFT * evidence.nominal.timing.drive_s
+    if effect.dimension == "time":
+        return time
+    if not isinstance(effect, gear_damping.Effect):
+        return 0.0
+    drives = zip(evidence.joints, evidence.nominal.drives, strict=True)
+    shares = [
+        time / 2 * drive.gear_stiffness_nm_rad / drive.gear_damping_nms_rad
+        for joint, drive in drives
+        if effect.joint in (None, joint) and drive.gear_damping_nms_rad > 0
+    ]
+    return float(min(shares, default=0.0))
 
 
 def _end(profile: Profile, fit: Fit, index: int, rise: float, way: float) -> float:

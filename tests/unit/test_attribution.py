@@ -18,7 +18,7 @@ from diagnosis.attribution.evidence import CORE, Evidence, Recording
 from diagnosis.attribution.experiments import told_of
 from diagnosis.attribution.explains import explains
 from diagnosis.attribution.fit import CALM, Fitter
-from diagnosis.attribution.intervals import RISE, _end, intervals
+from diagnosis.attribution.intervals import RISE, SHIFT, Z90, _end, intervals
 from diagnosis.attribution.magnitudes import magnitudes
 from diagnosis.attribution.profile import Fit, Profile, grown
 from diagnosis.attribution.refits import CLOSE, Refits
@@ -1253,7 +1253,28 @@ def test_intervals_are_as_wide_as_errors_are():
     truth, protocols = kind("encoder-scale")(magnitude=0.05, joint="A0"), ("steps", "multisine")
     parts = [evidence((truth,), slow_rad=slow, protocols=protocols) for slow in (0.0, FLOOR_RAD)]
     exact, real = (float(np.diff(interval_of(part, truth))[0]) for part in parts)
-    assert 0.45 * real < exact < 0.75 * real
+    assert 0.45 * real < exact < 0.9 * real
+
+
+@pytest.mark.parametrize(("name", "size"), [("viscous-friction", 0.02), ("sensor-delay", 0.005)])
+def test_intervals_allow_for_a_loop_of_another_rate(name, size):
+    """Hold the truth where commands and sensors are late by a fifth of a drive period each."""
+    truth = kind(name)(magnitude=size, joint="A0")
+    time = SHIFT * evidence(()).nominal.timing.drive_s
+    lags = [kind(late)(magnitude=time, joint="A0") for late in ("command-delay", "sensor-delay")]
+    low, high = interval_of(evidence((truth, *lags), noise_rad=1e-5), truth)
+    assert low < truth.magnitude < high
+
+
+def test_times_are_known_to_a_share_of_a_drive_period():
+    """Be no surer of a delay, nor of damping than by what a torque gives that is held so long."""
+    part = evidence((), noise_rad=1e-6)
+    time, (drive, *_) = SHIFT * part.nominal.timing.drive_s, part.nominal.drives
+    share = time / 2 * drive.gear_stiffness_nm_rad / drive.gear_damping_nms_rad
+    for name, size, least in (("sensor-delay", 0.005, time), ("gear-damping", 0.3, share)):
+        truth = kind(name)(magnitude=size, joint="A0")
+        low, high = interval_of(evidence((truth,), noise_rad=1e-6), truth)
+        assert high - low > 2 * Z90 * least
 
 
 class Rough:
