@@ -22,7 +22,7 @@ Real = Annotated[
     str,
     typer.Option(
         help="What is real: some of mujoco,bullet,sapien,plant, all of these, or some of "
-        "dart,bristle,drake."
+        "dart,bristle,drake,exudyn."
     ),
 ]
 Rig = Annotated[str, typer.Option(help="all in free air, some of finger,hand,joint, or held.")]

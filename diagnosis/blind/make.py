@@ -37,7 +37,7 @@ from diagnosis.logs.log import (
 
 PLANTS = ("plant", "dart", "bristle")
 """Real sides with equations of their own, a file each in `mechanics`; they have joints alone."""
-ENGINES = ("drake",)
+ENGINES = ("drake", "exudyn")
 """Real sides that are engines and no backends, a file each in `engines`: free air alone."""
 STICKLESS = (*PLANTS, *ENGINES)
 """Real sides that hold no stick."""

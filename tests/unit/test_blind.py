@@ -433,18 +433,22 @@ def test_kept_real_sides_are_named_alone():
     assert blind.settings(8, "dart", **words).reals == ("dart",)
     assert set(blind.KEPT_APART) < set(make.STICKLESS)
     for name in ("dart", "drake"):
-        with pytest.raises(UsageError, match="plant, dart, bristle, drake have joints alone"):
+        with pytest.raises(UsageError, match="drake, exudyn have joints alone"):
             blind.settings(8, name, **(words | {"rig": "held"}))
 
 
 @pytest.mark.parametrize(
     ("name", "module", "package"),
-    [("dart", "mechanics.dart", "dartpy"), ("drake", "engines.drake", "pydrake.math")],
+    [
+        ("dart", "mechanics.dart", "dartpy"),
+        ("drake", "engines.drake", "pydrake.math"),
+        ("exudyn", "engines.exudyn", "exudyn"),
+    ],
 )
 def test_a_real_side_without_its_package_is_refused(
     name, module, package, tmp_path, capfd, monkeypatch
 ):
-    """Say in one line that DART or Drake is not there, and make nothing."""
+    """Say in one line that the package is not there, and make nothing."""
     monkeypatch.delitem(sys.modules, f"diagnosis.blind.{module}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     words = ["blind", "make", "--out", str(tmp_path / "set"), "--answers", str(tmp_path / "a")]

@@ -2,15 +2,10 @@
 
 Links are a `MultibodyPlant` in continuous time. Every drive period is integrated to `ACCURACY` by
 an error-controlled Runge-Kutta rule of third order, under the torques that the drives gave. Drives
-are those of every backend, see `backends.engine`, at 5 kHz: a tooth's spring k whose torque is held
-for a period dt, while a link moves on, gives back k dt / 2 of what the teeth damp. There is no
-stick, and nothing touches.
+are those of every backend, see `backends.engine`, at 5 kHz.
 
 Drake: R. Tedrake et al., https://drake.mit.edu, 2019.
 """
-
-import dataclasses
-from collections.abc import Sequence
 
 import numpy as np
 from pydrake.math import RigidTransform
@@ -23,17 +18,12 @@ from pydrake.multibody.tree import (
 )
 from pydrake.systems.analysis import Simulator
 
-from backends.engine import EXACT, SHARED_SUPPORT, Engine
-from backends.spec import Body, Spec, field_names
-from backends.state import Array, InitialState
+from backends.spec import Body, Spec
+from backends.state import Array
+from diagnosis.blind.engines._free import FreeHands
 
-DRIVE_S = 2e-4
-"""Period of the drives; at 1 ms a third of the teeth's damping is gone."""
 ACCURACY = 1e-6
 """Relative error of one drive period; at 1e-9 no joint is 1e-9 rad elsewhere after 3 s."""
-CARRIED = ("body", "fingertip", "spec")
-"""Homes of fields that a free hand has."""
-_BARE = "approximate: there is no stick, and nothing touches"
 
 
 class _World:
@@ -90,40 +80,10 @@ class _World:
         return moved[self._order], moved[len(torque) + self._order]
 
 
-def _faster(spec: Spec) -> Spec:
-    """A world whose drives run at 5 kHz."""
-    return dataclasses.replace(spec, timing=dataclasses.replace(spec.timing, drive_s=DRIVE_S))
-
-
-class Backend(Engine):
+class Backend(FreeHands):
     """N hands in free air, one Drake simulator each."""
 
-    support = {
-        **dict.fromkeys(field_names(), _BARE),
-        **{name: EXACT for name in field_names() if name.split(".")[0] in CARRIED},
-        **SHARED_SUPPORT,
-        "joint.axis": EXACT,
-        "joint.slides": "refused: only hinges are built",
-    }
+    drive_s = 2e-4
 
-    def __init__(self, specs: Sequence[Spec]) -> None:
-        super().__init__([_faster(spec) for spec in specs])
-        self._worlds = [_World(spec) for spec in self.specs]
-
-    def close(self) -> None:
-        """Free the simulators."""
-        self._worlds = []
-
-    def _place(self, ids: Array, initial: InitialState) -> None:
-        for n in ids:
-            self._worlds[n].place(initial.joint_rad[n])
-
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
-        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        for n, world in enumerate(self._worlds[rows]):
-            angle[n], speed[n] = world.step(torque_nm[n], ticks)
-
-    def _observe(self, rows: slice) -> None:
-        """A stick that floats stays where it was placed."""
+    def _world(self, spec: Spec) -> _World:
+        return _World(spec)

@@ -1,4 +1,4 @@
-"""The real side in Drake against closed forms and against the reference backend."""
+"""Real sides that are engines and no backends, against closed forms and the reference backend."""
 
 import dataclasses
 
@@ -10,14 +10,16 @@ from backends.spec import Spec
 from backends.state import InitialState
 from benchmark import blind, registry
 from diagnosis.blind import make, motion, rigs
-from diagnosis.blind.engines import drake
+from diagnosis.blind.engines._free import FreeHands
 from diagnosis.blind.mechanics import _chain
 from diagnosis.blind.plant import Limb
 
+every_engine = pytest.mark.parametrize("name", make.ENGINES)
 
-def placed(spec: Spec, joint_rad: list[float]) -> drake.Backend:
+
+def placed(name: str, spec: Spec, joint_rad: list[float]) -> FreeHands:
     """One world of a rig at rest."""
-    engine = drake.Backend([spec])
+    engine = make.engine(name)([spec])
     start = InitialState(
         joint_rad=np.array([joint_rad]),
         stick_pos_m=np.array([motion.ASIDE_M]),
@@ -35,17 +37,24 @@ def inertia_kgm2(spec: Spec) -> float:
     return float(own + body.mass_kg * arm_m @ arm_m)
 
 
-def test_a_free_joint_speeds_up_evenly():
+def turned(engine: FreeHands, torque_nm: list[float], time_s: float) -> None:
+    """Let an engine run under one torque."""
+    engine._tick(slice(0, 1), np.array([torque_nm]), None, round(time_s / engine.drive_s))
+
+
+@every_engine
+def test_a_free_joint_speeds_up_evenly(name):
     """Turn by M t^2 / 2 J under a torque M without gravity, to the integrator's accuracy."""
     spec = dataclasses.replace(rigs.nominal("joint"), gravity_m_s2=(0.0, 0.0, 0.0))
     inertia = inertia_kgm2(spec)
-    engine = placed(spec, [0.0])
-    engine._tick(slice(0, 1), np.array([[1e-4]]), None, 1000)
+    engine = placed(name, spec, [0.0])
+    turned(engine, [1e-4], 0.2)
     assert engine.state.joint_rad_s[0, 0] == pytest.approx(1e-4 * 0.2 / inertia, rel=1e-9)
     assert engine.state.joint_rad[0, 0] == pytest.approx(1e-4 * 0.2**2 / 2 / inertia, rel=1e-9)
 
 
-def test_a_finger_falls_as_lagrange_says():
+@every_engine
+def test_a_finger_falls_as_lagrange_says(name):
     """Follow the closed form of two links that fall freely, within 10 microrad in 0.3 s."""
     spec = dataclasses.replace(rigs.nominal("finger"), gravity_m_s2=(9.0, 2.0, -3.0))
     start = [0.4, -0.7]
@@ -58,19 +67,24 @@ def test_a_finger_falls_as_lagrange_says():
         return np.concatenate([state[2:], faster])
 
     exact = solve_ivp(rates, (0.0, 0.3), [*start, 0.0, 0.0], rtol=1e-10, atol=1e-12)
-    engine = placed(spec, start)
-    for _ in range(1500):
-        engine._tick(slice(0, 1), np.zeros((1, 2)), None)
+    engine = placed(name, spec, start)
+    for _ in range(30):
+        turned(engine, [0.0, 0.0], 0.01)
     assert np.abs(engine.state.joint_rad[0] - start).max() > 0.1
     assert engine.state.joint_rad[0] == pytest.approx(exact.y[:2, -1], abs=1e-5)
 
 
 @pytest.mark.parametrize(
     ("name", "least", "most"),
-    [("bullet", 0.0, 1e-12), ("sapien", 0.0, 2e-6), ("drake", 1e-5, 1e-3)],
+    [
+        ("bullet", 0.0, 1e-12),
+        ("sapien", 0.0, 2e-6),
+        ("drake", 1e-5, 1e-3),
+        ("exudyn", 1e-5, 1e-3),
+    ],
 )
 def test_motors_turn_as_those_of_the_reference(name, least, most):
-    """Meet MuJoCo's motors on smooth motions [rad]: backends integrate alike, Drake does not.
+    """Meet MuJoCo's motors on smooth motions [rad]: backends integrate alike, others do not.
 
     Half a millirad is a drive period that is shorter by 0.8 ms, at 1.2 rad/s.
     """
@@ -84,32 +98,66 @@ def test_motors_turn_as_those_of_the_reference(name, least, most):
         assert least <= apart <= most
 
 
-@pytest.mark.parametrize(("drive_s", "kept"), [(1e-3, 1.0), (drake.DRIVE_S, 0.454)])
-def test_a_held_torque_gives_back_damping(drive_s, kept, monkeypatch):
+@every_engine
+@pytest.mark.parametrize("drive_s", [1e-3, None])
+def test_a_held_torque_gives_back_damping(name, drive_s, monkeypatch):
     """Ring for a second on a spring k with damping c = k (1 ms) / 2, and lose nothing at 1 kHz.
 
     Held torques give k dt / 2 of the damping back, so exp(-(c - k dt / 2) t / 2 J) is kept of the
-    swing: 0.454 at 5 kHz. This is why the side's drives do not run at 1 kHz.
+    swing: 0.454 at 5 kHz. This is why the drives of these sides do not run at 1 kHz.
     """
-    monkeypatch.setattr(drake, "DRIVE_S", drive_s)
+    if drive_s is not None:
+        monkeypatch.setattr(make.engine(name), "drive_s", drive_s)
+    period_s = make.engine(name).drive_s
     spec = dataclasses.replace(rigs.nominal("joint"), gravity_m_s2=(0.0, 0.0, 0.0))
     stiffness = inertia_kgm2(spec) * (2 * np.pi * 10.0) ** 2
     damping = stiffness * 1e-3 / 2
-    engine = placed(spec, [0.1])
+    engine = placed(name, spec, [0.1])
     angle, speed = engine.state.joint_rad, engine.state.joint_rad_s
-    for _ in range(round(1.0 / drive_s)):
+    for _ in range(round(1.0 / period_s)):
         engine._tick(slice(0, 1), -stiffness * angle - damping * speed, None)
+    kept = np.exp(-(damping - stiffness * period_s / 2) / 2 / inertia_kgm2(spec))
     swing = np.hypot(angle[0, 0], speed[0, 0] / (2 * np.pi * 10.0))
     assert swing / 0.1 == pytest.approx(kept, rel=0.03)
 
 
-def test_slides_are_refused():
-    """Say that Drake's side builds hinges alone."""
+@every_engine
+def test_episodes_start_anew(name):
+    """Move again as the first time after a reset."""
+    spec, start = rigs.nominal("finger"), [0.4, -0.7]
+    engine = placed(name, spec, start)
+    initial = InitialState(
+        joint_rad=np.array([start]),
+        stick_pos_m=np.array([motion.ASIDE_M]),
+        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
+    )
+    moved = []
+    for _ in range(2):
+        engine.reset(initial, np.ones(1, dtype=bool))
+        turned(engine, [1e-3, 0.0], 0.1)
+        moved.append(engine.state.joint_rad.copy())
+    assert moved[0] == pytest.approx(moved[1], abs=1e-9)
+    assert np.abs(moved[0] - start).max() > 1e-3
+
+
+@every_engine
+def test_slides_are_refused(name):
+    """Say that these sides build hinges alone."""
     spec = rigs.nominal("joint")
     body = spec.hand.driven[0]
     slide = dataclasses.replace(body, joint=dataclasses.replace(body.joint, slides=True))
     bodies = tuple(slide if b.name == body.name else b for b in spec.hand.bodies)
     with pytest.raises(ValueError, match=r"joint\.slides is refused: only hinges"):
-        drake.Backend(
+        make.engine(name)(
             [dataclasses.replace(spec, hand=dataclasses.replace(spec.hand, bodies=bodies))]
         )
+
+
+def test_exudyn_builds_no_link_of_two_bodies():
+    """Refuse a body that is fixed on another one, whose mass would be missing."""
+    spec = rigs.nominal("finger")
+    base, *links = spec.hand.bodies
+    cap = dataclasses.replace(base, name="cap", parent=links[-1].name)
+    hand = dataclasses.replace(spec.hand, bodies=(base, *links, cap))
+    with pytest.raises(ValueError, match="cap is fixed on finger1_distal"):
+        make.engine("exudyn")([dataclasses.replace(spec, hand=hand)])
