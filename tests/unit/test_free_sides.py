@@ -20,13 +20,18 @@ every_engine = pytest.mark.parametrize("name", make.ENGINES)
 def placed(name: str, spec: Spec, joint_rad: list[float]) -> FreeHands:
     """One world of a rig at rest."""
     engine = make.engine(name)([spec])
+    rest(engine, joint_rad)
+    return engine
+
+
+def rest(engine: FreeHands, joint_rad: list[float]) -> None:
+    """Put an engine's one world to rest at these angles."""
     start = InitialState(
         joint_rad=np.array([joint_rad]),
         stick_pos_m=np.array([motion.ASIDE_M]),
         stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
     )
     engine.reset(start, np.ones(1, dtype=bool))
-    return engine
 
 
 def inertia_kgm2(spec: Spec) -> float:
@@ -98,6 +103,19 @@ def test_motors_turn_as_those_of_the_reference(name, least, most):
         assert least <= apart <= most
 
 
+def test_engines_of_other_rates_agree():
+    """Turn motors in Drake and Exudyn within 0.1 mrad of each other, within 0.6 in steps [rad]."""
+    spec, rng = rigs.nominal("finger"), np.random.default_rng(0)
+    for protocol, most in (("steps", 6e-4), ("triangle", 1e-4), ("multisine", 1e-4)):
+        moved = [motion.motion(protocol, spec, rng)]
+        both = [
+            make.engine_readings(make.engine(name), spec, moved, np.random.default_rng(1))
+            for name in make.ENGINES
+        ]
+        (one,), (other,) = both
+        assert 0.0 < np.abs(one["motor"] - other["motor"]).max() < most
+
+
 @every_engine
 @pytest.mark.parametrize("drive_s", [1e-3, None])
 def test_a_held_torque_gives_back_damping(name, drive_s, monkeypatch):
@@ -126,14 +144,9 @@ def test_episodes_start_anew(name):
     """Move again as the first time after a reset."""
     spec, start = rigs.nominal("finger"), [0.4, -0.7]
     engine = placed(name, spec, start)
-    initial = InitialState(
-        joint_rad=np.array([start]),
-        stick_pos_m=np.array([motion.ASIDE_M]),
-        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
-    )
     moved = []
     for _ in range(2):
-        engine.reset(initial, np.ones(1, dtype=bool))
+        rest(engine, start)
         turned(engine, [1e-3, 0.0], 0.1)
         moved.append(engine.state.joint_rad.copy())
     assert moved[0] == pytest.approx(moved[1], abs=1e-9)
