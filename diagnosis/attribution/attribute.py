@@ -156,25 +156,22 @@ class Attribution:
         around = self.fitter.refit(alone)
         return self._noted(self._rank(pair.names[1:], around, PARTNERS, COUPLES))
 
-    def instead(self, pair: Ranked) -> list[Ranked]:
+    def instead(self, pair: Ranked, anything: bool = False) -> list[Ranked]:
         """Pairs with what a pair bends beyond belief, see `_suspects`, in place of either effect.
 
-        The other one may have been its stand-in.
+        Or with anything. The other one may have been its stand-in.
         """
         suspects = self._suspects(pair.fit.deviations, self._candidates)
+        among = self._candidates if anything else suspects
         found: list[Ranked] = []
         for name, effect in zip(pair.names, pair.fit.effects, strict=True):
             around = self.fitter.at((effect,), pair.fit.deviations)
-            found += self._rank((name,), around, PARTNERS, COUPLES, among=suspects)
+            found += self._rank((name,), around, PARTNERS, COUPLES, among=among)
         return self._noted(found)
 
     def again(self, pair: Ranked) -> Ranked:
-        """A pair from unbent nominal parameters, and from magnitudes to either side.
-
-        Where a joint sticks and slips, or plays, costs have many dips.
-        """
-        best = self._refits.again(pair.fit)
-        return self._noted([self._ranked(pair.names, best, CLOSE)])[0]
+        """A pair from other dips around its fit, see `Refits.again`."""
+        return self._noted([self._judged(pair.names, *self._refits.again(pair.fit))])[0]
 
     def halves(self, pair: Ranked) -> list[Ranked]:
         """Both effects of a pair alone, from its nominal parameters."""
@@ -223,18 +220,22 @@ class Attribution:
                 for c, fit in tried
                 if without.cost - fit.cost >= HOLLOW or self._refits.true(around, fit).cost <= least
             ]
+        suspects = self._suspects(around.deviations if around.effects else self._moved, fresh)
         chosen = self._with_real(around, tried, with_everywhere(tried, refined))
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))
-            for c, fit in self._with_suspect(around, tried, chosen)
+            for c, fit in _with(suspects, tried, chosen)
         ]
         searched.sort(key=lambda pair: pair[1].cost)
         worth = [(c, fit) for c, fit in searched if around.cost - fit.cost >= worth_nats]
         chosen = self._with_real(around, worth, various(worth, finalists))
-        best = self._with_delay(around, fresh, self._with_suspect(around, searched, chosen))
+        best = self._with_delay(around, fresh, _with(suspects, searched, chosen))
         fits = [self.fitter.refit(self._refits.true(around, fit), POLISH[:2]) for _, fit in best]
-        if fits and all(map(self._refits.is_hard, fits)):
-            fits = [self._refits.anew(f, tried) for f, (_, tried) in zip(fits, best, strict=True)]
+        hard = all(map(self._refits.is_hard, fits))
+        fits = [
+            self._refits.anew(f, tried) if hard or c in suspects else f
+            for f, (c, tried) in zip(fits, best, strict=True)
+        ]
         near = min(fit.cost for fit in fits) + HOPELESS * around.cost if fits else 0.0
         fits = [self.fitter.refit(f, POLISH[2:]) if f.cost < near else f for f in fits]
         fits = [self._refits.unbent(f) if f.cost == min(g.cost for g in fits) else f for f in fits]
@@ -262,25 +263,12 @@ class Attribution:
         costs = [self.fitter.cost(fit.effects, fit.deviations) for _, fit in others]
         return [*chosen, *(others[k] for k in np.argsort(costs)[:REAL])]
 
-    def _with_suspect(
-        self,
-        around: Fit,
-        tried: Sequence[tuple[Candidate, Fit]],
-        chosen: Sequence[tuple[Candidate, Fit]],
-    ) -> list[tuple[Candidate, Fit]]:
-        """What was chosen, and `_suspects`.
+    def _suspects(self, deviations: Array, among: Sequence[Candidate]) -> list[Candidate]:
+        """The effect that is the nominal parameter most bent beyond belief, there and on all.
 
         A prior holds these back, and what they would do as effects is more than slopes foretell. A
         nominal refit that is much bent is not what is searched around, yet what it bends counts.
         """
-        moved = around.deviations if around.effects else self._moved
-        suspects = self._suspects(moved, [c for c, _ in tried])
-        kept = {id(c) for c, _ in chosen}
-        wanted = [pair for pair in tried if any(pair[0] is c for c in suspects)]
-        return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]
-
-    def _suspects(self, deviations: Array, among: Sequence[Candidate]) -> list[Candidate]:
-        """The effect that is the nominal parameter most bent beyond belief, there and on all."""
         pairs = zip(self.fitter.nuisances, deviations, strict=True)
         bent = {(n.kind, n.joint): abs(d) for n, d in pairs}
         found = [(bent.get((c.kind, c.joint), 0.0), c) for c in among]
@@ -377,3 +365,14 @@ class Attribution:
             spread=alike(new),
             unrest=self.fitter.unrest(trained),
         )
+
+
+def _with(
+    suspects: Sequence[Candidate],
+    tried: Sequence[tuple[Candidate, Fit]],
+    chosen: Sequence[tuple[Candidate, Fit]],
+) -> list[tuple[Candidate, Fit]]:
+    """What was chosen, and the suspects."""
+    kept = {id(c) for c, _ in chosen}
+    wanted = [(c, fit) for c, fit in tried if any(c is one for one in suspects)]
+    return [*chosen, *(pair for pair in wanted if id(pair[0]) not in kept)]

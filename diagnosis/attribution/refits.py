@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from backends.effect import Effect
-from diagnosis.attribution.fit import POLISH, Fitter
+from diagnosis.attribution.fit import ENOUGH, POLISH, Fitter
 from diagnosis.attribution.profile import Fit, grown
 from diagnosis.attribution.timing import AngleLate, Late, late_s
 
@@ -23,6 +23,8 @@ LEAPS = (0.5, 2.0)
 """How many times as large a delay is tried beside what was found."""
 SHAKES = (0.97, 1.03)
 """The same of an effect that a second one seems to be needed beside."""
+HOPS, WIDER = 3, (0.85, 0.97, 1.03, 1.18)
+"""How often at most a fit goes to a better dip, and how many times as large magnitudes it tries."""
 STARTS = 3
 """Of other magnitudes so many are tried."""
 CLOSE = (1.1, 1.0, 1.0)
@@ -50,16 +52,18 @@ class Refits:
         start = self.fitter.at(tried.effects, 0.0 * tried.deviations)
         return min(fit, self.fitter.refit(start, POLISH[:2]), key=_cost)
 
-    def again(self, fit: Fit) -> Fit:
-        """A fit from unbent nominal parameters, and from magnitudes to either side.
+    def again(self, fit: Fit) -> tuple[Fit, Fit]:
+        """Fits of these effects to the samples for fitting, and to all, from dip to dip.
 
-        Where a joint sticks and slips, or plays, costs have many dips.
+        From unbent nominal parameters, and from magnitudes to either side. Where a joint sticks and
+        slips, or plays, costs have many dips, and a delay makes some, too.
         """
-        fit = self.fitter.at(fit.effects, fit.deviations)
-        starts = [self.fitter.at(fit.effects, 0.0 * fit.deviations)]
-        for index, shake in itertools.product(range(len(fit.effects)), SHAKES):
-            starts.append(self.fitter.at(_grown(fit.effects, index, shake), fit.deviations))
-        return min((self.fitter.refit(one) for one in starts), key=_cost)
+        fitter, whole = self.fitter, self.whole
+        trained = _hopping(fitter, fitter.at(fit.effects, fit.deviations))
+        best = min((fit, whole.refit(whole.at(trained.effects, trained.deviations))), key=_cost)
+        best = _hopping(whole, best)
+        other = fitter.refit(fitter.at(best.effects, best.deviations))
+        return min((trained, other), key=_cost), best
 
     def elsewhere(self, fit: Fit, sizes: Sequence[Sequence[float]]) -> Fit:
         """A fit, or a better one from other magnitudes of either effect, with nothing bent yet.
@@ -151,6 +155,24 @@ class Refits:
         """A refit from where one of the effects is so many times as large."""
         effects = _grown(fit.effects, index, times)
         return self.whole.refit(self.whole.at(effects, fit.deviations), rounds)
+
+
+def _hopping(fitter: Fitter, fit: Fit) -> Fit:
+    """A fit, or a better one in a dip near by, as long as there is one.
+
+    Each magnitude is shaken, with nominal parameters let go half way (Wales and Doye, J. Phys.
+    Chem. A 101, 1997, hop so at random).
+    """
+    for _ in range(HOPS):
+        starts = [(fit.effects, 0.0), (fit.effects, 0.5)]
+        shaken = itertools.product(range(len(fit.effects)), WIDER)
+        starts += [(_grown(fit.effects, index, times), 0.5) for index, times in shaken]
+        tries = [fitter.refit(fitter.at(es, kept * fit.deviations)) for es, kept in starts]
+        best = min(tries, key=_cost)
+        if fit.cost - best.cost < ENOUGH:
+            return min((fit, best), key=_cost)
+        fit = best
+    return fit
 
 
 def _cost(fit: Fit) -> float:

@@ -245,7 +245,9 @@ def ruled(found: Attribution) -> LimbVerdict:
         singles = sorted([*map(found.elsewhere, singles[:ANEW]), *singles[ANEW:]], key=_cost)
     doubted = _accused(found, singles[0], singles, gain, rule).names == (UNKNOWN,)
     best, pair = _pair(found, singles[0], rule, doubted)
-    if pair is not None and explains(found, pair, rule):
+    if pair is None and not (_same(best, singles[0]) or explains(found, best, rule)):
+        best, pair = _pair(found, best, rule, doubted)
+    if pair is not None and (explains(found, pair, rule) or _became(found, best, pair, rule)):
         pair = _searched_on(found, pair)
         return _verdict(pair.names, pair, found, (), _lead(best, pair))
     if not explains(found, best, rule):
@@ -386,7 +388,7 @@ def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
         if any(_settles(found, r, rule) for r in pairs):
             break
-    for mend in (_unbent, _again)[: 1 + hard]:
+    for mend in (_unbent, _again, _stood_in)[: 1 + 2 * hard]:
         more = mend(found, sorted(pairs, key=_cost), rule) if pairs else []
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
     return min(pairs, key=_cost, default=None)
@@ -428,6 +430,15 @@ def _again(found: Attribution, pairs: Sequence[Ranked], rule: Rules) -> list[Ran
     again = [found.elsewhere(p) for p in sorted(different.values(), key=_cost)[:ANEW]]
     best = min(again, key=_cost)
     return again if explains(found, best, rule) else [*again, found.again(best)]
+
+
+def _stood_in(found: Attribution, pairs: Sequence[Ranked], rule: Rules) -> list[Ranked]:
+    """Pairs with anything in place of either effect, where the best pair is white, and bent."""
+    best = pairs[0]
+    if best.bent <= belief(best, rule) or not is_white(found, best, rule):
+        return []
+    others = found.instead(best, anything=True)
+    return [*others, found.again(min((best, *others), key=_cost))]
 
 
 def _cost(ranked: Ranked) -> float:
