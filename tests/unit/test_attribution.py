@@ -29,6 +29,7 @@ from diagnosis.attribution.verdict import (
     LimbVerdict,
     _known_strays,
     _searched_on,
+    _stood_in,
     _with_little,
     judge,
     little_play,
@@ -600,6 +601,90 @@ def test_a_pair_that_went_astray_is_searched_anew():
     assert again in found.pairs and again.names == pair.names
     for effect, true in zip(again.fit.effects, truth, strict=True):
         assert effect.magnitude == pytest.approx(true.magnitude, rel=0.03)
+
+
+def test_a_pair_goes_from_dip_to_dip():
+    """Reach the best fit of a late drive that sticks from a dip that no refit leaves."""
+    truth = (
+        kind("command-delay")(magnitude=0.0019, joint="A0"),
+        kind("stiction")(magnitude=0.02, joint="A0"),
+    )
+    found = Attribution(evidence(truth), {}, 0.05)
+    nominal = np.zeros(len(found.whole.nuisances))
+    off = (dataclasses.replace(truth[0], magnitude=0.8 * truth[0].magnitude), truth[1])
+    best, stuck = (found.whole.refit(found.whole.at(e, nominal)) for e in (truth, off))
+    assert stuck.cost > best.cost + 50
+    pair = dataclasses.replace(found.nominal, names=("command-delay", "stiction"), fit=stuck)
+    again = found.again(pair)
+    assert again.fit.cost < best.cost + 3
+    assert again.fit.effects[0].magnitude == pytest.approx(0.0019, rel=0.03)
+
+
+def test_a_white_pair_that_bends_gives_way_to_what_it_stands_in_for():
+    """Find the friction that a velocity gain stands in for, beside what that is paired with."""
+    truth = (
+        kind("coulomb-friction")(magnitude=0.027, joint="J1"),
+        kind("viscous-friction")(magnitude=0.108, joint="J0"),
+    )
+    names = ("coulomb-friction", "viscous-friction", "kd-scale")
+    part = evidence(truth, rig="finger")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    wrong = truth[0], kind("kd-scale")(magnitude=0.68, joint="J0")
+    whole = found.whole.refit(found.whole.at(wrong, np.zeros(len(found.whole.nuisances))))
+    bent = dataclasses.replace(found.nominal, names=names[::2], fit=whole, surprise=0.0)
+    assert bent.bent > rules().pair_stds
+    best = min(_stood_in(found, [bent], rules()), key=lambda one: one.fit.cost)
+    assert best.fit.effects[1].magnitude == pytest.approx(0.108, rel=0.05)
+    assert best.names == names[:2] and best.joints == ("J1", "J0")
+    unbent = dataclasses.replace(bent, fit=found.whole.at(wrong, 0.0 * whole.deviations))
+    loud = dataclasses.replace(bent, surprise=rules().white_sd + 1)
+    found.leftover = lambda one: SimpleNamespace(lack_of_fit=0.0, unevenness=one.surprise)
+    assert _stood_in(found, [unbent], rules()) == _stood_in(found, [loud], rules()) == []
+
+
+def test_a_better_single_effect_is_given_second_ones():
+    """Name the pair with the effect that a pair led to, where the first one was a stand-in."""
+    truth = (
+        kind("encoder-bias")(magnitude=0.02, joint="A0"),
+        kind("kd-scale")(magnitude=0.5, joint="A0"),
+    )
+    names = ("encoder-bias", "kd-scale", "rotor-inertia")
+    found = Attribution(evidence(truth), {name: kind(name) for name in names}, 0.05)
+    better, rotor = (r for r in found.singles if r.names[0] in ("encoder-bias", "rotor-inertia"))
+    first = costing(rotor, found.nominal.fit.cost / 2)
+    (right, *_) = found.second(better)
+    assert better.fit.cost < first.fit.cost and not explains(found, better, rules())
+    wrong = costing(dataclasses.replace(right, names=names[1:]), better.fit.cost + 10)
+    found.singles, found.pairs = [first], []
+    found.elsewhere, found.halves = lambda one: one, lambda _: [better]
+    found.second = lambda one, *_, **__: [right if one is better else wrong]
+    found.exchanged = found.instead = lambda *_, **__: []
+    found.again = lambda one: one
+    assert set(ruled(found).names) == {"encoder-bias", "kd-scale"}
+
+
+@pytest.mark.parametrize(("bent", "verdict"), [(4.0, True), (3.0, False)])
+def test_who_is_what_was_bent_need_not_take_most(bent, verdict):
+    """Name a pair that leaves most of a small gap where a fit without it is none to believe."""
+    truth = (
+        kind("command-delay")(magnitude=0.01, joint="A0"),
+        kind("kd-scale")(magnitude=0.25, joint="A0"),
+    )
+    found = Attribution(evidence(truth), {n: kind(n) for n in ("command-delay", "kd-scale")}, 0.05)
+    best = next(one for one in found.singles if one.names == ("command-delay",))
+    found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
+    found.nominal = leaving(found.nominal, 1.0)
+    pair = leaving(found.second(best)[0], 0.95)
+    assert set(pair.names) == {"command-delay", "kd-scale"}
+    assert not explains(found, pair, rules())
+    worst = [n.kind is kind("kd-scale") for n in found.fitter.nuisances]
+    fit = dataclasses.replace(best.fit, deviations=bent * np.array(worst, dtype=float))
+    best = costing(dataclasses.replace(best, fit=fit), pair.fit.cost + 20)
+    found.singles, found.pairs = [best], []
+    found.elsewhere, found.halves = lambda one: one, lambda _: [best]
+    found.second, found.exchanged = lambda *_, **__: [pair], lambda *_, **__: []
+    found.instead, found.again = lambda *_, **__: [], lambda one: one
+    assert (set(ruled(found).names) == {"command-delay", "kd-scale"}) is verdict
 
 
 def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
