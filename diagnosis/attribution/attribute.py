@@ -169,9 +169,11 @@ class Attribution:
             found += self._rank((name,), around, PARTNERS, COUPLES, among=among)
         return self._noted(found)
 
-    def again(self, pair: Ranked) -> Ranked:
-        """A pair from other dips around its fit, see `Refits.again`."""
-        return self._noted([self._judged(pair.names, *self._refits.again(pair.fit))])[0]
+    def again(self, one: Ranked) -> Ranked:
+        """A candidate from other dips around its fit, see `Refits.again`."""
+        found = self._judged(one.names, *self._refits.again(one.fit))
+        (self.pairs if len(one.names) > 1 else self.singles).append(found)
+        return found
 
     def halves(self, pair: Ranked) -> list[Ranked]:
         """Both effects of a pair alone, from its nominal parameters."""

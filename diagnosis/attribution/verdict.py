@@ -245,7 +245,8 @@ def ruled(found: Attribution) -> LimbVerdict:
         singles = sorted([*map(found.elsewhere, singles[:ANEW]), *singles[ANEW:]], key=_cost)
     doubted = _accused(found, singles[0], singles, gain, rule).names == (UNKNOWN,)
     best, pair = _pair(found, singles[0], rule, doubted)
-    if pair is None and not (_same(best, singles[0]) or explains(found, best, rule)):
+    better = _lead(singles[0], best) >= rule.firm_nats
+    if pair is None and better and not explains(found, best, rule):
         best, pair = _pair(found, best, rule, doubted)
     if pair is not None and (explains(found, pair, rule) or _became(found, best, pair, rule)):
         pair = _searched_on(found, pair)
@@ -364,10 +365,11 @@ def _pair(
     least = min(alone, key=_cost)
     if _became(found, least, pair, rule):
         return least, pair
+    if _lead(least, pair) >= rule.pair_nats:
+        least = min((least, found.again(found.slopeless(least, 0.0))), key=_cost)
+        alone = (*alone, least)
     near = (one for one in alone if _lead(one, least) <= BELIEVED and explains(found, one, rule))
     best = min(near, key=_cost, default=least)
-    if _lead(least, pair) >= rule.pair_nats:
-        least = found.slopeless(least, 0.0)
     firm = rule.pair_nats if is_white(found, pair, rule) else rule.firm_nats
     asked = rule.accuse_nats if doubted else firm
     if _lead(_with_little(found, least, found.pairs, rule), pair) < asked:

@@ -412,9 +412,10 @@ def test_what_the_nominal_refit_bends_is_tried_where_that_is_not_searched_around
         k for k, n in enumerate(found.fitter.nuisances) if (n.kind, n.joint) == (kind(name), "J1")
     )
     found._moved = 4.0 * np.eye(len(found.fitter.nuisances))[bent]
-    tried = [(c, found._base) for c in found._candidates]
-    chosen = found._with_suspect(dataclasses.replace(found._base, effects=()), tried, [])
-    assert {(c.name, c.joint) for c, _ in chosen} == {(name, "J1"), (name, None)}
+    asked = []
+    found._refits.anew = lambda fit, tried: asked.append(tried.effects[0]) or fit
+    found._rank((), found._base, refined=0, finalists=0)
+    assert {(type(e), e.joint) for e in asked} == {(kind(name), "J1"), (kind(name), None)}
 
 
 def test_a_pair_needs_no_bent_parameter():
@@ -458,7 +459,7 @@ def test_a_parameter_bent_beyond_belief_is_the_second_effect():
     found = Attribution(part, {name: kind(name) for name in names}, 0.05)
     best, pair = found.singles[0], found.second(found.singles[0])[0]
     assert best.names == ("encoder-bias",) and best.bent > rules().bent_stds > pair.bent
-    assert best.fit.cost - pair.fit.cost < rules().pair_nats
+    found.singles[0] = costing(best, pair.fit.cost + rules().pair_nats - 1)
     assert ruled(found).names == ("encoder-bias", "kd-scale")
 
 
@@ -694,8 +695,10 @@ def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
     best = found.singles[0]
     strange = dataclasses.replace(best, surprise=10.0, plain=4 * found.nominal.plain)
     lower = [dataclasses.replace(strange.fit, cost=best.fit.cost - less) for less in (5.0, 50.0)]
-    both = dataclasses.replace(best, names=("gear-damping", "kd-scale"))
-    found.second = lambda *_, **__: [both]
+    pair = (*best.fit.effects, kind("kd-scale")(magnitude=0.5, joint="A0"))
+    both = dataclasses.replace(best.fit, effects=pair)
+    both = dataclasses.replace(best, names=("gear-damping", "kd-scale"), fit=both)
+    found.second, found.again = lambda *_, **__: [both], lambda one: one
     found.leftover = lambda one: SimpleNamespace(lack_of_fit=0.0, unevenness=one.surprise)
     for fit, verdict in zip(lower, (("gear-damping",), ("unknown",)), strict=True):
         found.halves = lambda _, fit=fit: [dataclasses.replace(strange, fit=fit)]
@@ -1191,7 +1194,7 @@ def beside_delay(play_rad: float) -> tuple[Attribution, Ranked]:
     both = (kind("backlash")(magnitude=play_rad, joint="A0"), *right.fit.effects)
     pair = dataclasses.replace(right, names=names, fit=dataclasses.replace(right.fit, effects=both))
     found.singles = [costing(right, right.fit.cost + 200)]
-    found.second = lambda *_, **__: [pair]
+    found.second, found.again = lambda *_, **__: [pair], lambda one: one
     found.leftover = lambda _: SimpleNamespace(lack_of_fit=0.0, unevenness=0.0)
     return found, right
 
@@ -1214,6 +1217,14 @@ def test_a_single_effect_is_refitted_from_the_cheapest_pair():
     other = dataclasses.replace(pair, names=("dead-zone", "command-delay"))
     found.pairs = [costing(other, pair.fit.cost - 1)]
     found.halves = lambda one: [right] if one is found.pairs[0] else []
+    assert ruled(found).names == right.names
+
+
+def test_a_single_effect_goes_from_dip_to_dip_before_a_second_is_named():
+    """Name one effect where a second is needed in the dip alone in which the first was found."""
+    found, right = beside_delay(5e-3)
+    found.halves = lambda _: []
+    found.again = lambda one: right if len(one.names) == 1 else one
     assert ruled(found).names == right.names
 
 
