@@ -20,6 +20,15 @@ DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1.15e-3, 99)])
 AROUND = np.geomspace(0.93, 1.08, 10)
 """Factors of the best of these that are tried next."""
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
+TURNS = 2
+"""How often two faults are fitted in turns."""
+FIELDS = {
+    "taxel-threshold": ("threshold_m",),
+    "taxel-drift": ("slope_m_s", "fastest_m_s"),
+    "taxel-dropout": ("dead",),
+    "taxel-halo": ("halo_m",),
+}
+"""Numbers that an effect changes."""
 NEXT_M = 1e-5
 """Distances between taxels that differ by less are one."""
 
@@ -54,6 +63,34 @@ class Fitting:
             "taxel-dropout": self._dead,
             "taxel-halo": self._halo,
         }[effect](faults)
+
+    def both(self, effects: tuple[str, str], start: Faults, faults: Faults) -> Faults:
+        """The skin with two faults that fit best together, from one that may have either.
+
+        Who answers late and wide looks like who answers early and less wide, and a guess of the one
+        alone takes a part of the other. So a threshold is tried at several sizes, and the rest in
+        turns.
+        """
+        tries = [faults]
+        if "taxel-threshold" in effects:
+            other = next(name for name in effects if name != "taxel-threshold")
+            late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
+            tries += [self._with(other, skin, skin) for skin in late]
+        best = max(tries, key=self.nats)
+        for _ in range(TURNS):
+            for effect in reversed(effects):
+                best = self._with(effect, start, best)
+        return best
+
+    def beside(self, effect: str, start: Faults, faults: Faults) -> Guess | None:
+        """The best size of an effect beside the other faults of a skin."""
+        fields = {name: getattr(start, name) for name in FIELDS[effect]}
+        return self.guess(effect, replace(faults, **fields))
+
+    def _with(self, effect: str, start: Faults, faults: Faults) -> Faults:
+        guess = self.beside(effect, start, faults)
+        fields = {name: getattr(start, name) for name in FIELDS[effect]}
+        return guess.faults if guess is not None else replace(faults, **fields)
 
     def nats(self, faults: Faults) -> float:
         """Log-likelihood of the samples [nats]."""

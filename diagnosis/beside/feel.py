@@ -219,19 +219,29 @@ class Skins:
         self._fits = [Fitting(half, grid) for half in halves]
         self.whole = Fitting(joined(halves), grid)
 
-    def lead(self, effect: str, faults: Faults) -> float:
-        """How much better an effect fitted to one half explains the other one [nats]."""
+    def lead(self, effect: str, start: Faults, faults: Faults, first: str | None = None) -> float:
+        """How much better an effect fitted to one half explains the other one [nats].
+
+        Beside the fault that is there `first`, both are fitted anew.
+        """
         gain = 0.0
         for fit, judge in (self._fits, self._fits[::-1]):
-            guess = fit.guess(effect, faults)
-            if guess is not None:
-                gain += judge.nats(guess.faults) - judge.nats(faults)
+            skin = _fitted(fit, effect, start, faults, first)
+            gain += judge.nats(skin) - judge.nats(faults)
         return gain
 
     def foretold(self, faults: Faults) -> float:
         """What each half foretells of what faults leave of the other one [nats]."""
         one, other = self._fits
         return one.foretold(other, faults) + other.foretold(one, faults)
+
+
+def _fitted(fit: Fitting, effect: str, start: Faults, faults: Faults, first: str | None) -> Faults:
+    """The skin with an effect, and with the first one anew where there is one."""
+    if first is not None:
+        return fit.both((first, effect), start, faults)
+    guess = fit.guess(effect, faults)
+    return faults if guess is None else guess.faults
 
 
 Found = tuple[Guess, float, tuple[tuple[str, float], ...]]
@@ -243,14 +253,18 @@ def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Findi
     found: list[Found] = []
     faults, skin = start, skins.whole
     while sought and len(found) < MOST:
-        leads = {name: skins.lead(name, faults) for name in sought}
+        first = found[0][0].effect if found else None
+        leads = {name: skins.lead(name, start, faults, first) for name in sought}
         best = max(leads, key=lambda name: leads[name])
-        guess = skin.guess(best, faults)
+        fitted = _fitted(skin, best, start, faults, first)
+        guess = skin.beside(best, start, fitted)
         if guess is None or leads[best] < ACCUSE_NATS:
             break
         lead = leads.pop(best)
         behind = {name: lead - other for name, other in leads.items()}
         near = tuple((n, nats) for n, nats in behind.items() if nats < rules().tie_nats)
+        anew = [(skin.beside(o.effect, start, guess.faults), nats, ties) for o, nats, ties in found]
+        found = [(one, nats, ties) for one, nats, ties in anew if one is not None]
         found.append((guess, min([lead, *behind.values()]), near))
         faults, sought = guess.faults, [name for name in sought if name != best]
     before, after = skin.gap(start), skin.gap(faults)

@@ -105,6 +105,14 @@ def test_two_at_once():
     assert both["taxel-dropout"].interval[0] <= 0.15 <= both["taxel-dropout"].interval[1]
 
 
+def test_who_hides_a_part_of_the_other_is_measured_with_it():
+    """Measure a threshold and a halo, of which either alone is taken for another."""
+    both = found("taxel-threshold=0.2mm,taxel-halo=10mm", "contact")
+    assert set(both) == {"taxel-threshold", "taxel-halo"}
+    assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
+
+
 @pytest.mark.parametrize(
     ("effects", "kind"),
     [
