@@ -75,11 +75,11 @@ class Fitting:
         if "taxel-threshold" in effects:
             other = next(name for name in effects if name != "taxel-threshold")
             late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
-            tries += [self._with(other, skin, skin) for skin in late]
+            tries += [self.alone(other, skin, skin) for skin in late]
         best = max(tries, key=self.nats)
         for _ in range(TURNS):
             for effect in reversed(effects):
-                best = self._with(effect, start, best)
+                best = self.alone(effect, start, best)
         return best
 
     def beside(self, effect: str, start: Faults, faults: Faults) -> Guess | None:
@@ -87,7 +87,8 @@ class Fitting:
         fields = {name: getattr(start, name) for name in FIELDS[effect]}
         return self.guess(effect, replace(faults, **fields))
 
-    def _with(self, effect: str, start: Faults, faults: Faults) -> Faults:
+    def alone(self, effect: str, start: Faults, faults: Faults) -> Faults:
+        """The skin with one of its faults fitted anew, or without it where there is none."""
         guess = self.beside(effect, start, faults)
         fields = {name: getattr(start, name) for name in FIELDS[effect]}
         return guess.faults if guess is not None else replace(faults, **fields)

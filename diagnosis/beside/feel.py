@@ -222,12 +222,13 @@ class Skins:
     def lead(self, effect: str, start: Faults, faults: Faults, first: str | None = None) -> float:
         """How much better an effect fitted to one half explains the other one [nats].
 
-        Beside the fault that is there `first`, both are fitted anew.
+        Beside the fault that is there `first`, which is fitted anew with it, and without.
         """
         gain = 0.0
         for fit, judge in (self._fits, self._fits[::-1]):
+            alone = faults if first is None else fit.alone(first, start, faults)
             skin = _fitted(fit, effect, start, faults, first)
-            gain += judge.nats(skin) - judge.nats(faults)
+            gain += judge.nats(skin) - judge.nats(alone)
         return gain
 
     def foretold(self, faults: Faults) -> float:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 from backends.shard import simulate
+from backends.touch import taxel_grid
 from benchmark import cli, registry
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
 from diagnosis.attribution.rules import rules
 from diagnosis.beside._skin import Faults, Pressed
 from diagnosis.beside._taxel_fits import Fitting
-from diagnosis.beside.feel import feel
+from diagnosis.beside.feel import _skins, feel
 from diagnosis.beside.finding import Report
 from diagnosis.beside.held import held
 from diagnosis.blind import rigs
@@ -111,6 +112,16 @@ def test_who_hides_a_part_of_the_other_is_measured_with_it():
     assert set(both) == {"taxel-threshold", "taxel-halo"}
     assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
     assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
+
+
+def test_a_second_fault_is_judged_beside_the_first_fitted_to_as_much():
+    """Ask nothing of a second fault that is none but that it does no harm to the first."""
+    parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
+    grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
+    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
+    drifts = skins.whole.guess("taxel-drift", start)
+    lead = skins.lead("taxel-dropout", start, drifts.faults, "taxel-drift")
+    assert lead == pytest.approx(0.0, abs=1.0)
 
 
 @pytest.mark.parametrize(
