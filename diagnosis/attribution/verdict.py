@@ -352,8 +352,9 @@ def _pair(
     one need do no more than a first.
 
     The single one is fitted again from where pairs have taken the nominal parameters, also such as
-    are no more than nominal: a refit that stopped early would make any second effect look needed.
-    Of its fits one that explains the log is taken where it is no worse than `BELIEVED`.
+    are no more than nominal, and from dip to dip before a second is named: a refit that stopped
+    early would make any second effect look needed. Of its fits one that explains the log is taken
+    where it is no worse than `BELIEVED`.
     """
     pair = _best_pair(found, best, rule)
     if pair is None:

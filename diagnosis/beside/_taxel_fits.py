@@ -84,14 +84,12 @@ class Fitting:
 
     def beside(self, effect: str, start: Faults, faults: Faults) -> Guess | None:
         """The best size of an effect beside the other faults of a skin."""
-        fields = {name: getattr(start, name) for name in FIELDS[effect]}
-        return self.guess(effect, replace(faults, **fields))
+        return self.guess(effect, _without(effect, start, faults))
 
     def alone(self, effect: str, start: Faults, faults: Faults) -> Faults:
         """The skin with one of its faults fitted anew, or without it where there is none."""
         guess = self.beside(effect, start, faults)
-        fields = {name: getattr(start, name) for name in FIELDS[effect]}
-        return guess.faults if guess is not None else replace(faults, **fields)
+        return guess.faults if guess is not None else _without(effect, start, faults)
 
     def nats(self, faults: Faults) -> float:
         """Log-likelihood of the samples [nats]."""
@@ -209,6 +207,11 @@ class Fitting:
             faults=replace(faults, dead=silent),
             evidence=f"{int(silent.sum())} of {known} taxels that should answer never do",
         )
+
+
+def _without(effect: str, start: Faults, faults: Faults) -> Faults:
+    """A skin without one of its faults: with that of the one to start from."""
+    return replace(faults, **{name: getattr(start, name) for name in FIELDS[effect]})
 
 
 def profile(values: Array, scores: Array) -> tuple[float, float, float]:

@@ -1,7 +1,7 @@
 """What is wrong with a skin: threshold, drift, dead taxels, a halo; told without any dynamics.
 
 Where stick and joints are known, geometry says what every taxel should answer. Faults are added one
-after the other, each the one that samples held out bear out most.
+after the other, each the one that samples held out bear out most, and two are fitted together.
 """
 
 from collections.abc import Mapping, Sequence
