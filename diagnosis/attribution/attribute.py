@@ -213,6 +213,7 @@ class Attribution:
         asked = self._candidates if among is None else among
         fresh = [c for c in asked if not there(c, around)]
         fresh = [self._with_moved(c, around) for c in fresh]
+        suspects = self._suspects(around.deviations if around.effects else self._moved, fresh)
         tried = sorted(coarse(profile, around, fresh), key=lambda pair: pair[1].cost)
         if at_once:
             without = profile.at(around.effects)
@@ -220,9 +221,10 @@ class Attribution:
             tried = [
                 (c, fit)
                 for c, fit in tried
-                if without.cost - fit.cost >= HOLLOW or self._refits.true(around, fit).cost <= least
+                if any(c is one for one in suspects)
+                or without.cost - fit.cost >= HOLLOW
+                or self._refits.true(around, fit).cost <= least
             ]
-        suspects = self._suspects(around.deviations if around.effects else self._moved, fresh)
         chosen = self._with_real(around, tried, with_everywhere(tried, refined))
         searched = [
             (c, profile.search((*around.effects, fit.effects[-1]), last, 3.0))

@@ -383,7 +383,8 @@ def _pair(
 def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
     """The pair that fits best: from the best single effect, and on while no pair explains.
 
-    Where that one does not explain the log with nothing bent: a hard log.
+    Where that one does not explain the log with nothing bent: a hard log. A pair that is far ahead
+    of one that does is searched on, too: it may have ended beside its best magnitudes.
     """
     hard = not explains(found, best, rule) or best.bent > belief(best, rule)
     pairs: list[Ranked] = []
@@ -391,8 +392,10 @@ def _best_pair(found: Attribution, best: Ranked, rule: Rules) -> Ranked | None:
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
         if any(_settles(found, r, rule) for r in pairs):
             break
-    for mend in (_unbent, _again, _stood_in)[: 1 + 2 * hard]:
-        more = mend(found, sorted(pairs, key=_cost), rule) if pairs else []
+    for mend in (_unbent, _again, _stood_in):
+        pairs.sort(key=_cost)
+        far = bool(pairs) and _lead(best, pairs[0]) >= rule.firm_nats
+        more = mend(found, pairs, rule) if pairs and (hard or far or mend is _unbent) else []
         pairs += [r for r in more if _beyond_nominal(found, r, rule)]
     return min(pairs, key=_cost, default=None)
 

@@ -21,7 +21,8 @@ from backends.state import Array
 from backends.touch import THRESHOLD_M
 
 EXACT_M = 1e-5
-"""Numerical error of depths: the blur of a taxel that nothing is near."""
+"""Numerical error of depths: the blur of a taxel that nothing is near. Of an answer this is a share
+of its level: what drifts half as far as half of it answers at the same time."""
 NEAR = 4.0
 """Blurs within which it may be felt or not."""
 WILD, ANYWHERE_M = 1e-3, 1e-3
@@ -72,7 +73,8 @@ class Faults:
 
     def blurs_m(self, data: Pressed) -> Array:
         """The same of every answer, shape (S, F, K): it matters where something is near."""
-        return np.where(data.depth_m > -NEAR * self.blur_m, self.blur_m, EXACT_M)
+        exact_m = EXACT_M * (1 + self.threshold_m / THRESHOLD_M if data.binary else 1.0)
+        return np.where(data.depth_m > -NEAR * self.blur_m, self.blur_m, exact_m)
 
 
 def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:

@@ -19,10 +19,14 @@ FORCES = 241
 """Friction forces that are tried, around the pull at which it slips."""
 NEAR = 0.25
 """They end at this from it, relative."""
+BEFORE_S = np.array([0.03, 0.005])
+"""Forces just before it slips are taken between these times before."""
 CREEP_M = 1e-4
 """Contacts creep by this before they slip."""
 MODEL = 0.03
 """Share of a slip by which any model of it may be off."""
+MOST_ALIKE = 4.0
+"""Deviations that tell as much as one, at most."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +43,8 @@ class Slip:
     """Gravity along its way [m/s^2]."""
     noise_m: float
     """Standard deviation of its travel as it is tracked."""
+    pressed_n: Array | None = None
+    """Sum of the normal forces on it, shape (T,), of a replay."""
 
     @property
     def slipping(self) -> int:
@@ -60,6 +66,14 @@ class Slip:
         return float(self.pull_n[k - 1] + past * (self.pull_n[k] - self.pull_n[k - 1]))
 
     @property
+    def held_n(self) -> float:
+        """The sum of normal forces on a replay just before it slips."""
+        assert self.pressed_n is not None
+        slips_s = self.time_s[min(self.slipping, len(self.time_s) - 1)]
+        first, last = np.searchsorted(self.time_s, slips_s - BEFORE_S)
+        return float(self.pressed_n[first : max(last, first + 1)].mean())
+
+    @property
     def gained_n(self) -> float:
         """By how much the pull has grown from slipping to being gone."""
         return float(self.pull_n[min(self.end, len(self.pull_n) - 1)]) - self.slipped_n
@@ -71,8 +85,11 @@ class Slip:
         return np.hypot(self.noise_m, MODEL * np.maximum(known, 0.0))
 
 
-def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
-    """An episode as one slip; None where the stick was not held still before it was pulled."""
+def slip(part: Held, gravity_m_s2: Sequence[float], force_n: Array | None = None) -> Slip | None:
+    """An episode as one slip; None where the stick was not held still before it was pulled.
+
+    `force_n`: normal force on every tip, shape (T, F), of a replay.
+    """
     pulled = part.pull_n > 0
     first = int(np.argmax(pulled))
     before = (np.arange(len(pulled)) < first) & (part.time_s > part.time_s[first] - LEAST_S)
@@ -88,6 +105,7 @@ def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
         travel_m=travel[first:],
         weight=float(-np.dot(gravity_m_s2, axis)),
         noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), CREEP_M),
+        pressed_n=None if force_n is None else force_n[first:].sum(axis=1),
     )
 
 
@@ -123,9 +141,9 @@ def valley(places: Array, costs: Array) -> tuple[float, float]:
     a, b, _ = np.polyfit(places[k - 1 : k + 2] - places[k], costs[k - 1 : k + 2], 2)
     if a <= 0:
         return float(places[np.argmin(costs)]), float(places[1] - places[0])
-    scale = max(float(costs.min()), 1.0)
+    scale = float(np.clip(costs.min(), 1.0, MOST_ALIKE))
     moved = np.clip(-b / (2 * a), places[k - 1] - places[k], places[k + 1] - places[k])
-    return float(places[k] + moved), float(np.sqrt(min(scale, 10.0) / a))
+    return float(places[k] + moved), float(np.sqrt(scale / a))
 
 
 def _friction_costs(one: Slip, masses_kg: Array) -> tuple[Array, Array]:

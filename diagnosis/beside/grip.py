@@ -20,7 +20,7 @@ from diagnosis.beside._alike import SAME, judged
 from diagnosis.beside._regrasp import Simulate, regrasp
 from diagnosis.beside.finding import STICK, Finding, Report
 from diagnosis.beside.held import Held, held
-from diagnosis.beside.yields import FORCE_SHARE, RADIUS, SOFTNESS, shapes
+from diagnosis.beside.yields import RADIUS, SOFTNESS, shapes
 from diagnosis.logs.log import Log
 
 MOTION = {
@@ -147,17 +147,19 @@ def _pulled_out(
 ) -> Report:
     """Shapes in a world that slips as the stick did; then what pulls tell in a world so shaped.
 
-    Soft contacts yield along the stick as well, and bear as much as they are soft: they look light.
+    Soft contacts yield along the stick as well, and bear as much as they are soft: they look light
+    where the stick creeps rather than slips by Newton's law.
     """
     shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
     if shape.soft:
-        first = replace(first, mass=0.0)
+        first = replace(first, mass=first.mass * first.is_lawful)
         shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
-    again = slips.told(shape.world, pulls, simulate)
+    again = slips.told(shape.world, pulls, simulate, shape.soft)
     last = again.beside(first) if again else first
     if shape.soft:
-        std = float(np.hypot(last.friction_std, FORCE_SHARE))
-        last = replace(last, left=np.inf, friction_std=std)
+        std = float(np.hypot(last.friction_std, slips.SOFT_FLOOR))
+        left = last.left if last.is_lawful else np.inf
+        last = replace(last, left=left, friction_std=std)
     sought = [name for name in MOTION if name in catalogue]
     return Report(
         findings=(*shape.findings, *last.findings(catalogue)),

@@ -33,20 +33,25 @@ SHIFTS_S = np.arange(-0.08, 0.0801, 2.5e-4)
 """How much later or earlier a stick slips than in a replay."""
 STRONGER, MORE_S = 3.0, 1.0
 """A replay is pulled so much harder than the stick was, and for so much longer, at most [1, s]."""
-FRICTION_FLOOR = 0.04
-"""Engines agree on the pull at which a stick slips to 0.03, relative."""
-WANDERS = 0.015
+FRICTION_FLOOR, SOFT_FLOOR = 0.03, 0.02
+"""Engines agree on the pull at which a stick slips to 0.02, relative; soft contacts add as much."""
+WANDERS = 0.011
 """Friction changes by this while the stick slips, relative: the pull must outgrow that."""
 MASS_FLOOR = 0.04
 """Least standard deviation of a mass by Newton's law, as a logarithm."""
 MASS_FLOOR_REPLAYED = 0.13
 """The same of replays, which are as good as the pose that they start from."""
-ODD = 1.8
-"""A slip of which the better model leaves more is of another kind."""
+LAWFUL, ODD = 1.25, 1.8
+"""Newton's law that leaves less than the one holds, however soft contacts are. A slip of which the
+better model leaves more than the other is of another kind."""
+NEARLY = 0.05
+"""Where it holds it is believed though replays leave less by this: it is any engine's."""
 SURE_Z, Z90 = 3.0, 1.645
-LIGHT_Z = 5.0
-"""By Newton's law a light stick is asked for more: contacts that hold until they give way at once
-look like one."""
+HEAVY_Z = 2.2
+"""A heavy stick is asked for less: no contact makes one look so."""
+GIVES_WAY = 0.25
+"""Hard contacts may hold until they give way at once, which looks light where sticks slip by
+Newton's law: standard deviation of a mass, as a logarithm."""
 VAGUE = (
     "within {:.0f} % of the nominal one as far as these pulls tell; pull more often (--variants), "
     "by about 100 N/s, or weigh the stick"
@@ -90,7 +95,7 @@ class Told:
     @property
     def sure(self) -> tuple[bool, bool]:
         """Whether friction and mass are other than nominal."""
-        asked = LIGHT_Z if self.newton and self.mass < 0 else SURE_Z
+        asked = HEAVY_Z if self.mass > 0 else SURE_Z
         mass = abs(self.mass) > asked * self.mass_std and self.left < ODD
         return abs(self.friction) > SURE_Z * self.friction_std, mass
 
@@ -102,6 +107,16 @@ class Told:
         return (f"{MASS}: {VAGUE.format(100 * np.expm1(SURE_Z * self.mass_std))}",) * (
             not self.sure[1]
         )
+
+    @property
+    def is_lawful(self) -> bool:
+        """Whether sticks slip by Newton's law."""
+        return self.newton and self.left < LAWFUL
+
+    @property
+    def doubted(self) -> "Told":
+        """This, of contacts that may give way at once."""
+        return replace(self, mass_std=float(np.hypot(self.mass_std, GIVES_WAY)))
 
     def beside(self, other: "Told") -> "Told":
         """This, seen in a world that has what is sure in another one already."""
@@ -136,8 +151,11 @@ def corrected(world: Spec, told: Told) -> Spec:
     return changed(world, friction, mass)
 
 
-def told(world: Spec, parts: Sequence[Held], simulate: Simulate) -> Told | None:
-    """What some episodes tell of friction and mass; None where no stick slips."""
+def told(world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = False) -> Told | None:
+    """What some episodes tell of friction and mass; None where no stick slips.
+
+    Where contacts are `soft`, replays creep otherwise than a log: Newton's law is believed first.
+    """
     slips = [slip(part, world.gravity_m_s2) for part in parts]
     pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slipping < len(s.time_s)]
     if not pairs:
@@ -148,19 +166,23 @@ def told(world: Spec, parts: Sequence[Held], simulate: Simulate) -> Told | None:
     replayed = _by_replays(world, kept, seen, played, simulate)
     if any(one.slipping == len(one.time_s) for one in shown):
         return replayed  # so much rougher is the nominal stick that its slips are not seen
-    newton = _by_newton(seen, shown, world.stick.mass_kg)
-    return newton if newton.left < replayed.left else replayed
+    newton = _by_newton(seen, shown, world)
+    near = newton.left < replayed.left + NEARLY or soft
+    best = newton if newton.left < replayed.left or (newton.is_lawful and near) else replayed
+    gives_way = not soft and (best.newton or newton.is_lawful)
+    return best.doubted if gives_way and best.mass < 0 else best
 
 
-def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], mass_kg: float) -> Told:
-    real, nominal = (newton(some, mass_kg) for some in (seen, shown))
-    ratios = np.log(real.friction_n / nominal.friction_n)
-    wander = np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen])
+def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> Told:
+    """The mass that Newton's law tells, and friction over what the forces of replays can hold."""
+    real, held_n = newton(seen, world.stick.mass_kg), np.array([one.held_n for one in shown])
+    ratios = np.log(real.friction_n / (world.stick.friction * held_n))
+    wander = float(np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen]))
     return Told(
         friction=float(ratios.mean()),
         friction_std=_spread(ratios, FRICTION_FLOOR),
         mass=real.log_mass,
-        mass_std=float(np.hypot(wander, np.hypot(real.log_mass_std, MASS_FLOOR))),
+        mass_std=float(np.linalg.norm([real.log_mass_std, wander, MASS_FLOOR])),
         left=real.left,
         newton=True,
         episodes=len(seen),
@@ -181,8 +203,8 @@ def _replays(
     worlds = [changed(world, mass=float(np.log(m))) for m in masses]
     rows = []
     for shown in regrasp(simulate, worlds, fine):
-        played = [replace(p, stick=s.stick) for p, s in zip(fine, shown, strict=True)]
-        slips = [slip(p, world.gravity_m_s2) for p in played]
+        played = [(replace(p, stick=s.stick), s.force_n) for p, s in zip(fine, shown, strict=True)]
+        slips = [slip(p, world.gravity_m_s2, force_n) for p, force_n in played]
         rows.append([one for one in slips if one is not None])
     return rows
 
@@ -233,12 +255,13 @@ def _shifted(
             ratios[m, e] = np.log(max(1 + _slope(real) * later_s / friction_n, 1e-3))
     mass, half = valley(np.log(masses), costs)
     k = int(np.argmin(costs))
+    left = float(np.sqrt(costs[k] / sum(s.end for s in seen)))
     return Told(
         friction=float(ratios[k].mean()),
         friction_std=_spread(ratios[k], FRICTION_FLOOR),
         mass=mass,
-        mass_std=float(np.hypot(half, MASS_FLOOR_REPLAYED)),
-        left=float(np.sqrt(costs[k] / sum(s.end for s in seen))),
+        mass_std=float(np.hypot(half, MASS_FLOOR_REPLAYED)) * max(left, 1.0),
+        left=left,
         newton=False,
         episodes=len(seen),
     )

@@ -1132,6 +1132,16 @@ def test_beside_an_explanation_only_what_helps_at_once_is_fitted(tilt_rad):
     )
 
 
+def test_beside_an_explanation_what_is_bent_is_fitted_all_the_same():
+    """Fit a second effect that is a nominal parameter bent beyond belief, whatever it promises."""
+    part = evidence((kind("encoder-scale")(magnitude=0.03, joint="A0"),))
+    names = ("encoder-scale", "kp-scale", "viscous-friction")
+    found = Attribution(part, {name: kind(name) for name in names}, 0.05)
+    found._suspects = lambda _, among: [c for c in among if c.name == "kp-scale"][:1]
+    pairs = found.second(found.singles[0], 9.0, explained=True)
+    assert [pair.names for pair in pairs] == [("encoder-scale", "kp-scale")]
+
+
 def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
     """Go on from other singles where the first pair needs a gain that nobody would believe."""
     truth = (
@@ -1234,6 +1244,21 @@ def test_a_single_effect_is_searched_without_slopes_before_a_second_is_named():
     found.halves = lambda _: []
     found.slopeless = lambda one, settled=1.0: one if settled else right
     assert ruled(found).names == right.names
+
+
+@pytest.mark.parametrize(
+    ("lead_nats", "verdict"), [(50.0, ("backlash", "command-delay")), (8.0, ("command-delay",))]
+)
+def test_a_pair_far_ahead_is_searched_on(monkeypatch, lead_nats, verdict):
+    """Search a pair that does not explain from other magnitudes where it leads one that does."""
+    found, right = beside_delay(5e-3)
+    (rough,) = found.second()
+    found.singles = [costing(right, right.fit.cost + lead_nats * right.spread)]
+    found.halves, found.slopeless = lambda _: [], lambda one, *_: one
+    better = costing(rough, right.fit.cost - 50)
+    found.elsewhere = lambda one: better if len(one.names) == 2 else one
+    monkeypatch.setattr("diagnosis.attribution.verdict.explains", lambda _, one, __: one != rough)
+    assert ruled(found).names == verdict
 
 
 @pytest.mark.parametrize(

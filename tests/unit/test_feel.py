@@ -114,6 +114,14 @@ def test_who_hides_a_part_of_the_other_is_measured_with_it():
     assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
 
 
+def test_a_drift_is_as_sharp_at_any_threshold():
+    """Measure drift and threshold together: what nothing presses tells but their ratio."""
+    both = found("taxel-drift=0.2mm/s,taxel-threshold=0.2mm", "contact")
+    assert set(both) == {"taxel-drift", "taxel-threshold"}
+    assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert both["taxel-drift"].value == pytest.approx(0.2 * MM, rel=0.1)
+
+
 def test_a_second_fault_is_judged_beside_the_first_fitted_to_as_much():
     """Ask nothing of a second fault that is none but that it does no harm to the first."""
     parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)

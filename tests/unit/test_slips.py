@@ -139,3 +139,20 @@ def test_a_vague_mass_says_what_would_tell():
     report = grip(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
     (said,) = report.missing
     assert "stick-mass" in said and "weigh the stick" in said
+
+
+@pytest.mark.parametrize("backend", ["bullet", "sapien"])
+def test_newton_tells_a_mass_where_contacts_are_soft(backend):
+    """Name mass and softness together where sticks slip by Newton's law, which holds anywhere."""
+    found = told("stick-mass=180%,contact-softness=0.2mm/N", backend)
+    assert set(found) == {"stick-mass", "contact-softness"}
+    low, high = found["stick-mass"].interval
+    assert low <= 1.8 <= high
+
+
+@pytest.mark.parametrize("backend", registry.names("backend"))
+def test_friction_is_told_where_contacts_are_soft(backend):
+    """Measure friction by the forces of a replay, which need not creep as the log does."""
+    found = told("contact-friction=16%,contact-softness=0.27mm/N", backend)
+    assert set(found) == {"contact-friction", "contact-softness"}
+    assert found["contact-friction"].value == pytest.approx(0.16, abs=0.06)
