@@ -150,9 +150,9 @@ def _pulled_out(
     Soft contacts yield along the stick as well, and bear as much as they are soft: they look light
     where the stick creeps rather than slips by Newton's law.
     """
-    shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
-    if shape.soft:
-        first = replace(first, mass=first.mass * first.is_lawful)
+    shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate, first.is_firm)
+    if shape.soft and not first.is_lawful:
+        first = replace(first, mass=0.0)
         shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
     again = slips.told(shape.world, pulls, simulate, shape.soft)
     last = again.beside(first) if again else first

@@ -49,9 +49,11 @@ NEARLY = 0.05
 SURE_Z, Z90 = 3.0, 1.645
 HEAVY_Z = 2.2
 """A heavy stick is asked for less: no contact makes one look so."""
+FIRM = 0.03
+"""Newton's law is ahead by this where no contacts creep, and by none on an engine whose do."""
 GIVES_WAY = 0.25
 """Hard contacts may hold until they give way at once, which looks light where sticks slip by
-Newton's law: standard deviation of a mass, as a logarithm."""
+Newton's law: what that adds to the standard deviation of a mass, as a logarithm."""
 VAGUE = (
     "within {:.0f} % of the nominal one as far as these pulls tell; pull more often (--variants), "
     "by about 100 N/s, or weigh the stick"
@@ -78,14 +80,18 @@ class Told:
     """Whether that is Newton's law or the nominal engine."""
     episodes: int
     """That slipped."""
+    ahead: float = 0.0
+    """How much less it leaves than the other model does."""
+    gives_way: bool = False
+    """Whether contacts may hold until they give way at once, which looks light."""
 
     def findings(self, catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
         """The effects that are sure, `unknown` where the catalogue lacks one."""
-        odds = self.friction / self.friction_std, self.mass / self.mass_std
+        odds = self.friction / self.friction_std, self.mass / self.spread
         before = float(np.sqrt(1 + np.square(odds).mean()))
         sure = self.sure
         after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
-        logs = (self.friction, self.friction_std), (self.mass, self.mass_std)
+        logs = (self.friction, self.friction_std), (self.mass, self.spread)
         return tuple(
             _finding(name if name in catalogue else UNKNOWN, *log, before, after, self.episodes)
             for name, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
@@ -96,7 +102,7 @@ class Told:
     def sure(self) -> tuple[bool, bool]:
         """Whether friction and mass are other than nominal."""
         asked = HEAVY_Z if self.mass > 0 else SURE_Z
-        mass = abs(self.mass) > asked * self.mass_std and self.left < ODD
+        mass = abs(self.mass) > asked * self.spread and self.left < ODD
         return abs(self.friction) > SURE_Z * self.friction_std, mass
 
     @property
@@ -104,9 +110,14 @@ class Told:
         """What these pulls do not tell."""
         if self.left >= ODD:
             return (f"{MASS}: {OTHERWISE}",)
-        return (f"{MASS}: {VAGUE.format(100 * np.expm1(SURE_Z * self.mass_std))}",) * (
+        return (f"{MASS}: {VAGUE.format(100 * np.expm1(SURE_Z * self.spread))}",) * (
             not self.sure[1]
         )
+
+    @property
+    def spread(self) -> float:
+        """Standard deviation of the mass, as a logarithm; more where a grip gives way at once."""
+        return float(np.hypot(self.mass_std, GIVES_WAY * (self.gives_way and self.mass < 0)))
 
     @property
     def is_lawful(self) -> bool:
@@ -114,9 +125,9 @@ class Told:
         return self.newton and self.left < LAWFUL
 
     @property
-    def doubted(self) -> "Told":
-        """This, of contacts that may give way at once."""
-        return replace(self, mass_std=float(np.hypot(self.mass_std, GIVES_WAY)))
+    def is_firm(self) -> bool:
+        """Whether sticks slip by Newton's law where replays creep: contacts of another engine."""
+        return self.is_lawful and self.ahead > FIRM
 
     def beside(self, other: "Told") -> "Told":
         """This, seen in a world that has what is sure in another one already."""
@@ -168,9 +179,9 @@ def told(world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = Fa
         return replayed  # so much rougher is the nominal stick that its slips are not seen
     newton = _by_newton(seen, shown, world)
     near = newton.left < replayed.left + NEARLY or soft
-    best = newton if newton.left < replayed.left or (newton.is_lawful and near) else replayed
-    gives_way = not soft and (best.newton or newton.is_lawful)
-    return best.doubted if gives_way and best.mass < 0 else best
+    if newton.left < replayed.left or (newton.is_lawful and near):
+        return replace(newton, ahead=replayed.left - newton.left, gives_way=not soft)
+    return replace(replayed, gives_way=newton.is_lawful and not soft)
 
 
 def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> Told:

@@ -135,14 +135,23 @@ class Seen:
         """Compliance beyond what contacts yield by themselves, which may be less than it was."""
         return self.soft_m_n[self.hard or self.soft_m_n[0] <= 0]
 
+    @property
+    def firm(self) -> "Seen":
+        """This, of contacts that are known to yield by nothing of their own."""
+        return replace(self, soft_m_n=(self.line.compliance_m_n, self.line.compliance_m_n))
+
 
 def shapes(
     nominal: Spec,
     parts: Sequence[Held],
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
+    firm: bool = False,
 ) -> Shapes:
-    """The radius and softness that the gaps of these episodes show."""
+    """The radius and softness that the gaps of these episodes show.
+
+    `firm`: the log's contacts are known to yield by nothing of their own.
+    """
     sought = [name for name in (RADIUS, SOFTNESS) if name in catalogue]
     real = np.array([_gap(nominal, p) for p in parts])
     force, own = _replayed(nominal, nominal, parts, simulate)
@@ -150,8 +159,11 @@ def shapes(
     is_own = False
     for _ in range(ROUNDS):
         readings = _readings(real, own, force, own_m_n)
-        is_own = is_own or _is_own(nominal, readings, parts, simulate)
-        seen = _better(readings, is_own)
+        if firm:
+            seen = readings[0].firm
+        else:
+            is_own = is_own or _is_own(nominal, readings, parts, simulate)
+            seen = _better(readings, is_own)
         left_m = seen.line.left_m
         if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
             why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"

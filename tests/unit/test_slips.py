@@ -156,3 +156,29 @@ def test_friction_is_told_where_contacts_are_soft(backend):
     found = told("contact-friction=16%,contact-softness=0.27mm/N", backend)
     assert set(found) == {"contact-friction", "contact-softness"}
     assert found["contact-friction"].value == pytest.approx(0.16, abs=0.06)
+
+
+@pytest.mark.parametrize("backend", ["bullet", "sapien"])
+def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend):
+    """Name a softness as small as what the nominal engine's own contacts yield, and a radius."""
+    found = told("contact-softness=0.042mm/N,stick-radius=-3.5%", backend)
+    assert set(found) == {"contact-softness", "stick-radius"}
+    assert found["contact-softness"].value == pytest.approx(4.2e-5, rel=0.3)
+
+
+def test_a_mass_is_as_sure_in_the_world_that_has_it():
+    """Doubt a light stick, not a heavy one of which a world has more already."""
+    seen = slips.Told(
+        friction=0.0,
+        friction_std=0.03,
+        mass=-0.02,
+        mass_std=0.15,
+        left=1.0,
+        newton=True,
+        episodes=2,
+        gives_way=True,
+    )
+    heavy = dataclasses.replace(seen, mass=0.6)
+    light = dataclasses.replace(seen, mass=-0.6)
+    assert heavy.sure == (False, True) and seen.beside(heavy).sure == (False, True)
+    assert light.sure == (False, False) and light.spread > heavy.spread
