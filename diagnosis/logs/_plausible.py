@@ -52,6 +52,8 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
     if PULL in samples:
         pull_is_plausible(samples[PULL].to_numpy())
     for number, part in samples.groupby("episode", sort=False):
+        if protocols[int(str(number))] == "push":
+            pushes_are_told(int(str(number)), part)
         for joint in joints if protocols[int(str(number))] not in HELD else ():
             position_follows(int(str(number)), part, named[joint])
     return warnings
@@ -95,6 +97,16 @@ def pull_is_plausible(pull_n: np.ndarray) -> None:
         raise LogError(
             f"'{PULL}' is down to {low:.4g} N; allowed: forces towards the stick's lower end, out "
             "of the hand, are positive; turn the sign"
+        )
+
+
+def pushes_are_told(number: int, part: pd.DataFrame) -> None:
+    """Refuse an episode in which nobody knows what pushed: any effect would look like that."""
+    pushes = part[[name for name in part if str(name).startswith("push_")]]
+    if not pushes.notna().to_numpy().any():
+        raise LogError(
+            f"episode {number} is of protocol 'push' and has no channel 'push', so what pushed is "
+            "unknown; log it, such as 'push_nm.JOINT', or leave the episode out"
         )
 
 

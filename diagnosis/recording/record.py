@@ -125,6 +125,12 @@ def check(spec: Spec, plan: Plan, policy: Policy | None) -> None:
     missing = [name for name in ALWAYS if name not in plan.channels]
     if missing:
         raise LogError(f"a log without {' and '.join(missing)} says nothing; add it to channels")
+    loads = {"push", "pull"} & set(plan.protocols) - set(plan.channels)
+    for name in sorted(loads):
+        raise LogError(
+            f"the protocol '{name}' says nothing without the channel '{name}'; add it to channels, "
+            "or leave the protocol out"
+        )
     if "policy" in plan.protocols and policy is None:
         raise LogError("the protocol 'policy' needs a policy; name a run, or leave it out")
     slowest_hz, drive_s = 1 / spec.timing.policy_s, spec.timing.drive_s

@@ -233,6 +233,16 @@ def test_unusable_samples_give_one_clear_error(write, samples, words):
         read_log(write(samples))
 
 
+def test_a_push_that_nobody_knows_is_refused(write):
+    """Refuse an episode of pushes without the channel, which any effect would look like."""
+    episodes = [{"episode": 0, "protocol": "push"}]
+    folder = write(table(), episodes=episodes)
+    with pytest.raises(LogError, match="episode 0 is of protocol 'push' and has no channel 'push'"):
+        read_log(folder)
+    table().assign(**{"push_nm.J1": 0.01}).to_csv(folder / "samples.csv", index=False)
+    assert read_log(folder).joints == ("J0", "J1")
+
+
 def test_a_held_joint_need_not_follow(write):
     """Accept a grasp in which the stick and other joints decide when a joint moves."""
     grasp = write(shifted(1.5), episodes=[{"episode": 0, "protocol": "grasp"}])
@@ -419,4 +429,4 @@ def test_the_documented_example_is_a_log(tmp_path):
     samples[header].to_csv(tmp_path / "samples.csv", index=False)
     log = read_log(tmp_path)
     assert log.joints == ("shoulder", "elbow")
-    assert [e.protocol for e in log.episodes] == ["steps", "push"]
+    assert [e.protocol for e in log.episodes] == ["steps", "multisine"]

@@ -246,6 +246,10 @@ def test_every_engine_writes_the_same_columns(everything, backend):
         ({"channels": ("command",)}, "without position says nothing"),
         ({"channels": (*CHANNELS, "sound")}, "no channel named 'sound'"),
         ({"channels": (*CHANNELS, "contact")}, "two forms of one channel"),
+        (
+            {"protocols": ("push",), "channels": ("command", "position")},
+            "'push' says nothing without the channel 'push'; add it to channels",
+        ),
         ({"rate_hz": 300.0}, "the rate is 300 Hz; allowed: 50 to 1000 Hz"),
         ({"rate_hz": 20.0}, "the rate is 20 Hz"),
         ({"rate_hz": 2000.0}, "the rate is 2000 Hz"),
