@@ -158,6 +158,9 @@ def _episode(log: Log, number: int, protocol: str) -> dict:
     if protocol in HELD:
         seen = log.stick(number) is not None
         use = "used for touch and stick" if seen else "left out: no pose of the stick"
+    elif protocol == "pull":
+        seen = log.stick(number) is not None and log.pull(number) is not None
+        use = "used for friction and mass" if seen else "left out: no pose of the stick, or no pull"
     elif protocol not in FREE_AIR:
         use = "left out: not in free air"
     elif len(frame) < LEAST_SAMPLES:

@@ -153,9 +153,9 @@ def confidence(found: Diagnosis) -> str:
 def shrinkage(found: Diagnosis) -> str:
     """How far the gap shrinks, in a sentence."""
     before, nominal, after = (spread(found.gaps[key]) for key in ("before", "nominal", "after"))
-    text = f"The gap on held-out samples is {before} times the noise floor"
     if found.gap_before <= found.noise_floor:
-        return f"{text}."
+        return f"In free air the gap on held-out samples is {before} times the noise floor."
+    text = f"The gap on held-out samples is {before} times the noise floor"
     text += f", {nominal} with the nominal parameters refitted"
     if found.verdict == (NONE,) or found.gaps["after"] == found.gaps["nominal"]:
         return f"{text}."

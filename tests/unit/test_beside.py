@@ -44,7 +44,7 @@ def log(
     plan = Plan(
         protocols=protocols,
         variants=variants,
-        channels=("command", "position", "push", "stick", "contact"),
+        channels=("command", "position", "push", "stick", "contact", "pull"),
         seed=4,
     )
     spec = RunSpec(backend=backend, task="circle", effects=effects).world()
@@ -104,8 +104,10 @@ def test_the_row_is_plain_data(held):
 def test_the_page_shows_them(held):
     """Show findings with what says so, fingers, and episodes that were used."""
     effects = "coulomb-friction=60mNm@J3,stick-radius=10%,taxel-threshold=0.3mm"
-    text = page(held, log(effects, "bullet", ("steps", "grasp")), {"log": "x"}, {})
-    for said in ("Sensors, touch and stick", "finger2", "mm of press on", "used for touch and"):
+    shown = log(effects, "bullet", ("steps", "grasp", "pull"))
+    text = page(held, shown, {"log": "x"}, {})
+    used = ("used for touch and stick", "used for friction and mass")
+    for said in ("Sensors, touch and stick", "finger2", "mm of press on", *used):
         assert said in text
 
 
