@@ -109,6 +109,17 @@ def _spread(chance, near):
     return out
 
 
+def alone(data: Pressed, faults: Faults, near: Array) -> Pressed:
+    """Samples without a halo: who answers is who takes along nobody that does not, or is dead.
+
+    The erosion of what answers by the halo, whose dilation is the most that a halo explains
+    (Serra, Image Analysis and Mathematical Morphology, 1982).
+    """
+    silent = (data.reading < 0.5) & ~np.broadcast_to(faults.dead, data.reading.shape[1:])
+    held_back = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32))
+    return replace(data, reading=(held_back < 0.5).astype(float))
+
+
 def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Log-likelihood of every answer over `ALIKE`, shape (S, F, K)."""
     shown = expected(data, faults, near)

@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
-from diagnosis.beside._skin import Faults, Pressed, gap, nats
+from diagnosis.beside._skin import Faults, Pressed, alone, gap, nats
 from diagnosis.beside._skin_leftover import left
 
 CLOSE_NATS = 1.35
@@ -16,7 +16,11 @@ FINER = np.arange(-5, 6) / 5
 """Steps around the best threshold, in steps of the first grid."""
 HALO_M = 0.02
 """The widest halo."""
+HALOS_M, NEARER_M = np.arange(2e-3, 14.5e-3, 1e-3), np.arange(-7.5e-4, 8e-4, 2.5e-4)
+"""Halos that a drift is tried beside, and those around the best of them."""
 DRIFTS_M_S = np.concatenate([[0.0], np.geomspace(1e-6, 1.15e-3, 99)])
+ROUGH_M_S = DRIFTS_M_S[::3]
+"""Slopes for a first look."""
 AROUND = np.geomspace(0.93, 1.08, 10)
 """Factors of the best of these that are tried next."""
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
@@ -68,14 +72,16 @@ class Fitting:
         """The skin with two faults that fit best together, from one that may have either.
 
         Who answers late and wide looks like who answers early and less wide, and a guess of the one
-        alone takes a part of the other. So a threshold is tried at several sizes, and the rest in
-        turns.
+        alone takes a part of the other. So a threshold is tried at several sizes, or the halo that
+        a drift spreads by, and the rest in turns.
         """
         tries = [faults]
         if "taxel-threshold" in effects:
             other = next(name for name in effects if name != "taxel-threshold")
             late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
             tries += [self.alone(other, skin, skin) for skin in late]
+        elif set(effects) == {"taxel-drift", "taxel-halo"}:
+            tries.append(self._spreading(start))
         best = max(tries, key=self.nats)
         for _ in range(TURNS):
             for effect in reversed(effects):
@@ -166,16 +172,27 @@ class Fitting:
             extreme=value > DRIFTS_M_S[-2],
         )
 
+    def _spreading(self, start: Faults) -> Faults:
+        """A drift and the halo that it spreads by, roughly."""
+        best = max((self._rough(start, m) for m in HALOS_M), key=self.nats)
+        return max((self._rough(start, best.halo_m + m) for m in NEARER_M), key=self.nats)
+
+    def _rough(self, start: Faults, halo_m: float) -> Faults:
+        """A drift beside a halo, roughly."""
+        skin = replace(start, halo_m=float(halo_m))
+        evidence, mean = self._drifting(skin, ROUGH_M_S)
+        best = int(np.argmax(evidence.sum(axis=(1, 2))))
+        return replace(skin, slope_m_s=mean[best], fastest_m_s=float(ROUGH_M_S[best + 1]))
+
     def _drifting(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
         """Log-evidence of every taxel and its mean slope, by the fastest drift, (D - 1, F, K).
 
         Slopes are spread evenly between none and the fastest, which is any of `slopes_m_s` (D,)
-        but the first.
+        but the first. Beside a halo a taxel has drifted so far once all that it takes along answer.
         """
         near, slope = self._near(faults), slopes_m_s[:, None, None]
-        each = np.stack(
-            [nats(self._data, replace(faults, slope_m_s=a), near).sum(axis=0) for a in slope]
-        )
+        data = self._data if near is None else alone(self._data, faults, near)
+        each = np.stack([nats(data, replace(faults, slope_m_s=a)).sum(axis=0) for a in slope])
         top = each.max(axis=0)
         likely, width = np.exp(each - top), np.diff(slope, axis=0)
         area, moment = (

@@ -85,7 +85,7 @@ def feel(
     binary = log.meta.channels["touch"].unit == "1"
     skins, start, wrong = _skins(nominal, parts, grid, binary)
     if mended and binary:
-        start = _offset(skins.whole, start)
+        skins.bare, start = start, _offset(skins.whole, start)
     mute = _mute(sought, binary, wrong)
     found, faults = _search(skins, start, [name for name in sought if name not in mute])
     if wrong and any(f.effect == UNKNOWN for f in found):
@@ -205,8 +205,11 @@ def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) 
 
 
 def _split(parts: Sequence[Pressed]) -> tuple[Pressed, Pressed]:
-    """Two halves that judge each other: every second block of every episode."""
-    turns = [np.floor(part.time_s / BLOCK_S) % 2 == 0 for part in parts]
+    """Two halves that judge each other: every second block, of the next episode the others.
+
+    So each has seen what the other one has at that time, as drift has it.
+    """
+    turns = [np.floor(p.time_s / BLOCK_S + k) % 2 == 0 for k, p in enumerate(parts)]
     one = [part.some(turn) for part, turn in zip(parts, turns, strict=True)]
     other = [part.some(~turn) for part, turn in zip(parts, turns, strict=True)]
     return joined(one), joined(other)
@@ -218,6 +221,8 @@ class Skins:
     def __init__(self, halves: tuple[Pressed, Pressed], grid: Array) -> None:
         self._fits = [Fitting(half, grid) for half in halves]
         self.whole = Fitting(joined(halves), grid)
+        self.bare: Faults | None = None
+        """Another skin that a fault may be fitted to."""
 
     def lead(self, effect: str, start: Faults, faults: Faults, first: str | None = None) -> float:
         """How much better an effect fitted to one half explains the other one [nats].
@@ -227,22 +232,33 @@ class Skins:
         gain = 0.0
         for fit, judge in (self._fits, self._fits[::-1]):
             alone = faults if first is None else fit.alone(first, start, faults)
-            skin = _fitted(fit, effect, start, faults, first)
+            skin = self.fitted(effect, start, faults, first, fit)
             gain += judge.nats(skin) - judge.nats(alone)
         return gain
+
+    def fitted(
+        self,
+        effect: str,
+        start: Faults,
+        faults: Faults,
+        first: str | None = None,
+        fit: Fitting | None = None,
+    ) -> Faults:
+        """The skin with an effect, and with the first one anew where there is one; to all samples.
+
+        Or to those of `fit`. A lone effect may explain what a small offset seems to.
+        """
+        fit = fit or self.whole
+        if first is not None:
+            return fit.both((first, effect), start, faults)
+        skins = {id(skin): skin for skin in (faults, self.bare) if skin is not None}
+        guesses = (fit.guess(effect, skin) for skin in skins.values())
+        return max((faults, *(g.faults for g in guesses if g is not None)), key=fit.nats)
 
     def foretold(self, faults: Faults) -> float:
         """What each half foretells of what faults leave of the other one [nats]."""
         one, other = self._fits
         return one.foretold(other, faults) + other.foretold(one, faults)
-
-
-def _fitted(fit: Fitting, effect: str, start: Faults, faults: Faults, first: str | None) -> Faults:
-    """The skin with an effect, and with the first one anew where there is one."""
-    if first is not None:
-        return fit.both((first, effect), start, faults)
-    guess = fit.guess(effect, faults)
-    return faults if guess is None else guess.faults
 
 
 Found = tuple[Guess, float, tuple[tuple[str, float], ...]]
@@ -257,7 +273,7 @@ def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Findi
         first = found[0][0].effect if found else None
         leads = {name: skins.lead(name, start, faults, first) for name in sought}
         best = max(leads, key=lambda name: leads[name])
-        fitted = _fitted(skin, best, start, faults, first)
+        fitted = skins.fitted(best, start, faults, first)
         guess = skin.beside(best, start, fitted)
         if guess is None or leads[best] < ACCUSE_NATS:
             break

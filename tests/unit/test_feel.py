@@ -114,6 +114,24 @@ def test_who_hides_a_part_of_the_other_is_measured_with_it():
     assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
 
 
+def test_a_drift_is_measured_with_the_halo_that_it_spreads_by():
+    """Measure both, of which a far faster drift alone explains almost as much."""
+    both = found("taxel-drift=0.23mm/s,taxel-halo=8.2mm", "contact")
+    assert set(both) == {"taxel-drift", "taxel-halo"}
+    low, high = both["taxel-halo"].interval
+    assert low <= 8.2 * MM <= high
+    assert both["taxel-drift"].value == pytest.approx(0.23 * MM, rel=0.25)
+
+
+def test_halves_have_seen_the_same_times():
+    """Judge by halves of which each holds every time of some episode: a drift ends late in all."""
+    parts = [part for part in held(log("none", "contact"), NOMINAL) if part.touch is not None]
+    grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
+    skins, *_ = _skins(NOMINAL, parts, grid, True)
+    one, other = (set(fit._data.time_s) for fit in skins._fits)
+    assert len(parts) == 2 and one == other
+
+
 def test_a_drift_is_as_sharp_at_any_threshold():
     """Measure drift and threshold together: what nothing presses tells but their ratio."""
     both = found("taxel-drift=0.2mm/s,taxel-threshold=0.2mm", "contact")
