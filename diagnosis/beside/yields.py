@@ -43,6 +43,9 @@ nearer than 0.35, see `judged`."""
 BENT, NOISE_M = 2.0, 7e-6
 """Gaps are no line where they leave so many times what another reading does, and that is more than
 what a tracker makes of medians."""
+FIRM = 1.15
+"""Contacts that seem to yield by nothing of their own do so in gaps as well: these are as much of a
+line, or nearly."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 Z90, SURE_Z = 1.645, 3.0
@@ -159,8 +162,9 @@ def shapes(
     is_own = False
     for _ in range(ROUNDS):
         readings = _readings(real, own, force, own_m_n)
-        if firm:
-            seen = readings[0].firm
+        rigid, yielding = readings
+        if firm and rigid.line.left_m < FIRM * yielding.line.left_m:
+            seen = rigid.firm
         else:
             is_own = is_own or _is_own(nominal, readings, parts, simulate)
             seen = _better(readings, is_own)
