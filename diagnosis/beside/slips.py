@@ -50,7 +50,7 @@ SURE_Z, Z90 = 3.0, 1.645
 HEAVY_Z = 2.2
 """A heavy stick is asked for less: no contact makes one look so."""
 FIRM = 0.03
-"""Newton's law is ahead by this where no contacts creep, and by none on an engine whose do."""
+"""Newton's law is ahead by this where no contacts creep, and hardly ever on an engine whose do."""
 GIVES_WAY = 0.25
 """Hard contacts may hold until they give way at once, which looks light where sticks slip by
 Newton's law: what that adds to the standard deviation of a mass, as a logarithm."""
