@@ -251,8 +251,8 @@ class Skins:
         fit = fit or self.whole
         if first is not None:
             return fit.both((first, effect), start, faults)
-        skins = {id(skin): skin for skin in (faults, self.bare) if skin is not None}
-        guesses = (fit.guess(effect, skin) for skin in skins.values())
+        skins = [faults] if self.bare is None or self.bare is faults else [faults, self.bare]
+        guesses = (fit.guess(effect, skin) for skin in skins)
         return max((faults, *(g.faults for g in guesses if g is not None)), key=fit.nats)
 
     def foretold(self, faults: Faults) -> float:
