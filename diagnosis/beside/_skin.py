@@ -20,11 +20,13 @@ from scipy.special import ndtr
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 
-EXACT_M = 1e-5
-"""Numerical error of depths: the blur of a taxel that nothing is near. Of an answer this is a share
+EXACT_M, SHARP = 1e-5, 5e-3
+"""Numerical error of depths: the blur of a taxel that nothing is near. That of an answer is a share
 of its level: what drifts half as far as half of it answers at the same time."""
 NEAR = 4.0
 """Blurs within which it may be felt or not."""
+CLEARLY = 1.0
+"""Blurs that a drift must be over what one is where the taxel is silent."""
 WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far off a wild depth may be."""
 MISSED = 0.02
@@ -68,13 +70,19 @@ class Faults:
     """Slopes are spread evenly up to this."""
     dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))
     """Taxels that never answer, shape (F, K) or ()."""
+    dead_share: float = 0.0
+    """Of all taxels; what never answered may be one of them, or not."""
     blur_m: float
     """Standard deviation of the depth: the geometry's own error."""
 
+    @property
+    def level_m(self) -> float:
+        """Reading that a taxel answers from."""
+        return THRESHOLD_M + self.threshold_m
+
     def blurs_m(self, data: Pressed) -> Array:
-        """The same of every answer, shape (S, F, K): it matters where something is near."""
-        exact_m = EXACT_M * (1 + self.threshold_m / THRESHOLD_M if data.binary else 1.0)
-        return np.where(data.depth_m > -NEAR * self.blur_m, self.blur_m, exact_m)
+        """The same of every depth, shape (S, F, K): it matters where something is near."""
+        return np.where(data.depth_m > -NEAR * self.blur_m, self.blur_m, EXACT_M)
 
 
 def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
@@ -83,12 +91,13 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     `near` tells which taxels of a tip are within the halo of each other, bool (F, K, K).
     """
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
-    drifted = data.time_s[:, None, None] * faults.slope_m_s
-    pressed = np.where(data.touched[..., None], np.maximum(data.depth_m, 0.0), 0.0)
-    reading = (pressed + drifted) * alive
+    drifted_m = data.time_s[:, None, None] * faults.slope_m_s
+    depth_m = np.where(data.touched[..., None], data.depth_m, -np.inf)
     if not data.binary:
-        return reading
-    chance = ndtr((reading - THRESHOLD_M - faults.threshold_m) / faults.blurs_m(data))
+        return (np.maximum(depth_m, 0.0) + drifted_m) * alive
+    short_m = faults.level_m - drifted_m
+    pressed, drifted = (depth_m - short_m) / faults.blur_m, -short_m / (SHARP * faults.level_m)
+    chance = np.maximum(ndtr(pressed), ndtr(drifted))
     if near is not None:
         chance = _spread(np.broadcast_to(chance, data.depth_m.shape), near)
     return WILD + (1 - 2 * WILD) * chance * alive
@@ -113,11 +122,17 @@ def alone(data: Pressed, faults: Faults, near: Array) -> Pressed:
     """Samples without a halo: who answers is who takes along nobody that does not, or is dead.
 
     The erosion of what answers by the halo, whose dilation is the most that a halo explains
-    (Serra, Image Analysis and Mathematical Morphology, 1982).
+    (Serra, Image Analysis and Mathematical Morphology, 1982). Who would have to drift faster than
+    where it is silent, in any episode, was taken along.
     """
     silent = (data.reading < 0.5) & ~np.broadcast_to(faults.dead, data.reading.shape[1:])
-    held_back = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32))
-    return replace(data, reading=(held_back < 0.5).astype(float))
+    silent = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32)) > 0.5
+    time_s = np.maximum(data.time_s[:, None, None], np.finfo(float).tiny)
+    depth_m = np.where(data.touched[..., None], data.depth_m, -np.inf)
+    least_m_s = (faults.level_m - np.maximum(depth_m, 0.0)) / time_s
+    most_m_s = (faults.level_m - np.maximum(depth_m - CLEARLY * faults.blur_m, 0.0)) / time_s
+    taken = least_m_s >= np.where(silent, most_m_s, np.inf).min(axis=0)
+    return replace(data, reading=(~silent & ~taken).astype(float))
 
 
 def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
-from diagnosis.beside._skin import Faults, Pressed, alone, gap, nats
+from diagnosis.beside._skin import SHARP, Faults, Pressed, alone, gap, nats
 from diagnosis.beside._skin_leftover import left
 
 CLOSE_NATS = 1.35
@@ -23,13 +23,15 @@ ROUGH_M_S = DRIFTS_M_S[::3]
 """Slopes for a first look."""
 AROUND = np.geomspace(0.93, 1.08, 10)
 """Factors of the best of these that are tried next."""
+APART, EDGE = 0.02, 2 * SHARP
+"""Times apart by less than this share are one; slopes so much to both sides tell them apart."""
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 TURNS = 2
 """How often two faults are fitted in turns."""
 FIELDS = {
     "taxel-threshold": ("threshold_m",),
     "taxel-drift": ("slope_m_s", "fastest_m_s"),
-    "taxel-dropout": ("dead",),
+    "taxel-dropout": ("dead", "dead_share"),
     "taxel-halo": ("halo_m",),
 }
 """Numbers that an effect changes."""
@@ -153,13 +155,12 @@ class Fitting:
         )
 
     def _drift(self, faults: Faults) -> Guess | None:
-        coarse, _ = self._drifting(faults, DRIFTS_M_S)
-        near = int(np.argmax(coarse.sum(axis=(1, 2))))
+        coarse, _ = self._drifts(faults, DRIFTS_M_S)
+        near = int(np.argmax(coarse))
         if near == 0:
             return None
         tried = np.unique([*DRIFTS_M_S[: near + 1], *(DRIFTS_M_S[near + 1] * AROUND)])
-        evidence, mean = self._drifting(faults, tried)
-        scores = evidence.sum(axis=(1, 2))
+        scores, mean = self._drifts(faults, tried)
         best = int(np.argmax(scores))
         good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
         value = float(tried[best + 1])
@@ -180,35 +181,62 @@ class Fitting:
     def _rough(self, start: Faults, halo_m: float) -> Faults:
         """A drift beside a halo, roughly."""
         skin = replace(start, halo_m=float(halo_m))
-        evidence, mean = self._drifting(skin, ROUGH_M_S)
-        best = int(np.argmax(evidence.sum(axis=(1, 2))))
+        scores, mean = self._drifts(skin, ROUGH_M_S)
+        best = int(np.argmax(scores))
         return replace(skin, slope_m_s=mean[best], fastest_m_s=float(ROUGH_M_S[best + 1]))
 
+    def _drifts(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
+        """Log-evidence of the fastest drift (D - 1,) and the mean slopes that go with it.
+
+        What never answered is slow, or one of the dead.
+        """
+        evidence, mean = self._drifting(faults, slopes_m_s)
+        if faults.dead_share > 0:
+            dead = np.log(faults.dead_share) + self._silent(faults)
+            evidence = np.logaddexp(np.log1p(-faults.dead_share) + evidence, dead)
+        return evidence.sum(axis=(1, 2)), mean
+
     def _drifting(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
-        """Log-evidence of every taxel and its mean slope, by the fastest drift, (D - 1, F, K).
+        """Log-evidence of every taxel that lives and its mean slope, (D - 1, F, K).
 
         Slopes are spread evenly between none and the fastest, which is any of `slopes_m_s` (D,)
         but the first. Beside a halo a taxel has drifted so far once all that it takes along answer.
         """
-        near, slope = self._near(faults), slopes_m_s[:, None, None]
+        near = self._near(faults)
         data = self._data if near is None else alone(self._data, faults, near)
+        every = np.unique([*slopes_m_s, *(self._crossings(faults) if data.binary else ())])
+        every = every[every <= slopes_m_s[-1]]
+        slope = every[:, None, None]
         each = np.stack([nats(data, replace(faults, slope_m_s=a)).sum(axis=0) for a in slope])
         top = each.max(axis=0)
         likely, width = np.exp(each - top), np.diff(slope, axis=0)
         area, moment = (
             np.cumsum(width * (v[1:] + v[:-1]) / 2, axis=0) for v in (likely, likely * slope)
         )
-        return np.log(area / slope[1:]) + top, moment / area
+        asked = np.searchsorted(every, slopes_m_s[1:]) - 1
+        area, moment = area[asked], moment[asked]
+        return np.log(area / slopes_m_s[1:, None, None]) + top, moment / area
+
+    def _crossings(self, faults: Faults) -> Array:
+        """Slopes on both sides of those that reach the level, from none, at a sample."""
+        times_s = np.unique(np.round(self._data.time_s, 2))
+        times_s = times_s[times_s > 0]
+        apart = np.diff(times_s, append=np.inf) > APART * times_s
+        return np.outer(faults.level_m / times_s[apart], (1 - EDGE, 1 + EDGE)).ravel()
+
+    def _silent(self, faults: Faults) -> Array:
+        """Log-likelihood of every taxel that is dead, shape (F, K)."""
+        every = np.ones(self._apart.shape[:2], dtype=bool)
+        return nats(self._data, replace(faults, dead=every), self._near(faults)).sum(axis=0)
 
     def _dead(self, faults: Faults) -> Guess | None:
         none = np.zeros(self._apart.shape[:2], dtype=bool)
-        near = self._near(faults)
-        dead = nats(self._data, replace(faults, dead=~none), near).sum(axis=0)
+        dead = self._silent(faults)
         if faults.fastest_m_s > 0:  # a living taxel would drift
             slopes = np.append(DRIFTS_M_S[faults.fastest_m_s > DRIFTS_M_S], faults.fastest_m_s)
             alive = self._drifting(faults, slopes)[0][-1]
         else:
-            alive = nats(self._data, replace(faults, dead=none), near).sum(axis=0)
+            alive = nats(self._data, replace(faults, dead=none), self._near(faults)).sum(axis=0)
         shares = DEAD_SHARES[:, None, None]
         with np.errstate(divide="ignore"):
             each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
@@ -221,7 +249,7 @@ class Fitting:
             effect="taxel-dropout",
             value=best,
             interval=(max(low, 0.0), min(high, 1.0)),
-            faults=replace(faults, dead=silent),
+            faults=replace(faults, dead=silent, dead_share=best),
             evidence=f"{int(silent.sum())} of {known} taxels that should answer never do",
         )
 

@@ -12,7 +12,7 @@ from benchmark import cli, registry
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
 from diagnosis.attribution.rules import rules
-from diagnosis.beside._skin import Faults, Pressed
+from diagnosis.beside._skin import Faults, Pressed, alone, expected
 from diagnosis.beside._taxel_fits import Fitting
 from diagnosis.beside.feel import _skins, feel
 from diagnosis.beside.finding import Report
@@ -138,6 +138,60 @@ def test_a_drift_is_as_sharp_at_any_threshold():
     assert set(both) == {"taxel-drift", "taxel-threshold"}
     assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
     assert both["taxel-drift"].value == pytest.approx(0.2 * MM, rel=0.1)
+
+
+def test_a_drift_is_as_fast_where_taxels_are_dead():
+    """Measure the drift: who never answered is slow or dead, which makes the others no slower."""
+    both = found("taxel-drift=0.1mm/s,taxel-dropout=23%", "contact")
+    assert set(both) == {"taxel-drift", "taxel-dropout"}
+    low, high = both["taxel-drift"].interval
+    assert low <= 0.1 * MM <= high
+
+
+def _answers(depth_mm: float, time_s: float, **faults) -> float:
+    """The chance that a taxel answers which is pressed so deep, known to 0.04 mm."""
+    one = np.ones((1, 1, 1))
+    data = Pressed(
+        time_s=np.array([time_s]),
+        depth_m=depth_mm * MM * one,
+        reading=one,
+        touched=np.ones((1, 1), dtype=bool),
+        binary=True,
+    )
+    return float(expected(data, Faults(blur_m=0.04 * MM, **faults))[0, 0, 0])
+
+
+def test_a_lone_fault_explains_what_seems_an_offset():
+    """Fit a drift to the nominal skin too, where a threshold within the error was put first."""
+    parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
+    grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
+    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
+    offset = replace(start, threshold_m=-0.03 * MM)
+    assert skins.fitted("taxel-drift", offset, offset).threshold_m == offset.threshold_m
+    skins.bare = start
+    assert skins.fitted("taxel-drift", offset, offset).threshold_m == start.threshold_m
+
+
+def test_what_drifts_is_blurred_where_the_stick_presses_it_alone():
+    """Expect answers of what nothing presses once its drift reaches 0.2 mm, and not before."""
+    drift = {"slope_m_s": np.array(0.1 * MM)}
+    assert _answers(-0.12, 1.9, **drift) < 0.01
+    assert _answers(-0.12, 2.1, **drift) > 0.99
+    assert _answers(0.01, 1.9, **drift) == pytest.approx(0.5, abs=0.01)
+    assert _answers(-0.12, 0.0, threshold_m=-0.18 * MM) < 0.01
+
+
+def test_who_is_silent_elsewhere_was_taken_along():
+    """Take a taxel for none that drifts where it is silent as late in another episode."""
+    data = Pressed(
+        time_s=np.array([1.0, 1.0, 2.0]),
+        depth_m=np.full((3, 1, 2), -MM),
+        reading=np.array([[[1.0, 1.0]], [[0.0, 0.0]], [[1.0, 1.0]]]),
+        touched=np.ones((3, 1), dtype=bool),
+        binary=True,
+    )
+    own = alone(data, Faults(blur_m=0.04 * MM), np.ones((1, 2, 2), dtype=bool)).reading
+    assert own[:, 0].tolist() == [[0, 0], [0, 0], [1, 1]]
 
 
 def test_a_second_fault_is_judged_beside_the_first_fitted_to_as_much():

@@ -12,7 +12,7 @@ from benchmark.run_spec import RunSpec
 from diagnosis.beside.beside import beside
 from diagnosis.beside.grip import grip, motions
 from diagnosis.beside.held import gaps_m, held
-from diagnosis.beside.yields import _better, _readings, line
+from diagnosis.beside.yields import _better, _readings, line, shapes
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 
@@ -93,6 +93,12 @@ def test_nominal_grasps_show_no_shape(backend):
     """Find neither radius nor softness in nominal grasps of any engine."""
     report = shapes_of("none", backend)
     assert report.findings == ()
+
+
+def test_what_yields_as_the_nominal_engine_is_not_firm():
+    """Find no shape where gaps are no line but beside the engine's own, whatever slips tell."""
+    parts = held(log("contact-friction=-40%"), NOMINAL)
+    assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).findings == ()
 
 
 @pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
