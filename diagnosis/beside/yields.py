@@ -37,6 +37,8 @@ ODD_M, ODD_SHARE = 6e-5, 0.15
 """Fingers that disagree by more than this, and this share of what they yield, are misplaced."""
 FORCE_SHARE = 0.05
 """Forces are those of a replay, whose drives are known no better."""
+GIVEN_M_N = 0.1e-3
+"""Softness that tells what contacts yield beside one."""
 OWN = 0.3
 """A replay on the nominal engine is this near where the log is from it; of others no replay comes
 nearer than 0.35, see `judged`."""
@@ -158,7 +160,7 @@ def shapes(
     sought = [name for name in (RADIUS, SOFTNESS) if name in catalogue]
     real = np.array([_gap(nominal, p) for p in parts])
     force, own = _replayed(nominal, nominal, parts, simulate)
-    own_m_n = float(np.median(-own / force))
+    own_m_n = _own_m_n(nominal, parts, simulate)
     is_own = False
     for _ in range(ROUNDS):
         readings = _readings(real, own, force, own_m_n)
@@ -204,12 +206,20 @@ def _replayed(
     return force, np.array([_gap(nominal, p) for p in played])
 
 
+def _own_m_n(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> float:
+    """What contacts that are given a softness yield beside it: by a line, as not all do without."""
+    contact = replace(nominal.contact, compliance_m_n=nominal.contact.compliance_m_n + GIVEN_M_N)
+    force, gap = _replayed(replace(nominal, contact=contact), nominal, parts, simulate)
+    return float(np.median(-gap / force)) - GIVEN_M_N
+
+
 def _readings(real: Array, own: Array, force: Array, own_m_n: float) -> tuple[Seen, Seen]:
     """The gaps as of contacts that yield by nothing but the line, and as the nominal engine's do.
 
-    `own`: gaps that the nominal engine leaves by itself, some `own_m_n` times the force.
+    `own`: gaps that the nominal engine leaves by itself; beside a softness `own_m_n` of the force.
     """
     rigid, yielding = line(real, force), line(real - own, force)
+    bare_m_n = float(np.median(-own / force))
     return (
         Seen(
             line=rigid,
@@ -223,7 +233,10 @@ def _readings(real: Array, own: Array, force: Array, own_m_n: float) -> tuple[Se
             rigid=False,
             gap_m=real - own,
             force_n=force,
-            soft_m_n=(yielding.compliance_m_n, yielding.compliance_m_n + own_m_n),
+            soft_m_n=(
+                yielding.compliance_m_n + bare_m_n - own_m_n,
+                yielding.compliance_m_n + bare_m_n,
+            ),
         ),
     )
 
@@ -232,13 +245,13 @@ def _better(readings: tuple[Seen, Seen], is_own: bool) -> Seen:
     """The reading that asks for fewer effects; of two that ask alike the nominal engine's own way.
 
     A softness of other engines' contacts may look as a radius does beside the nominal engine's, and
-    how the stick moves tells which engine it was. Unless that leaves far more: soft contacts yield
-    by a line on the nominal engine as well.
+    how the stick moves tells which engine it was. Unless that leaves far more or is a softness:
+    beside one, contacts of the nominal engine yield by a line as well.
     """
     rigid, yielding = (replace(seen, is_own=is_own) for seen in readings)
     if rigid.line.asks == yielding.line.asks:
         bent = yielding.line.left_m > BENT * max(rigid.line.left_m, NOISE_M)
-        return yielding if is_own and not bent else rigid
+        return rigid if not is_own or bent or SOFTNESS in yielding.line.effects else yielding
     return rigid if rigid.line.asks < yielding.line.asks else yielding
 
 
