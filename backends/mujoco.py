@@ -1,5 +1,6 @@
 """MuJoCo: many worlds on a thread pool through `mujoco.batch.Batch`."""
 
+import logging
 import math
 import operator
 from collections.abc import Sequence
@@ -23,6 +24,9 @@ CONTACTS_PER_TIP = 4
 _SLOT = 10
 """Numbers in a slot: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
 _FINGER_BIT, _STICK_BIT = 1, 2
+
+mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
+"""What runs away is told by `first_bad_signal`; by itself MuJoCo says so in a file where one is."""
 
 
 def build(spec: Spec) -> mujoco.MjSpec:
