@@ -192,8 +192,10 @@ class Fitting:
         """
         evidence, mean = self._drifting(faults, slopes_m_s)
         if faults.dead_share > 0:
+            with np.errstate(divide="ignore"):  # where all are dead
+                living = np.log1p(-faults.dead_share)
             dead = np.log(faults.dead_share) + self._silent(faults)
-            evidence = np.logaddexp(np.log1p(-faults.dead_share) + evidence, dead)
+            evidence = np.logaddexp(living + evidence, dead)
         return evidence.sum(axis=(1, 2)), mean
 
     def _drifting(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
