@@ -25,8 +25,8 @@ _SLOT = 10
 """Numbers in a slot: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
 _FINGER_BIT, _STICK_BIT = 1, 2
 
+# What runs away is told by `first_bad_signal`; else MuJoCo says so in a file where the user is.
 mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
-"""What runs away is told by `first_bad_signal`; by itself MuJoCo says so in a file where one is."""
 
 
 def build(spec: Spec) -> mujoco.MjSpec:

@@ -148,6 +148,17 @@ def test_a_drift_is_as_fast_where_taxels_are_dead():
     assert low <= 0.1 * MM <= high
 
 
+def test_a_lone_fault_explains_what_seems_an_offset():
+    """Fit a drift to the nominal skin too, where a threshold within the error was put first."""
+    parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
+    grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
+    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
+    offset = replace(start, threshold_m=-0.03 * MM)
+    assert skins.fitted("taxel-drift", offset, offset).threshold_m == offset.threshold_m
+    skins.bare = start
+    assert skins.fitted("taxel-drift", offset, offset).threshold_m == start.threshold_m
+
+
 def _answers(depth_mm: float, time_s: float, **faults) -> float:
     """The chance that a taxel answers which is pressed so deep, known to 0.04 mm."""
     one = np.ones((1, 1, 1))
@@ -159,17 +170,6 @@ def _answers(depth_mm: float, time_s: float, **faults) -> float:
         binary=True,
     )
     return float(expected(data, Faults(blur_m=0.04 * MM, **faults))[0, 0, 0])
-
-
-def test_a_lone_fault_explains_what_seems_an_offset():
-    """Fit a drift to the nominal skin too, where a threshold within the error was put first."""
-    parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
-    grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
-    offset = replace(start, threshold_m=-0.03 * MM)
-    assert skins.fitted("taxel-drift", offset, offset).threshold_m == offset.threshold_m
-    skins.bare = start
-    assert skins.fitted("taxel-drift", offset, offset).threshold_m == start.threshold_m
 
 
 def test_what_drifts_is_blurred_where_the_stick_presses_it_alone():
