@@ -39,12 +39,13 @@ def _shrink(speed, loss):
 
 
 @numba.njit(cache=True)
-def _stiction(speed, stiction):
+def rubbing(speed, stiction):
+    """The stiction that is left at a speed of the rotor [Nm]."""
     return stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _turn(target, joint, joint_speed, motor, speed, rub, dt, p):
+def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
     """`motor_tick` once the stiction `rub` is known: choices without branches, for many at once."""
     kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead = p
     gap = motor - joint
@@ -69,8 +70,8 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
     The motor's new angle and speed, its PD torque and the torque on the joint.
     """
-    rub = _stiction(speed, p[_STICTION])
-    return _turn(target, joint, joint_speed, motor, speed, rub, dt, p)
+    rub = rubbing(speed, p[_STICTION])
+    return turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -80,14 +81,14 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
     for i in range(len(motor)):
-        rub[i] = _stiction(motor_speed[i], p[_STICTION, i])
+        rub[i] = rubbing(motor_speed[i], p[_STICTION, i])
     for i in range(len(motor)):
         # A tuple of rows' elements costs nothing; a column of `p` would keep SIMD away.
         own = (
             *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
             *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i]),
         )
-        motor[i], motor_speed[i], pd[i], gear[i] = _turn(
+        motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(
             target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], dt, own
         )
 

@@ -216,11 +216,13 @@ class Evidence:
         if not self.astray:
             return left
         ends = self._ends[judged]
-        far = [one for one, end in zip(self.astray, ends, strict=True) if end]
-        return [
-            one / np.hypot(1.0, apart[:, : one.shape[1]])
-            for one, apart in zip(left, far, strict=True)
-        ]
+        far = [one for one, end in zip(self._spread, ends, strict=True) if end]
+        return [one / apart[:, : one.shape[1]] for one, apart in zip(left, far, strict=True)]
+
+    @cached_property
+    def _spread(self) -> list[Array]:
+        """What residuals are divided by where joints are astray, per recording (C, T, J)."""
+        return [np.hypot(1.0, apart) for apart in self.astray]
 
     @cached_property
     def _replayed(self) -> Replayed:

@@ -11,7 +11,7 @@ from itertools import takewhile
 from backends.effect import Effect, NumberEffect, with_effects
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.replay.replay import Commands, replays
+from diagnosis.replay.replay import Commands, Told, replays
 
 NUMBERS = 2_000_000
 """Numbers of replays that are kept: 16 MB."""
@@ -25,7 +25,7 @@ class Replayed:
         self._built: dict[tuple[Effect, ...], Spec] = {}
         self._latest: tuple[tuple[Effect, ...], Spec] = ((), nominal)
         self._shown: OrderedDict[tuple[Effect, ...], dict[int, Array]] = OrderedDict()
-        self._begun: dict[tuple[int, int], Commands] = {}
+        self._told: dict[tuple[tuple[int, int], ...], Told] = {}
         self._kept = 0
 
     def __reduce__(self) -> tuple:
@@ -49,7 +49,7 @@ class Replayed:
         known = self._shown.pop(acting, {})
         asked = [k for k, count in enumerate(samples) if count]
         short = [k for k in asked if k not in known or known[k].shape[1] < samples[k]]
-        fresh = replays(self.world(acting), [self._first(k, samples[k]) for k in short])
+        fresh = self._replays(acting, [(k, samples[k]) for k in short]) if short else []
         self._kept += sum(one.size for one in fresh)
         self._kept -= sum(known[k].size for k in short if k in known)
         known.update(zip(short, fresh, strict=True))
@@ -59,11 +59,12 @@ class Replayed:
             self._kept -= sum(one.size for one in oldest.values())
         return [known[k][:, : samples[k]] for k in asked]
 
-    def _first(self, index: int, samples: int) -> Commands:
-        """The first samples of a recording's commands."""
-        if (index, samples) not in self._begun:
-            self._begun[index, samples] = self._commands[index].first(samples)
-        return self._begun[index, samples]
+    def _replays(self, acting: tuple[Effect, ...], some: list[tuple[int, int]]) -> list[Array]:
+        """Replays of some recordings, each with how many samples of it."""
+        asked = tuple(some)
+        if asked not in self._told:
+            self._told[asked] = Told.of([self._commands[k].first(count) for k, count in asked])
+        return replays(self.world(acting), self._told[asked])
 
 
 def _acting(effects: Sequence[Effect]) -> tuple[Effect, ...]:

@@ -27,12 +27,14 @@ def _innovations(left, white, slow, keep, out):
         for j in range(joints):
             noise, model = white[c, j] ** 2, slow[c, j] ** 2
             guess, variance = 0.0, model
+            gain, root, known = 0.0, 1.0, -1.0
             for k in range(samples):
                 if np.isfinite(left[c, k, j]):
-                    spread = variance + noise
+                    if variance != known:  # it soon stays as it is
+                        spread, known = variance + noise, variance
+                        gain, root = variance / spread, np.sqrt(spread)
                     new = left[c, k, j] - guess
-                    out[c, k, j] = new / np.sqrt(spread)
-                    gain = variance / spread
+                    out[c, k, j] = new / root
                     guess += gain * new
                     variance *= 1 - gain
                 else:

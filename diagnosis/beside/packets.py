@@ -16,7 +16,7 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.beside._packets import MEMORY, SAME, TAIL, decode
 from diagnosis.replay.limb import memory, numbers
-from diagnosis.replay.replay import Commands, replays
+from diagnosis.replay.replay import Commands, Told, replays
 
 SHARES = (0.005, 0.5)
 """Shares of lost packets that a decoding may assume."""
@@ -108,7 +108,7 @@ def _given(part: Evidence, path: Path, lost: Sequence[Array]) -> Path:
     """A path's world with other losses."""
     pairs = zip(part.recordings, lost, strict=True)
     told = [_heard(r.commands, part, path.lossy, gone) for r, gone in pairs]
-    shown = [one[:3].transpose(1, 0, 2) for one in replays(path.world, told)]
+    shown = [one[:3].transpose(1, 0, 2) for one in replays(path.world, Told.of(told))]
     return replace(path, lost=tuple(lost), shown=tuple(shown))
 
 

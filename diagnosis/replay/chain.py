@@ -10,7 +10,8 @@ algorithm at zero acceleration (Featherstone, Rigid Body Dynamics Algorithms, 20
 in the world frame.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from functools import cached_property, lru_cache
 
 import numba
 import numpy as np
@@ -21,9 +22,12 @@ from backends.state import Array
 HINGE, SLIDE, FIXED = 0, 1, 2
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Chain:
-    """B bodies in kinematic order, J of them driven; frames parallel to the world's at zero."""
+    """B bodies in kinematic order, J of them driven; frames parallel to the world's at zero.
+
+    Equal bodies are one object.
+    """
 
     parent: Array
     """Index of the carrying body, shape (B,); -1: the world."""
@@ -44,39 +48,61 @@ class Chain:
     gravity_m_s2: Array
     """Gravity [m/s^2], shape (3,)."""
 
-    @property
+    @cached_property
     def numbers(self) -> tuple[Array, ...]:
         """All of it, in field order, as the compiled code takes it."""
-        return tuple(vars(self).values())
+        return tuple(getattr(self, field.name) for field in fields(self))
 
 
 def chain(spec: Spec) -> Chain:
     """The bodies of a spec's hand; what is fixed to the world only shifts what it carries."""
-    offset: dict[str | None, Array] = {None: np.zeros(3)}
+    offset: dict[str | None, tuple[float, ...]] = {None: (0.0, 0.0, 0.0)}
     bodies: list[Body] = []
     for body in spec.hand.bodies:
         if body.joint.drive is None and body.parent in offset:
-            offset[body.name] = offset[body.parent] + body.origin_m
+            offset[body.name] = _plus(offset[body.parent], body.origin_m)
         else:
             bodies.append(body)
     names, joints = [b.name for b in bodies], spec.hand.joint_names
+    rows = tuple(
+        (
+            -1 if b.parent in offset else names.index(str(b.parent)),
+            (SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED,
+            joints.index(b.joint.name) if b.joint.drive else -1,
+            _plus(offset.get(b.parent, (0.0, 0.0, 0.0)), b.origin_m),
+            b.joint.axis,
+            b.mass_kg,
+            b.com_m,
+            (b.inertia_kgm2, b.products_kgm2),
+        )
+        for b in bodies
+    )
+    return _chain(rows, spec.gravity_m_s2)
+
+
+@lru_cache(maxsize=256)
+def _chain(rows: tuple[tuple, ...], gravity_m_s2: tuple[float, ...]) -> Chain:
+    """A row per body. Most candidate worlds differ in drives, and their bodies are the same."""
+    parent, kind, column, origin, axis, mass, com, inertia = zip(*rows, strict=True)
     return Chain(
-        parent=np.array([-1 if b.parent in offset else names.index(str(b.parent)) for b in bodies]),
-        kind=np.array(
-            [(SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED for b in bodies]
-        ),
-        column=np.array([joints.index(b.joint.name) if b.joint.drive else -1 for b in bodies]),
-        origin_m=np.array([offset.get(b.parent, 0.0) + np.array(b.origin_m) for b in bodies]),
-        axis=np.array([b.joint.axis for b in bodies], dtype=float),
-        mass_kg=np.array([b.mass_kg for b in bodies]),
-        com_m=np.array([b.com_m for b in bodies], dtype=float),
-        inertia_kgm2=np.array([_tensor(b) for b in bodies]),
-        gravity_m_s2=np.array(spec.gravity_m_s2, dtype=float),
+        parent=np.array(parent),
+        kind=np.array(kind),
+        column=np.array(column),
+        origin_m=np.array(origin, dtype=float),
+        axis=np.array(axis, dtype=float),
+        mass_kg=np.array(mass, dtype=float),
+        com_m=np.array(com, dtype=float),
+        inertia_kgm2=np.array([_tensor(*one) for one in inertia]),
+        gravity_m_s2=np.array(gravity_m_s2, dtype=float),
     )
 
 
-def _tensor(body: Body) -> Array:
-    (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
+def _plus(a: tuple[float, ...], b: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(x + y for x, y in zip(a, b, strict=True))
+
+
+def _tensor(moments: tuple[float, ...], products: tuple[float, ...]) -> Array:
+    (x, y, z), (xy, xz, yz) = moments, products
     return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]], dtype=float)
 
 

@@ -14,20 +14,20 @@ from diagnosis.replay.chain import SLIDE, dynamics, workspace
 
 _POINTS = 5
 """Angles at which a polynomial of degree two is sampled."""
-_SMALL = 0.03
-"""Moves up to here [rad] leave less than rounding in `turned`: at 1 kHz up to 30 rad/s."""
+SMALL_RAD = 0.03
+"""Moves up to here leave less than rounding in `turned_a_little`: at 1 kHz up to 30 rad/s."""
 
 
 @numba.njit(cache=True)
 def expand(chain):
-    """Coefficients: mass (3, 5) of m11, m12, m22 in (1, c, s, c2, s2) and gravity (2, 9).
+    """Coefficients (33,): of m11, m12, m22 in (1, c, s, c2, s2), then gravity's (2, 9).
 
-    Empty arrays where the closed form does not hold: more than two joints, a slide and a hinge.
+    Empty where the closed form does not hold: more than two joints, a slide and a hinge.
     """
     joints = chain[2].max() + 1
     slides = (chain[1] == SLIDE).sum()
     if joints > 2 or 0 < slides < joints:
-        return np.zeros((0, 5)), np.zeros((0, 9))
+        return np.zeros(0)
     work = workspace(len(chain[0]), joints)
     q, still = np.zeros(joints), np.zeros(joints)
     m, bias = np.zeros((joints, joints)), np.zeros(joints)
@@ -36,7 +36,7 @@ def expand(chain):
         dynamics(q, still, chain, work, m, bias)
         mass[0, 0], mass[1, 0], mass[2, 0] = m[0, 0], m[0, joints - 1], m[joints - 1, joints - 1]
         gravity[:joints, 0] = bias
-        return mass, gravity
+        return np.concatenate((mass.ravel(), gravity.ravel()))
     for k in range(_POINTS):
         angle = 2 * np.pi * k / _POINTS
         q[joints - 1] = angle
@@ -58,7 +58,7 @@ def expand(chain):
                 for i in range(9):
                     share = (1.0 if i // 3 == 0 else 2.0) * (1.0 if i % 3 == 0 else 2.0) / 9
                     gravity[j, i] += bias[j] * waves_a[i // 3] * waves_b[i % 3] * share
-    return mass, gravity
+    return np.concatenate((mass.ravel(), gravity.ravel()))
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -71,39 +71,57 @@ def wave(q):
 def turned(own, q, move):
     """Cosine and sine `own` of an angle once it has moved to `q`.
 
-    Of a small move by the first terms of its series and the addition theorem, to the last digit:
-    cosines would take a sixth of a tick's time.
+    Of a small move by `turned_a_little`: cosines would take a sixth of a tick's time.
     """
-    if abs(move) > _SMALL:
-        return wave(q)
+    return wave(q) if abs(move) > SMALL_RAD else turned_a_little(own, move)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def turned_a_little(own, move):
+    """`turned` by the first terms of its series and the addition theorem, to the last digit."""
     square = move * move
     c = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
     s = move * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))
     return own[0] * c - own[1] * s, own[1] * c + own[0] * s
 
 
-@numba.njit(cache=True, error_model="numpy")
-def accelerate_one(own, torque, mass, gravity):
-    """The acceleration of a lone joint; `own` as from `wave`."""
-    g = own[0] * gravity[0, 3], own[1] * gravity[0, 6]
-    return (torque - gravity[0, 0] - g[0] - g[1]) / mass[0, 0]
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def accelerate_one(own, torque, x, at, step):
+    """The acceleration of a lone joint; `own` as from `wave`.
+
+    The coefficients of `expand` are `x[at]`, `x[at + step]` and so on.
+    """
+    g = at + 15 * step
+    pull = own[0] * x[g + 3 * step], own[1] * x[g + 6 * step]
+    return (torque - x[g] - pull[0] - pull[1]) / x[at]
 
 
-@numba.njit(cache=True, error_model="numpy")
-def accelerate_two(first, second, qd1, qd2, torque1, torque2, mass, g):
-    """The accelerations of two joints; `first` and `second` as from `wave`."""
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def accelerate_two(first, second, qd1, qd2, torque1, torque2, x, at, step):
+    """The accelerations of two joints, see `accelerate_one`."""
     (a, b), (c, s) = first, second
     c2, s2 = c * c - s * s, 2.0 * c * s
-    m11 = mass[0, 0] + c * mass[0, 1] + s * mass[0, 2] + c2 * mass[0, 3] + s2 * mass[0, 4]
-    m12 = mass[1, 0] + c * mass[1, 1] + s * mass[1, 2] + c2 * mass[1, 3] + s2 * mass[1, 4]
-    m22 = mass[2, 0]
-    d11 = c * mass[0, 2] - s * mass[0, 1] + 2.0 * (c2 * mass[0, 4] - s2 * mass[0, 3])
-    d12 = c * mass[1, 2] - s * mass[1, 1] + 2.0 * (c2 * mass[1, 4] - s2 * mass[1, 3])
+    m, g, h = at + 5 * step, at + 15 * step, at + 24 * step
+    m11 = x[at] + c * x[at + step] + s * x[at + 2 * step]
+    m11 = m11 + c2 * x[at + 3 * step] + s2 * x[at + 4 * step]
+    m12 = x[m] + c * x[m + step] + s * x[m + 2 * step]
+    m12 = m12 + c2 * x[m + 3 * step] + s2 * x[m + 4 * step]
+    m22 = x[at + 10 * step]
+    d11 = c * x[at + 2 * step] - s * x[at + step]
+    d11 += 2.0 * (c2 * x[at + 4 * step] - s2 * x[at + 3 * step])
+    d12 = c * x[m + 2 * step] - s * x[m + step]
+    d12 += 2.0 * (c2 * x[m + 4 * step] - s2 * x[m + 3 * step])
     t1 = torque1 - qd2 * (d11 * qd1 + d12 * qd2)
     t2 = torque2 + 0.5 * d11 * qd1 * qd1
-    pull = g[0, 0] + c * g[0, 1] + s * g[0, 2] + a * (g[0, 3] + c * g[0, 4] + s * g[0, 5])
-    t1 -= pull + b * (g[0, 6] + c * g[0, 7] + s * g[0, 8])
-    pull = g[1, 0] + c * g[1, 1] + s * g[1, 2] + a * (g[1, 3] + c * g[1, 4] + s * g[1, 5])
-    t2 -= pull + b * (g[1, 6] + c * g[1, 7] + s * g[1, 8])
+    t1 -= _pull(a, b, c, s, x, g, step)
+    t2 -= _pull(a, b, c, s, x, h, step)
     part = 1.0 / (m11 * m22 - m12 * m12)
     return (m22 * t1 - m12 * t2) * part, (m11 * t2 - m12 * t1) * part
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _pull(a, b, c, s, x, g, step):
+    """Gravity's torque on a joint."""
+    pull = x[g] + c * x[g + step] + s * x[g + 2 * step]
+    pull += a * (x[g + 3 * step] + c * x[g + 4 * step] + s * x[g + 5 * step])
+    return pull + b * (x[g + 6 * step] + c * x[g + 7 * step] + s * x[g + 8 * step])

@@ -5,6 +5,8 @@ targets that reached them. Nothing here is random: lost packets, noise and the s
 are left out.
 """
 
+from functools import lru_cache
+
 import numba
 import numpy as np
 
@@ -12,7 +14,8 @@ from backends.command import follow, ring_ticks
 from backends.drive import drive_table, motor_tick
 from backends.encoder import note, read
 from backends.spec import Spec
-from diagnosis.replay.chain import chain, dynamics, solve, workspace
+from backends.state import Array
+from diagnosis.replay.chain import Chain, chain, dynamics, solve, workspace
 from diagnosis.replay.expansion import accelerate_one, accelerate_two, expand, turned, wave
 
 CHANNELS = ("position", "motor", "torque", "velocity")
@@ -34,8 +37,13 @@ def numbers(spec: Spec, worlds: int = 1) -> tuple:
     encoder = np.array([[list(vars(j.encoder).values()) for j in joints]] * worlds)
     path[..., 2], encoder[..., 2:4] = 0.0, 0.0
     at_motor = np.array([j.sensor == "motor" for j in joints])
-    bodies, dt_s = chain(spec).numbers, spec.timing.drive_s
-    return bodies, expand(bodies), drive_table(spec), path, encoder, at_motor, dt_s
+    bodies, dt_s = chain(spec), spec.timing.drive_s
+    return bodies.numbers, _closed(bodies), drive_table(spec), path, encoder, at_motor, dt_s
+
+
+@lru_cache(maxsize=256)
+def _closed(bodies: Chain) -> Array:
+    return expand(bodies.numbers)
 
 
 def memory(limb: tuple) -> tuple:
@@ -72,109 +80,48 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
 
 @numba.njit(cache=True, error_model="numpy")
 def is_closed(limb):
-    """Whether motion is in closed form: of one or two joints, see `abreast`."""
-    return len(limb[1][0]) > 0
+    """Whether motion is in closed form: of one or two joints, see `expand`."""
+    return len(limb[1]) > 0
 
 
 @numba.njit(cache=True, error_model="numpy")
 def _run_in_time(ticks, target, load, alive, limb, state, out):
     """`run` in closed form where nothing is late."""
     _, closed, drive, _, encoder, at_motor, dt = limb
-    samples, last = np.arange(len(ticks)), len(at_motor) - 1
+    last = len(at_motor) - 1
     drives = _drive(drive, 0), _drive(drive, last)
     for w in range(len(alive)):
         if alive[w]:
             mine, shown, own = target[:, w], out[:, w], _limb(state[w], last)
             for k in range(len(ticks)):
-                own = _span(ticks[k], own, _asked(mine, load, k, k, last), last, drives, closed, dt)
-                own = _arrived(samples, own, shown, k, at_motor, encoder)
+                own = _span(ticks[k], own, _asked(mine, load, k, last), last, drives, closed, dt)
+                own = _arrived(own, shown, k, at_motor, encoder)
             _keep(state[w], last, own)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def abreast(one, other, limb):
-    """Take a limb in closed form along two tracks at a time.
-
-    A tick waits for the one before, and what a processor does meanwhile costs nothing: two tracks
-    take 0.7 of the time of one after the other, of a lone joint 0.6.
-
-    A track is M spans of constant targets: ticks (M,), samples (M,), targets (M, J), loads of all
-    samples (n, J), the state (7, J) at the start, which becomes that at the end, and what is shown
-    after each span (M, 4, J).
-    """
-    _, (weights, pull), drive, _, encoder, at_motor, dt = limb
-    ticks, samples, target, load, state, out = one
-    ticks_b, samples_b, target_b, load_b, state_b, out_b = other
-    last = len(at_motor) - 1
-    lone, drives = last == 0, (_drive(drive, 0), _drive(drive, last))
-    own, own_b = _limb(state, last), _limb(state_b, last)
-    k, left = 0, ticks[0] if len(ticks) > 0 else 0
-    m, left_b = 0, ticks_b[0] if len(ticks_b) > 0 else 0
-    while k < len(ticks) and m < len(ticks_b):
-        asked = _asked(target, load, k, samples[k], last)
-        asked_b = _asked(target_b, load_b, m, samples_b[m], last)
-        both = min(left, left_b)
-        for _ in range(both if lone else 0):
-            own = _one(own, asked, drives, weights, pull, dt)
-            own_b = _one(own_b, asked_b, drives, weights, pull, dt)
-        for _ in range(0 if lone else both):
-            own = _two(own, asked, drives, weights, pull, dt)
-            own_b = _two(own_b, asked_b, drives, weights, pull, dt)
-        left, left_b = left - both, left_b - both
-        if left == 0:
-            own, k = _arrived(samples, own, out, k, at_motor, encoder), k + 1
-            left = ticks[k] if k < len(ticks) else 0
-        if left_b == 0:
-            own_b, m = _arrived(samples_b, own_b, out_b, m, at_motor, encoder), m + 1
-            left_b = ticks_b[m] if m < len(ticks_b) else 0
-    if k < len(ticks):
-        own = _alone(one, k, left, own, drives, limb)
-    if m < len(ticks_b):
-        own_b = _alone(other, m, left_b, own_b, drives, limb)
-    _keep(state, last, own)
-    _keep(state_b, last, own_b)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _alone(track, k, left, own, drives, limb):
-    """The rest of a track; a limb at its end."""
-    _, closed, _, _, encoder, at_motor, dt = limb
-    ticks, samples, target, load, _, out = track
-    last = len(at_motor) - 1
-    for span in range(k, len(ticks)):
-        asked = _asked(target, load, span, samples[span], last)
-        count = left if span == k else ticks[span]
-        own = _span(count, own, asked, last, drives, closed, dt)
-        own = _arrived(samples, own, out, span, at_motor, encoder)
-    return own
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _span(ticks, own, asked, last, drives, closed, dt):
     """A limb some ticks later."""
-    weights, pull = closed
     for _ in range(ticks if last == 0 else 0):
-        own = _one(own, asked, drives, weights, pull, dt)
+        own = _one(own, asked, drives, closed, dt)
     for _ in range(0 if last == 0 else ticks):
-        own = _two(own, asked, drives, weights, pull, dt)
+        own = _two(own, asked, drives, closed, dt)
     return own
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _arrived(samples, own, out, k, at_motor, encoder):
-    """A limb at the end of a span, which it shows; at the end of a sample its waves begin anew."""
+def _arrived(own, out, k, at_motor, encoder):
+    """A limb at the end of a sample, which it shows; its waves begin anew."""
     last = len(at_motor) - 1
     _show(out, k, last, own[1], at_motor, encoder)
     _show(out, k, 0, own[0], at_motor, encoder)
-    if k + 1 == len(samples) or samples[k + 1] == samples[k]:
-        return own
     return _waves(own[0]), _waves(own[1])
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _asked(target, load, k, sample, last):
-    """Targets and loads of the first and the last joint in a span."""
-    return (target[k, 0], target[k, last]), (load[sample, 0], load[sample, last])
+def _asked(target, load, k, last):
+    """Targets and loads of the first and the last joint up to a sample."""
+    return (target[k, 0], target[k, last]), (load[k, 0], load[k, last])
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -194,14 +141,14 @@ def _show(out, k, j, joint, at_motor, encoder):
 @numba.njit(cache=True, error_model="numpy")
 def _run(ticks, target, load, alive, limb, rings, state, age, out):
     """`run` of any limb. One long loop: handing on an array costs as much as a third of a tick."""
-    bodies, (weights, pull), drive, path, encoder, at_motor, dt = limb
+    bodies, coefficients, drive, path, encoder, at_motor, dt = limb
     worlds, _, joints = state.shape
     torque, acceleration, bias = np.zeros((3, joints))
     mass, seed = np.zeros((joints, joints)), np.zeros(worlds, dtype=np.int64)
     angle, reading, cosine, sine = np.zeros((4, worlds, joints))
     kept, wanted = state[:, KEPT], state[:, WANTED]
     work = workspace(len(bodies[0]), joints)
-    closed, late, read_late = len(weights) > 0, path.any(), encoder.any()
+    closed, late, read_late = is_closed(limb), path.any(), encoder.any()
     for k in range(len(ticks)):
         for w in range(worlds):
             for j in range(0 if late else joints):
@@ -228,14 +175,13 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
                     solve(mass, torque - bias, acceleration)
                 elif joints == 1:
                     own = cosine[w, 0], sine[w, 0]
-                    acceleration[0] = accelerate_one(own, torque[0], weights, pull)
+                    acceleration[0] = accelerate_one(own, torque[0], coefficients, 0, 1)
                 else:
                     acceleration[0], acceleration[1] = accelerate_two(
                         *((cosine[w, 0], sine[w, 0]), (cosine[w, 1], sine[w, 1])),
                         *(state[w, SPEED, 0], state[w, SPEED, 1]),
                         *(torque[0], torque[1]),
-                        weights,
-                        pull,
+                        *(coefficients, 0, 1),
                     )
                 for j in range(joints):
                     state[w, SPEED, j] += dt * acceleration[j]
@@ -280,25 +226,25 @@ def _keep(s, last, own):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _one(own, asked, drives, weights, pull, dt):
+def _one(own, asked, drives, closed, dt):
     """Take a lone joint through one tick. Inline: a call would pass its numbers through memory."""
     (q, speed, motor, rate, pd, at), other = own
     targets, loads = asked
     motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
-    speed += dt * accelerate_one(at, gear + loads[0], weights, pull)
+    speed += dt * accelerate_one(at, gear + loads[0], closed, 0, 1)
     q += dt * speed
     return (q, speed, motor, rate, pd, turned(at, q, dt * speed)), other
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _two(own, asked, drives, weights, pull, dt):
+def _two(own, asked, drives, closed, dt):
     """Take two joints through one tick, see `_one`."""
     (q, speed, motor, rate, pd, at), (q2, speed2, motor2, rate2, pd2, at2) = own
     targets, loads = asked
     motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
     motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
     torques = gear + loads[0], gear2 + loads[1]
-    moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, weights, pull)
+    moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, closed, 0, 1)
     speed, speed2 = speed + dt * moved, speed2 + dt * moved2
     q, q2 = q + dt * speed, q2 + dt * speed2
     first = q, speed, motor, rate, pd, turned(at, q, dt * speed)

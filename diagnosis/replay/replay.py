@@ -7,8 +7,7 @@ The same drive law, command path and position sensors as in every engine, on the
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import zip_longest
+from itertools import pairwise
 
 import numba
 import numpy as np
@@ -17,7 +16,8 @@ from backends.spec import Hand, Spec
 from backends.state import Array
 from diagnosis.replay.arrival import arrivals, looked
 from diagnosis.replay.chain import chain, dynamics, workspace
-from diagnosis.replay.limb import CHANNELS, DELAY, abreast, is_closed, memory, numbers, rest, run
+from diagnosis.replay.lanes import together
+from diagnosis.replay.limb import CHANNELS, DELAY, is_closed, memory, numbers, rest, run
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,13 +33,6 @@ class Commands:
     start: Array
     """What the sensors read at rest at the start [rad], shape (J,)."""
 
-    @cached_property
-    def until(self) -> tuple[Array, Array, Array]:
-        """Ticks (T,), targets and loads (T, J) of the time up to each sample."""
-        before = np.maximum(np.arange(len(self.ticks)) - 1, 0)
-        ticks = np.diff(self.ticks, prepend=self.ticks[:1])
-        return ticks, self.target[before], self.load[before]
-
     def first(self, samples: int) -> "Commands":
         """The first samples alone."""
         return dataclasses.replace(
@@ -50,72 +43,115 @@ class Commands:
         )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """E episodes end to end, as the compiled code takes them; N samples together."""
+
+    begin: Array
+    """Where episodes begin, and the end, shape (E + 1,)."""
+    ticks: Array
+    """Drive periods of the time up to each sample, shape (N,)."""
+    target: Array
+    """Commanded angles of that time [rad], shape (N, J)."""
+    load: Array
+    """External torques of that time [Nm], shape (N, J)."""
+    start: Array
+    """What the sensors read at rest at the starts [rad], shape (E, J)."""
+
+    @classmethod
+    def of(cls, episodes: Sequence[Commands]) -> "Told":
+        """What was told in one or more episodes."""
+        ticks, target, load = (
+            np.concatenate(parts) for parts in zip(*map(_until, episodes), strict=True)
+        )
+        lengths = [len(one.ticks) for one in episodes]
+        return cls(
+            begin=np.cumsum([0, *lengths]),
+            ticks=ticks,
+            target=target,
+            load=load,
+            start=np.array([one.start for one in episodes]),
+        )
+
+
+def _until(one: Commands) -> tuple[Array, Array, Array]:
+    """Ticks (T,), targets and loads (T, J) of the time up to each sample."""
+    before = np.maximum(np.arange(len(one.ticks)) - 1, 0)
+    ticks = np.diff(one.ticks, prepend=one.ticks[:1])
+    return ticks, one.target[before], one.load[before]
+
+
 def replay(spec: Spec, commands: Commands) -> Array:
     """What the mechanism of `spec` would have shown: shape (4, T, J), `limb.CHANNELS` first."""
-    return replays(spec, (commands,))[0]
+    return replays(spec, Told.of((commands,)))[0]
 
 
-def replays(spec: Spec, episodes: Sequence[Commands]) -> list[Array]:
-    """See `replay`, for several episodes."""
-    limb = numbers(spec)
-    shown: list[Array] = []
+def replays(spec: Spec, told: Told) -> list[Array]:
+    """See `replay`, for every episode."""
+    limb, episodes = numbers(spec), tuple(vars(told).values())
     if is_closed(limb):
-        for one, other in zip_longest(episodes[::2], episodes[1::2]):
-            second = one.first(0) if other is None else other
-            shown += _in_closed_form(one.until, one.start, second.until, second.start, limb)
+        shown = _in_closed_form(episodes, limb)
     else:
-        rings = memory(limb)
-        shown += [_tick_by_tick(one.until, one.start, limb, rings) for one in episodes]
-    return [out.transpose(1, 0, 2) for out in shown[: len(episodes)]]
+        shown = _tick_by_tick(episodes, limb, memory(limb))
+    return [shown[a:b].transpose(1, 0, 2) for a, b in pairwise(told.begin)]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _tick_by_tick(until, start, limb, rings):
-    ticks, target, load = until
-    out = np.zeros((len(ticks), 1, len(CHANNELS), len(start)))
-    alone, age = np.ones(1, dtype=np.bool_), np.zeros(1, dtype=np.int64)
-    now = ticks, np.expand_dims(target, 1), load
-    run(*now, alone, limb, rings, rest(start, limb), age, out)
+def _tick_by_tick(episodes, limb, rings):
+    """What is shown, (N, 4, J)."""
+    begin, ticks, target, load, start = episodes
+    out = np.zeros((len(ticks), 1, len(CHANNELS), start.shape[1]))
+    for e in range(len(start)):
+        alone, age = np.ones(1, dtype=np.bool_), np.zeros(1, dtype=np.int64)
+        a, b = begin[e], begin[e + 1]
+        now = ticks[a:b], np.expand_dims(target[a:b], 1), load[a:b]
+        run(*now, alone, limb, rings, rest(start[e], limb), age, out[a:b])
     return out[:, 0]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _in_closed_form(until, start, until_b, start_b, limb):
-    """Two episodes at a time."""
-    bodies, closed, drive, path, encoder, at_motor, dt = limb
-    blind = bodies, closed, drive, path, 0.0 * encoder, at_motor, dt
-    (one, ends), (other, ends_b) = _track(until, start, limb), _track(until_b, start_b, limb)
-    abreast(one, other, blind)
-    return _seen(until[0], one[-1], ends, limb), _seen(until_b[0], other[-1], ends_b, limb)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _track(until, start, limb):
-    """An episode for `abreast`, and the spans that end after so many ticks, see `arrivals`."""
-    ticks, target, load = until
-    path, late, dt = limb[3][0], limb[4][0, :, DELAY], limb[6]
-    if path.any() or late.any():
-        spans, samples, wanted, ends = arrivals(ticks, target, path, late, dt)
+def _in_closed_form(episodes, limb):
+    """`_tick_by_tick` of all episodes at a time."""
+    begin, ticks, target, load, start = episodes
+    _, closed, drive, path, encoder, at_motor, dt = limb
+    path, encoder = path[0], encoder[0]
+    shown = np.zeros((len(ticks), len(CHANNELS), len(at_motor)))
+    angle = (start - encoder[:, 0]) / (1.0 + encoder[:, 1])
+    if path.any() or encoder[:, DELAY].any():
+        _late(episodes, angle, limb, shown)
     else:
-        samples = np.arange(len(ticks))
-        spans, wanted, ends = ticks, target, samples
-    out = np.zeros((len(spans), len(CHANNELS), len(start)))
-    return (spans, samples, wanted, load, rest(start, limb)[0], out), ends
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _seen(ticks, shown, ends, limb):
-    """What position sensors make of the motion that they sense, and the rest as it is."""
-    path, encoder, dt = limb[3][0], limb[4][0], limb[6]
-    late = encoder[:, DELAY] / dt
-    if path.any() or late.any():
-        out = shown[ends[np.cumsum(ticks)]]
-        looked(ticks, late, ends, shown[:, 0], out[:, 0])
-    else:
-        out = shown
+        anew = np.ones(len(ticks), np.bool_)
+        together(begin, (ticks, anew, target, load), angle, drive, closed, at_motor, dt, shown)
     for j in range(len(encoder)):
-        out[:, 0, j] = (1.0 + encoder[j, 1]) * out[:, 0, j] + encoder[j, 0]
-    return out
+        shown[:, 0, j] = (1.0 + encoder[j, 1]) * shown[:, 0, j] + encoder[j, 0]
+    return shown
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _late(episodes, angle, limb, shown):
+    """Write what is shown where commands or readings are late, see `arrivals`."""
+    begin, ticks, target, load, start = episodes
+    _, closed, drive, path, encoder, at_motor, dt = limb
+    late = encoder[0, :, DELAY]
+    parts = [
+        arrivals(ticks[begin[e] : begin[e + 1]], target[begin[e] : begin[e + 1]], path[0], late, dt)
+        for e in range(len(start))
+    ]
+    ends = np.cumsum(np.array([0] + [len(part[0]) for part in parts]))
+    spans, anew = np.zeros(ends[-1], np.int64), np.ones(ends[-1], np.bool_)
+    wanted, pushed = np.zeros((2, ends[-1], len(at_motor)))
+    moved = np.zeros((ends[-1], *shown.shape[1:]))
+    for e in range(len(start)):
+        a, b = ends[e], ends[e + 1]
+        spans[a:b], samples, wanted[a:b], _ = parts[e]
+        anew[a + 1 : b] = samples[1:] != samples[:-1]
+        pushed[a:b] = load[begin[e] : begin[e + 1]][samples]
+    together(ends, (spans, anew, wanted, pushed), angle, drive, closed, at_motor, dt, moved)
+    for e in range(len(start)):
+        own, out = moved[ends[e] : ends[e + 1]], shown[begin[e] : begin[e + 1]]
+        some, ended = ticks[begin[e] : begin[e + 1]], parts[e][3]
+        out[:] = own[ended[np.cumsum(some)]]
+        looked(some, late / dt, ended, own[:, 0], out[:, 0])
 
 
 def link_inertias_kgm2(spec: Spec) -> Array:

@@ -1,4 +1,4 @@
-"""Worlds of a limb side by side: what replays and the decoding of lost packets share."""
+"""Worlds and episodes of a limb side by side, in replays and as lost packets are decoded."""
 
 import dataclasses
 
@@ -8,8 +8,9 @@ import pytest
 from benchmark import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.replay import limb
-from diagnosis.replay.expansion import turned, wave
-from diagnosis.replay.replay import Commands, replay, replays
+from diagnosis.replay.expansion import SMALL_RAD, turned, wave
+from diagnosis.replay.lanes import LANES
+from diagnosis.replay.replay import Commands, Told, replay, replays
 
 EFFECTS = {"backlash": 0.01, "command-delay": 6.3e-3, "sensor-delay": 4.1e-3, "encoder-bias": 0.02}
 
@@ -81,16 +82,44 @@ def test_what_is_foretold_is_what_happens_tick_by_tick(rig, effects):
     assert replay(spec, one) == pytest.approx(out[:, 0].transpose(1, 0, 2), abs=1e-9)
 
 
+@pytest.mark.parametrize("rig", ["joint", "finger"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {},
+        {"stiction": 0.05, "coulomb-friction": 0.02, "dead-zone": 0.01},
+        {"backlash": 0.02, "self-lock": 0.5, "load-friction": 0.3, "encoder-scale": 0.1},
+    ],
+)
+def test_lanes_do_what_a_limb_alone_does(rig, effects):
+    """Move a limb in SIMD's lanes as by itself, bit by bit: slow, and so fast that waves jump."""
+    spec = rigs.nominal(rig)
+    for name, size in effects.items():
+        spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
+    slow = asked(rig, 0)
+    pushed = np.arange(len(slow.load))[:, None] > 50
+    fast = dataclasses.replace(slow, load=slow.load + (5.0 if rig == "joint" else 1.3) * pushed)
+    numbers, alive = limb.numbers(spec), np.ones(1, dtype=bool)
+    for one in (slow, fast):
+        told, out = Told.of([one]), np.zeros((len(one.ticks), 1, 4, len(spec.drives)))
+        state, age = limb.rest(one.start, numbers), np.zeros(1, dtype=np.int64)
+        now = told.ticks, told.target[:, None], told.load, alive
+        limb.run(*now, numbers, limb.memory(numbers), state, age, out)
+        assert np.array_equal(replay(spec, one), out[:, 0].transpose(1, 0, 2))
+    assert np.abs(out[:, 0, 3]).max() * spec.timing.drive_s > SMALL_RAD
+
+
 @pytest.mark.parametrize("rig", rigs.RIGS)
 @pytest.mark.parametrize("effects", [{}, {"sensor-delay": 6.3e-3, "command-delay": 4.1e-3}])
 def test_episodes_at_a_time_are_episodes_alone(rig, effects):
-    """Replay an odd number of episodes of unequal lengths as each by itself, bit by bit."""
+    """Replay more episodes than lanes, of unequal lengths, as each by itself, bit by bit."""
     spec = rigs.nominal(rig)
     for name, size in effects.items():
         spec = registry.load("effect", name)(magnitude=size).on_spec(spec)
     several = [asked(rig, 0), asked(rig, 1).first(200), asked(rig, 2).first(1)]
     several += [dataclasses.replace(asked(rig, 3), ticks=2 * several[0].ticks), asked(rig, 4)]
-    for one, shown in zip(several, replays(spec, several), strict=True):
+    several += [asked(rig, 5 + k).first(100 + 9 * k) for k in range(LANES)]
+    for one, shown in zip(several, replays(spec, Told.of(several)), strict=True):
         assert np.array_equal(shown, replay(spec, one))
 
 

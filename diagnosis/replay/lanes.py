@@ -1,0 +1,180 @@
+"""Limbs of one or two joints in closed form, several at a time in the lanes of SIMD instructions.
+
+A tick waits for the one before, but the ticks of other worlds and episodes do not: four of them
+take little longer than one. Lanes share nothing, and each does to the last digit what
+`replay.limb` does with a limb alone.
+"""
+
+import numba
+import numpy as np
+
+from backends.drive import rubbing, turn_motor
+from diagnosis.replay.expansion import (
+    SMALL_RAD,
+    accelerate_one,
+    accelerate_two,
+    turned_a_little,
+    wave,
+)
+
+LANES, REGISTER = 8, 4
+"""As many lanes at most; they are taken by as many doubles as fill a register of AVX."""
+_ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB, _DRIVE = (
+    LANES * row for row in range(11)
+)
+"""Where a joint's rows begin, each a number per lane; the last are the numbers of its drive."""
+_JOINT = 23 * LANES
+_CLOSED, _SIZE = 2 * _JOINT, 2 * _JOINT + 33 * LANES
+"""Behind two joints are the coefficients of `expand`."""
+_FOREVER = 2**62
+_INERTIA, _STICTION = _DRIVE + 3 * LANES, _DRIVE + 10 * LANES
+
+
+@numba.njit(cache=True, error_model="numpy")
+def together(begin, spans, start, drive, closed, at_motor, dt, out):
+    """Take a limb from rest through E episodes; where one ends, its lane takes up the next.
+
+    Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
+    (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
+    `start` are the angles (E, J); `drive` (J, 13) and `closed` (33,) are the numbers of the drives
+    and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `limb.CHANNELS`, by
+    sensors without bias or scale.
+    """
+    ticks, first, target, load = spans
+    x = np.zeros(_SIZE)  # all in one array: several might overlap, for all the compiler knows
+    span, end, left = np.zeros((3, LANES), np.int64)
+    episode, idle, joints = 0, 0, len(at_motor)
+    lanes = min(-(-len(start) // REGISTER) * REGISTER, LANES)
+    while True:
+        for w in range(lanes):
+            while left[w] == 0:
+                if span[w] < end[w]:
+                    _show(x, w, at_motor, out, span[w])
+                    span[w] += 1
+                if span[w] == end[w] and episode == len(start):
+                    _rest(x, w)
+                    left[w], idle = _FOREVER, idle + 1
+                    continue
+                if span[w] == end[w]:
+                    _begin(x, w, start[episode], drive, closed)
+                    span[w], end[w], episode = begin[episode], begin[episode + 1], episode + 1
+                k = span[w]
+                left[w] = ticks[k]
+                for j in range(joints):
+                    at = j * _JOINT + w
+                    x[at + _TARGET], x[at + _LOAD] = target[k, j], load[k, j]
+                    if first[k]:
+                        x[at + _COS], x[at + _SIN] = wave(x[at + _ANGLE])
+        if idle == lanes:
+            return
+        now = left[0]
+        for w in range(lanes):
+            now = min(now, left[w])
+        if joints == 1:
+            _one(now, x, lanes, dt)
+        else:
+            _two(now, x, lanes, dt)
+        for w in range(lanes):
+            left[w] -= now
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _begin(x, w, start, drive, closed):
+    x[w::LANES] = 0.0
+    for j in range(len(start)):
+        at = j * _JOINT + w
+        x[at + _ANGLE] = x[at + _MOTOR] = start[j]
+        for k in range(drive.shape[1]):
+            x[at + _DRIVE + k * LANES] = drive[j, k]
+    for k in range(len(closed)):
+        x[_CLOSED + k * LANES + w] = closed[k]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _rest(x, w):
+    """A lane in which nothing moves and no number is so small that a processor takes long."""
+    x[w::LANES] = 0.0
+    x[_INERTIA + w] = x[_JOINT + _INERTIA + w] = 1.0
+    x[_CLOSED + w] = x[_CLOSED + 10 * LANES + w] = 1.0
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _show(x, w, at_motor, out, k):
+    for j in range(len(at_motor)):
+        at = j * _JOINT + w
+        out[k, 0, j] = x[at + _MOTOR] if at_motor[j] else x[at + _ANGLE]
+        out[k, 1, j], out[k, 2, j], out[k, 3, j] = x[at + _MOTOR], x[at + _TORQUE], x[at + _SPEED]
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _one(ticks, x, lanes, dt):
+    """Take lone joints through some ticks."""
+    for _ in range(ticks):
+        _rub(x, 0, lanes)
+        for w in range(lanes):
+            gear = _drive(x, w, dt)
+            own = x[w + _COS], x[w + _SIN]
+            _move(x, w, accelerate_one(own, gear + x[w + _LOAD], x, _CLOSED + w, LANES), dt)
+        _turn_far(x, 0, lanes, dt)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _two(ticks, x, lanes, dt):
+    """Take two joints each through some ticks."""
+    for _ in range(ticks):
+        _rub(x, 0, lanes)
+        _rub(x, _JOINT, lanes)
+        for w in range(lanes):
+            v = w + _JOINT
+            gear, gear2 = _drive(x, w, dt), _drive(x, v, dt)
+            waves = (x[w + _COS], x[w + _SIN]), (x[v + _COS], x[v + _SIN])
+            torques = gear + x[w + _LOAD], gear2 + x[v + _LOAD]
+            moved, moved2 = accelerate_two(
+                *waves, x[w + _SPEED], x[v + _SPEED], *torques, x, _CLOSED + w, LANES
+            )
+            _move(x, w, moved, dt)
+            _move(x, v, moved2, dt)
+        _turn_far(x, 0, lanes, dt)
+        _turn_far(x, _JOINT, lanes, dt)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _rub(x, at, lanes):
+    """Stiction, which needs a function that no instruction is."""
+    for w in range(lanes):
+        if x[at + _STICTION + w] > 0.0:
+            x[at + _RUB + w] = rubbing(x[at + _MOTOR_SPEED + w], x[at + _STICTION + w])
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _drive(x, at, dt):
+    """Turn a rotor; the torque on its joint."""
+    p = at + _DRIVE
+    own = (
+        *(x[p], x[p + LANES], x[p + 2 * LANES], x[p + 3 * LANES], x[p + 4 * LANES]),
+        *(x[p + 5 * LANES], x[p + 6 * LANES], x[p + 7 * LANES], x[p + 8 * LANES]),
+        *(x[p + 9 * LANES], x[p + 10 * LANES], x[p + 11 * LANES], x[p + 12 * LANES]),
+    )
+    joint, motor = (x[at + _ANGLE], x[at + _SPEED]), (x[at + _MOTOR], x[at + _MOTOR_SPEED])
+    motor_rad, rate, pd, gear = turn_motor(x[at + _TARGET], *joint, *motor, x[at + _RUB], dt, own)
+    x[at + _MOTOR], x[at + _MOTOR_SPEED], x[at + _TORQUE] = motor_rad, rate, pd
+    return gear
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _move(x, at, acceleration, dt):
+    speed = x[at + _SPEED] + dt * acceleration
+    own = turned_a_little((x[at + _COS], x[at + _SIN]), dt * speed)
+    x[at + _SPEED], x[at + _COS], x[at + _SIN] = speed, own[0], own[1]
+    x[at + _ANGLE] += dt * speed
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _turn_far(x, at, lanes, dt):
+    """Where a joint moved far in a tick, its cosine and sine anew."""
+    far = False
+    for w in range(lanes):
+        far |= abs(dt * x[at + _SPEED + w]) > SMALL_RAD
+    for w in range(lanes if far else 0):
+        if abs(dt * x[at + _SPEED + w]) > SMALL_RAD:
+            x[at + _COS + w], x[at + _SIN + w] = wave(x[at + _ANGLE + w])
