@@ -224,7 +224,7 @@ def _side_by_side(name: str, workers: int) -> SideBySide:
     """Limbs on several cores, with a progress bar; the processes end with the last limb."""
 
     def judged(judge: Judge, parts: Sequence[Evidence]) -> Iterator[Judged]:
-        jobs = min(workers, len(parts))
+        jobs = processes(workers, len(parts))
         with Bar(f"diagnose {name}", len(parts)) as bar:
             bar.update(0, f"fitting {', '.join(j for part in parts for j in part.joints)}")
             for done, one in enumerate(_results(judge, parts, jobs), start=1):
@@ -232,6 +232,14 @@ def _side_by_side(name: str, workers: int) -> SideBySide:
                 yield one
 
     return judged
+
+
+def processes(cores: int, limbs: int) -> int:
+    """Processes that judge limbs: one more than cores, so that none idles while the last is judged.
+
+    Three fingers on two cores take two rounds by two processes; of three, each takes its turns.
+    """
+    return 1 if cores == 1 else min(cores + 1, limbs)
 
 
 def _results(judge: Judge, parts: Sequence[Evidence], jobs: int) -> Iterator[Judged]:

@@ -214,6 +214,14 @@ def test_a_log_faster_than_the_drive_is_judged(tmp_path):
     assert judge_limb(fast, catalogue={}, uncertainty=0.05).verdict.names == ("none",)
 
 
+@pytest.mark.parametrize(
+    ("cores", "limbs", "started"), [(1, 3, 1), (2, 3, 3), (2, 2, 2), (2, 8, 3), (16, 3, 3)]
+)
+def test_no_core_idles_while_the_last_limb_is_judged(cores, limbs, started):
+    """Start one process more than there are cores, and no more than limbs; on one core one."""
+    assert diagnose.processes(cores, limbs) == started
+
+
 def test_limbs_side_by_side_give_the_same():
     """Judge on two cores as on one, and count the CPU time of the processes."""
     log = arm_log("coulomb-friction=100mNm@elbow", ("steps",))
