@@ -25,10 +25,11 @@ import numpy as np
 from backends.spec import Drive, Spec
 from backends.state import Array
 
-_COLUMNS = tuple(f.name for f in fields(Drive))
+COLUMNS = tuple(f.name for f in fields(Drive))
+"""What the numbers of a drive are, in the order in which compiled code takes them."""
 STRIBECK_RAD_S = 0.05
 """v_s: speed at which stiction has faded to a third; fits of servos give 0.1 rad/s and more."""
-_STICTION = _COLUMNS.index("stiction_nm")
+_STICTION = COLUMNS.index("stiction_nm")
 
 
 @numba.njit(cache=True)
@@ -95,7 +96,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
 
 def drive_table(spec: Spec) -> Array:
     """The numbers of all drives as `motor_tick` takes them, shape (J, 13)."""
-    return np.array([[getattr(drive, name) for name in _COLUMNS] for drive in spec.drives])
+    return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
 
 
 class DriveBank:

@@ -8,7 +8,7 @@ take little longer than one. Lanes share nothing, and each does to the last digi
 import numba
 import numpy as np
 
-from backends.drive import rubbing, turn_motor
+from backends.drive import COLUMNS, rubbing, turn_motor
 from diagnosis.replay.expansion import (
     SMALL_RAD,
     accelerate_one,
@@ -23,11 +23,14 @@ _ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB,
     LANES * row for row in range(11)
 )
 """Where a joint's rows begin, each a number per lane; the last are the numbers of its drive."""
-_JOINT = 23 * LANES
+_INERTIA, _STICTION = (
+    _DRIVE + LANES * COLUMNS.index(name) for name in ("rotor_inertia_kgm2", "stiction_nm")
+)
+_JOINT = _DRIVE + LANES * len(COLUMNS)
 _CLOSED, _SIZE = 2 * _JOINT, 2 * _JOINT + 33 * LANES
 """Behind two joints are the coefficients of `expand`."""
 _FOREVER = 2**62
-_INERTIA, _STICTION = _DRIVE + 3 * LANES, _DRIVE + 10 * LANES
+"""Ticks that are left to a lane that has no episode."""
 
 
 @numba.njit(cache=True, error_model="numpy")

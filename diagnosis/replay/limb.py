@@ -65,82 +65,19 @@ def rest(start, limb):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def run(ticks, target, load, alive, limb, rings, state, age, out):
-    """Take the worlds that are alive (W,) through n samples and write what each of them shows.
-
-    `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
-    counts ticks; `out` is (n, W, 4, J).
-    """
-    if is_closed(limb) and not limb[3].any() and not limb[4][..., DELAY].any():
-        _run_in_time(ticks, target, load, alive, limb, state, out)
-        age += ticks.sum()
-    else:
-        _run(ticks, target, load, alive, limb, rings, state, age, out)
-
-
-@numba.njit(cache=True, error_model="numpy")
 def is_closed(limb):
     """Whether motion is in closed form: of one or two joints, see `expand`."""
     return len(limb[1]) > 0
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _run_in_time(ticks, target, load, alive, limb, state, out):
-    """`run` in closed form where nothing is late."""
-    _, closed, drive, _, encoder, at_motor, dt = limb
-    last = len(at_motor) - 1
-    drives = _drive(drive, 0), _drive(drive, last)
-    for w in range(len(alive)):
-        if alive[w]:
-            mine, shown, own = target[:, w], out[:, w], _limb(state[w], last)
-            for k in range(len(ticks)):
-                own = _span(ticks[k], own, _asked(mine, load, k, last), last, drives, closed, dt)
-                own = _arrived(own, shown, k, at_motor, encoder)
-            _keep(state[w], last, own)
+def run(ticks, target, load, alive, limb, rings, state, age, out):
+    """Take the worlds that are alive (W,) through n samples and write what each of them shows.
 
-
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _span(ticks, own, asked, last, drives, closed, dt):
-    """A limb some ticks later."""
-    for _ in range(ticks if last == 0 else 0):
-        own = _one(own, asked, drives, closed, dt)
-    for _ in range(0 if last == 0 else ticks):
-        own = _two(own, asked, drives, closed, dt)
-    return own
-
-
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _arrived(own, out, k, at_motor, encoder):
-    """A limb at the end of a sample, which it shows; its waves begin anew."""
-    last = len(at_motor) - 1
-    _show(out, k, last, own[1], at_motor, encoder)
-    _show(out, k, 0, own[0], at_motor, encoder)
-    return _waves(own[0]), _waves(own[1])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _asked(target, load, k, last):
-    """Targets and loads of the first and the last joint up to a sample."""
-    return (target[k, 0], target[k, last]), (load[k, 0], load[k, last])
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _waves(joint):
-    angle, speed, motor, rate, pd, _ = joint
-    return angle, speed, motor, rate, pd, wave(angle)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _show(out, k, j, joint, at_motor, encoder):
-    angle, speed, motor, _, torque, _ = joint
-    sensed = motor if at_motor[j] else angle
-    out[k, 0, j] = (1.0 + encoder[0, j, 1]) * sensed + encoder[0, j, 0]
-    out[k, 1, j], out[k, 2, j], out[k, 3, j] = motor, torque, speed
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _run(ticks, target, load, alive, limb, rings, state, age, out):
-    """`run` of any limb. One long loop: handing on an array costs as much as a third of a tick."""
+    `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
+    counts ticks; `out` is (n, W, 4, J). One long loop: handing on an array costs as much as a third
+    of a tick.
+    """
     bodies, coefficients, drive, path, encoder, at_motor, dt = limb
     worlds, _, joints = state.shape
     torque, acceleration, bias = np.zeros((3, joints))
@@ -205,50 +142,6 @@ def _run(ticks, target, load, alive, limb, rings, state, age, out):
                 out[k, w, 0, j] = reading[w, j] if read_late else sensed
                 out[k, w, 1, j], out[k, w, 2, j] = state[w, MOTOR, j], state[w, TORQUE, j]
                 out[k, w, 3, j] = state[w, SPEED, j]
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _joint(s, j):
-    angle = s[JOINT, j]
-    return angle, s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], wave(angle)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _limb(state, last):
-    """The first and the last joint; of a lone joint the same twice."""
-    return _joint(state, 0), _joint(state, last)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _keep(s, last, own):
-    for j, joint in ((last, own[1]), (0, own[0])):
-        s[JOINT, j], s[SPEED, j], s[MOTOR, j], s[MOTOR_SPEED, j], s[TORQUE, j], _ = joint
-
-
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _one(own, asked, drives, closed, dt):
-    """Take a lone joint through one tick. Inline: a call would pass its numbers through memory."""
-    (q, speed, motor, rate, pd, at), other = own
-    targets, loads = asked
-    motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
-    speed += dt * accelerate_one(at, gear + loads[0], closed, 0, 1)
-    q += dt * speed
-    return (q, speed, motor, rate, pd, turned(at, q, dt * speed)), other
-
-
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _two(own, asked, drives, closed, dt):
-    """Take two joints through one tick, see `_one`."""
-    (q, speed, motor, rate, pd, at), (q2, speed2, motor2, rate2, pd2, at2) = own
-    targets, loads = asked
-    motor, rate, pd, gear = motor_tick(targets[0], q, speed, motor, rate, drives[0], dt)
-    motor2, rate2, pd2, gear2 = motor_tick(targets[1], q2, speed2, motor2, rate2, drives[1], dt)
-    torques = gear + loads[0], gear2 + loads[1]
-    moved, moved2 = accelerate_two(at, at2, speed, speed2, *torques, closed, 0, 1)
-    speed, speed2 = speed + dt * moved, speed2 + dt * moved2
-    q, q2 = q + dt * speed, q2 + dt * speed2
-    first = q, speed, motor, rate, pd, turned(at, q, dt * speed)
-    return first, (q2, speed2, motor2, rate2, pd2, turned(at2, q2, dt * speed2))
 
 
 @numba.njit(cache=True, error_model="numpy")
