@@ -9,13 +9,14 @@ An answer as yes or no is a Bernoulli draw at a margin blurred by the geometry's
 has that error. Both allow for a few wild answers.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numba
 import numpy as np
-from scipy.special import ndtr
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
@@ -35,6 +36,10 @@ NEVER = 1e-9
 """A chance under this is none."""
 ALIKE = 2.5
 """Samples that tell as much as one: a grasp moves slowly."""
+SURE_NATS = math.log(1 - WILD) / ALIKE
+"""What an answer tells that only a wild one would not be; most do."""
+FAR = 9.5
+"""Standard deviations beyond which a chance beside `WILD` is 0 or 1 to the last digit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,6 +55,11 @@ class Pressed:
     touched: Array
     """Whether the finger is touched at all, shape (S, F), bool."""
     binary: bool
+
+    @cached_property
+    def touching_m(self) -> Array:
+        """The depths of fingers that are touched, none of the others, shape (S, F, K)."""
+        return np.where(self.touched[..., None], self.depth_m, -np.inf)
 
     def some(self, rows: Array) -> "Pressed":
         """A part of the samples."""
@@ -92,15 +102,27 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
     drifted_m = data.time_s[:, None, None] * faults.slope_m_s
-    depth_m = np.where(data.touched[..., None], data.depth_m, -np.inf)
     if not data.binary:
-        return (np.maximum(depth_m, 0.0) + drifted_m) * alive
+        return (np.maximum(data.touching_m, 0.0) + drifted_m) * alive
     short_m = faults.level_m - drifted_m
-    pressed, drifted = (depth_m - short_m) / faults.blur_m, -short_m / (SHARP * faults.level_m)
-    chance = np.maximum(ndtr(pressed), ndtr(drifted))
+    chance = _chance(data.touching_m, short_m, faults.blur_m, SHARP * faults.level_m)
     if near is not None:
-        chance = _spread(np.broadcast_to(chance, data.depth_m.shape), near)
+        chance = _spread(chance, near)
     return WILD + (1 - 2 * WILD) * chance * alive
+
+
+@numba.vectorize(cache=True)
+def _chance(depth_m, short_m, blur_m, drift_blur_m):
+    """Chance that what is short of answering by so much does, by its press or by its drift."""
+    return _below(max((depth_m - short_m) / blur_m, -short_m / drift_blur_m))
+
+
+@numba.njit(cache=True)
+def _below(deviations):
+    """The standard normal distribution function; nearly all is far from its bend."""
+    if deviations < -FAR or deviations > FAR:
+        return 1.0 if deviations > 0 else 0.0
+    return 0.5 * math.erfc(-math.sqrt(0.5) * deviations)
 
 
 @numba.njit(cache=True)
@@ -128,9 +150,10 @@ def alone(data: Pressed, faults: Faults, near: Array) -> Pressed:
     silent = (data.reading < 0.5) & ~np.broadcast_to(faults.dead, data.reading.shape[1:])
     silent = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32)) > 0.5
     time_s = np.maximum(data.time_s[:, None, None], np.finfo(float).tiny)
-    depth_m = np.where(data.touched[..., None], data.depth_m, -np.inf)
-    least_m_s = (faults.level_m - np.maximum(depth_m, 0.0)) / time_s
-    most_m_s = (faults.level_m - np.maximum(depth_m - CLEARLY * faults.blur_m, 0.0)) / time_s
+    least_m_s = (faults.level_m - np.maximum(data.touching_m, 0.0)) / time_s
+    most_m_s = (
+        faults.level_m - np.maximum(data.touching_m - CLEARLY * faults.blur_m, 0.0)
+    ) / time_s
     taken = least_m_s >= np.where(silent, most_m_s, np.inf).min(axis=0)
     return replace(data, reading=(~silent & ~taken).astype(float))
 
@@ -139,13 +162,23 @@ def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Log-likelihood of every answer over `ALIKE`, shape (S, F, K)."""
     shown = expected(data, faults, near)
     if data.binary:
-        return np.log(np.where(data.reading > 0.5, shown, 1 - shown)) / ALIKE
-    blur_m = faults.blurs_m(data)
-    off = (data.reading - shown) / blur_m
-    density = np.exp(-0.5 * np.minimum(off**2, 500.0)) / (np.sqrt(2 * np.pi) * blur_m)
-    likely = np.where(data.reading > 0, density, ndtr(-shown / blur_m))
-    wild = np.where(data.reading > 0, WILD / ANYWHERE_M, WILD)
-    return np.log((1 - WILD) * likely + wild) / ALIKE
+        return _nats_of_answer(data.reading, shown)
+    return _nats_of_depth(data.reading, shown, faults.blurs_m(data))
+
+
+@numba.vectorize(cache=True)
+def _nats_of_answer(reading, shown):
+    chance = shown if reading > 0.5 else 1 - shown
+    return SURE_NATS if chance == 1 - WILD else math.log(chance) / ALIKE
+
+
+@numba.vectorize(cache=True)
+def _nats_of_depth(reading, shown, blur_m):
+    if reading > 0:
+        off = (reading - shown) / blur_m
+        density = math.exp(-0.5 * off**2) / (math.sqrt(2 * math.pi) * blur_m)
+        return math.log((1 - WILD) * density + WILD / ANYWHERE_M) / ALIKE
+    return math.log((1 - WILD) * _below(-shown / blur_m) + WILD) / ALIKE
 
 
 def gap(
