@@ -38,7 +38,7 @@ test: install
 	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "not slow" $(ARGS)
 
 test-slow: install
-	$(VENV)/bin/python -m pytest -m slow $(ARGS)
+	$(VENV)/bin/python -m pytest -n 2 --dist worksteal -m slow $(ARGS)
 
 check: install
 	$(VENV)/bin/ruff format --check .

@@ -586,6 +586,7 @@ def test_what_a_pair_bends_takes_the_place_of_either_effect():
     assert best.fit.effects[1].magnitude == pytest.approx(0.5, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_pair_that_went_astray_is_searched_anew():
     """Reach the magnitudes of a pair from nominal parameters that were bent to others."""
     truth = (
@@ -604,6 +605,7 @@ def test_a_pair_that_went_astray_is_searched_anew():
         assert effect.magnitude == pytest.approx(true.magnitude, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_pair_goes_from_dip_to_dip():
     """Reach the best fit of a late drive that sticks from a dip that no refit leaves."""
     truth = (
@@ -621,6 +623,7 @@ def test_a_pair_goes_from_dip_to_dip():
     assert again.fit.effects[0].magnitude == pytest.approx(0.0019, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_white_pair_that_bends_gives_way_to_what_it_stands_in_for():
     """Find the friction that a velocity gain stands in for, beside what that is paired with."""
     truth = (
@@ -643,6 +646,7 @@ def test_a_white_pair_that_bends_gives_way_to_what_it_stands_in_for():
     assert _stood_in(found, [unbent], rules()) == _stood_in(found, [loud], rules()) == []
 
 
+@pytest.mark.slow
 def test_a_better_single_effect_is_given_second_ones():
     """Name the pair with the effect that a pair led to, where the first one was a stand-in."""
     truth = (
@@ -705,6 +709,7 @@ def test_a_fit_that_explains_is_taken_where_another_is_hardly_better():
         assert ruled(found).names == verdict
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("truth", [(), (kind("kd-scale")(magnitude=0.6, joint="A0"),)])
 def test_many_lost_packets_are_told_from_nominal_parameters(truth):
     """Find losses that nominal parameters bend for, and with them known what else there is."""
@@ -864,6 +869,7 @@ def test_a_delay_counts_with_how_late_readings_are():
         assert ruled(found).names == (verdict,)
 
 
+@pytest.mark.slow
 def test_a_joint_that_rattles_is_fitted_without_slopes():
     """Find a large play where no slope leads to the gains, and nothing to make up for them."""
     sizes = {"kp-scale": (-0.012, -0.069), "kd-scale": (0.047, 0.024)}
@@ -964,6 +970,7 @@ def test_a_lock_is_searched_from_other_magnitudes():
     assert found.singles[0].fit.effects[0].magnitude == pytest.approx(0.25, rel=0.02)
 
 
+@pytest.mark.slow
 def test_pairs_are_searched_from_other_magnitudes():
     """Find a lock beside a delay where its fit holds every load, and a wrong pair fits better."""
     names = ("command-delay", "self-lock", "load-friction")
@@ -1101,6 +1108,7 @@ def test_small_effects_between_levels_are_found():
     assert found.chosen.fit.effects[0].magnitude == pytest.approx(0.004, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_first_effect_gives_way_to_a_second():
     """Name both of a pair of which the first, alone, takes over what they share."""
     truth = (
@@ -1142,6 +1150,7 @@ def test_beside_an_explanation_what_is_bent_is_fitted_all_the_same():
     assert [pair.names for pair in pairs] == [("encoder-scale", "kp-scale")]
 
 
+@pytest.mark.slow
 def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
     """Go on from other singles where the first pair needs a gain that nobody would believe."""
     truth = (
@@ -1181,6 +1190,7 @@ def test_a_second_effect_is_sought_until_a_pair_leaves_nothing(monkeypatch):
     assert set(ruled(found).names) == {"coulomb-friction", "viscous-friction"}
 
 
+@pytest.mark.slow
 def test_a_single_effect_is_refitted_from_its_pair(monkeypatch):
     """Name one effect where a second is needed by a refit of the first alone that stopped early."""
     part = evidence((kind("command-delay")(magnitude=0.01, joint="A0"),), protocols=("steps",))
@@ -1342,6 +1352,7 @@ def test_a_weak_effect_outside_of_the_catalogue_is_unknown():
     assert found.names == ("unknown",)
 
 
+@pytest.mark.slow
 def test_the_effect_that_leads_an_unknown_gap_is_named():
     """Name an effect that takes most of an unknown gap, with its share; none where none leads."""
     late = kind("command-delay")(magnitude=0.01, joint="A0")
@@ -1517,6 +1528,7 @@ AS_BUILT = ("backlash", "self-lock", "load-friction", "kd-scale")
 """Effects of a worm gear as built, and those that mimic them."""
 
 
+@pytest.mark.slow
 def test_a_gear_as_built_is_named_although_it_rattles():
     """Name play and self-lock, and no mimic of both, where no replay follows the joint."""
     part = started_elsewhere(evidence(built(), noise_rad=1e-5, protocols=("steps",)))

@@ -75,6 +75,7 @@ def test_joints_touch_and_stick_together(held):
     assert "taxel-threshold of 0." in text and "coulomb-friction of" in text
 
 
+@pytest.mark.slow
 def test_grasps_are_replayed_with_refitted_drives():
     """Measure a heavy stick although gains are off by what nominal ones may be."""
     real = log("kp-scale=4%,stick-mass=100%", "mujoco", ("multisine", "grasp"), 2)
@@ -123,6 +124,7 @@ def test_steps_under_the_floor_are_nothing():
     assert told("encoder-resolution=0.02deg", "mujoco", ("steps",)).verdict == ("none",)
 
 
+@pytest.mark.slow
 def test_lost_packets_take_the_place_of_a_delay():
     """Name lost packets where a replay would take them for a delay."""
     found = told("command-dropout=20%", "mujoco", ("steps", "multisine"))

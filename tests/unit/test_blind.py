@@ -153,6 +153,7 @@ def test_the_true_effect_closes_the_gap(scored):
     assert all(row["shrinkage_oracle"] > 0.95 for row in strong)
 
 
+@pytest.mark.slow
 def test_a_rival_is_scored_where_it_was_asked(solved, scored):
     """Give mujoco.sysid a line beside the other baselines once it was asked about every case."""
     method = "mujoco.sysid: every parameter free, largest change named"
@@ -170,6 +171,7 @@ def test_a_rival_is_scored_where_it_was_asked(solved, scored):
     assert told["none_false_alarm"] == 1.0 and told["shrinkage_vs_oracle"] > 0.5
 
 
+@pytest.mark.slow
 def test_small_magnitudes_are_searched(tmp_path, capfd):
     """Find how small a scale, a lock and noise still show, the last by what is named."""
     effects = "encoder-scale,self-lock,encoder-noise"

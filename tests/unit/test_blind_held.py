@@ -3,6 +3,8 @@
 import dataclasses
 import json
 
+import pytest
+
 from benchmark import blind, cli, registry
 from diagnosis.blind import draw
 from diagnosis.blind.apart import Grasps
@@ -65,6 +67,7 @@ def _hides(wanted: draw.Settings, seed: int) -> tuple[str, str]:
     return fault.effect, fault.level
 
 
+@pytest.mark.slow
 def test_the_oracle_tells_what_shows():
     """Call a taxel that answers early detectable from answers alone, a heavy stick from neither."""
     wanted = held(cases=1, modes=("none",), channels=draw.HELD_CHANNELS[-1:])
@@ -86,6 +89,7 @@ def test_the_oracle_tells_what_shows():
     assert nats("contact-friction", -0.3, "stick", "touch") > DETECTABLE_NATS
 
 
+@pytest.mark.slow
 def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):
     """Find how small a threshold still shows in answers, at no level in depths; refuse a play."""
     words = ["blind", "detectable", "--rig", "held", "--real", "mujoco", "--draws", "1"]

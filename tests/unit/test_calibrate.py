@@ -166,6 +166,7 @@ def test_the_search_finds_gains(moved):
         assert (found[j].std < GAIN_ERROR).all()
 
 
+@pytest.mark.slow
 def test_refining_ends_at_the_least_error(moved):
     """Go from gains that are 5 % off to those of the hidden hand, with a bootstrap to match."""
     rng = np.random.default_rng(0)

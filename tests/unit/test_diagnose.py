@@ -144,6 +144,7 @@ def gains(tmp_path_factory) -> list[str]:
     return folders
 
 
+@pytest.mark.slow
 def test_settings_judge_each_other(gains, tmp_path, capfd):
     """Fit under one gain, judge under another, and name the friction of both."""
     words = ["diagnose", *gains, "--judge", gains[1], "--workers", "1"]
@@ -222,6 +223,7 @@ def test_no_core_idles_while_the_last_limb_is_judged(cores, limbs, started):
     assert diagnose.processes(cores, limbs) == started
 
 
+@pytest.mark.slow
 def test_limbs_side_by_side_give_the_same():
     """Judge on two cores as on one, and count the CPU time of the processes."""
     log = arm_log("coulomb-friction=100mNm@elbow", ("steps",))

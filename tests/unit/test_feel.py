@@ -57,7 +57,7 @@ def found(effects: str, kind: str) -> dict:
     return {one.effect: one for one in told(effects, kind).findings}
 
 
-@pytest.mark.parametrize("shift_mm", [-0.1, 0.3])
+@pytest.mark.parametrize("shift_mm", [pytest.param(-0.1, marks=pytest.mark.slow), 0.3])
 def test_threshold(shift_mm):
     """Measure a threshold from yes and no within a finer step of the search."""
     (one,) = told(f"taxel-threshold={shift_mm}mm", "contact").findings
@@ -90,6 +90,7 @@ def test_confidence_is_what_former_findings_were_right():
     assert tied.confidence == pytest.approx(rules().right.grasp / 2)
 
 
+@pytest.mark.slow
 def test_halo():
     """Find a halo as far as the distances between taxels tell it."""
     (one,) = told("taxel-halo=5mm", "contact").findings
@@ -106,6 +107,7 @@ def test_two_at_once():
     assert both["taxel-dropout"].interval[0] <= 0.15 <= both["taxel-dropout"].interval[1]
 
 
+@pytest.mark.slow
 def test_who_hides_a_part_of_the_other_is_measured_with_it():
     """Measure a threshold and a halo, of which either alone is taken for another."""
     both = found("taxel-threshold=0.2mm,taxel-halo=10mm", "contact")
@@ -114,6 +116,7 @@ def test_who_hides_a_part_of_the_other_is_measured_with_it():
     assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
 
 
+@pytest.mark.slow
 def test_a_drift_is_measured_with_the_halo_that_it_spreads_by():
     """Measure both, of which a far faster drift alone explains almost as much."""
     both = found("taxel-drift=0.23mm/s,taxel-halo=8.2mm", "contact")
@@ -132,6 +135,7 @@ def test_halves_have_seen_the_same_times():
     assert len(parts) == 2 and one == other
 
 
+@pytest.mark.slow
 def test_a_drift_is_as_sharp_at_any_threshold():
     """Measure drift and threshold together: what nothing presses tells but their ratio."""
     both = found("taxel-drift=0.2mm/s,taxel-threshold=0.2mm", "contact")
@@ -140,6 +144,7 @@ def test_a_drift_is_as_sharp_at_any_threshold():
     assert both["taxel-drift"].value == pytest.approx(0.2 * MM, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_drift_is_as_fast_where_taxels_are_dead():
     """Measure the drift: who never answered is slow or dead, which makes the others no slower."""
     both = found("taxel-drift=0.1mm/s,taxel-dropout=23%", "contact")
@@ -280,6 +285,7 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
     assert [one.effect for one in report.findings] == ["unknown"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("shift_mm", "mended", "named"),
     [
@@ -302,6 +308,7 @@ def test_a_finger_that_presses_a_little_deeper_is_no_fault_of_its_skin():
     assert told("stick-radius=0.3%", "touch").findings == ()
 
 
+@pytest.mark.slow
 def test_a_drift_that_could_be_faster_still_is_unknown():
     """Name no drift as fast as there is: a lower threshold drifts taxels over it at once."""
     both = found("taxel-threshold=-0.18mm,taxel-drift=0.2mm/s", "contact")

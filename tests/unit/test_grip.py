@@ -79,6 +79,7 @@ def test_a_lost_stick_ends_the_grasp():
     assert part.time_s[-1] == pytest.approx(2.0, abs=0.01)
 
 
+@pytest.mark.slow
 def test_a_soft_contact_is_no_light_stick():
     """Name the softness, not a mass that an engine's contacts would yield alike with."""
     few = some(*SHAPES, *MOTIONS)
@@ -173,6 +174,7 @@ def test_a_wrong_joint_zero_is_no_radius():
     assert "joint zeros" in report.missing[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "size", "within"),
     [("contact-friction", -0.4, 0.02), ("stick-mass", 0.5, 0.05)],

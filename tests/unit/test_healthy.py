@@ -76,6 +76,7 @@ def test_the_worst_log_counts():
     assert worst([]) == Sound() and Sound().most("backlash", rules()) == 0.0
 
 
+@pytest.mark.slow
 def test_what_a_sound_mechanism_leaves_is_excused(rough):
     """Name an effect on a rough mechanism once it is known how it is while sound, and not before.
 

@@ -81,7 +81,10 @@ def test_a_finished_run_is_not_run_again(finished, capfd):
     assert before == {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
 
 
-@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize(
+    "backend",
+    ["mujoco", *(pytest.param(name, marks=pytest.mark.slow) for name in ("bullet", "sapien"))],
+)
 def test_killed_training_resumes_to_the_same_row(backend, tmp_path):
     """End with the same row, to the bit, whether killed after a checkpoint or not; same seed."""
     arguments = [*SMOKE, "--backend", backend, "--algo", "rsl-ppo"]

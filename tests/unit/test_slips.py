@@ -21,6 +21,11 @@ CATALOGUE = {
 }
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
 DT_S = 0.005
+ENGINES = [
+    pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
+    for name in registry.names("backend")
+]
+"""Of which one is quick, and not the nominal one."""
 
 
 def on_mujoco(specs):
@@ -74,7 +79,7 @@ def test_newton_tells_mass_and_friction(mass_kg):
     assert found.left < 1.0
 
 
-@pytest.mark.parametrize("backend", registry.names("backend"))
+@pytest.mark.parametrize("backend", ENGINES)
 @pytest.mark.parametrize("effects", ["none", "contact-friction=-30%", "contact-friction=40%"])
 def test_friction_is_told_on_every_engine(backend, effects):
     """Name friction, and nothing else, whatever engine the log is from."""
@@ -95,7 +100,7 @@ def test_a_slippery_stick_is_told():
     assert found["contact-friction"].value < -0.6
 
 
-@pytest.mark.parametrize("backend", registry.names("backend"))
+@pytest.mark.parametrize("backend", ENGINES)
 def test_a_heavy_stick_is_told_on_every_engine(backend):
     """Name a stick of thrice the mass, and nothing else."""
     found = told("stick-mass=200%", backend)
@@ -108,6 +113,7 @@ def test_a_thick_stick_is_not_rough():
     assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("soft_mm_n", [0.05, 0.12])
 def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
     """Blame softness alone for a slip that begins slowly, and measure it beside a stick as told."""
@@ -141,7 +147,7 @@ def test_a_vague_mass_says_what_would_tell():
     assert "stick-mass" in said and "weigh the stick" in said
 
 
-@pytest.mark.parametrize("backend", ["bullet", "sapien"])
+@pytest.mark.parametrize("backend", ["bullet", pytest.param("sapien", marks=pytest.mark.slow)])
 def test_newton_tells_a_mass_where_contacts_are_soft(backend):
     """Name mass and softness together where sticks slip by Newton's law, which holds anywhere."""
     found = told("stick-mass=180%,contact-softness=0.2mm/N", backend)
@@ -150,7 +156,7 @@ def test_newton_tells_a_mass_where_contacts_are_soft(backend):
     assert low <= 1.8 <= high
 
 
-@pytest.mark.parametrize("backend", registry.names("backend"))
+@pytest.mark.parametrize("backend", ENGINES)
 def test_friction_is_told_where_contacts_are_soft(backend):
     """Measure friction by the forces of a replay, which need not creep as the log does."""
     found = told("contact-friction=16%,contact-softness=0.27mm/N", backend)

@@ -227,6 +227,7 @@ def test_a_damaged_run_is_no_finished_cell(crashed, tmp_path):
     assert outcome.state == "failed" and "digest does not fit" in outcome.reason
 
 
+@pytest.mark.slow
 def test_a_hanging_cell_is_killed(tmp_path, monkeypatch):
     """Kill a cell that stands still and hears no signal, and write down why it ended."""
     monkeypatch.setattr(_cell, "GRACE_S", 0.5)

@@ -235,6 +235,7 @@ def test_noise_floor_starts_elsewhere(runs, tmp_path, capfd):
     assert len(home) == len(floor) == 8 and (home != floor).all()
 
 
+@pytest.mark.slow
 def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
     """Deploy in another engine and with effects of one's own; keep the train world beside them."""
     arguments = [
