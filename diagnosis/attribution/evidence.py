@@ -5,11 +5,13 @@ is a vector of residuals over their standard deviations, position, motor and tor
 """
 
 import dataclasses
+import math
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
 from numpy.polynomial.hermite_e import hermegauss
 
@@ -323,4 +325,11 @@ class Evidence:
 
 def compressed(flat: Array | float) -> Array:
     """Residuals that grow as their logarithm beyond `CORE`."""
-    return CORE * np.arcsinh(np.asarray(flat) / CORE)
+    return _compressed(np.asarray(flat))
+
+
+@numba.vectorize(cache=True)
+def _compressed(one):
+    """CORE arsinh(one / CORE), by a logarithm: NumPy's takes twice as long."""
+    size = abs(one) / CORE
+    return math.copysign(CORE * math.log(size + math.sqrt(size * size + 1.0)), one)

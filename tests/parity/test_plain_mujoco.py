@@ -73,7 +73,8 @@ def run(
         mujoco.mj_step(model, data)
 
 
-@pytest.mark.parametrize("names", ["elbow", pytest.param("shoulder,elbow", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("names", ["elbow", "shoulder,elbow"])
 def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, capfd) -> None:
     """Name friction, where it is, and noise, though nothing of the replay made the log."""
     folder, commands, joints = tmp_path / "arm", tmp_path / "commands.csv", names.split(",")

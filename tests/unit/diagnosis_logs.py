@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from backends.shard import simulate
 from backends.spec import Spec
@@ -14,6 +15,12 @@ from diagnosis.calibration import worlds
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
 from diagnosis.recording.excitation import FREE, Excitation, Joints
 from diagnosis.replay.nominal import mjcf_world
+
+ENGINES = [
+    pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
+    for name in registry.names("backend")
+]
+"""Where tests of the grip are slow on all but one, which is not the nominal one."""
 
 ARM = """
 <mujoco model="arm"><worldbody>

@@ -531,6 +531,7 @@ def test_what_leaves_a_law_explains_nothing():
     assert right.leftover(right.singles[0]).lack_of_fit < 20 < rules().law_nats
 
 
+@pytest.mark.slow
 def test_what_stands_in_for_an_exact_law_explains_nothing():
     """Hear an offset in what a scale leaves of it, though that takes most of it and looks white."""
     offset, protocols = kind("encoder-bias"), ("steps", "multisine", "triangle", "push")
@@ -543,6 +544,7 @@ def test_what_stands_in_for_an_exact_law_explains_nothing():
     assert right.names == ("encoder-bias",)
 
 
+@pytest.mark.slow
 def test_a_sensor_that_is_slightly_off_stands_in_for_what_is_unknown():
     """Call a weak tilt unknown that a scale too small to accuse explains in part, and not none."""
     part = evidence((kind("gravity-tilt")(magnitude=0.11),), rig="finger")
@@ -572,6 +574,7 @@ def test_what_shows_in_one_protocol_alone_is_unknown(times, verdict):
     assert found.confidence > 0.7
 
 
+@pytest.mark.slow
 def test_what_a_pair_bends_takes_the_place_of_either_effect():
     """Find the gain that a pair bends beyond belief beside the effect that is there."""
     truth = kind("encoder-bias")(magnitude=0.02, joint="A0"), kind("kd-scale")(magnitude=0.5)
@@ -1170,6 +1173,7 @@ def test_a_second_effect_is_sought_until_a_pair_explains(monkeypatch):
     assert first and set(ruled(found).names) == {"coulomb-friction", "viscous-friction"}
 
 
+@pytest.mark.slow
 def test_a_second_effect_is_sought_until_a_pair_leaves_nothing(monkeypatch):
     """Go on from a pair that leaves more than the floor beyond what a joint strays in its play."""
     truth = (

@@ -66,7 +66,9 @@ def test_threshold(shift_mm):
     assert one.gap_after < one.gap_before
 
 
-@pytest.mark.parametrize(("kind", "within"), [("touch", 0.06), ("contact", 0.2)])
+@pytest.mark.parametrize(
+    ("kind", "within"), [("touch", 0.06), pytest.param("contact", 0.2, marks=pytest.mark.slow)]
+)
 def test_drift(kind, within):
     """Measure the fastest drift: a uniform number's largest of hundreds, on a grid of 7 %."""
     (one,) = told("taxel-drift=0.05mm/s", kind).findings
@@ -99,6 +101,7 @@ def test_halo():
     assert one.gap_after < 0.1
 
 
+@pytest.mark.slow
 def test_two_at_once():
     """Find a higher threshold and dead taxels together."""
     both = found("taxel-threshold=0.3mm,taxel-dropout=15%", "contact")
@@ -275,6 +278,7 @@ def test_what_is_nominal_is_no_finding():
     assert np.isfinite(one.confidence)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effects", ["taxel-halo=5mm", "taxel-dropout=20%", "taxel-threshold=-0.1mm"]
 )

@@ -155,6 +155,7 @@ def test_other_effects_are_not_random(effects):
     assert dropouts(seen) == ((), seen)
 
 
+@pytest.mark.slow
 def test_noise_hides_no_delay_behind_losses():
     """Take no noisy delay for lost packets."""
     assert dropouts(parts("command-delay=7ms,encoder-noise=0.7mrad"))[0] == ()

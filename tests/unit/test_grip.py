@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from diagnosis_logs import ENGINES
 
 from backends.shard import simulate
 from benchmark import registry
@@ -109,7 +110,7 @@ def test_what_yields_as_the_nominal_engine_is_not_firm():
     assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).findings == ()
 
 
-@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize("backend", ENGINES)
 def test_radius_on_any_engine(backend):
     """Measure the stick's radius on an engine that is not the nominal one."""
     (one,) = shapes_of("stick-radius=-10%", backend).findings
@@ -118,7 +119,7 @@ def test_radius_on_any_engine(backend):
     assert one.gap_after < one.gap_before
 
 
-@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize("backend", ENGINES)
 @pytest.mark.parametrize("soft_mm_n", [0.08, 0.2])
 def test_softness_on_any_engine(backend, soft_mm_n):
     """Measure a contact's softness beside what the engine's own contacts yield, whichever it is."""

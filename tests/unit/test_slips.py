@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from diagnosis_logs import ENGINES
 
 from backends.shard import simulate
 from benchmark import registry
@@ -21,11 +22,6 @@ CATALOGUE = {
 }
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
 DT_S = 0.005
-ENGINES = [
-    pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
-    for name in registry.names("backend")
-]
-"""Of which one is quick, and not the nominal one."""
 
 
 def on_mujoco(specs):
@@ -80,7 +76,14 @@ def test_newton_tells_mass_and_friction(mass_kg):
 
 
 @pytest.mark.parametrize("backend", ENGINES)
-@pytest.mark.parametrize("effects", ["none", "contact-friction=-30%", "contact-friction=40%"])
+@pytest.mark.parametrize(
+    "effects",
+    [
+        "none",
+        "contact-friction=-30%",
+        pytest.param("contact-friction=40%", marks=pytest.mark.slow),
+    ],
+)
 def test_friction_is_told_on_every_engine(backend, effects):
     """Name friction, and nothing else, whatever engine the log is from."""
     found = told(effects, backend)
@@ -108,6 +111,7 @@ def test_a_heavy_stick_is_told_on_every_engine(backend):
     assert 1 + found["stick-mass"].value == pytest.approx(3.0, rel=0.4)
 
 
+@pytest.mark.slow
 def test_a_thick_stick_is_not_rough():
     """Blame a radius, which squeezes more, for a later slip, and not the friction."""
     assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
