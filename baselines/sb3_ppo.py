@@ -10,6 +10,7 @@ import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
@@ -143,6 +144,7 @@ class Baseline(Learner):
             device="cpu",
             seed=seed % 2**32,
         )
+        self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own leaves folders
 
     @staticmethod
     def steps_per_iteration(worlds: int) -> int:

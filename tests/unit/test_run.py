@@ -42,7 +42,11 @@ def scores(row: dict) -> list[float]:
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder of one finished smoke run on the reference engine."""
     folder = tmp_path_factory.mktemp("runs") / "finished"
-    bench(*SMOKE, "--backend", "mujoco", "--out", str(folder))
+    elsewhere = folder.parent / "elsewhere"
+    elsewhere.mkdir()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("TMPDIR", str(elsewhere))
+        bench(*SMOKE, "--backend", "mujoco", "--out", str(folder))
     return folder
 
 
@@ -71,6 +75,11 @@ def test_run_folder_is_complete(finished):
         assert run["scores"][name] == pytest.approx(episodes[name].mean())
     curve = pd.read_csv(finished / "progress.csv")
     assert curve["steps"].iloc[-1] == run["steps"]
+
+
+def test_a_segment_leaves_no_logs_elsewhere(finished):
+    """Keep the learner from making a folder of its own among temporary ones."""
+    assert not list((finished.parent / "elsewhere").glob("SB3-*"))
 
 
 def test_a_finished_run_is_not_run_again(finished, capfd):
