@@ -144,7 +144,6 @@ class Baseline(Learner):
             device="cpu",
             seed=seed % 2**32,
         )
-        self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own leaves folders
 
     @staticmethod
     def steps_per_iteration(worlds: int) -> int:
@@ -160,6 +159,7 @@ class Baseline(Learner):
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
         steps = iterations * self.steps_per_iteration(self._env.worlds)
+        self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder
         self._model.learn(steps, callback=_Report(self._monitor, report))
         kl = self._model.logger.name_to_value.get("train/approx_kl")
         if kl is not None:
