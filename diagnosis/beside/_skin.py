@@ -150,10 +150,9 @@ def alone(data: Pressed, faults: Faults, near: Array) -> Pressed:
     silent = (data.reading < 0.5) & ~np.broadcast_to(faults.dead, data.reading.shape[1:])
     silent = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32)) > 0.5
     time_s = np.maximum(data.time_s[:, None, None], np.finfo(float).tiny)
-    least_m_s = (faults.level_m - np.maximum(data.touching_m, 0.0)) / time_s
-    most_m_s = (
-        faults.level_m - np.maximum(data.touching_m - CLEARLY * faults.blur_m, 0.0)
-    ) / time_s
+    depth_m, surely_m = data.touching_m, data.touching_m - CLEARLY * faults.blur_m
+    least_m_s = (faults.level_m - np.maximum(depth_m, 0.0)) / time_s
+    most_m_s = (faults.level_m - np.maximum(surely_m, 0.0)) / time_s
     taken = least_m_s >= np.where(silent, most_m_s, np.inf).min(axis=0)
     return replace(data, reading=(~silent & ~taken).astype(float))
 
