@@ -7,6 +7,7 @@ take little longer than one. Lanes share nothing, and each does to the last digi
 
 import numba
 import numpy as np
+from llvmlite.binding import get_host_cpu_features
 
 from backends.drive import COLUMNS, rubbing, turn_motor
 from diagnosis.replay.expansion import (
@@ -17,8 +18,10 @@ from diagnosis.replay.expansion import (
     wave,
 )
 
-LANES, REGISTER = 8, 4
-"""As many lanes at most; they are taken by as many doubles as fill a register of AVX."""
+LANES = 8
+"""As many lanes at most."""
+REGISTER = 8 if get_host_cpu_features().get("avx512f") else 4
+"""Lanes are taken by as many doubles as fill this processor's registers: fewer go one by one."""
 _ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB, _DRIVE = (
     LANES * row for row in range(11)
 )
