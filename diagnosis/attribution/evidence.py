@@ -236,7 +236,7 @@ class Evidence:
         drive_s = self.nominal.timing.drive_s
         return {
             wanted: [
-                (r.commands.ticks[:end] * drive_s, r.measured[:, :end])
+                (r.commands.ticks[:end] * drive_s, np.ascontiguousarray(r.measured[:, :end]))
                 for r, end in zip(self.recordings, ends, strict=True)
                 if end
             ]

@@ -75,7 +75,7 @@ class AngleLate(Effect):
 def late_s(effects: Sequence[Effect]) -> Array:
     """How much later position, motor angle and torque are read [s], shape (3,)."""
     every, angle, torque = (
-        sum(e.magnitude for e in effects if isinstance(e, kind))
+        sum((e.magnitude for e in effects if isinstance(e, kind)), 0.0)
         for kind in (Late, AngleLate, TorqueLate)
     )
     return np.array([every + angle, every + angle, every + torque])
@@ -110,7 +110,8 @@ def residual(
 
     The replay (4, T, J) is read `late` (3,) [s] later, and every so-manieth sample is taken.
     """
-    return _residual(measured, shown, time_s, late, at.age_s, at.scale, at.at_motor, every)
+    by_sample = shown.transpose(1, 0, 2)  # as it was written: one layout, compiled once
+    return _residual(measured, by_sample, time_s, late, at.age_s, at.scale, at.at_motor, every)
 
 
 def rates(shown: Array, time_s: Array, at: Sensors) -> Array:
@@ -119,7 +120,7 @@ def rates(shown: Array, time_s: Array, at: Sensors) -> Array:
     Samples are too far apart for differences of an angle: a joint's is its velocity, as old as its
     sensor's readings, and differences say how much faster the motor turns.
     """
-    return _rates(shown, time_s, at.age_s, at.scale, at.at_motor)
+    return _rates(shown.transpose(1, 0, 2), time_s, at.age_s, at.scale, at.at_motor)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -132,7 +133,7 @@ def _residual(measured, shown, time_s, late, age_s, scale, at_motor, every):
         for i in range(left.shape[1]):
             k = i * every
             for j in range(len(age_s)):
-                told = shown[c, k, j] - late[c] * rate[c, k, j]
+                told = shown[k, c, j] - late[c] * rate[c, k, j]
                 told = told if np.isnan(told) else min(max(told, -_LOST), _LOST)
                 left[c, i, j] = measured[c, k, j] - told
     return left
@@ -142,7 +143,8 @@ def _residual(measured, shown, time_s, late, age_s, scale, at_motor, every):
 def _rates(shown, time_s, age_s, scale, at_motor):
     out = np.zeros((3, len(time_s), len(age_s)))
     for j in range(len(age_s)):
-        position, motor, torque, speed = shown[:, :, j]
+        position, motor = shown[:, 0, j], shown[:, 1, j]
+        torque, speed = shown[:, 2, j], shown[:, 3, j]
         if age_s[j] > 0.0:
             speed = np.interp(time_s - age_s[j], time_s, speed)
         for k in range(len(time_s)):

@@ -80,7 +80,7 @@ def run(ticks, target, load, alive, limb, rings, state, age, out):
     """
     bodies, coefficients, drive, path, encoder, at_motor, dt = limb
     worlds, _, joints = state.shape
-    torque, acceleration, bias = np.zeros((3, joints))
+    torque, acceleration, bias = np.zeros(joints), np.zeros(joints), np.zeros(joints)
     mass, seed = np.zeros((joints, joints)), np.zeros(worlds, dtype=np.int64)
     angle, reading, cosine, sine = np.zeros((4, worlds, joints))
     kept, wanted = state[:, KEPT], state[:, WANTED]

@@ -139,7 +139,7 @@ def _late(episodes, angle, limb, shown):
     ]
     ends = np.cumsum(np.array([0] + [len(part[0]) for part in parts]))
     spans, anew = np.zeros(ends[-1], np.int64), np.ones(ends[-1], np.bool_)
-    wanted, pushed = np.zeros((2, ends[-1], len(at_motor)))
+    wanted, pushed = np.zeros((ends[-1], len(at_motor))), np.zeros((ends[-1], len(at_motor)))
     moved = np.zeros((ends[-1], *shown.shape[1:]))
     for e in range(len(start)):
         a, b = ends[e], ends[e + 1]
