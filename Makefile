@@ -8,7 +8,7 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run test test-slow check smoke figures clean
+.PHONY: help install run test test-slow check smoke figures docs clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
@@ -18,6 +18,7 @@ help:
 	@echo "make check      format, lint, types"
 	@echo "make smoke      one smoke run per engine and algorithm"
 	@echo "make figures    the pictures in leaderboard/figures, and the leaderboard"
+	@echo "make docs       the docs, as a site in site/"
 	@echo "make clean      remove $(VENV) and caches"
 
 install: $(INSTALLED)
@@ -76,5 +77,10 @@ POLICY = leaderboard/policies/mujoco-$(TASK)-sb3-ppo-contact-centers$(patsubst $
 figure/%:
 	$(VENV)/bin/bench view $(call POLICY,$*) --out leaderboard/figures/$(call TASK,$*).png
 
+# Every warning is an error: a broken link, a missing picture, a page without a place in the menu.
+docs: install
+	$(VENV)/bin/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs site
+	@echo "docs: site/index.html"
+
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache
+	rm -rf $(VENV) site .mypy_cache .ruff_cache .pytest_cache

@@ -1,0 +1,35 @@
+"""How the docs are built: `make docs` runs Sphinx on this folder and fails at the first warning.
+
+A broken link, a missing picture and a page without a place in the menu (`index.md`) are warnings.
+Nothing is fetched: fonts, search and diagrams are files of the site.
+"""
+
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+
+project = "Stickbench"
+author = "the Stickbench authors"
+project_copyright = author
+extensions = ["myst_parser"]
+exclude_patterns = [
+    "_*",
+    "scores",
+    "effects",
+    *(p.name for p in HERE.glob("*.md") if p.name != "index.md"),
+]
+"""Pages that are read in the repository alone."""
+
+myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
+myst_heading_anchors = 3
+"""Headings down to this level can be linked: `page.md#the-heading`."""
+
+html_theme = "furo"
+html_title = "Stickbench"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_show_sphinx = False
+pygments_style = "friendly"
+pygments_dark_style = "monokai"
