@@ -1,6 +1,8 @@
 """Effects: what reality adds to the ideal hand, each a magnitude with a unit and maybe a joint."""
 
 import dataclasses
+import inspect
+import re
 from abc import ABC
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -28,6 +30,12 @@ UNITS: dict[str, tuple[str, float]] = {
     "mm/N": ("compliance", 1e-3),
 }
 """Units on the command line: their dimension and their size in SI."""
+POINTS = ("Law", "Source", "Hardware", "Log", "Confused with")
+"""What the docstring of every effect says, a paragraph each: `description` reads them.
+
+The equation as implemented; where it comes from; what was seen on real machines; how it shows in a
+recording; and which effects look alike, with what tells them apart.
+"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,6 +52,8 @@ class Effect(ABC):
     joint: str | None = None
     """The one joint it acts on; None: every joint it applies to."""
 
+    group: ClassVar[str]
+    """What it belongs to, such as 'drive' or 'touch': effects of a group share a page."""
     dimension: ClassVar[str]
     """Dimension of the magnitude: a value of `UNITS`."""
     unit: ClassVar[str]
@@ -157,3 +167,18 @@ def _body(body: Body, parts: dict[str, dict[str, float]]) -> Body:
     if of_joint:
         own["joint"] = dataclasses.replace(body.joint, **of_joint)
     return dataclasses.replace(body, **own) if own else body
+
+
+def description(kind: type[Effect]) -> tuple[str, dict[str, str]]:
+    """What an effect's docstring says: what the magnitude is, and the text of each of `POINTS`."""
+    first, _, rest = inspect.cleandoc(kind.__doc__ or "").partition("\n\n")
+    parts = re.split(rf"^({'|'.join(POINTS)}): ", rest, flags=re.MULTILINE)[1:]
+    texts = (" ".join(part.split()) for part in parts[1::2])
+    return " ".join(first.split()), dict(zip(parts[::2], texts, strict=True))
+
+
+def magnitudes(kind: type[Effect]) -> str:
+    """The allowed magnitudes in the usual unit, such as '0 to 10 deg'."""
+    size = UNITS[kind.unit][1]
+    low, high = (f"{bound / size:g}" for bound in kind.bounds)
+    return f"{low} to {high} {kind.unit}"

@@ -6,8 +6,17 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Added to every reading."""
+    """Added to every reading.
 
+    Law: Added to every reading.
+    Source: Zero-point error of assembly and homing.
+    Hardware: Domain randomisation takes +-0.02 rad, 1.1 deg (Menlo's Asimov, docs.menlo.ai); zero
+      offsets of 1 to 4 deg between servo and rig were fitted (BAM, `q_offset`: 0.02 to 0.07 rad).
+    Log: A constant difference between target and reading that no load explains.
+    Confused with: gravity-tilt and load / kp at one posture. Several postures or a push tell.
+    """
+
+    group = "sensing"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi, math.pi)
     number = "encoder.bias_rad"

@@ -4,8 +4,17 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative change of the damping; at 1 kHz the gear is unstable from +120 % on."""
+    """Relative change of the damping; at 1 kHz the gear is unstable from +120 % on.
 
+    Law: c in tau_gear.
+    Source: The damping of the flexible shaft in Nordin, Galic and Gutman, Int. J. Adaptive Control
+      and Signal Processing 11 (1997).
+    Hardware: No published range found.
+    Log: How fast the joint stops ringing against the motor after steps and impacts.
+    Confused with: kd-scale and viscous-friction, unless both sides are measured.
+    """
+
+    group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (-0.9, 1.0)
     number = "drive.gear_damping_nms_rad"

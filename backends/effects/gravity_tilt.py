@@ -8,8 +8,16 @@ from backends.spec import Spec
 
 
 class Effect(effect.Effect):
-    """Turn of gravity about the world's y axis; positive tilts it towards +x."""
+    """Turn of gravity about the world's y axis; positive tilts it towards +x.
 
+    Law: Gravity turns about the world's y axis, towards +x where positive; its size stays.
+    Source: A rotation.
+    Hardware: No published range found; a hand on a wrist sees all of it.
+    Log: A constant torque on every joint, so a constant offset load / kp; the stick hangs askew.
+    Confused with: encoder-bias (which is no torque), link-mass. Two mountings of the hand tell.
+    """
+
+    group = "gears and joints"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi / 2, math.pi / 2)
     per_joint = False

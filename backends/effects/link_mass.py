@@ -4,8 +4,18 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative change of the mass that the joint moves; its inertia about its centre stays."""
+    """Relative change of the mass that the joint moves; its inertia about its centre stays.
 
+    Law: The mass at the link's centre changes, its inertia about that centre stays: a payload
+      there.
+    Source: Rigid-body dynamics.
+    Hardware: Whatever is mounted; 5 % is this project's uncertainty of a nominal mass.
+    Log: Torque, and sag under gravity across the joint's axis; in this hand the axes are vertical,
+      so accelerations only.
+    Confused with: rotor-inertia, gravity-tilt.
+    """
+
+    group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (-0.9, 9.0)
     number = "body.mass_kg"

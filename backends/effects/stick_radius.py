@@ -4,8 +4,17 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative change of the radius."""
+    """Relative change of the radius.
 
+    Law: The radius (of a square stick half the side); the inertia follows. Grasps are found anew
+      for it, as a finger closes until it touches.
+    Source: Geometry; the paper randomises it.
+    Hardware: The sticks of this benchmark have 3 to 7 mm.
+    Log: Joints touch earlier, contact points move outwards.
+    Confused with: encoder-bias of all fingers, contact-softness.
+    """
+
+    group = "stick and contact"
     dimension, unit = "share", "%"
     bounds = (-0.5, 1.0)
     number = "stick.radius_m"

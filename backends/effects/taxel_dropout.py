@@ -4,8 +4,17 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Share of dead taxels."""
+    """Share of dead taxels.
 
+    Law: These taxels read zero and never count, in a halo neither. More dead ones are the same and
+      others.
+    Source: Broken wires and cells.
+    Hardware: No published range found.
+    Log: Some taxels never answer, whatever touches them; contact centres jump around the holes.
+    Confused with: taxel-threshold, which no strong press survives.
+    """
+
+    group = "touch"
     dimension, unit = "share", "%"
     bounds = (0.0, 1.0)
     number = "taxels.dead_share"

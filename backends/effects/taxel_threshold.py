@@ -4,8 +4,18 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Pressed depth to add to the threshold."""
+    """Pressed depth to add to the threshold.
 
+    Law: A taxel has to be pressed deeper by this to count.
+    Source: Gains and offsets of taxels; the paper binarises with one empirical threshold.
+    Hardware: Capacitive fingertips answer from 0.05 N on (Jamali et al., *A new design of a
+      fingertip for the iCub hand*, IROS 2015). No published range in depth found.
+    Log: Fewer active taxels (more, where negative); light contacts are missed; the centre barely
+      moves.
+    Confused with: contact-softness (which changes the depth), taxel-dropout.
+    """
+
+    group = "touch"
     dimension, unit = "length", "mm"
     bounds = (-0.19e-3, 1e-3)
     number = "taxels.threshold_m"
