@@ -1,4 +1,4 @@
-"""The robot, its effects and the engines; everything else imports it."""
+"""The robot, its effects and the physics engines; all other packages import this one."""
 
 from pathlib import Path
 

@@ -1,8 +1,9 @@
-"""Bullet's steps without Python in between: its C interface, called from compiled code.
+"""Step Bullet from compiled code through its C interface, without Python in between.
 
-pybullet's own calls cost 3.5 us around a step of 19 us, most of it for making tuples and taking
-them apart. The same library exports the C interface below them. It keeps to itself the pointer
-that each of its functions wants first, so this is looked up in the library's symbol table.
+A pybullet call costs 3.5 us on top of a step of 19 us. Most of that time goes into building tuples
+and taking them apart. The same library exports the C interface below these calls. Every C function
+takes the client's pointer as its first argument. The library does not export that pointer, so it is
+looked up in the symbol table.
 """
 
 import ctypes
@@ -13,19 +14,20 @@ import numpy as np
 from numba.core import types
 
 from backends._c_library import address, find, function
-from backends._errand import array_at, turn
+from backends._drive_call import array_at, motor_step
 from backends.state import Array
 
 _CLIENTS = "sPhysicsClients1"
-"""pybullet's table of clients, by number (examples/pybullet/pybullet.c)."""
+"""pybullet's table of clients, indexed by client number (examples/pybullet/pybullet.c)."""
 _SUBMIT = "b3SubmitClientCommandAndWaitStatus"
 _TORQUE_CONTROL = 1
 _MOST_NUMBERS = 128
-"""More coordinates than a hand has; Bullet's own limit."""
+"""Bullet's own limit on coordinates; a hand has fewer."""
 _MOST_CONTACTS = 32
-"""Of a hand and a stick: four per fingertip are rare."""
+"""Largest number of contacts between hand and stick; four per fingertip are rare."""
 _CONTACT_WORDS, _LINK, _FIRST_AT, _SECOND_AT, _NORMAL, _LOAD = 22, 3, 3, 6, 9, 13
-"""Words of 64 bits in a `b3ContactPointData`, and what stands where; the link is half a word."""
+"""Size of a `b3ContactPointData` in 64-bit words, and the place of each field; the link takes half
+a word."""
 _SECTION = np.dtype(
     {
         "names": ["type", "offset", "size", "link"],
@@ -34,7 +36,7 @@ _SECTION = np.dtype(
         "itemsize": 64,
     }
 )
-"""What is read of a section header of a 64-bit ELF file."""
+"""The fields that are read from a section header of a 64-bit ELF file."""
 _SYMBOL = np.dtype(
     {"names": ["name", "value"], "formats": ["<u4", "<u8"], "offsets": [0, 8], "itemsize": 24}
 )
@@ -69,7 +71,10 @@ def _step_world(client, hand, places, torque):
 
 @numba.njit(cache=True)
 def _read(client, body):
-    """Coordinates and speeds of a body; views of the client's memory until its next command."""
+    """Coordinates and speeds of a body: views of the client's memory.
+
+    They are valid until the client's next command.
+    """
     answer = np.empty(2, dtype=np.uintp)
     status = _submit(client, _ask(client, body))
     _answer(status, 0, 0, 0, 0, answer.ctypes.data, answer.ctypes.data + answer.itemsize, 0)
@@ -88,8 +93,8 @@ def _read_world(client, hand, places, angle, speed):
 def coast(clients, hands, places, torque, ticks, angle, speed):
     """Step every world `ticks` times under constant torques (N, J), then read its joints.
 
-    `clients` are pointers and `hands` numbers (N,), `places` (N, 2, J) those of the joints among
-    Bullet's coordinates and speeds.
+    `clients` (N,) are pointers, `hands` (N,) are body numbers, and `places` (N, 2, J) are the
+    indices of the joints in Bullet's coordinates and speeds.
     """
     for n in range(len(clients)):
         for _ in range(ticks):
@@ -98,11 +103,11 @@ def coast(clients, hands, places, torque, ticks, angle, speed):
 
 
 @numba.njit(cache=True)
-def drive(clients, hands, places, errand, ticks, angle, speed):
-    """Step every world `ticks` times under its drives, those of the errand at an address."""
+def drive(clients, hands, places, args, ticks, angle, speed):
+    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`."""
     for n in range(len(clients)):
         for _ in range(ticks):
-            torque = turn(errand, n, angle[n], speed[n])
+            torque = motor_step(args, n, angle[n], speed[n])
             _step_world(clients[n], hands[n], places[n], torque)
             _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
 
@@ -120,7 +125,7 @@ def read_sticks(clients, sticks, pos, quat_wxyz, vel, omega):
 
 @numba.njit(cache=True)
 def read_contacts(clients, hands, sticks, tip_of_link):
-    """Every contact of hand and stick, a row each as `_pool_contacts` takes it."""
+    """Every contact between hand and stick: one row each, in the layout of `_pool_contacts`."""
     table, count = np.empty((len(clients) * _MOST_CONTACTS, 9)), 0
     for n in range(len(clients)):
         links, words = _touching(clients[n], hands[n], sticks[n])
@@ -137,7 +142,7 @@ def read_contacts(clients, hands, sticks, tip_of_link):
 
 @numba.njit(cache=True)
 def _touching(client, hand, stick):
-    """Contacts of a hand and a stick as whole numbers and as words, rows of the client's memory."""
+    """Contacts between hand and stick: rows of the client's memory, as integers and as words."""
     command, answer = _ask_touch(client), np.zeros(2, dtype=np.uintp)
     _first(command, hand)
     _second(command, stick)
@@ -150,17 +155,17 @@ def _touching(client, hand, stick):
 
 @cache
 def _table() -> int:
-    """Where pybullet's table of clients is loaded."""
+    """Address of pybullet's table of clients."""
     values = _symbol_values(_library, (_SUBMIT, _CLIENTS))
     return address(_library, _SUBMIT) - values[_SUBMIT] + values[_CLIENTS]
 
 
 def pointer(client: int) -> int:
-    """Where the client of that number lives."""
+    """Address of the client with this number."""
     size = ctypes.sizeof(ctypes.c_void_p)
     found = ctypes.c_void_p.from_address(_table() + size * client).value
     if not found:
-        raise RuntimeError(f"pybullet has no client {client}; connect one first")
+        raise RuntimeError(f"pybullet has no client {client}; connect a client first")
     return found
 
 

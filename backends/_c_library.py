@@ -1,4 +1,4 @@
-"""Functions of an engine's C library, for compiled code to call without Python in between."""
+"""Find functions of an engine's C library, so that compiled code can call them without Python."""
 
 import ctypes
 from importlib.util import find_spec
@@ -10,7 +10,7 @@ from numba.core.types import ExternalFunction
 
 
 def find(package: str, pattern: str) -> str:
-    """Path of the library of an installed package; raises ModuleNotFoundError without it."""
+    """Path of a library of an installed package; raises ModuleNotFoundError without it."""
     spec = find_spec(package)
     if spec is None or spec.origin is None:
         raise ModuleNotFoundError(f"No module named '{package}'", name=package)
@@ -18,12 +18,12 @@ def find(package: str, pattern: str) -> str:
 
 
 def address(library: str, name: str) -> int:
-    """Where a function of a library is loaded."""
+    """Address of a function of a library."""
     function = getattr(ctypes.CDLL(library), name)
     return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
-    """A function that code compiled by numba can call, with numba's types."""
+    """A library function that numba-compiled code can call, with numba's types."""
     binding.add_symbol(name, address(library, name))
     return ExternalFunction(name, result(*arguments))

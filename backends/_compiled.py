@@ -1,7 +1,8 @@
-"""What numba keeps on disk, forgotten when a source changes.
+"""Clear numba's cache on disk when a source file changes.
 
-Numba keeps compiled code by function and looks whether its file has changed. What a function calls
-is compiled into it, though, and may stand in another file: after an update the old one would run.
+Numba caches compiled code per function and checks only whether that function's own file has
+changed. Code that it calls is compiled into it and may come from another file. Without this module,
+the old code would still run after an update of that other file.
 """
 
 import hashlib
@@ -12,9 +13,11 @@ NOTE = "__pycache__/compiled-from.sha256"
 
 
 def forget_stale(folders: Iterable[Path]) -> bool:
-    """Forget compiled code in folders if a Python file in them has changed since the last call.
+    """Delete the compiled code in these folders if a Python file in them has changed.
 
-    Says whether it did. Where nothing can be written, nothing was kept either.
+    "Changed" means since the last call.
+
+    Returns whether it deleted anything. A folder that cannot be written holds no cache either.
     """
     folders = list(folders)
     stats = ((path, path.stat()) for folder in folders for path in sorted(folder.rglob("*.py")))

@@ -1,4 +1,4 @@
-"""What of a user's MJCF cannot be simulated here, in words that say what to do instead."""
+"""Check what in a user's MJCF cannot be simulated here; each message says what to do instead."""
 
 import difflib
 from collections.abc import Collection
@@ -12,7 +12,7 @@ ALLOWED = ("slide", "hinge")
 
 
 def problems(model: Any, servos: Collection[str]) -> list[str]:
-    """What is wrong with a compiled model and the names of its drives; nothing: an empty list."""
+    """Problems of a compiled model and of the names of its drives; empty if there are none."""
     joints = [model.joint(j).name for j in range(model.njnt)]
     found = [
         problem
@@ -47,7 +47,7 @@ def _of_joint(kind: str, name: str, servos: Collection[str]) -> str | None:
 
 
 def _foreign(model: Any) -> list[str]:
-    """Forces between or on bodies that the equations here do not have."""
+    """Forces between or on bodies that these equations do not contain."""
     parts = {
         "tendons": model.ntendon,
         "equality constraints": model.neq,
@@ -60,7 +60,7 @@ def _foreign(model: Any) -> list[str]:
 
 
 def _forces(model: Any, j: int, name: str) -> str | None:
-    """What is wrong with the forces on joint `j`."""
+    """Problems with the forces on joint `j`."""
     if model.jnt_stiffness[j] or np.any(model.jnt_stiffnesspoly[j]):
         return f"joint '{name}' has a spring (stiffness); allowed: none; delete it"
     if np.any(model.dof_dampingpoly[j]):

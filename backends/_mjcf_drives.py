@@ -1,9 +1,9 @@
-"""Drives for a user's mechanism: the gains of its log, and gears that its MJCF does not have.
+"""Drives for a user's mechanism: gains from its log, and gears that its MJCF does not have.
 
-A gear gets no play and is as stiff as the drive period dt allows: k = (STIFFNESS / dt)^2 J, with J
-the inertia that the spring between motor and link sees. Steps of a spring and a damper,
-x'' = -(k x + c x') / J, are stable while k dt^2 / J + 2 c dt / J < 4 (the Jury criterion for
-semi-implicit Euler), so neither is a gear nor a PD law beyond its share of that.
+A gear gets no play and is as stiff as the drive period dt allows: k = (STIFFNESS / dt)^2 J, where J
+is the inertia that the spring between motor and link sees. Semi-implicit Euler steps of a spring
+and a damper, x'' = -(k x + c x') / J, are stable while k dt^2 / J + 2 c dt / J < 4 (the Jury
+criterion). The gear and the PD law each get a share of that limit.
 """
 
 from collections.abc import Sequence
@@ -16,28 +16,30 @@ from backends.spec import Drive
 from backends.state import Array
 
 PERIODS_S = (1e-3, 5e-4, 2.5e-4, 1.25e-4)
-"""Drive periods. The longest is taken at which all drives are stable and all gears rigid, or the
-shortest where a gear is stiff but at none rigid."""
+"""Drive periods to choose from. The longest one at which all drives are stable and all gears rigid
+is used; where a gear is stiff but never rigid, the shortest one."""
 STIFF = 10.0
-"""A gear is stiff when it is so many times as stiff as the drive's proportional gain."""
+"""A gear counts as stiff from this multiple of the drive's proportional gain."""
 RIGID_RAD = 2.5e-3
-"""A stiff gear is rigid when the largest torque twists it by no more [rad, m]: ten times what the
-positions of a log can tell (see `floor_position_rad` in diagnosis/attribution/rules.yaml)."""
+"""A stiff gear counts as rigid when the largest torque twists it by no more than this [rad, m]. It
+is ten times the smallest position error that a log can resolve (see `floor_position_rad` in
+diagnosis/attribution/rules.yaml)."""
 STIFFNESS, DAMPING = 0.8, 0.6
-"""Natural frequency of a gear times the period, and its damping ratio: teeth hardly bounce."""
+"""Natural frequency of a gear times the period, and its damping ratio; the teeth hardly bounce."""
 PD_SHARE = 1.2
-"""Largest (kp dt^2 + 2 kd dt) over a motor's inertia that a PD law may take of the limit of 4.
+"""Share of the limit of 4 that a PD law may use: the largest (kp dt^2 + 2 kd dt) over motor
+inertia.
 
 The gear takes STIFFNESS^2 + 4 DAMPING STIFFNESS = 2.6.
 """
 
 
 class MjcfError(ValueError):
-    """A mechanism cannot be had; the message says what was given, what is allowed, what to do."""
+    """A mechanism cannot be built; the message says what was given, what is allowed, what to do."""
 
 
 class Servo(Protocol):
-    """Settings of one joint's drive, PD on the motor's side [Nm, rad, s]; of a slide [N, m, s]."""
+    """Settings of one joint's PD drive, on the motor side [Nm, rad, s]; for a slide [N, m, s]."""
 
     @property
     def kp(self) -> float:
@@ -62,7 +64,7 @@ class Servo(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Inertias:
-    """What the drives move, and the friction of their motors; J joints."""
+    """The inertias that the drives of J joints move, and the friction of their motors."""
 
     motor_kgm2: Array
     """Inertias on the motors' side of the gears [kg m^2], shape (J,)."""
@@ -75,11 +77,11 @@ class Inertias:
 
     @property
     def gears_kgm2(self) -> Array:
-        """Inertias (J,) [kg m^2] that the gears' springs see.
+        """Inertias (J,) [kg m^2] that the springs of the gears see.
 
-        With motor inertias A, link masses M and R = min 1 / diag(A^-1 + M^-1), the eigenvalues of
-        R^1/2 (A^-1 + M^-1) R^1/2 say how much faster the gears swing together than one by one: R
-        over the largest of them.
+        Let A be the motor inertias, M the mass matrix of the links and R = min 1 / diag(A^-1 +
+        M^-1). The eigenvalues of R^1/2 (A^-1 + M^-1) R^1/2 say how much faster the coupled gears
+        swing than single ones. The result is R over the largest of them.
         """
         yielding = np.linalg.inv(self.link_kgm2) + np.diag(1.0 / self.motor_kgm2)
         alone = 1.0 / np.einsum("pjj->pj", yielding).max(axis=0)
@@ -111,7 +113,7 @@ def drives(
 
 
 def _period_s(names: Sequence[str], servos: Sequence[Servo], inertias: Inertias) -> float:
-    """The longest drive period [s] that suits all joints; raises MjcfError where none does."""
+    """The longest drive period [s] that is stable for all joints; raises MjcfError without one."""
     kp, kd = (np.array([getattr(s, gain) for s in servos]) for gain in ("kp", "kd"))
     limit = np.array([_limit(name, servo) for name, servo in zip(names, servos, strict=True)])
     damped = kd + inertias.viscous_nms_rad

@@ -1,7 +1,7 @@
-"""The drives as MuJoCo's control callback, so that a policy period is one call to the engine.
+"""Run the drives as MuJoCo's control callback, so that a policy period is one call to the engine.
 
-MuJoCo calls it in every step, on its own threads, with a model and a simulation. Which world that
-is stands in the simulation's user data. Only public functions of MuJoCo are used.
+MuJoCo calls the callback in every step, on its own threads, with a model and its data. The user
+data of the simulation holds the number of the world. Only public functions of MuJoCo are used.
 """
 
 import numba
@@ -9,18 +9,20 @@ import numpy as np
 from numba.core import types
 
 from backends._c_library import find, function
-from backends._errand import Errand, array_at, turn
+from backends._drive_call import DriveCallArgs, array_at, motor_step
 from backends.engine import Team
 from backends.state import Array
 
 USER_NUMBERS = 2
-"""Length of a world's user data: its number and the address of its orders, exact in a double."""
+"""Length of a world's user data: its number and the address of `CallbackArgs`, both exact in a
+double."""
 QPOS, QVEL, APPLIED, USER = 1 << 1, 1 << 2, 1 << 7, 1 << 12
 """Bits of MuJoCo's mjtState; a state holds its parts in the order of their bits."""
 _SENSED = QPOS | QVEL | USER
 _HEAD = 8
-"""Numbers of orders: worlds, joints, lengths of qpos and qvel, place of the stick in qvel, and the
-addresses of errand, ticks and forces of lift; after them the joints' places in qpos and qvel."""
+"""Length of the fixed part of `CallbackArgs`: worlds, joints, lengths of qpos and qvel, place of
+the stick in qvel, and the addresses of the drive arguments, of the remaining weightless ticks and
+of the forces that carry the sticks. The joints' places in qpos and qvel follow."""
 
 _library = find("mujoco", "libmujoco.so*")
 _model, _data = types.voidptr, types.voidptr
@@ -31,19 +33,19 @@ _get, _set = (function(_library, name, *_copy) for name in ("mj_getState", "mj_s
 
 @numba.cfunc(types.void(_model, _data), cache=True)
 def control(model, data):
-    """Turn the motors of one world by one drive period and apply their torques."""
+    """Advance the motors of one world by one drive period and apply their torques."""
     state = np.empty(_size(model, _SENSED))
     _get(model, data, state.ctypes.data, _SENSED)
-    n, orders = int(state[-2]), state[-1]
-    head = array_at(orders, _HEAD)
+    n, args = int(state[-2]), state[-1]
+    head = array_at(args, _HEAD)
     worlds, joints, q_size = int(head[0]), int(head[1]), int(head[2])
     v_size, stick = int(head[3]), int(head[4])
-    places = array_at(orders, _HEAD + 2 * joints)[_HEAD:]
+    places = array_at(args, _HEAD + 2 * joints)[_HEAD:]
     angle, rate, applied = np.empty(joints), np.empty(joints), np.zeros(v_size)
     for j in range(joints):
         angle[j] = state[int(places[j])]
         rate[j] = state[q_size + int(places[joints + j])]
-    torque = turn(head[5], n, angle, rate)
+    torque = motor_step(head[5], n, angle, rate)
     for j in range(joints):
         applied[int(places[joints + j])] = torque[j]
     ticks = array_at(head[6], worlds)
@@ -53,21 +55,22 @@ def control(model, data):
     _set(model, data, applied.ctypes.data, APPLIED)
 
 
-class Orders:
-    """What the callback does for N worlds: where their joints and sticks are, and their drives."""
+class CallbackArgs:
+    """The arguments of the callback for N worlds: places of joints and sticks, and the drives."""
 
     def __init__(
         self, team: Team, sizes: tuple[int, int], joints_at: tuple[Array, Array], stick_at: int
     ) -> None:
-        self.errand = Errand(team.drives)
-        worlds, joints = self.errand.target_rad.shape
+        self.drive_args = DriveCallArgs(team.drives)
+        worlds, joints = self.drive_args.target_rad.shape
         self.lifted_ticks = np.zeros(worlds)
-        """For how many drive periods the sticks are carried yet, (N,): written before each."""
+        """How many more drive periods the sticks stay weightless, (N,); write it before each policy
+        period."""
         self._carry_n = team.carry_n
         addresses = [a.ctypes.data for a in (self.lifted_ticks, self._carry_n)]
-        head = [worlds, joints, *sizes, stick_at, self.errand.address, *addresses]
+        head = [worlds, joints, *sizes, stick_at, self.drive_args.address, *addresses]
         self._numbers = np.array([*head, *joints_at[0], *joints_at[1]], dtype=np.float64)
 
     def user_data(self, worlds: Array) -> Array:
-        """User data (N, 2) of worlds by number."""
+        """User data (N, 2) for the worlds with these numbers."""
         return np.stack([worlds, np.full(len(worlds), self._numbers.ctypes.data)], axis=1)

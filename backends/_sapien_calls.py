@@ -1,8 +1,9 @@
-"""SAPIEN's steps without Python in between: its C++ library, called from compiled code.
+"""Step SAPIEN from compiled code through its C++ library, without Python in between.
 
-Its Python calls cost 1.6 us around a step of 23 us. The library below them exports the same methods
-and, by the C++ ABI of x86-64, they take the object first. A vector is the address of its numbers
-and their count; where one is returned, the caller says where to, and frees the numbers.
+A Python call costs 1.6 us on top of a step of 23 us. The library below exports the same methods. By
+the C++ ABI of x86-64 they take the object as their first argument. A vector is passed as an address
+and a count. Where a method returns a vector, the caller passes the address for it and frees its
+memory afterwards.
 """
 
 import ctypes
@@ -15,12 +16,13 @@ from numba.core import types
 from numba.extending import intrinsic
 
 from backends._c_library import find, function
-from backends._errand import turn
+from backends._drive_call import motor_step
 
 _library = str(Path(find("sapien", "__init__.py")).parents[1] / "sapien.libs" / "libsapien.so")
 _ARTICULATION = "_ZN6sapien5physx17PhysxArticulation"
 _SIMPLE = 2
-"""Flag of an object whose address is in it (`instance` in pybind11/detail/common.h)."""
+"""Flag of a Python object that holds the C++ address directly (`instance` in
+pybind11/detail/common.h)."""
 _at, _nothing = types.uintp, types.void
 _step = function(_library, "_ZN6sapien5physx14PhysxSystemCpu4stepEv", _nothing, _at)
 _set_qf = function(
@@ -48,9 +50,9 @@ _floats_at: Any = intrinsic(_pointer)
 
 
 def pointer(wrapped: object) -> int:
-    """Where the C++ object lives that pybind11 wrapped.
+    """Address of the C++ object that pybind11 wrapped.
 
-    Behind the head of the Python object stands its address, or where that stands.
+    Behind the header of the Python object stands this address, or a pointer to it.
     """
     word = ctypes.sizeof(ctypes.c_void_p)
     head = (ctypes.c_size_t * (type(wrapped).__basicsize__ // word)).from_address(id(wrapped))
@@ -60,7 +62,7 @@ def pointer(wrapped: object) -> int:
 
 @numba.njit(cache=True)
 def _push(hand, place, torque):
-    """Set the joint torques (J,) of a hand; they last."""
+    """Set the joint torques (J,) of a hand; they stay until the next call."""
     values, vector = np.empty(len(torque), dtype=np.float32), np.empty(2, dtype=np.uintp)
     for j in range(len(torque)):
         values[place[j]] = torque[j]
@@ -70,7 +72,7 @@ def _push(hand, place, torque):
 
 @numba.njit(cache=True)
 def _take(vector, place, out):
-    """Write the numbers of a returned vector, by their places in it, and free them."""
+    """Copy the numbers of a returned vector from the given places, then free the vector."""
     values = numba.carray(_floats_at(vector[0]), len(out))
     for j in range(len(out)):
         out[j] = values[place[j]]
@@ -91,7 +93,8 @@ def _read(hand, place, angle, speed):
 def coast(systems, hands, place, torque, ticks, angle, speed):
     """Step every world `ticks` times under constant torques (N, J), then read its joints.
 
-    `systems` and `hands` are pointers (N,), `place` (J,) says where joints are in SAPIEN's vectors.
+    `systems` and `hands` (N,) are pointers; `place` (J,) holds the index of each joint in SAPIEN's
+    vectors.
     """
     for n in range(len(systems)):
         _push(hands[n], place, torque[n])
@@ -101,10 +104,10 @@ def coast(systems, hands, place, torque, ticks, angle, speed):
 
 
 @numba.njit(cache=True)
-def drive(systems, hands, place, errand, ticks, angle, speed):
-    """Step every world `ticks` times under its drives, those of the errand at an address."""
+def drive(systems, hands, place, args, ticks, angle, speed):
+    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`."""
     for n in range(len(systems)):
         for _ in range(ticks):
-            _push(hands[n], place, turn(errand, n, angle[n], speed[n]))
+            _push(hands[n], place, motor_step(args, n, angle[n], speed[n]))
             _step(systems[n])
             _read(hands[n], place, angle[n], speed[n])

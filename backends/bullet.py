@@ -1,6 +1,6 @@
-"""Bullet: one physics client (28 MB) per world, its hand and its stick as generated URDF.
+"""Bullet: one physics client (28 MB) per world; hand and stick are generated as URDF.
 
-A solver pass costs 0.08 us in a grasp; the rest of a step, 12 us, is dynamics, collision and calls.
+A solver pass costs 0.08 us in a grasp. The rest of a step, 12 us, is dynamics, collision and calls.
 """
 
 import ctypes
@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from backends._bullet_calls import coast, drive, pointer, read_contacts, read_sticks
-from backends._errand import Errand
+from backends._drive_call import DriveCallArgs
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
@@ -22,7 +22,7 @@ from backends.state import Array, InitialState
 
 @contextmanager
 def _shut(stream: int) -> Iterator[None]:
-    """Let nothing through a standard stream: what pybullet prints cannot be switched off."""
+    """Mute a standard stream, because pybullet's prints cannot be switched off."""
     flush = ctypes.CDLL(None).fflush
     flush(None)
     kept, void = os.dup(stream), os.open(os.devnull, os.O_WRONLY)
@@ -41,19 +41,20 @@ with _shut(_ERR):  # its build time
     import pybullet as p
 
 SOLVER, SOLVER_IF_SOFT = p.CONSTRAINT_SOLVER_LCP_PGS, p.CONSTRAINT_SOLVER_LCP_SI
-"""Gauss-Seidel on the small dense matrix of the contacts: what the default solver gives after as
-many passes, at 0.08 instead of 0.19 us for each, but blind to the softness of a contact. Dantzig's
-solver is cheaper yet and bounds friction by a box."""
+"""Gauss-Seidel on the small dense matrix of the contacts. It gives the result of the default solver
+after the same number of passes, at 0.08 us instead of 0.19 us each, but it ignores the softness of
+a contact. Dantzig's solver is even cheaper, but bounds friction by a box."""
 ITERATIONS = 100
-"""Solver passes. In a circle of 6 s under given targets the lower end lies 0.2 mm (rms) from where
-2000 passes bring it, a thirtieth of its distance from the other engines; after 50 0.55 mm, after
-200 0.05 at 1.4 times the cost. A grasp at rest drifts up to 0.1 mm/s."""
+"""Solver passes. In a circle of 6 s under given targets the lower end is 0.2 mm (rms) from its path
+with 2000 passes; that is a thirtieth of its distance to the other engines. With 50 passes it is
+0.55 mm, with 200 it is 0.05 mm at 1.4 times the cost. A grasp at rest drifts by up to 0.1 mm/s."""
 RESIDUAL = 1e-10
-"""Where the solver of soft contacts stops early: halves its time in motion, as exact as all passes;
-1e-8 lies 0.2 mm off, 1e-6 2 mm, and the stick creeps."""
+"""Residual at which the solver of soft contacts stops early. It halves the time in motion and is as
+exact as all passes; 1e-8 is 0.2 mm off, 1e-6 is 2 mm off and the stick creeps."""
 CONE = 0
-"""Friction pyramid: the round cone skews friction from the slip direction and lost the stick in
-1 of 8 motions at friction 0.5. Without the cone Bullet never solves spin friction."""
+"""Friction pyramid instead of the round cone: the cone turns friction away from the slip direction
+and dropped the stick in 1 of 8 motions at friction 0.5. Without the cone Bullet does not solve spin
+friction."""
 _LOSSLESS = {
     "linearDamping": 0.0,
     "angularDamping": 0.0,
@@ -61,9 +62,10 @@ _LOSSLESS = {
     "maxJointVelocity": 1e3,
     "activationState": p.ACTIVATION_STATE_DISABLE_SLEEPING,
 }
-"""Bullet's own dampings are 0.04, its speed limit is 100 rad/s, and what rests falls asleep."""
+"""Bullet's defaults: damping 0.04, speed limit 100 rad/s, and bodies at rest are put to sleep."""
 _BARE = {"spinningFriction": 0.0, "rollingFriction": 0.0, "restitution": 0.0}
-"""Contacts without spin and rolling rows, which would cost time and act not."""
+"""Contacts without constraint rows for spin and rolling; these would cost time and have no
+effect."""
 _TIP_GROUP, _STICK_GROUP = 1, 2
 
 
@@ -72,7 +74,7 @@ def _text(*values: float) -> str:
 
 
 def _link(name: str, mass_kg: float, com_m: Vec3, inertia_kgm2: Vec3, collision: str = "") -> str:
-    """A URDF link; the axes of its inertia are parallel to its frame."""
+    """A URDF link; its inertia axes are parallel to its frame."""
     xx, yy, zz = (_text(i) for i in inertia_kgm2)
     return (
         f'<link name="{name}"><inertial><origin xyz="{_text(*com_m)}"/>'
@@ -92,7 +94,7 @@ def _joint(body: Body) -> str:
 
 
 def _collision(shape: str, center_m: Vec3 = (0, 0, 0), axis: Vec3 = (0, 0, 1)) -> str:
-    """A URDF shape whose own z lies along the unit vector `axis`."""
+    """A URDF shape whose z axis lies along the unit vector `axis`."""
     x, y, z = axis
     turn = _text(0, math.atan2(math.hypot(x, y), z), math.atan2(y, x))
     origin = f'<origin xyz="{_text(*center_m)}" rpy="{turn}"/>'
@@ -111,7 +113,7 @@ def _tip(tip: Fingertip) -> str:
 
 
 def hand_urdf(hand: Hand) -> str:
-    """The hand as URDF; the palm and links other than fingertips touch nothing."""
+    """The hand as URDF; only the fingertips can touch anything."""
     tips = {tip.body: _tip(tip) for tip in hand.fingertips}
     parts = [_link("palm", 1.0, (0, 0, 0), (1, 1, 1))]
     for b in hand.bodies:
@@ -133,14 +135,14 @@ def stick_urdf(stick: Stick) -> str:
 
 
 def _soft(contact: Contact) -> dict[str, float]:
-    """A spring and a damper of the same time constant as the rigid contacts; the stick is hard."""
+    """A spring and a damper with the time constant of rigid contacts; the stick stays rigid."""
     stiffness_n_m = 1.0 / contact.compliance_m_n
     damping_ns_m = contact.time_constant_s * stiffness_n_m
     return {"contactStiffness": stiffness_n_m, "contactDamping": damping_ns_m}
 
 
 class _World:
-    """A physics client and what identifies hand, stick, joints and fingertips in it."""
+    """A physics client and the ids of hand, stick, joints and fingertips in it."""
 
     def __init__(self, spec: Spec) -> None:
         self.client = p.connect(p.DIRECT)
@@ -152,7 +154,7 @@ class _World:
         at = {row[1].decode(): i for i, row in enumerate(info)}
         self.joints = [at[name] for name in spec.hand.joint_names]
         self.places = [info[joint][3:5] for joint in self.joints]
-        """Where each joint stands among Bullet's coordinates and speeds."""
+        """Index of each joint in Bullet's coordinates and speeds."""
         link_at = {row[12].decode(): i for i, row in enumerate(info)}
         self.tips = {link_at[tip.body]: f for f, tip in enumerate(spec.hand.fingertips)}
         """Fingertip number by link number."""
@@ -192,52 +194,52 @@ class _World:
             )
 
     def _set_dynamics(self, body: int, link: int, spec: Spec) -> None:
-        """Losses and friction in two calls: in one, Bullet would drop the friction."""
+        """Set damping and friction in two calls: in one call Bullet would drop the friction."""
         root = math.sqrt(spec.stick.friction)
         for numbers in (_LOSSLESS, {"lateralFriction": root, **_BARE}):
             p.changeDynamics(body, link, physicsClientId=self.client, **numbers)
         if spec.contact.compliance_m_n > 0.0 and body == self.hand and link in self.tips:
             p.changeDynamics(body, link, physicsClientId=self.client, **_soft(spec.contact))
 
-    def _pair_anew(self) -> None:
-        """Let fingertips meet the stick alone; drops all cached contacts, whose points persist."""
+    def _reset_pairs(self) -> None:
+        """Let fingertips collide only with the stick, and drop all cached contacts."""
         for tip in self.tips:
             p.setCollisionFilterGroupMask(self.hand, tip, _TIP_GROUP, _STICK_GROUP, self.client)
         p.setCollisionFilterGroupMask(self.stick, -1, _STICK_GROUP, _TIP_GROUP, self.client)
 
     def place(self, joint_rad: list[float], pos_m: list[float], quat_wxyz: list[float]) -> None:
-        """Put hand and stick at rest, as in a world just built."""
+        """Place hand and stick at rest, as in a new world."""
         for joint, angle in zip(self.joints, joint_rad, strict=True):
             p.resetJointState(self.hand, joint, angle, 0.0, self.client)
         w, x, y, z = quat_wxyz
         p.resetBasePositionAndOrientation(self.stick, pos_m, (x, y, z, w), self.client)
         p.resetBaseVelocity(self.stick, (0, 0, 0), (0, 0, 0), self.client)
-        self._pair_anew()
+        self._reset_pairs()
 
     def push(self, force_n: list[float]) -> None:
-        """Add a force, world frame, at the stick's centre for the next step."""
+        """Apply a force, world frame, at the stick's centre during the next step."""
         center, _ = p.getBasePositionAndOrientation(self.stick, self.client)
         p.applyExternalForce(self.stick, -1, force_n, center, p.WORLD_FRAME, self.client)
 
 
 class Backend(Engine):
-    """N Bullet worlds in one process; pybullet keeps the interpreter lock, threads gain nothing."""
+    """N Bullet worlds in one process; threads do not help: pybullet keeps the interpreter lock."""
 
     worlds_in_cache = 8
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
         "joint.axis": EXACT,
-        "joint.slides": "refused: only hinges are built",
+        "joint.slides": "refused: only hinge joints are built",
         "body.products_kgm2": "refused: only moments of inertia are passed on",
         "stick.shape": EXACT,
         "stick.length_m": EXACT,
         "stick.radius_m": EXACT,
         "stick.mass_kg": EXACT,
-        "stick.friction": "approximate: pyramid, a third more grip on its diagonals",
+        "stick.friction": "approximate: friction pyramid, a third more grip on its diagonals",
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: taken as 0; spin friction needs the round cone",
-        "contact.time_constant_s": "approximate: rigid, but penetration decays in this time",
+        "contact.time_constant_s": "approximate: rigid contacts, penetration decays in this time",
         "contact.compliance_m_n": "approximate: a spring that starts 0.01 mm under the surface",
         "spec.gravity_m_s2": EXACT,
     }
@@ -253,7 +255,7 @@ class Backend(Engine):
         tips = worlds[0].tips
         links = range(max(tips, default=-1) + 1)
         self._tip_of_link = np.array([tips.get(link, -1) for link in links], dtype=np.int64)
-        self._errands = {team: Errand(team.drives) for team in self._teams}
+        self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
 
     def close(self) -> None:
         """Disconnect the clients."""
@@ -291,16 +293,16 @@ class Backend(Engine):
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
     ) -> None:
-        rows, ticks, errand = team.rows, self._timing.substeps, self._errands[team]
+        rows, ticks, args = team.rows, self._timing.substeps, self._args[team]
         age = self._age_steps[rows]
         acted = load_nm is not None or pull_n is not None or team.lifted_ticks(age).any()
         if acted or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        errand.target_rad[:] = target_rad
+        args.target_rad[:] = target_rad
         pointers, hands, places = self._addresses
-        drive(pointers[rows], hands[rows], places[rows], errand.address, ticks, angle, speed)
+        drive(pointers[rows], hands[rows], places[rows], args.address, ticks, angle, speed)
         age += ticks
 
     def _observe(self, rows: slice) -> None:

@@ -1,7 +1,7 @@
-"""The way of a target from the policy to the drive: packets get lost, late and limited in rate.
+"""The path of a target from the policy to the drive: lost packets, delay and rate limit.
 
-In this order: a policy period's target is lost and the last one kept, the bus delays it, the drive
-limits its rate. Without any of these the target passes as it is.
+They act in this order: a policy period's target may be lost, then the last one is kept; the bus
+delays the target; the drive limits its rate. Without any of these the target passes unchanged.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from backends.state import Array
 
 @numba.njit(cache=True)
 def delayed(ring, tick, delay_ticks):
-    """The value `delay_ticks` before `tick` in a ring of values, linear between ticks."""
+    """The value `delay_ticks` before `tick` in a ring buffer; linear between ticks."""
     whole = int(delay_ticks)
     late, size = delay_ticks - whole, ring.shape[0]
     now = ring[(tick - whole) % size]
@@ -26,7 +26,10 @@ def delayed(ring, tick, delay_ticks):
 
 @numba.njit(cache=True)
 def follow(target, tick, substeps, seed, p, dt, kept, ring, out):
-    """Write what reaches the drives at `tick` (N,); `kept`, `ring` and `out` are the memory."""
+    """Write the targets that reach the drives at `tick` (N,) into `out`.
+
+    `kept` and `ring` are the memory of the path.
+    """
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             delay, slowness, loss = p[n, j]
@@ -54,7 +57,7 @@ class CommandBank:
         paths = [[astuple(b.joint.command) for b in s.hand.driven] for s in specs]
         self._parameters = np.array(paths)
         self.acts = bool(self._parameters.any())
-        """Whether any target is changed at all."""
+        """Whether this path changes any target."""
         shape = self._parameters.shape[:2]
         ticks = ring_ticks(self._parameters[..., 0], self._dt_s)
         self._kept, self._out = np.zeros((2, *shape))
@@ -79,5 +82,5 @@ class CommandBank:
 
 
 def ring_ticks(delay_s: Array, dt_s: float) -> int:
-    """Length of a ring that holds the longest of the delays."""
+    """Length of a ring buffer that holds the longest of the delays."""
     return int(delay_s.max() / dt_s) + 2

@@ -1,16 +1,16 @@
-"""The one law from target to joint torque, at the drive rate, for N worlds in every engine.
+"""The drive law: from target to joint torque, at the drive rate, the same code for every engine.
 
-A two-mass gear model: a PD controller turns a rotor; rotor and joint are coupled by teeth that
-push once the play between them is taken up:
+It is a two-mass gear model. A PD controller drives a rotor. Rotor and joint are coupled by teeth,
+which push once the play between them is taken up:
 
     tau_pd   = clip(kp dead_zone(target - motor) - kd motor', -limit, limit) (the paper's PD law)
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
     J motor'' = tau_pd - tau_gear - viscous motor' - friction
     friction = coulomb + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
 
-Friction and the worm's self-lock act on the rotor's momentum after the free update, so they stop a
-rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
-against the motor; joint positions are never overwritten, so a squeeze survives.
+Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
+stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
+against the motor. Joint positions are never overwritten, so the squeeze of a grasp is kept.
 
 Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
 with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650).
@@ -26,28 +26,28 @@ from backends.spec import Drive, Spec
 from backends.state import Array
 
 COLUMNS = tuple(f.name for f in fields(Drive))
-"""What the numbers of a drive are, in the order in which compiled code takes them."""
+"""Names of a drive's numbers, in the order in which compiled code takes them."""
 STRIBECK_RAD_S = 0.05
-"""v_s: speed at which stiction has faded to a third; fits of servos give 0.1 rad/s and more."""
+"""v_s: speed at which stiction has fallen to a third. Fits to servos give 0.1 rad/s and more."""
 _STICTION = COLUMNS.index("stiction_nm")
 
 
 @numba.njit(cache=True)
 def _shrink(speed, loss):
-    """`speed` nearer to zero by `loss`, and no further than zero; NaN stays NaN."""
+    """Reduce `speed` by `loss` towards zero, but not beyond zero; NaN stays NaN."""
     rest = 0.0 if speed == speed else speed
     return speed - loss if speed > loss else (speed + loss if speed < -loss else rest)
 
 
 @numba.njit(cache=True)
 def rubbing(speed, stiction):
-    """The stiction that is left at a speed of the rotor [Nm]."""
+    """The stiction at a given rotor speed [Nm]."""
     return stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0
 
 
 @numba.njit(cache=True, error_model="numpy")
 def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
-    """`motor_tick` once the stiction `rub` is known: choices without branches, for many at once."""
+    """`motor_tick` with a given stiction `rub`, written without branches so that it vectorises."""
     kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead = p
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
@@ -67,9 +67,9 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
 
 @numba.njit(cache=True)
 def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
-    """One joint's drive over one period `dt`, with the numbers `p` of a `Drive` in field order.
+    """Step one joint's drive by one period `dt`, with the numbers `p` of a `Drive` in field order.
 
-    The motor's new angle and speed, its PD torque and the torque on the joint.
+    Returns the motor's new angle and speed, its PD torque and the torque on the joint.
     """
     rub = rubbing(speed, p[_STICTION])
     return turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p)
@@ -77,7 +77,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); the numbers `p` of all drives are (13, N, J)."""
+    """`motor_tick` for contiguous arrays (N, J); `p` (13, N, J) holds the numbers of all drives."""
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
@@ -95,7 +95,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives as `motor_tick` takes them, shape (J, 13)."""
+    """The numbers of all drives in the order of `motor_tick`, shape (J, 13)."""
     return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
 
 
@@ -123,15 +123,15 @@ class DriveBank:
             self.pd_nm,
             self.gear_nm,
         )
-        """What `drive_step` takes after target, joint angle and joint speed."""
+        """The arguments of `drive_step` after target, joint angle and joint speed."""
 
     def reset(self, joint_rad: Array, mask: Array) -> None:
-        """Put the rotors of the masked worlds at rest in the middle of their play."""
+        """Set the rotors of the masked worlds to rest in the middle of their play."""
         self.motor_rad[mask] = joint_rad[mask]
         for rate in (self.motor_rad_s, self.pd_nm, self.gear_nm):
             rate[mask] = 0.0
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
-        """Advance the rotors by one drive period; the torques on the joints [Nm], (N, J)."""
+        """Advance the rotors by one drive period; returns the joint torques [Nm], (N, J)."""
         drive_step(target_rad, joint_rad, joint_rad_s, *self.rotors)
         return self.gear_nm

@@ -1,4 +1,7 @@
-"""Effects: what reality adds to the ideal hand, each a magnitude with a unit and maybe a joint."""
+"""Effects: what reality adds to the ideal hand.
+
+Each effect has a magnitude with a unit, and it may name a joint.
+"""
 
 import dataclasses
 import inspect
@@ -29,7 +32,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "mm/s": ("drift", 1e-3),
     "mm/N": ("compliance", 1e-3),
 }
-"""Units on the command line: their dimension and their size in SI."""
+"""Units that the command line accepts: their dimension and their size in SI."""
 POINTS = ("Law", "Source", "Hardware", "Log", "Confused with")
 """What the docstring of every effect says, a paragraph each: `description` reads them.
 
@@ -40,40 +43,44 @@ recording; and which effects look alike, with what tells them apart.
 
 @dataclass(frozen=True, kw_only=True)
 class Effect(ABC):
-    """Base of every effect; a subclass named `Effect` in its own file is one effect.
+    """Base class of every effect; a subclass named `Effect` in its own file is one effect.
 
-    Zero magnitude is the identity. Effects compose by being applied one after the other. All they
-    do is change numbers of the spec: what a command path, drive, sensor or skin makes of these is
-    one code for all engines, and the digest of the numbers tells two worlds apart.
+    An effect of zero magnitude changes nothing. Several effects are applied one after the other. An
+    effect only changes numbers of the spec. The code that uses these numbers (command path, drive,
+    sensor, skin) is the same for all engines. Two worlds are equal if the digests of their numbers
+    are equal.
     """
 
     magnitude: float
-    """Size in SI units of `dimension`."""
+    """Magnitude in SI units of `dimension`."""
     joint: str | None = None
-    """The one joint it acts on; None: every joint it applies to."""
+    """The joint that it acts on; None: every joint that it applies to."""
 
     group: ClassVar[str]
     """What it belongs to, such as 'drive' or 'touch': effects of a group share a page."""
     dimension: ClassVar[str]
-    """Dimension of the magnitude: a value of `UNITS`."""
+    """Dimension of the magnitude, one of those in `UNITS`."""
     unit: ClassVar[str]
-    """Unit in which it is usually written."""
+    """Unit in which the magnitude is usually written."""
     bounds: ClassVar[tuple[float, float]]
     """Allowed magnitudes in SI units, both included."""
     per_joint: ClassVar[bool] = True
-    """Whether it acts on joints, and so may name one."""
+    """Whether it acts on joints; then it may name one."""
     gear: ClassVar[str | None] = None
-    """Without a named joint, only joints with this gear are concerned; None: all are."""
+    """Without a named joint it acts only on joints with this gear; None: on all joints."""
     spread: ClassVar[str] = "normal"
-    """How its magnitude is drawn when domains are randomised: 'normal' or 'uniform'."""
+    """Distribution of its magnitude under domain randomisation: 'normal' or 'uniform'."""
 
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
-        """Names of the spec's numbers that change: an engine takes the effect as it takes these."""
+        """Names of the spec's numbers that it changes.
+
+        An engine supports the effect as well as it supports these numbers.
+        """
         return ()
 
     def joints(self, spec: Spec) -> tuple[str, ...]:
-        """Names of the joints it acts on, in spec order; ValueError where one is not driven."""
+        """Names of its joints, in spec order; raises ValueError for a joint without a drive."""
         known = spec.hand.joint_names
         if not self.per_joint:
             return ()
@@ -90,12 +97,13 @@ class Effect(ABC):
 
 
 class NumberEffect(Effect):
-    """Base of the effects that change one number of the spec."""
+    """Base class of the effects that change one number of the spec."""
 
     number: ClassVar[str]
-    """Which one, such as 'drive.kp_nm_rad'; drive, command, encoder and body are per joint."""
+    """Name of that number, such as 'drive.kp_nm_rad'; drive, command, encoder and body are per
+    joint."""
     relative: ClassVar[bool] = False
-    """The magnitude is a share of that number instead of an amount."""
+    """Whether the magnitude is relative to that number instead of an amount."""
 
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
@@ -103,7 +111,7 @@ class NumberEffect(Effect):
         return (cls.number,)
 
     def changed(self, value: float) -> float:
-        """The number with the effect."""
+        """The number after the effect."""
         return value * (1 + self.magnitude) if self.relative else value + self.magnitude
 
     @final
@@ -118,7 +126,7 @@ class NumberEffect(Effect):
         return dataclasses.replace(spec, **{part: self._on(getattr(spec, part), field)})
 
     def note(self, spec: Spec, numbers: "Numbers") -> None:
-        """Write what becomes of the number on every joint it acts on."""
+        """Write the changed number for every joint that it acts on."""
         part, field = self.number.split(".")
         joints = self.joints(spec)
         for body in spec.hand.driven:
@@ -132,14 +140,14 @@ class NumberEffect(Effect):
 
 
 Numbers = dict[str, dict[str, dict[str, float]]]
-"""Numbers of joints that differ from a world's: by joint, part and field."""
+"""Numbers of joints that differ from those of a world: by joint, part and field."""
 
 
 def with_effects(spec: Spec, effects: Iterable[Effect]) -> Spec:
-    """The world with effects, one after the other.
+    """The world with these effects, applied in order.
 
-    Raises ValueError where an effect cannot act. What several do to joints is built at once: a
-    diagnosis makes a thousand worlds, each with ten effects.
+    Raises ValueError where an effect cannot act. Changes to joints are collected and built once,
+    because a diagnosis builds thousands of worlds with ten effects each.
     """
     numbers: Numbers = {}
     for effect in effects:

@@ -1,8 +1,8 @@
-"""Position sensors: what policies and logs read of the joints' or motors' angles.
+"""Position sensors: how policies and logs read the angles of joints or motors.
 
     reading = quantise((1 + scale_error) angle(t - delay) + bias + noise)
 
-Without any of these errors the reading is the angle.
+Without these errors the reading is the angle.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from backends.state import Array
 
 @numba.njit(cache=True)
 def note(angle, tick, ring):
-    """Remember the angles (N, J) at `tick` (N,)."""
+    """Store the angles (N, J) of `tick` (N,)."""
     for n in range(angle.shape[0]):
         for j in range(angle.shape[1]):
             if tick[n] == 0:
@@ -29,7 +29,7 @@ def note(angle, tick, ring):
 
 @numba.njit(cache=True)
 def read(tick, seed, p, dt, ring, out):
-    """Write the readings (N, J) of the tick noted last."""
+    """Write the readings (N, J) for the tick that was stored last."""
     for n in range(out.shape[0]):
         for j in range(out.shape[1]):
             bias, scale, resolution, noise, delay = p[n, j]
@@ -51,17 +51,17 @@ class EncoderBank:
         self._at_motor = np.array([[j.sensor == "motor" for j in row] for row in joints])
         self._acts = bool(self._parameters.any())
         self.remembers = bool(self._parameters[..., 4].any())
-        """Whether a sensor is late, so that every drive period has to be noted."""
+        """Whether a sensor is late, so that the angles of every drive period have to be stored."""
         ticks = ring_ticks(self._parameters[..., 4], self._dt_s)
         self._ring = np.zeros((*self._at_motor.shape, ticks))
 
     def note(self, joint_rad: Array, motor_rad: Array, tick: Array) -> None:
-        """Remember the angles (N, J) [rad] at drive period `tick` (N,) of an episode."""
+        """Store the angles (N, J) [rad] at drive period `tick` (N,) of an episode."""
         if self._acts:
             note(np.where(self._at_motor, motor_rad, joint_rad), tick, self._ring)
 
     def read(self, joint_rad: Array, motor_rad: Array, tick: Array, seed: Array) -> Array:
-        """Readings [rad], shape (N, J), at the period that was noted last."""
+        """Readings [rad], shape (N, J), at the period that was stored last."""
         reading = np.where(self._at_motor, motor_rad, joint_rad)
         if self._acts:
             read(tick, seed, self._parameters, self._dt_s, self._ring, reading)

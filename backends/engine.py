@@ -1,7 +1,8 @@
-"""What all engines share: the drive loop at 1 kHz, episode ages, and the protocol itself.
+"""What all engines share: the drive loop at 1 kHz, episode ages, and the engine interface.
 
-An engine file builds worlds, places them, steps them with joint torques, and reports primitives.
-Drives, the weightless start and the policy period are the same code for all, here.
+An engine's own file builds worlds, places hand and stick, steps with joint torques, and reports
+primitives. Drives, the weightless start and the policy period are the same code for all engines and
+stand here.
 """
 
 import sys
@@ -20,16 +21,17 @@ from backends.state import Array, InitialState, State, quat_z_axis
 
 EXACT = "exact"
 OUTRUN_M_S = 10.0
-"""A stick that is faster is pulled by nobody: it would pass through a hand within a step [m/s]."""
+"""A stick that moves faster is no longer pulled: it would pass through a hand within one step
+[m/s]."""
 _SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
 SHARED_SUPPORT: Mapping[str, str] = {
     name: EXACT for name in field_names() if name.split(".")[0] in _SHARED and name != "joint.axis"
 }
-"""Answers for the fields that shared code computes above the engines."""
+"""Support entries of the fields that shared code computes, the same for every engine."""
 
 
 class Simulator(Protocol):
-    """N worlds being simulated: what tasks see of an engine."""
+    """N simulated worlds: the part of an engine that tasks see."""
 
     specs: tuple[Spec, ...]
 
@@ -40,21 +42,21 @@ class Simulator(Protocol):
     def advance(
         self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
     ) -> State:
-        """Hold the target angles (N, J) [rad] for one policy period; the state after it.
+        """Hold the target angles (N, J) [rad] for one policy period; returns the state after it.
 
-        `load_nm` (N, J) is an external torque on the joints, such as a push, and `pull_n` (N,) a
-        force along the sticks' axes, towards their lower ends, while a fingertip touches them and
-        they do not outrun it.
+        `load_nm` (N, J) is an external torque on the joints, such as a push. `pull_n` (N,) is a
+        force along the axis of each stick, towards its lower end. It acts while a fingertip touches
+        the stick and the stick is slower than `OUTRUN_M_S`.
         """
         ...
 
     def close(self) -> None:
-        """Free the engine; twice is harmless."""
+        """Free the engine; a second call is harmless."""
         ...
 
 
 class Team:
-    """Worlds that go through a policy period together: their rows and their signal chains."""
+    """Worlds that are stepped together through a policy period: their rows and signal paths."""
 
     def __init__(self, specs: Sequence[Spec], rows: slice) -> None:
         own = specs[rows]
@@ -62,18 +64,18 @@ class Team:
         self.commands, self.encoders = CommandBank(own), EncoderBank(own)
         self.drives = DriveBank(own)
         self.plain = not self.commands.acts and not self.encoders.remembers
-        """Whether targets reach the drives as they are and no sensor is late."""
+        """Whether targets reach the drives unchanged and no sensor is late."""
         gravity = np.array([s.gravity_m_s2 for s in own])
         self.carry_n = -gravity * np.array([[s.stick.mass_kg] for s in own])
         """Forces (N, 3) [N] that carry the sticks."""
         self._lifted = np.array([round(s.timing.weightless_s / s.timing.drive_s) for s in own])
 
     def lifted_ticks(self, age: Array) -> Array:
-        """Drive periods (N,) for which the sticks of worlds of that `age` (N,) are carried yet."""
+        """Drive periods (N,) for which sticks stay weightless, given the worlds' `age` (N,)."""
         return np.maximum(self._lifted - age, 0)
 
     def lift_n(self, age: Array) -> Array:
-        """Forces (N, 3) [N] on the sticks of worlds of that `age` (N,) in drive periods."""
+        """Forces (N, 3) [N] that carry the sticks, given their `age` (N,) in drive periods."""
         return np.where(age[:, None] < self._lifted[:, None], self.carry_n, 0.0)
 
 
@@ -94,10 +96,10 @@ def _pool(contacts, point, force):
 
 
 class Engine(ABC):
-    """Base of every backend; a subclass named `Backend` in its own file is one engine.
+    """Base class of every backend; a subclass named `Backend` in its own file is one engine.
 
-    `specs` are N worlds of one structure that may differ in every number: domain randomisation
-    and the refitting of candidates are this one mechanism.
+    `specs` are N worlds of the same structure that may differ in every number. Domain randomisation
+    and the refitting of candidate worlds both use this.
     """
 
     support: ClassVar[Mapping[str, str]]
@@ -105,15 +107,17 @@ class Engine(ABC):
     steps_in_threads: ClassVar[bool] = False
     """Whether the constructor takes `threads` (the engine frees the interpreter lock)."""
     worlds_in_cache: ClassVar[int] = sys.maxsize
-    """How many worlds go through a policy period before the next ones do.
+    """How many worlds are stepped through a policy period together.
 
-    An engine whose step runs through much memory is up to twice as fast when few alternate.
+    An engine whose step reads much memory is up to twice as fast with few worlds at a time.
     """
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         first = specs[0]
         if len({(s.timing.drive_s, s.timing.policy_s) for s in specs}) > 1:
-            raise ValueError("worlds of one batch step together: give them the same rates")
+            raise ValueError(
+                "the worlds of one batch are stepped together; give them the same rates"
+            )
         self._refuse(specs)
         self.specs = tuple(specs)
         self._timing = first.timing
@@ -167,16 +171,17 @@ class Engine(ABC):
         return self.state
 
     def _pull_n(self, pull_n: Array) -> Array:
-        """Forces (N, 3) [N] on the sticks in the world's frame; none on a stick that is out."""
+        """Forces (N, 3) [N] on the sticks, world frame; zero once a stick has left the grip."""
         state = self.state
         speed_m_s = np.linalg.norm(state.stick_vel_m_s, axis=1)
         there = state.contact_force_n.any(axis=(1, 2)) & (speed_m_s < OUTRUN_M_S)
         return -(pull_n * there)[:, None] * quat_z_axis(state.stick_quat_wxyz)
 
     def coast(self, ticks: int) -> None:
-        """Step the bare engine `ticks` drive periods under the torques and forces of the last one.
+        """Step the bare engine for `ticks` drive periods under the last torques and forces.
 
-        What all else is measured against. Of the state, joint angles and speeds alone follow.
+        The cost of everything else is measured against this. It updates joint angles and speeds
+        only.
         """
         for team in self._teams:
             age = self._age_steps[team.rows]
@@ -186,11 +191,12 @@ class Engine(ABC):
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
     ) -> None:
-        """One policy period of a team's worlds.
+        """Step a team's worlds through one policy period.
 
-        Given are their targets and loads (N, J), and forces (N, 3) on the sticks, None: none.
+        Targets and loads are (N, J), forces on the sticks are (N, 3); None: no force.
 
-        An engine that can be driven by compiled code does it there where the team is `plain`.
+        An engine that can run the drives in compiled code overrides this for teams that are
+        `plain`.
         """
         rows, drives, encoders = team.rows, team.drives, team.encoders
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
@@ -208,7 +214,7 @@ class Engine(ABC):
                 encoders.note(angle, drives.motor_rad, age)
 
     def _refuse(self, specs: Sequence[Spec]) -> None:
-        """Raise ValueError for a number, zero by default, that this engine cannot honour."""
+        """Raise ValueError for a number that is not zero and that this engine cannot realise."""
         for name, answer in self.support.items():
             if answer.startswith("refused") and any(np.any(s.values(name)) for s in specs):
                 raise ValueError(f"{name} is {answer}")
@@ -225,20 +231,21 @@ class Engine(ABC):
             )
 
     def _pool_contacts(self, rows: slice, contacts: Sequence[tuple] | Array) -> None:
-        """Sum contacts per fingertip into `state`: points weighted with their loads, and forces.
+        """Sum contacts per fingertip into `state`: load-weighted mean points, and forces.
 
-        Each: world of `rows`, fingertip, load [N], load times point (3) [N m], force (3) [N].
+        A contact holds: world of `rows`, fingertip, load [N], load times point (3) [N m], force (3)
+        [N].
         """
         table = np.array(contacts, dtype=np.float64).reshape(-1, 9)
         _pool(table, self.state.contact_point_m[rows], self.state.contact_force_n[rows])
 
     @abstractmethod
     def close(self) -> None:
-        """Free the engine; twice is harmless."""
+        """Free the engine; a second call is harmless."""
 
     @abstractmethod
     def _place(self, ids: Array, initial: InitialState) -> None:
-        """Put worlds `ids` at rest in their rows of `initial`, with no memory of the past."""
+        """Place worlds `ids` at rest as in their rows of `initial`, without memory of the past."""
 
     @abstractmethod
     def _tick(
@@ -246,8 +253,9 @@ class Engine(ABC):
     ) -> None:
         """Step the worlds `rows` by `ticks` drive periods.
 
-        Joint torques (N, J) and forces (N, 3) at the centres of the sticks, None: none, stay the
-        same. Leaves the new joint angles and speeds in `state.joint_rad` and `state.joint_rad_s`.
+        Joint torques (N, J) and forces (N, 3) at the centres of the sticks (None: no force) stay
+        the same. Writes the new joint angles and speeds into `state.joint_rad` and
+        `state.joint_rad_s`.
         """
 
     @abstractmethod

@@ -1,6 +1,6 @@
-"""Forward kinematics of a hand, for N worlds at once: plain in numpy, and compiled for touch.
+"""Forward kinematics of a hand for N worlds at once: a numpy version, and a compiled one for touch.
 
-Initial states use the plain one, and tests hold every engine and the compiled one against it.
+Initial states use the numpy version. Tests compare every engine and the compiled version with it.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ def body_frames(hand: Hand, joint_rad: Array) -> dict[str, tuple[Array, Array]]:
 
 
 def common_hand(specs: Sequence[Spec]) -> Hand:
-    """The hand whose geometry and grasp all worlds share; raises ValueError where they differ."""
+    """The hand that all worlds share; raises ValueError where geometry or grasp differ."""
 
     def geometry(hand: Hand) -> tuple:
         bodies = tuple((b.parent, b.origin_m, b.joint.axis, b.joint.range_rad) for b in hand.bodies)
@@ -49,7 +49,9 @@ def common_hand(specs: Sequence[Spec]) -> Hand:
 
     first = specs[0].hand
     if any(s.hand is not first and geometry(s.hand) != geometry(first) for s in specs):
-        raise ValueError("worlds of one batch share the hand's geometry: make a batch for each")
+        raise ValueError(
+            "all worlds of one batch must have the same hand geometry; make a batch for each"
+        )
     return first
 
 
@@ -70,7 +72,7 @@ def _tip_axes(tip: Fingertip) -> Array:
 
 
 class TipChains:
-    """`tip_frames` as numbers that compiled code walks along."""
+    """`tip_frames` as arrays for compiled code."""
 
     def __init__(self, hand: Hand) -> None:
         places = {body.name: i for i, body in enumerate(hand.bodies)}
@@ -87,7 +89,7 @@ class TipChains:
         )
 
     def frames(self, joint_rad: Array) -> tuple[Array, Array]:
-        """The same as `tip_frames`, to rounding."""
+        """The same as `tip_frames`, up to rounding."""
         shape = len(joint_rad), len(self._numbers[-1]), 3
         origin, rotation = np.empty(shape), np.empty((*shape, 3))
         _walk(joint_rad, *self._numbers, origin, rotation)

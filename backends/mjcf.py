@@ -1,8 +1,9 @@
-"""A user's mechanism: from an MJCF file and the settings of its drives to a spec.
+"""Build the spec of a user's mechanism from its MJCF file and the settings of its drives.
 
-What MuJoCo's compiler makes of the file is expressed at the zero pose, where every joint reads 0,
-in frames parallel to the world's. In this project `armature` is the inertia on the motor's side of
-the gear, `damping` and `frictionloss` are the friction there. Knows nothing of logs.
+The model that MuJoCo's compiler makes of the file is written at the zero pose, where every joint
+reads 0, in frames parallel to the world frame. In this project `armature` is the inertia on the
+motor side of the gear; `damping` and `frictionloss` are the friction there. This module knows
+nothing about logs.
 """
 
 import dataclasses
@@ -20,17 +21,18 @@ from backends.state import Array
 __all__ = ["MjcfError", "Servo", "left_out", "mechanism"]
 
 POSES = 32
-"""Poses at which the links' inertias are looked up, drawn from the joints' ranges."""
+"""Number of random poses, within the joint ranges, at which the inertias of the links are
+evaluated."""
 ROOM = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
-"""Range of a joint without limits, either way [rad or m]."""
+"""Range of a joint without limits, to either side [rad or m]."""
 FROM_FILES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
-"""Geoms of which an MJCF holds a file name only."""
+"""Geoms whose shape is in another file; the MJCF holds only its name."""
 
 
 def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
-    """The mechanism of an MJCF text with a drive on each of its joints.
+    """The mechanism of an MJCF text with a drive on each joint.
 
-    Palm, taxels and grip are the default hand's and touch nothing. Raises MjcfError.
+    Palm, taxels and grip are copied from the default hand and touch nothing. Raises MjcfError.
     """
     model, name = _compiled(xml)
     wrong = problems(model, servos)
@@ -61,7 +63,7 @@ def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
 
 
 def left_out(xml: str) -> tuple[str, ...]:
-    """What an MJCF text has and a mechanism has not, in words; raises MjcfError."""
+    """What the MJCF text has and the mechanism lacks, in words; raises MjcfError."""
     model, _ = _compiled(xml)
     touching = ((model.geom_contype != 0) & (model.geom_conaffinity != 0)).sum()
     limited = [model.joint(j).name for j in np.flatnonzero(model.jnt_limited)]
@@ -74,7 +76,7 @@ def left_out(xml: str) -> tuple[str, ...]:
 
 
 def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:
-    """The compiled model without its meshes, and its name."""
+    """The compiled model, without meshes, and its name."""
     try:
         model = mujoco.MjSpec.from_string(xml)
         for part in (*model.geoms, *model.meshes, *model.hfields, *model.textures):
@@ -88,7 +90,7 @@ def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:
 
 
 def _inertias(model: mujoco.MjModel) -> Inertias:
-    """The links' mass matrices at random poses, and what stands on the motors' side."""
+    """Mass matrices of the links at random poses, and inertia and friction on the motor side."""
     room = np.array([ROOM[int(kind)] for kind in model.jnt_type])
     ends = np.stack([-room, room], axis=1)
     ends = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, ends)
@@ -110,7 +112,7 @@ def _inertias(model: mujoco.MjModel) -> Inertias:
 def _bodies(
     model: mujoco.MjModel, data: mujoco.MjData, servos: Sequence[Servo], bank: Sequence[Drive]
 ) -> list[Body]:
-    """The moving bodies in kinematic order; a body with several joints becomes several."""
+    """The moving bodies in kinematic order; a body with several joints becomes several bodies."""
     carriers: dict[int, tuple[str | None, Array]] = {}
     found: list[Body] = []
     for b in range(model.nbody):
@@ -146,7 +148,7 @@ def _empty(name: str, parent: str | None, origin_m: Array, joint: Joint) -> Body
 
 
 def _filled(empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int) -> Body:
-    """A body with the mass and inertia of the model's body `b`, axes parallel to the world's."""
+    """A body with mass and inertia of the model's body `b`, axes parallel to the world frame."""
     first, count = model.body_jntadr[b], model.body_jntnum[b]
     anchor_m = data.xanchor[first + count - 1] if count else data.xpos[b]
     turn = data.ximat[b].reshape(3, 3)

@@ -10,19 +10,20 @@ import numba
 import numpy as np
 from mujoco.batch import MODEL_FIELDS, Batch
 
-from backends._mujoco_drive import USER_NUMBERS, Orders, control
+from backends._mujoco_drive import USER_NUMBERS, CallbackArgs, control
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
 from backends.state import Array, InitialState, quat_to_matrix
 
 IMPRATIO = 100.0
-"""Friction against normal impedance; at 10 the stick creeps 0.09 mm/s, at 1 it falls in 2 s."""
+"""impratio: ratio of friction to normal impedance. At 10 the stick creeps by 0.09 mm/s, at 1 it
+falls within 2 s."""
 ITERATIONS, LINE_SEARCH_ITERATIONS = 20, 50
-"""Newton's limits; 4 and 8 do not converge with this impratio."""
+"""Iteration limits of the Newton solver; 4 and 8 do not converge with this impratio."""
 CONTACTS_PER_TIP = 4
-"""Contact slots that the sensor of a fingertip reports; a square stick makes two or more."""
+"""Contacts that the sensor of one fingertip reports; a square stick makes two or more."""
 _SLOT = 10
-"""Numbers in a slot: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
+"""Numbers per contact: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
 _FINGER_BIT, _STICK_BIT = 1, 2
 
 # What runs away is told by `first_bad_signal`; else MuJoCo says so in a file where the user is.
@@ -30,7 +31,7 @@ mujoco.set_mju_user_warning(logging.getLogger(__name__).info)
 
 
 def build(spec: Spec) -> mujoco.MjSpec:
-    """The world of `spec` as an uncompiled MuJoCo model; fingers touch the stick alone."""
+    """The world of `spec` as an uncompiled MuJoCo model; fingers touch only the stick."""
     model = mujoco.MjSpec()
     model.compiler.degree = False
     model.nuserdata = USER_NUMBERS
@@ -133,9 +134,10 @@ def _add_stick(model: mujoco.MjSpec, spec: Spec) -> None:
 
 
 def _surface(spec: Spec) -> dict:
-    """Contact parameters, the same on both sides: MuJoCo takes the larger of the two.
+    """Contact parameters, set alike on both geoms: MuJoCo takes the larger of the two.
 
-    Its torsional coefficient multiplies the normal force alone, so it holds the friction too.
+    MuJoCo's torsional coefficient multiplies only the normal force, so it contains the friction
+    coefficient too.
     """
     friction = spec.stick.friction
     return {
@@ -146,7 +148,7 @@ def _surface(spec: Spec) -> dict:
 
 
 def compiled(spec: Spec) -> mujoco.MjModel:
-    """The world of `spec` as a model, its contacts as soft as the spec says."""
+    """The world of `spec` as a compiled model with contacts as soft as the spec says."""
     model = build(spec).compile()
     if spec.contact.compliance_m_n > 0.0:
         for tip in spec.hand.fingertips:
@@ -155,11 +157,11 @@ def compiled(spec: Spec) -> mujoco.MjModel:
 
 
 def _soften(model: mujoco.MjModel, finger: str, contact: Contact) -> None:
-    """Let a fingertip yield in proportion to its load: its own yield at light load, and more.
+    """Let a fingertip yield in proportion to its load, on top of its own yield at light load.
 
     A contact of impedance d, time constant t and inverse mass a (MuJoCo's estimate from the bodies'
-    invweight0) rests where it has yielded (1 - d) (d_max t / d)^2 a per force: "Solver parameters"
-    in MuJoCo's documentation. A constant impedance makes that linear.
+    invweight0) yields at rest by (1 - d) (d_max t / d)^2 a per unit of force: "Solver parameters"
+    in MuJoCo's documentation. A constant impedance makes this linear.
     """
     tip = model.geom(finger)
     bodies = [tip.bodyid[0], model.body("stick").id]
@@ -189,9 +191,9 @@ def _read(values, at, out):
 
 
 def _differences(models: Sequence[mujoco.MjModel]) -> dict[str, Array]:
-    """Fields in which compiled models differ, by name, with a row per model.
+    """The fields in which compiled models differ, by name, with a row per model.
 
-    What is left of a model is 1 kB; a model each would be read from slow memory at every step.
+    They take 1 kB per model. Full models would not fit into the cache and would slow every step.
     """
     fields = {}
     for name in MODEL_FIELDS:
@@ -204,24 +206,24 @@ def _differences(models: Sequence[mujoco.MjModel]) -> dict[str, Array]:
 
 
 class Backend(Engine):
-    """N MuJoCo worlds of one model; the fields in which they differ are kept for each."""
+    """N MuJoCo worlds that share one model; fields in which they differ are kept per world."""
 
     steps_in_threads = True
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
         "joint.axis": EXACT,
-        "joint.slides": "refused: only hinges are built",
+        "joint.slides": "refused: only hinge joints are built",
         "body.products_kgm2": "refused: only moments of inertia are passed on",
         "stick.shape": EXACT,
         "stick.length_m": EXACT,
         "stick.radius_m": EXACT,
         "stick.mass_kg": EXACT,
-        "stick.friction": "approximate: elliptic cone with impratio 100, creeps 0.01 mm/s",
+        "stick.friction": "approximate: elliptic cone with impratio 100; creeps by 0.01 mm/s",
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": EXACT,
         "contact.time_constant_s": EXACT,
-        "contact.compliance_m_n": "approximate: adds to the engine's own yield, some 0.07 mm/N",
+        "contact.compliance_m_n": "approximate: added to the engine's own yield of about 0.07 mm/N",
         "spec.gravity_m_s2": EXACT,
     }
 
@@ -245,7 +247,7 @@ class Backend(Engine):
         self._applied = self._batch.bind("qfrc_applied")
         self._sensors = self._batch.bind("sensordata")
         self._user, self._no_force = self._batch.bind("userdata"), np.zeros((len(specs), 3))
-        self._orders = Orders(
+        self._args = CallbackArgs(
             self._teams[0],
             (self._model.nq, self._model.nv),
             (self._qpos_at, self._qvel_at),
@@ -258,7 +260,7 @@ class Backend(Engine):
 
     def _place(self, ids: Array, initial: InitialState) -> None:
         self._batch.reset(ids.astype(np.int32), stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._user[ids] = self._orders.user_data(ids)
+        self._user[ids] = self._args.user_data(ids)
         self._qpos[np.ix_(ids, self._qpos_at)] = initial.joint_rad[ids]
         self._qpos[ids, self._stick_qpos] = np.hstack(
             [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
@@ -278,8 +280,8 @@ class Backend(Engine):
         if load_nm is not None or pull_n is not None or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
-        self._orders.errand.target_rad[:] = target_rad
-        self._orders.lifted_ticks[:] = team.lifted_ticks(self._age_steps)
+        self._args.drive_args.target_rad[:] = target_rad
+        self._args.lifted_ticks[:] = team.lifted_ticks(self._age_steps)
         mujoco.set_mjcb_control(control.ctypes)
         try:
             self._batch.step(nstep=self._timing.substeps)

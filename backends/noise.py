@@ -1,6 +1,6 @@
-"""Noise from counters: a draw is a function of seed, time and place, whatever was drawn before.
+"""Counter-based noise: a draw depends on seed, time and place only, never on earlier draws.
 
-So worlds that are split over processes, resumed or reordered see the same noise.
+So worlds see the same noise when they are resumed, reordered or split over processes.
 """
 
 import math
@@ -11,7 +11,7 @@ import numpy as np
 
 @numba.njit(cache=True)
 def uniform(seed, tick, place):
-    """A number in [0, 1): SplitMix64 (Steele, Lea and Flood, OOPSLA 2014) of three counters."""
+    """A number in [0, 1) from three counters: SplitMix64 (Steele, Lea and Flood, OOPSLA 2014)."""
     mixed = np.uint64(seed) * np.uint64(0x9E3779B97F4A7C15)
     mixed ^= np.uint64(tick) * np.uint64(0xC2B2AE3D27D4EB4F)
     mixed ^= np.uint64(place) * np.uint64(0x165667B19E3779F9)

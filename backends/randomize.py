@@ -1,7 +1,7 @@
-"""Domain randomisation: another world for every draw, by effects of random magnitude.
+"""Domain randomisation: effects of random magnitude make a new world for every draw.
 
-As in the paper, gains and gear come from normal distributions (the spread of a calibration), the
-stick's mass, radius and friction from uniform ones.
+As in the paper, gains and gear are drawn from normal distributions (the spread of a calibration),
+and the stick's mass, radius and friction from uniform ones.
 """
 
 import dataclasses
@@ -13,14 +13,14 @@ from backends.effect import Effect
 from backends.spec import Spec
 
 CLIP_STD = 2.0
-"""Normal draws end at so many standard deviations."""
+"""Normal draws are cut off at this number of standard deviations."""
 
 
 def randomize(spec: Spec, spread: Sequence[Effect], rng: np.random.Generator) -> Spec:
     """A world drawn around `spec`.
 
-    The magnitude of an effect in `spread` is the standard deviation or, where the effect is spread
-    evenly, half the width of what is drawn. Effects that name no joint are drawn for each anew.
+    The magnitude of an effect in `spread` is the standard deviation of a normal draw or half the
+    width of a uniform one. An effect that names no joint is drawn independently for each joint.
     """
     for effect in spread:
         for joint in effect.joints(spec) or (None,):

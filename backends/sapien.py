@@ -1,11 +1,11 @@
-"""SAPIEN: one PhysX CPU scene per world, stepped one after the other, without a renderer."""
+"""SAPIEN: one PhysX CPU scene per world, stepped one after the other without a renderer."""
 
 import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from backends._errand import Errand
+from backends._drive_call import DriveCallArgs
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Fingertip, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
@@ -18,19 +18,21 @@ with warnings.catch_warnings():
     from backends._sapien_calls import coast, drive, pointer
 
 POSITION_ITERATIONS = 16
-"""TGS; under finger motion 8 and 4 differ 1.5 and 2 times more from MuJoCo, 32 and 64 no less."""
+"""Iterations of the TGS solver. Under finger motion, 8 and 4 differ from MuJoCo 1.5 and 2 times
+more; 32 and 64 do not differ less."""
 VELOCITY_ITERATIONS = 1
-"""0, 1 and 4 lie equally far from MuJoCo; 1 is PhysX's default."""
+"""Velocity iterations. 0, 1 and 4 differ equally from MuJoCo; 1 is PhysX's default."""
 CONTACT_OFFSET_M = 1e-3
-"""How far ahead contacts are made; 0.1 to 10 mm give the same grasp, 10 mm is SAPIEN's own."""
+"""Distance at which contacts are created; 0.1 to 10 mm give the same grasp, 10 mm is SAPIEN's
+default."""
 UNLIMITED = 1e6
-"""Speed that nothing reaches [m/s or rad/s]; SAPIEN's links are limited to 10 and 50."""
+"""Speed limit that nothing reaches [m/s or rad/s]; SAPIEN's own limits for links are 10 and 50."""
 _FINGER_BIT, _STICK_BIT = 1, 2
 _SINGLE = "approximate: 32-bit floats, relative error 6e-8"
 
 
 def _turn_x_to(axis: Vec3) -> Array:
-    """Shortest rotation, w x y z, that turns x into the unit vector `axis`."""
+    """Shortest rotation, w x y z, from the x axis to the unit vector `axis`."""
     if axis[0] < -0.999999:
         return np.array([0.0, 0.0, 0.0, 1.0])
     quat = np.array([1 + axis[0], 0.0, -axis[2], axis[1]])
@@ -40,7 +42,7 @@ def _turn_x_to(axis: Vec3) -> Array:
 def _make_rigid(
     body: physx.PhysxRigidBodyComponent, mass_kg: float, com_m: Vec3, inertia_kgm2: Vec3
 ) -> None:
-    """Set the inertia and take off PhysX's damping and speed limits."""
+    """Set the inertia and remove PhysX's damping and speed limits."""
     body.mass = mass_kg
     body.cmass_local_pose = sapien.Pose(com_m)
     body.inertia = inertia_kgm2
@@ -49,7 +51,7 @@ def _make_rigid(
 
 
 def _make_joint(joint: physx.PhysxArticulationJoint, body: Body) -> None:
-    """A hinge about x of its frames, free of friction and limits; without a drive, fixed."""
+    """A hinge about x of its frames, without friction and limits; fixed if it has no drive."""
     turn = _turn_x_to(body.joint.axis)
     driven = body.joint.drive is not None
     joint.name = body.joint.name
@@ -65,7 +67,7 @@ def _make_joint(joint: physx.PhysxArticulationJoint, body: Body) -> None:
 
 
 class _World:
-    """One scene: its step, its hand and its stick; fingers touch the stick alone."""
+    """One scene with its hand and stick; fingers touch only the stick."""
 
     def __init__(self, spec: Spec) -> None:
         soft = spec.contact.compliance_m_n > 0.0
@@ -86,7 +88,7 @@ class _World:
         self.stick = self._add_stick(spec.stick)
 
     def _add_hand(self, spec: Spec) -> dict[str | None, physx.PhysxArticulationLinkComponent]:
-        """Links by body name; None: the palm, which is fixed and touches nothing."""
+        """Links by body name; the palm is under None, is fixed and touches nothing."""
         palm = physx.PhysxArticulationLinkComponent(None)
         palm.joint.type = "fixed"
         links: dict[str | None, physx.PhysxArticulationLinkComponent] = {None: palm}
@@ -129,9 +131,10 @@ class _World:
         return body
 
     def _make_surface(self, shape: physx.PhysxCollisionShape, own: int, other: int) -> None:
-        """Contact parameters, the same on both sides: PhysX averages the frictions.
+        """Contact parameters, set alike on both shapes: PhysX averages the frictions.
 
-        The spin radius is the least patch radius; the other one grows with the penetration.
+        The spin radius is set as the smallest patch radius; the other patch radius grows with
+        penetration.
         """
         shape.set_collision_groups([own, other, 0, 0])
         shape.contact_offset = CONTACT_OFFSET_M
@@ -146,24 +149,24 @@ class _World:
 
 
 class Backend(Engine):
-    """N SAPIEN scenes; a reset builds a new scene, see `_place`."""
+    """N SAPIEN scenes; a reset builds new scenes, see `_place`."""
 
     worlds_in_cache = 8
     support = {
         **{name: _SINGLE for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,
         "joint.axis": _SINGLE,
-        "joint.slides": "refused: only hinges are built",
+        "joint.slides": "refused: only hinge joints are built",
         "body.products_kgm2": "refused: only moments of inertia are passed on",
         "stick.shape": EXACT,
         "stick.length_m": _SINGLE,
         "stick.radius_m": _SINGLE,
         "stick.mass_kg": _SINGLE,
-        "stick.friction": "approximate: iterated (TGS); what each contact bears depends on it",
+        "stick.friction": "approximate: iterative (TGS), which shifts load between contacts",
         "stick.grip_to_lower_end_m": EXACT,
-        "contact.torsion_radius_m": "approximate: on one-point contacts only, apart from sliding",
+        "contact.torsion_radius_m": "approximate: only at one-point contacts, whatever slides",
         "contact.time_constant_s": "approximate: contacts are rigid, no penetration to relax",
-        "contact.compliance_m_n": "approximate: undamped springs; PGS, not TGS: a fifth more grip",
+        "contact.compliance_m_n": "approximate: undamped springs, solved by PGS: a fifth more grip",
         "spec.gravity_m_s2": _SINGLE,
     }
 
@@ -176,12 +179,12 @@ class Backend(Engine):
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
         self._pointers = np.array([self._locate(world) for world in self._worlds]).T.copy()
-        self._errands = {team: Errand(team.drives) for team in self._teams}
+        self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
     @staticmethod
     def _locate(world: _World) -> tuple[np.uintp, np.uintp]:
-        """Where the step and the hand of a world are called."""
+        """Store the pointers of a world's step and hand."""
         return np.uintp(pointer(world.system)), np.uintp(pointer(world.hand))
 
     def close(self) -> None:
@@ -189,10 +192,10 @@ class Backend(Engine):
         self._worlds, self._pointers = [], self._pointers[:, :0]
 
     def _place(self, ids: Array, initial: InitialState) -> None:
-        """Build the worlds anew: about 1 ms each, less than one policy period of stepping.
+        """Build the worlds from scratch: about 1 ms each, less than one policy period of stepping.
 
-        Setting the state by hand, even with the stick taken out of the scene and put back, leaves
-        traces: a contact force 0.3 N off after 20 ms.
+        Setting the state of an existing scene leaves traces, even if the stick is removed and added
+        again: a contact force is then 0.3 N off after 20 ms.
         """
         for n in ids:
             self._worlds[n] = world = _World(self.specs[n])
@@ -205,16 +208,16 @@ class Backend(Engine):
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
     ) -> None:
-        rows, errand = team.rows, self._errands[team]
+        rows, args = team.rows, self._args[team]
         age = self._age_steps[rows]
         acted = load_nm is not None or pull_n is not None or team.lifted_ticks(age).any()
         if acted or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
-        errand.target_rad[:] = target_rad
+        args.target_rad[:] = target_rad
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         (systems, hands), ticks = self._pointers[:, rows], self._timing.substeps
-        drive(systems, hands, self._to_spec, errand.address, ticks, angle, speed)
+        drive(systems, hands, self._to_spec, args.address, ticks, angle, speed)
         age += ticks
 
     def _tick(

@@ -1,4 +1,4 @@
-"""One process per core for engines that hold the interpreter lock, over shared memory."""
+"""Run engines that hold the interpreter lock in one process per core, with shared memory."""
 
 import ctypes
 import multiprocessing
@@ -21,7 +21,7 @@ class WorkerError(RuntimeError):
 
 
 def simulate(engine: type[Engine], specs: Sequence[Spec], workers: int) -> "Engine | Sharded":
-    """`specs` on an engine, on up to `workers` cores: threads where it can, processes otherwise.
+    """Simulate `specs` on up to `workers` cores: in threads if the engine can, else in processes.
 
     Worlds are independent, so the number of workers changes no result.
     """
@@ -32,7 +32,7 @@ def simulate(engine: type[Engine], specs: Sequence[Spec], workers: int) -> "Engi
 
 
 class _Shared:
-    """Arrays that parent and workers see alike."""
+    """Arrays in memory that parent and workers share."""
 
     def __init__(self, buffers: list, shapes: list[tuple[int, ...]]) -> None:
         arrays = iter(
@@ -66,10 +66,10 @@ def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
 
 @contextmanager
 def _alone(engine: type[Engine]) -> Iterator[None]:
-    """Processes that start meanwhile leave the user's script alone.
+    """Keep processes that start in this block from importing the user's script.
 
-    Each would run it anew, unless it is guarded by `if __name__ == "__main__"`, and needs nothing
-    of it but an engine that is written there.
+    A new process would run the script again unless it is guarded by `if __name__ == "__main__"`. It
+    needs the script only for an engine that is defined there.
     """
     script = sys.modules["__main__"]
     if engine.__module__ != "__main__":
@@ -88,7 +88,7 @@ def _work(
     buffers: list,
     shapes: list[tuple[int, ...]],
 ) -> None:
-    """A worker's life: build its worlds, then obey until told to stop or left alone."""
+    """Main loop of a worker: build its worlds, then serve requests until it is stopped."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         shared = _Shared(buffers, shapes)
@@ -101,15 +101,15 @@ def _work(
             noise_seed=shared.initial.noise_seed[rows],
         )
         pipe.send(None)
-        while (order := pipe.recv()) != "close":
-            if order == "reset":
+        while (request := pipe.recv()) != "close":
+            if request == "reset":
                 engine.reset(initial, shared.mask[rows] > 0)
-            elif order == "advance":
+            elif request == "advance":
                 engine.advance(shared.target[rows])
-            elif order == "advance under load":
+            elif request == "advance under load":
                 engine.advance(shared.target[rows], shared.load[rows], shared.pull[rows])
             else:
-                engine.coast(order)
+                engine.coast(request)
             pipe.send(None)
         engine.close()
     except EOFError:
@@ -149,7 +149,7 @@ class Sharded:
         self._shared.initial.stick_pos_m[:] = initial.stick_pos_m
         self._shared.initial.stick_quat_wxyz[:] = initial.stick_quat_wxyz
         self._shared.initial.noise_seed[:] = initial.noise_seed
-        return self._order("reset")
+        return self._request("reset")
 
     def advance(
         self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
@@ -157,17 +157,17 @@ class Sharded:
         """See `Simulator.advance`."""
         self._shared.target[:] = target_rad
         if load_nm is None and pull_n is None:
-            return self._order("advance")
+            return self._request("advance")
         self._shared.load[:] = 0.0 if load_nm is None else load_nm
         self._shared.pull[:] = 0.0 if pull_n is None else pull_n
-        return self._order("advance under load")
+        return self._request("advance under load")
 
     def coast(self, ticks: int) -> None:
         """See `Engine.coast`."""
-        self._order(ticks)
+        self._request(ticks)
 
     def close(self) -> None:
-        """Stop the processes; twice is harmless."""
+        """Stop the processes; a second call is harmless."""
         for pipe in self._pipes:
             try:
                 pipe.send("close")
@@ -180,11 +180,14 @@ class Sharded:
                 process.terminate()
         self._pipes, self._processes = [], []
 
-    def _order(self, order: str | int) -> State:
-        """Have all processes do it, a number being the ticks to coast; the state after it."""
+    def _request(self, request: str | int) -> State:
+        """Send a request to all processes and return the state after it.
+
+        A number means: coast for so many ticks.
+        """
         try:
             for pipe in self._pipes:
-                pipe.send(order)
+                pipe.send(request)
         except OSError as error:
             raise WorkerError(f"a simulation process died: {error}") from error
         self._await()
@@ -195,6 +198,6 @@ class Sharded:
             try:
                 trouble = pipe.recv()
             except (EOFError, OSError) as error:
-                raise WorkerError("a simulation process died without a word") from error
+                raise WorkerError("a simulation process died without a message") from error
             if trouble is not None:
                 raise WorkerError(trouble)

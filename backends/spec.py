@@ -1,7 +1,8 @@
 """The simulated rig as numbers: hand, drives, stick, taxels, contact and timing.
 
-SI units. World frame: z up, right-handed. Every body frame is parallel to the world frame at the
-zero pose, so an origin and a hinge axis say all about a joint. Nothing here knows an engine.
+All numbers are in SI units. World frame: z up, right-handed. Every body frame is parallel to the
+world frame at the zero pose, so an origin and an axis define a joint completely. Nothing in this
+module knows an engine.
 """
 
 import dataclasses
@@ -18,14 +19,14 @@ _ZEROS = (0.0, (0.0, 0.0, 0.0))
 
 @dataclass(frozen=True, kw_only=True)
 class Drive:
-    """What turns a joint's target into torque: a PD motor, its rotor, and a gear with play."""
+    """The drive of a joint: a PD controller, its rotor, and a gear with play."""
 
     kp_nm_rad: float
     """Proportional gain on the motor angle [Nm/rad]."""
     kd_nms_rad: float
     """Derivative gain on the motor speed [Nms/rad]."""
     torque_limit_nm: float
-    """Largest PD torque [Nm], either sign."""
+    """Largest PD torque in either direction [Nm]."""
     rotor_inertia_kgm2: float
     """Rotor inertia reflected to the joint [kg m^2]."""
     coulomb_nm: float
@@ -37,53 +38,57 @@ class Drive:
     gear_damping_nms_rad: float
     """Damping of the teeth once they touch [Nms/rad]."""
     play_rad: float
-    """Half of the gear play: the joint is free within +-play about the motor angle [rad]."""
+    """Half of the gear play: the joint moves freely within +-play about the motor angle [rad]."""
     lock_nm: float
     """Largest load the gear holds when it is back-driven [Nm]; 0: freely back-drivable."""
     stiction_nm: float = 0.0
-    """Friction at standstill above the Coulomb friction, fading with speed (Stribeck) [Nm]."""
+    """Friction at standstill in addition to Coulomb friction; it falls with speed (Stribeck)
+    [Nm]."""
     load_friction: float = 0.0
-    """Friction torque per torque that the gear transmits [1]."""
+    """Friction torque per unit of torque that the gear transmits [1]."""
     dead_zone_rad: float = 0.0
-    """The PD law takes an error as smaller by this, and none as none [rad]."""
+    """Dead zone: the PD law subtracts this from the size of an error; smaller errors count as 0
+    [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Command:
-    """What happens to a joint's target on its way to the drive; zeros: nothing."""
+    """The path of a joint's target to the drive; zeros leave the target unchanged."""
 
     delay_s: float = 0.0
-    """The drive follows the target as it was so long ago [s]."""
+    """The drive follows the target with this delay [s]."""
     slowness_s_rad: float = 0.0
-    """The target moves by a radian in no less than this [s/rad]; 0: at once."""
+    """Shortest time in which the target moves by one radian [s/rad]; 0: no limit."""
     loss_share: float = 0.0
     """Probability that a policy period's target is lost and the last one kept [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Encoder:
-    """What the position sensor makes of an angle; zeros: nothing.
+    """The errors of a position sensor; zeros mean that it reads the angle.
 
-    It is the sensor that policies and logs read. The motor's own loop has another one.
+    Policies and logs read this sensor. The motor's own control loop has another one.
     """
 
     bias_rad: float = 0.0
-    """Added to every reading [rad]."""
+    """Constant that is added to every reading [rad]."""
     scale_error: float = 0.0
-    """Readings grow by this share [1]."""
+    """Readings are larger by this share [1]."""
     resolution_rad: float = 0.0
-    """Readings are multiples of this [rad]; 0: continuous."""
+    """Readings are multiples of this step [rad]; 0: continuous."""
     noise_rad: float = 0.0
-    """Standard deviation of white noise on every reading [rad]."""
+    """Standard deviation of the white noise on every reading [rad]."""
     delay_s: float = 0.0
-    """Readings show the angle as it was so long ago [s]."""
+    """Age of a reading at the moment it is read [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
-    """A hinge or slide: its axis, range and drive; a joint without a drive is fixed at zero.
+    """A hinge or slide: its axis, range and drive.
 
-    Of a slide, radians and newton metres are metres and newtons, here and in its drive.
+    A joint without a drive is fixed at zero.
+
+    For a slide, read metres for radians and newtons for newton metres, here and in its drive.
     """
 
     name: str
@@ -93,13 +98,13 @@ class Joint:
     """Range that normalises the observed position and bounds the target [rad]."""
     drive: Drive | None
     gear: str = "spur"
-    """'worm' where backlash and self-lock are to be expected, else 'spur'."""
+    """Kind of gear: 'worm' (backlash and self-lock are expected) or 'spur'."""
     sensor: str = "joint"
     """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
     encoder: Encoder = Encoder()
     command: Command = Command()
     slides: bool = False
-    """It moves along its axis instead of turning about it."""
+    """Whether it moves along its axis instead of rotating about it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,7 +113,7 @@ class Body:
 
     name: str
     parent: str | None
-    """Carrying body; None: the palm, which is fixed in the world."""
+    """Body that carries this one; None: the palm, which is fixed in the world."""
     origin_m: Vec3
     """Joint position in the parent's frame [m]."""
     joint: Joint
@@ -118,7 +123,7 @@ class Body:
     inertia_kgm2: Vec3
     """Moments of inertia about the centre of mass, axes parallel to the body frame [kg m^2]."""
     products_kgm2: Vec3 = (0.0, 0.0, 0.0)
-    """Products of inertia xy, xz, yz as they stand in the tensor [kg m^2]."""
+    """Entries xy, xz and yz of the inertia tensor [kg m^2]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,19 +154,21 @@ class Taxels:
     columns: int
     """Columns across the finger."""
     front_rad: float
-    """How far the pad reaches onto the front hemisphere, from inward towards forward [rad]."""
+    """Angle by which the pad reaches onto the front hemisphere, from inward towards forward
+    [rad]."""
     half_width_rad: float
     """Half of the angle that the pad covers across the finger [rad]."""
     reach_m: float
-    """A taxel is active when the object is nearer than this: the skin's compliance [m]."""
+    """A taxel is active when the object is nearer than this; it models the skin's compliance
+    [m]."""
     threshold_m: float = 0.0
-    """Pressed depth that a taxel needs beyond that to count as active [m]."""
+    """Additional pressed depth that a taxel needs to count as active [m]."""
     drift_m_s: float = 0.0
-    """Fastest drift of a reading since the episode's start, as pressed depth [m/s]."""
+    """Fastest drift of a reading from the start of the episode, as pressed depth per time [m/s]."""
     dead_share: float = 0.0
-    """Share of the taxels that never answer [1]."""
+    """Share of the taxels that are dead [1]."""
     halo_m: float = 0.0
-    """Taxels nearer than this to an active one answer too [m]."""
+    """Taxels nearer than this to an active one respond too [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,15 +182,15 @@ class Hand:
     fingertips: tuple[Fingertip, ...]
     taxels: Taxels
     grip_m: Vec3
-    """Where the stick is pinched: the pivot of every task [m]."""
+    """Point at which the stick is pinched: the pivot of every task [m]."""
     grasp_rad: tuple[float, ...]
     """Driven joint angles of the nominal grasp, spec order [rad]."""
     preload_rad: tuple[float, ...]
-    """Target minus position at the start of an episode, which sets the squeeze [rad]."""
+    """Target minus position at the start of an episode; it sets the squeeze [rad]."""
 
     @cached_property
     def driven(self) -> tuple[Body, ...]:
-        """Bodies whose joint has a drive, in spec order: the J of every (N, J) array."""
+        """Bodies whose joint has a drive, in spec order; J in (N, J) is their number."""
         return tuple(b for b in self.bodies if b.joint.drive is not None)
 
     @cached_property
@@ -207,7 +214,7 @@ class Stick:
     friction: float
     """Coefficient of friction between this stick and a fingertip."""
     grip_to_lower_end_m: float = 0.13
-    """How far above the lower end it is pinched [m]."""
+    """Height of the pinched point above the lower end [m]."""
 
     @property
     def inertia_kgm2(self) -> Vec3:
@@ -222,14 +229,14 @@ class Stick:
 
 @dataclass(frozen=True, kw_only=True)
 class Contact:
-    """What holds of every fingertip contact beside the stick's own friction."""
+    """Properties of every fingertip contact, besides the stick's own friction."""
 
     torsion_radius_m: float
-    """Spin friction torque over normal force and friction coefficient [m]."""
+    """Radius of spin friction: its torque over normal force and friction coefficient [m]."""
     time_constant_s: float
-    """Time in which a penetration relaxes [s], where the engine has soft contacts."""
+    """Time constant in which a penetration relaxes, in engines with soft contacts [s]."""
     compliance_m_n: float = 0.0
-    """Yield of a contact per force beyond the engine's own [m/N]; 0: the nominal surfaces."""
+    """Compliance of a contact on top of the engine's own [m/N]; 0: the nominal surfaces."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -241,7 +248,7 @@ class Timing:
     policy_s: float = 20e-3
     """Period of the policy [s]."""
     weightless_s: float = 0.1
-    """How long after a reset the stick's weight is compensated [s]."""
+    """Time after a reset during which the stick's weight is compensated [s]."""
 
     @property
     def substeps(self) -> int:
@@ -251,7 +258,7 @@ class Timing:
 
 @dataclass(frozen=True, kw_only=True)
 class Spec:
-    """One simulated world, complete: everything an engine needs to build it."""
+    """One complete simulated world: everything that an engine needs to build it."""
 
     hand: Hand
     stick: Stick
@@ -261,7 +268,7 @@ class Spec:
 
     @cached_property
     def digest(self) -> str:
-        """First 12 hex digits of the SHA-256 of all numbers; equal digests, equal worlds."""
+        """First 12 hex digits of the SHA-256 of all numbers; equal digests mean equal worlds."""
         text = json.dumps(_numbers(self), sort_keys=True)
         return hashlib.sha256(text.encode()).hexdigest()[:12]
 
@@ -271,7 +278,7 @@ class Spec:
         return tuple(b.joint.drive for b in self.hand.driven if b.joint.drive is not None)
 
     def with_driven(self, driven: Iterable[Body]) -> "Spec":
-        """This world with other driven bodies, in spec order."""
+        """This world with other driven bodies, given in spec order."""
         fresh = iter(driven)
         bodies = tuple(b if b.joint.drive is None else next(fresh) for b in self.hand.bodies)
         return dataclasses.replace(self, hand=dataclasses.replace(self.hand, bodies=bodies))
@@ -284,7 +291,7 @@ class Spec:
         )
 
     def values(self, number: str) -> tuple:
-        """All values in this world of a number such as 'drive.kp_nm_rad', see `field_names`."""
+        """All values of a number such as 'drive.kp_nm_rad' in this world, see `field_names`."""
         part, field = number.split(".")
         joints = [body.joint for body in self.hand.bodies]
         homes: dict[str, Iterable[Any]] = {
@@ -302,9 +309,9 @@ class Spec:
 
 
 def _numbers(part: Any) -> Any:
-    """A spec as plain data without what is zero by default and zero.
+    """A spec as plain data, without numbers that are zero by default and are zero.
 
-    So a number that is added for a new effect renames no world that does not have it.
+    So a number that is added for a new effect does not change the digest of other worlds.
     """
     if isinstance(part, tuple):
         return [_numbers(item) for item in part]
@@ -320,7 +327,7 @@ def _numbers(part: Any) -> Any:
 
 
 def field_names() -> tuple[str, ...]:
-    """Every number a spec holds, such as 'drive.kp_nm_rad': what engines answer for."""
+    """Names of all numbers of a spec, such as 'drive.kp_nm_rad'; each has an entry in `support`."""
     parts = (Drive, Command, Encoder, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
     nested = {"bodies", "fingertips", "taxels", "joint", "drive", "command", "encoder"}
     nested |= {"name", "finger"}

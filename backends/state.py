@@ -1,7 +1,7 @@
-"""What every engine reports, and the one convention in which it does.
+"""The state that every engine reports, and its one convention of frames and order.
 
-World frame, z up, right-handed. N worlds, J driven joints and F fingertips in spec order.
-Quaternions are w, x, y, z and turn stick coordinates into world coordinates.
+World frame, z up, right-handed. N worlds, J driven joints and F fingertips, in spec order.
+Quaternions are w, x, y, z; they rotate stick coordinates into world coordinates.
 """
 
 from collections.abc import Callable
@@ -15,7 +15,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True, kw_only=True)
 class InitialState:
-    """Where the episodes of N worlds start; everything is at rest."""
+    """Initial state of the episodes of N worlds; everything is at rest."""
 
     joint_rad: Array
     """Driven joint angles [rad], shape (N, J)."""
@@ -24,7 +24,7 @@ class InitialState:
     stick_quat_wxyz: Array
     """Stick orientation, shape (N, 4)."""
     noise_seed: Array = field(default_factory=lambda: np.zeros(0))
-    """Whole numbers under 2^53, shape (N,), that decide each episode's noise; default: zeros."""
+    """Seeds of each episode's noise, whole numbers below 2^53, shape (N,); default: zeros."""
 
     def __post_init__(self) -> None:
         if self.noise_seed.size == 0:
@@ -42,7 +42,7 @@ class State:
     motor_rad: Array
     """Motor angles reflected through the gear [rad], shape (N, J)."""
     measured_rad: Array
-    """What the position sensors report [rad], shape (N, J)."""
+    """Readings of the position sensors [rad], shape (N, J)."""
     drive_torque_nm: Array
     """PD torque of the motors [Nm], shape (N, J)."""
     stick_pos_m: Array
@@ -66,7 +66,7 @@ class State:
         tips: int,
         make: Callable[[tuple[int, ...]], Array] = np.zeros,
     ) -> "State":
-        """A state of zeros; `make` gives an array of a shape, shared memory for instance."""
+        """A state of zeros; `make` allocates an array of a shape, for example in shared memory."""
         per_joint, per_tip = (worlds, joints), (worlds, tips, 3)
         shapes = {
             "stick_pos_m": (worlds, 3),
@@ -125,7 +125,7 @@ def _matrices(quat, out):
 
 
 def quat_from_z_axis(axis: Array) -> Array:
-    """Shortest rotation, shape (..., 4) w x y z, that turns z into the unit vectors `axis`."""
+    """Shortest rotations, shape (..., 4) w x y z, from z to the unit vectors `axis`."""
     x, y, z = np.moveaxis(axis, -1, 0)
     quat = np.stack([1 + z, -y, x, np.zeros_like(z)], axis=-1)
     quat[1 + z < 1e-12] = (0.0, 1.0, 0.0, 0.0)

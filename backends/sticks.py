@@ -27,4 +27,4 @@ _ALL = (
 )
 
 STICKS: dict[str, Stick] = {stick.name: stick for stick in _ALL}
-"""Sticks by name; 'reference' is the one that policies train on."""
+"""Sticks by name; policies are trained on 'reference'."""

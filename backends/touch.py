@@ -1,9 +1,9 @@
-"""Touch: taxels, contact centres and binary contact, one code for all engines.
+"""Touch: taxels, contact centres and binary contact, the same code for all engines.
 
-A taxel reads how deep the stick presses into its skin, once the fingertip carries force: a
-distance, so no engine needs hundreds of contact geoms. As in the paper, readings are binarised with
-a fixed threshold. What is wrong with real skin is added here: readings drift, taxels are dead,
-neighbours answer too.
+A taxel reads how deep the stick presses into its skin, as soon as the fingertip carries force. This
+is a distance, so no engine needs hundreds of contact geoms. As in the paper, readings are binarised
+with a fixed threshold. The faults of real skin are added here: readings drift, taxels are dead,
+neighbours respond too.
 """
 
 from collections.abc import Sequence
@@ -17,22 +17,24 @@ from backends.spec import Fingertip, Spec, Stick, Taxels
 from backends.state import Array, State, quat_to_matrix
 
 THRESHOLD_M = 0.2e-3
-"""Pressed depth over which a reading counts as contact [m]: the paper's empirical threshold.
+"""Pressed depth above which a reading counts as contact [m]: the paper's empirical threshold.
 
-The skin is so much thicker than `Taxels.reach_m`, so without drift what is nearer than that counts.
+The skin is thicker than `Taxels.reach_m` by this. So without drift, a taxel is active when the
+stick is nearer than `reach_m`.
 """
 
 
 @dataclass(frozen=True, kw_only=True)
 class Touch:
-    """What the skin of N worlds feels; overwritten at every reading."""
+    """Touch readings of N worlds; overwritten at every reading."""
 
     reading_m: Array
     """Readings: pressed depth [m], (N, F, T); row by row from the rear of the pad to its front."""
     active: Array
-    """Active taxels: readings over the threshold and what a halo adds, shape (N, F, T), bool."""
+    """Active taxels: readings above the threshold, plus those added by a halo, (N, F, T), bool."""
     center_m: Array
-    """Mean position of a tip's active taxels in its fingertip frame [m], (N, F, 3); 0 if none."""
+    """Contact centre: mean position of a tip's active taxels, fingertip frame [m], (N, F, 3); 0 if
+    none."""
     in_contact: Array
     """Whether any taxel of a tip is active, shape (N, F), bool."""
 
@@ -55,7 +57,7 @@ def taxel_grid(tip: Fingertip, taxels: Taxels) -> tuple[Array, Array]:
 
 
 def stick_shape(stick: Stick) -> tuple[float, float, float]:
-    """What `surface_distance` needs: round (1) or square (0), half length, radius [m]."""
+    """Arguments of `surface_distance`: round (1) or square (0), half length, radius [m]."""
     if stick.shape not in ("capsule", "box"):
         raise ValueError(f"no stick shape '{stick.shape}'; known: capsule, box")
     is_round = stick.shape == "capsule"
@@ -87,9 +89,9 @@ def surface_distance(x, y, z, shape):
 def _press(
     worlds, force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, time_s, rank, reading
 ):
-    """Write the reading of every taxel of some worlds; frames and sticks are those worlds' alone.
+    """Write the reading of every taxel of some worlds; frames and sticks belong to those worlds.
 
-    The grid is (F, 3, T), so that many taxels are read at a time.
+    The grid is (F, 3, T), so that many taxels are computed at a time.
     """
     turn, offset = np.empty((3, 3)), np.empty(3)
     for i, n in enumerate(worlds):
@@ -107,7 +109,7 @@ def _press(
 
 @numba.njit(cache=True)
 def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
-    """Write rotation and offset from a fingertip's frame to the stick's."""
+    """Write the rotation and offset from a fingertip's frame to the stick's."""
     turn[:], offset[:] = 0.0, 0.0
     for i in range(3):
         for k in range(3):
@@ -118,7 +120,7 @@ def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
 
 @numba.njit(cache=True)
 def _depths(turn, offset, shape, grid, reach, reading):
-    """How deep the taxels of a grid (3, T) are pressed, with room for a negative threshold."""
+    """Pressed depths of the taxels of a grid (3, T), with room for a negative threshold."""
     is_round, half, r = shape[0] > 0.5, shape[1], shape[2]
     for t in range(len(reading)):
         u, v, w = grid[0, t], grid[1, t], grid[2, t]
@@ -132,7 +134,7 @@ def _depths(turn, offset, shape, grid, reach, reading):
 
 @numba.njit(cache=True)
 def _spoil(drift_m, dead, rank, reading):
-    """Let the readings drift and silence dead taxels."""
+    """Add drift to the readings and set dead taxels to zero."""
     for t in range(len(reading)):
         reading[t] = 0.0 if rank[t, 0] < dead else drift_m * rank[t, 1] + reading[t]
 
@@ -161,7 +163,7 @@ def _binarise(worlds, reading, threshold, grid, halo, skin, rank, active, center
 
 @numba.njit(cache=True)
 def _spread(reading, threshold, grid, halo, alive, active):
-    """Let the living neighbours of pressed taxels answer."""
+    """Activate the neighbours of pressed taxels, except dead ones."""
     for t in range(grid.shape[0]):
         for s in range(grid.shape[0]):
             if alive[t] and reading[s] > threshold:
@@ -173,8 +175,8 @@ def _spread(reading, threshold, grid, halo, alive, active):
 def _ranks(tips: int, taxels: int) -> Array:
     """Two fixed numbers in [0, 1) per taxel, (F, T, 2), the same in every world and episode.
 
-    Dead shares over the first silence it: they are evenly spaced, so a share is what it says. Its
-    drift is the second times the fastest.
+    A taxel is dead if the dead share exceeds its first number. These numbers are evenly spaced, so
+    the share is met exactly. Its drift is the second number times the fastest drift.
     """
     rng = np.random.default_rng(0)
     dies = rng.permuted(np.tile(np.arange(taxels) / taxels, (tips, 1)), axis=1)
@@ -205,9 +207,9 @@ class Skin:
         )
 
     def feel(self, state: State, time_s: Array | None = None, worlds: Array | None = None) -> Touch:
-        """Read every taxel in the given state, `time_s` (N,) after the start; None: then.
+        """Read every taxel in the given state, `time_s` (N,) after the start; None: at the start.
 
-        `worlds` are the numbers of those to read, the others' readings stay; None: all.
+        `worlds` are the numbers of the worlds to read, the others keep their readings; None: all.
         """
         worlds = self._all if worlds is None else worlds
         origin, rotation = self._chains.frames(state.joint_rad[worlds])

@@ -1,13 +1,14 @@
 """The TRX hand of the paper as numbers.
 
-Three two-link fingers reach along +x from a vertical palm; flexion axes are vertical. Fingers 1
-and 2 (with the spread joints J2 and J5, fixed at zero) oppose finger 3, the thumb. J0, J3 and J6
-are worm-geared. The numbers describe the *ideal* hand: backlash and self-lock come as effects.
+Three two-link fingers reach along +x from a vertical palm; flexion axes are vertical. Fingers 1 and
+2 (with the spread joints J2 and J5, fixed at zero) oppose finger 3, the thumb. J0, J3 and J6 are
+worm-geared. The numbers describe the *ideal* hand: backlash and self-lock are added as effects.
 
-From the paper: the joints, 128 taxels per tip, 15 N per tip at most, 1 mm of skin compliance.
-The paper gives no link sizes; these learn the task. The flat 18 mm tips matter: on 9 mm tips a
-thin stick is pinched in an unstable equilibrium and a fifth of all episodes end in a drop. So does
-the preload: policies that learn around half of it let go in other engines twice as often.
+The paper gives the joints, 128 taxels per tip, at most 15 N per tip and 1 mm of skin compliance. It
+gives no link sizes; with the sizes here policies learn the task. The flat tips of 18 mm matter: on
+9 mm tips a thin stick is pinched in an unstable equilibrium and a fifth of all episodes end in a
+drop. The preload matters too: policies trained with half of it drop the stick twice as often in
+other engines.
 """
 
 import math
@@ -31,7 +32,8 @@ DISTAL_M = 0.038
 TIP_RADIUS_M = 0.018
 TIP_LENGTH_M = 0.012
 GEAR_INERTIA_KGM2 = 5e-5
-"""Output-side gear inertia about the hinge; bare links would need half the time step."""
+"""Gear inertia about the hinge on the output side; without it the links would need half the time
+step."""
 
 PROXIMAL_DRIVE = Drive(
     kp_nm_rad=6.0,
@@ -66,7 +68,10 @@ def _rod(mass_kg: float, length_m: float, radius_m: float) -> Vec3:
 
 
 def _geared(inertia: Vec3) -> Vec3:
-    """Add the gear to every axis: only the hinge axis moves, and a rigid body needs A + B >= C."""
+    """Add the gear's inertia to every axis.
+
+    Only the hinge axis moves, and a rigid body needs A + B >= C.
+    """
     return (
         inertia[0] + GEAR_INERTIA_KGM2,
         inertia[1] + GEAR_INERTIA_KGM2,
@@ -96,7 +101,7 @@ def _distal(name: str, parent: str, joint: Joint) -> Body:
 
 
 def _finger(name: str, base_m: Vec3, joints: tuple[str, str], spread: str | None) -> list[Body]:
-    """Bodies of one finger; positive flexion curls it towards y = 0."""
+    """The bodies of one finger; positive flexion curls it towards y = 0."""
     axis = (0.0, 0.0, -math.copysign(1.0, base_m[1]))
     bodies, parent, origin = [], None, base_m
     if spread is not None:

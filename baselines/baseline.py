@@ -1,4 +1,4 @@
-"""What acts: the interface of learners and of scripted baselines."""
+"""The interface of everything that acts: learners and scripted baselines."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from tasks.batch import BatchEnv, Step
 
 
 class Scripted(ABC):
-    """Base of a baseline that acts without learning; its subclass is named `Baseline`."""
+    """Base class of a baseline that acts without learning; its subclass is named `Baseline`."""
 
     trains = False
 
@@ -27,7 +27,7 @@ class Scripted(ABC):
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """What one training iteration gave."""
+    """The result of one training iteration."""
 
     steps: int
     """Environment steps of the iteration, all worlds together."""
@@ -38,22 +38,22 @@ class Progress:
     q_err_deg: float
     """Mean error of the axis over the iteration [deg]."""
     dropped: float
-    """Share of the finished episodes that ended in a drop; NaN if none finished."""
+    """Share of the finished episodes in which the stick fell; NaN if none finished."""
 
 
 class Learner(ABC):
-    """Base of a learning algorithm; its subclass is named `Baseline`.
+    """Base class of a learning algorithm; its subclass is named `Baseline`.
 
     Training is a chain of segments. A segment is a pure function of the saved learner state and a
-    seed: all worlds start new episodes and every random stream starts anew. So a killed training
-    that resumes at its last checkpoint ends as it would have.
+    seed: all worlds start new episodes and every random stream is restarted. So a training that is
+    killed and resumed at its last checkpoint gives the same result.
     """
 
     trains = True
 
     @abstractmethod
     def __init__(self, env: BatchEnv, seed: int) -> None:
-        """A fresh learner for this environment, its networks drawn from `seed`."""
+        """A new learner for this environment; `seed` sets the initial weights."""
 
     @staticmethod
     @abstractmethod
@@ -62,15 +62,15 @@ class Learner(ABC):
 
     @abstractmethod
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
-        """Train for some iterations, reporting after each."""
+        """Train for some iterations and report after each."""
 
     @abstractmethod
     def save(self, path: Path) -> None:
-        """Write the learner's state: tensors and numbers, loadable without unpickling code."""
+        """Write the learner's state: tensors and numbers, which load without unpickling code."""
 
     @abstractmethod
     def load(self, path: Path) -> None:
-        """Read what `save` wrote."""
+        """Read the state that `save` wrote."""
 
     @abstractmethod
     def export(self, path: Path) -> None:
@@ -78,14 +78,14 @@ class Learner(ABC):
 
 
 class Monitor:
-    """Gathers the steps of one iteration into a `Progress`."""
+    """Collects the steps of one iteration into a `Progress`."""
 
     def __init__(self) -> None:
         self._steps: list[tuple[float, float, float, int, int]] = []
         self._worlds = 0
 
     def add(self, step: Step) -> None:
-        """Take note of one batched step."""
+        """Add one batched step."""
         self._worlds = len(step.reward)
         self._steps.append(
             (

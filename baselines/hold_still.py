@@ -1,4 +1,4 @@
-"""The sanity baseline that never moves its targets."""
+"""A baseline for sanity checks: it never moves its targets."""
 
 import numpy as np
 

@@ -1,6 +1,6 @@
-"""What both PPO implementations share: one set of hyperparameters and the way to ONNX.
+"""What both PPO implementations share: the hyperparameters and the export to ONNX.
 
-Torch is imported here and in the learners' files alone.
+Torch is imported only here and in the learners' files.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import onnx
 import torch
 
 REWARD_SCALE = 0.1
-"""Rewards are learned at a tenth: rsl-rl clips changes of the value at an absolute 0.2."""
+"""Rewards are scaled by a tenth, because rsl-rl clips changes of the value at an absolute 0.2."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,7 +30,7 @@ class PpoSettings:
     clip: float = 0.2
     learning_rate: float = 5e-4
     desired_kl: float = 0.01
-    """The learning rate follows the KL divergence of the updates towards this."""
+    """Target of the KL divergence of an update; the learning rate adapts to it."""
     value_weight: float = 1.0
     entropy_weight: float = 0.0
     max_gradient: float = 1.0
@@ -42,7 +42,7 @@ SETTINGS = PpoSettings()
 
 
 def seed_everything(seed: int) -> None:
-    """Seed torch, numpy and random, and keep torch to one thread: sums must not be reordered."""
+    """Seed torch, numpy and random, and limit torch to one thread so that sums keep their order."""
     torch.set_num_threads(1)
     torch.manual_seed(seed)
     np.random.seed(seed % 2**32)
@@ -89,7 +89,7 @@ def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
 
 
 def _anonymize(path: Path) -> None:
-    """Take out of a policy what its export noted: stack traces with folders of this machine."""
+    """Remove stack traces with paths of this machine, which the export writes into a policy."""
     model = onnx.load(path)
     graph = model.graph
     for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info):

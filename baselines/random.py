@@ -1,11 +1,11 @@
-"""The sanity baseline that moves at random."""
+"""A baseline for sanity checks: it moves at random."""
 
 from backends.state import Array
 from baselines.baseline import Scripted
 
 
 class Baseline(Scripted):
-    """Displacements uniform in [-1, 1], from its own seed."""
+    """Uniform displacements in [-1, 1], drawn from its own seed."""
 
     def __call__(self, observation: Array) -> Array:
         """See `Scripted.__call__`."""

@@ -17,7 +17,7 @@ from tasks.batch import BatchEnv
 
 
 class RslEnv(VecEnv):
-    """The batched environment as rsl-rl 5 wants it: TensorDicts, one group named 'policy'."""
+    """The batched environment as an rsl-rl 5 VecEnv: TensorDicts with one group, 'policy'."""
 
     def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
         self._env, self._monitor = env, monitor
@@ -29,7 +29,7 @@ class RslEnv(VecEnv):
         self._observation = self._pack(env.reset(stagger=True))
 
     def get_observations(self) -> TensorDict:
-        """The current observations; rsl-rl asks repeatedly, so this never resets."""
+        """The current observations. rsl-rl calls this repeatedly, so it never resets."""
         return self._observation
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict]:

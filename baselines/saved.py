@@ -1,4 +1,4 @@
-"""A saved policy: ONNX and its contract, run without torch, without the learner, without pickle."""
+"""A saved policy: an ONNX file and its contract. Running it needs no torch, learner or pickle."""
 
 import hashlib
 import json
@@ -20,8 +20,8 @@ class PolicyError(Exception):
 class SavedPolicy:
     """A deterministic policy read from a run folder.
 
-    Raises PolicyError when a file is missing or damaged, or when the policy was trained on another
-    observation than the one it is to be used with.
+    Raises PolicyError if a file is missing or damaged, or if the policy was trained on another
+    observation than the given one.
     """
 
     def __init__(self, folder: Path, observation: Observation) -> None:
@@ -48,7 +48,7 @@ class SavedPolicy:
 
 
 def write_contract(folder: Path, observation: Observation) -> None:
-    """Write the contract that a policy in this folder keeps."""
+    """Write the contract of the policy in this folder."""
     text = json.dumps(observation.contract(), indent=2)
     (folder / CONTRACT_FILE).write_text(text + "\n")
 

@@ -24,7 +24,7 @@ _CLIP_OBSERVATION = 10.0
 
 
 class Sb3Env(VecEnv):
-    """The batched environment as Stable-Baselines3 wants it; finished worlds restart at once."""
+    """The batched environment as a Stable-Baselines3 VecEnv; finished worlds restart at once."""
 
     def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
         width = env.observation.width
@@ -37,11 +37,11 @@ class Sb3Env(VecEnv):
         self._action = np.zeros((env.worlds, env.action_width))
 
     def reset(self) -> Array:
-        """Begin new episodes everywhere, cut at staggered lengths."""
+        """Begin new episodes in all worlds, cut at staggered lengths."""
         return self._env.reset(stagger=True)
 
     def step_async(self, actions: Array) -> None:
-        """Remember the actions of the coming step."""
+        """Store the actions for the next step."""
         self._action = actions
 
     def step_wait(self) -> tuple[Array, Array, Array, list[dict]]:
@@ -57,22 +57,22 @@ class Sb3Env(VecEnv):
         return observation, (REWARD_SCALE * step.reward).astype(np.float32), step.done, infos
 
     def close(self) -> None:
-        """The environment belongs to whoever made it."""
+        """Do nothing: the environment is closed by its creator."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list:
         """See `VecEnv.get_attr`."""
         return [getattr(self, attr_name, None)] * len(self._rows(indices))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Refused: worlds are set up by their spec."""
+        """Not supported: the worlds are defined by their spec."""
         raise NotImplementedError("worlds are set up by their spec")
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list:
-        """Refused: there is no environment object per world."""
+        """Not supported: there is no environment object per world."""
         raise NotImplementedError("there is no environment object per world")
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """No world is wrapped."""
+        """False for every world."""
         return [False] * len(self._rows(indices))
 
     def _rows(self, indices: Any) -> Sequence[int]:
@@ -80,7 +80,7 @@ class Sb3Env(VecEnv):
 
 
 class _Report(BaseCallback):
-    """Adapts the learning rate to the last update's KL divergence, as rsl-rl does, and reports."""
+    """Reports, and adapts the learning rate to the last update's KL divergence, as rsl-rl does."""
 
     def __init__(self, monitor: Monitor, report: Callable[[Progress], None]) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""The batched environment: N worlds of one task, plain numpy, no engine and no learner in sight."""
+"""The batched environment: N worlds of one task in plain numpy, without engine or learner code."""
 
 import dataclasses
 import math
@@ -14,24 +14,24 @@ from tasks.observation import Observation, Percept
 from tasks.task import EPISODE_S, Figure, desired_axis
 
 ACTION_RAD = 0.015
-"""Target increment of a full action in one policy step [rad]."""
+"""Change of the target by a full action in one policy step [rad]."""
 TARGET_LEAD_RAD = 0.2
-"""The target stays within this of the measured position [rad]."""
+"""Largest distance between target and measured position [rad]."""
 OFFSET_RETURN = 0.05
-"""Share of the way back to the preload that the target's lead over the position goes in one step.
+"""Share by which the target's lead over the measured position returns to the preload in one step.
 
-No observation of the paper shows that lead, and with it the squeeze; as a bare sum of actions it
-wanders off, the stick creeps down or is dropped. A time constant of 0.4 s bounds it. The
-observation `centers-and-lead`, which is not the paper's, shows it.
+The lead sets the squeeze, and no observation of the paper contains it. As a plain sum of actions it
+drifts away: the stick creeps down or is dropped. A time constant of 0.4 s bounds it. The
+observation `centers-and-lead`, which is not in the paper, contains it.
 """
 ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
 """The paper's reward: [C, w0, w1 per m, w2 per N]."""
 DROP_M = 0.03
-"""An episode ends when the stick's centre sinks this far below its nominal height [m]."""
+"""An episode ends when the stick's centre is this far below its nominal height [m]."""
 TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
-"""A step is tracked with the lower end and the axis within these."""
+"""A step counts as tracked while the errors of lower end and axis are within these."""
 STARTS_PER_WORLD = 8
-"""Initial states that each world draws its episodes from."""
+"""Number of initial states from which each world draws its episodes."""
 
 
 class SimulationDivergedError(Exception):
@@ -40,16 +40,16 @@ class SimulationDivergedError(Exception):
 
 @dataclass(frozen=True, kw_only=True)
 class Step:
-    """What one policy step gave, for N worlds."""
+    """The result of one policy step for N worlds."""
 
     observation: Array
     """Observation after the step, shape (N, width), float32."""
     reward: Array
     """The paper's reward, shape (N,)."""
     terminated: Array
-    """The stick has fallen, shape (N,), bool."""
+    """Whether the stick has fallen, shape (N,), bool."""
     truncated: Array
-    """The episode's time is over, shape (N,), bool."""
+    """Whether the episode's time is over, shape (N,), bool."""
     end_error_m: Array
     """Distance of the lower end from the drawn point [m], shape (N,)."""
     axis_error_rad: Array
@@ -57,18 +57,18 @@ class Step:
 
     @property
     def done(self) -> Array:
-        """The episode is over, shape (N,), bool."""
+        """Whether the episode is over, shape (N,), bool."""
         return self.terminated | self.truncated
 
     @property
     def tracked(self) -> Array:
-        """Held, and both errors within their bounds, shape (N,), bool."""
+        """Whether the stick is held and both errors are within their bounds, shape (N,), bool."""
         near = (self.end_error_m < TRACKED_M) & (self.axis_error_rad < TRACKED_RAD)
         return near & ~self.terminated
 
 
 class BatchEnv:
-    """N worlds of one task with one observation; faces for learners are thin layers over it."""
+    """N worlds of one task with one observation; learners see it through thin adapters."""
 
     def __init__(
         self,
@@ -78,7 +78,7 @@ class BatchEnv:
         seed: int,
         start_spread: float = 1.0,
     ) -> None:
-        """`start_spread` scales the drawn initial states; at 0 there is a single one."""
+        """`start_spread` scales the spread of initial states; 0 gives a single initial state."""
         spec = simulator.specs[0]
         self.simulator, self.task, self.observation = simulator, task, observation
         self.worlds, self._start_spread = len(simulator.specs), start_spread
@@ -123,7 +123,7 @@ class BatchEnv:
         return self._target
 
     def seed(self, seed: int) -> None:
-        """Start the random stream of initial states and headings anew."""
+        """Restart the random stream of initial states and headings."""
         self._rng = np.random.default_rng(seed)
         self._noise_rng = np.random.default_rng([seed, 1])
         self._starts = []
@@ -131,10 +131,10 @@ class BatchEnv:
     def reset(
         self, mask: Array | None = None, start: InitialState | None = None, stagger: bool = False
     ) -> Array:
-        """Begin new episodes in the masked worlds (default all); the observations of all.
+        """Begin new episodes in the masked worlds (default: all); returns all observations.
 
         `start` replaces the drawn initial states. `stagger` cuts these episodes at random lengths,
-        so that worlds that start together do not end together.
+        so that worlds that start together do not all end at the same time.
         """
         mask = np.ones(self.worlds, dtype=bool) if mask is None else mask
         start = self._draw_starts() if start is None else start
@@ -148,7 +148,7 @@ class BatchEnv:
         return self._observe(self._state, np.flatnonzero(mask))
 
     def step(self, action: Array) -> Step:
-        """Displace the targets by `action` in [-1, 1], shape (N, J), and advance one policy period.
+        """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
 
         Raises SimulationDivergedError when the engine returns a number that is not finite.
         """
@@ -163,7 +163,10 @@ class BatchEnv:
         return self._judge(self._state)
 
     def step_and_restart(self, action: Array) -> tuple[Step, Array]:
-        """`step`, then new episodes where one is over; the step, and the observations to act on."""
+        """`step`, then begin new episodes where one is over.
+
+        Returns the step and the observations to act on.
+        """
         step = self.step(action)
         return step, self.reset(step.done) if step.done.any() else step.observation
 
@@ -172,7 +175,7 @@ class BatchEnv:
         self.simulator.close()
 
     def reference(self) -> tuple[Array, Array]:
-        """Drawn point (N, 3) [m] and desired axis u_d (N, 3) now, world frame."""
+        """Current reference point (N, 3) [m] and desired axis u_d (N, 3), world frame."""
         axis = desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
         return self._grip - self._lever[:, None] * axis, axis
 
@@ -182,7 +185,7 @@ class BatchEnv:
         return self.state.stick_pos_m - self._half[:, None] * axis
 
     def _observe(self, state: State, worlds: Array | None = None) -> Array:
-        """Observations of all worlds, of which `worlds` (None: all) are new since the last ones."""
+        """Observations of all worlds; only `worlds` (None: all) are read again."""
         _, axis = self.reference()
         touch = self._skin.feel(state, self.time_s, worlds)
         percept = Percept(state=state, touch=touch, desired_axis=axis, target_rad=self._target)

@@ -1,4 +1,4 @@
-"""A circle about the centre, entered from the centre within half a second."""
+"""A circle about the centre; the reference moves from the centre to the circle in half a second."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ class Task(Figure):
     repeats = True
 
     def entry_s(self, heading_rad: Array) -> Array:
-        """How long each episode takes from the centre to the circle [s], shape (N,)."""
+        """Time that each episode takes from the centre to the circle [s], shape (N,)."""
         return np.full(len(heading_rad), ENTRY_S)
 
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:

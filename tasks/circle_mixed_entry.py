@@ -1,7 +1,7 @@
-"""A circle about the centre, entered within half a second to a lap: each episode draws how fast.
+"""A circle about the centre; each episode draws how fast it is entered: half a second to a lap.
 
-The reference passes all sizes on its way out, at the pace of the circle itself. A policy trained on
-`circle` knows no reference near the centre but one that leaves it at once.
+On its way out the reference passes circles of all sizes, at the pace of the circle itself. A policy
+trained on `circle` never sees a reference that stays near the centre.
 """
 
 import math
@@ -11,11 +11,11 @@ from tasks import circle
 from tasks.circle import ENTRY_S
 
 SLOWEST_S = 2.0
-"""One lap at the training pace."""
+"""Time of one lap at the training pace [s]."""
 
 
 class Task(circle.Task):
-    """Laps on a circle of the given radius; the heading decides how long it is entered."""
+    """Laps on a circle of the given radius; the heading sets the time to enter it."""
 
     def entry_s(self, heading_rad: Array) -> Array:
         """See `circle.Task.entry_s`."""

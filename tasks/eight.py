@@ -1,4 +1,4 @@
-"""The figure of eight, crossing itself at the centre."""
+"""A figure of eight that crosses itself at the centre."""
 
 import numpy as np
 

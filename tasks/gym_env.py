@@ -1,4 +1,4 @@
-"""Gymnasium faces of the batched environment, single and vector; they know no engine."""
+"""Gymnasium environments on the batched environment, single and vector; they know no engine."""
 
 from collections.abc import Callable
 from typing import Any
@@ -12,11 +12,11 @@ from backends.state import Array
 from tasks.batch import BatchEnv, Step
 
 MakeBatch = Callable[[int, int], BatchEnv]
-"""Makes a batched environment from a number of worlds and a seed."""
+"""Makes a batched environment, given a number of worlds and a seed."""
 
 
 def _fresh_seed() -> int:
-    """A seed that nobody chose, for whoever resets without one."""
+    """A random seed for a reset that is given none."""
     return int(np.random.SeedSequence().generate_state(1)[0])
 
 
@@ -34,7 +34,7 @@ def _info(step: Step) -> dict[str, Array]:
 
 
 class StickEnv(gym.Env):
-    """One world; info holds p_err_cm, q_err_deg and tracked."""
+    """One world as a Gymnasium environment; `info` holds p_err_cm, q_err_deg and tracked."""
 
     metadata: dict[str, Any] = {"render_modes": []}
 
@@ -64,7 +64,7 @@ class StickEnv(gym.Env):
 
 
 class StickVectorEnv(VectorEnv):
-    """N worlds; a finished one restarts within the same step."""
+    """N worlds as a Gymnasium vector environment; finished worlds restart in the same step."""
 
     metadata: dict[str, Any] = {"autoreset_mode": AutoresetMode.SAME_STEP, "render_modes": []}
 
@@ -78,7 +78,7 @@ class StickVectorEnv(VectorEnv):
     def reset(
         self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict]:
-        """See `gymnasium.vector.VectorEnv.reset`; one seed draws for all worlds."""
+        """See `gymnasium.vector.VectorEnv.reset`; one seed serves all worlds."""
         if isinstance(seed, list):
             raise TypeError("give one seed for all worlds: they share a random stream")
         if seed is not None:

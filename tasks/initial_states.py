@@ -1,7 +1,7 @@
-"""Initial states by the paper's Algorithm 1: fingers close on a stick that is held still.
+"""Initial states by the paper's Algorithm 1: the fingers close on a stick that is held still.
 
-The paper closes the fingers in simulation until they touch; here the touching angle is found by
-bisection on the distance between fingertip and stick, which needs no engine and no cache.
+The paper closes the fingers in simulation until they touch. Here the touching angle is found by
+bisection on the distance between fingertip and stick, which needs neither engine nor cache.
 """
 
 from collections.abc import Sequence
@@ -15,15 +15,18 @@ from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix
 from backends.touch import stick_shape, surface_distance
 
 TILT_RAD = 0.10
-"""Stick axis: both horizontal components of the tilt are uniform within +-this [rad]."""
+"""Stick axis: both horizontal components of the tilt are uniform within plus and minus this
+[rad]."""
 PIVOT_M = 3e-3
-"""Pinched point: uniform within +-this in x and y about the nominal grip [m]."""
+"""Pinched point: uniform within plus and minus this in x and y about the nominal grip [m]."""
 AXIAL_M = 6e-3
-"""Where along the stick it is pinched: uniform within +-this about the nominal point [m]."""
+"""Place along the stick at which it is pinched: uniform within plus and minus this about the
+nominal point [m]."""
 DISTAL_RAD = 0.12
-"""Distal joints: uniform within +-this about the nominal grasp [rad]."""
+"""Distal joints: uniform within plus and minus this about the nominal grasp [rad]."""
 _SWEEP_RAD = 0.5
-"""How far the proximal joints open and close about the nominal grasp in search of contact."""
+"""Angle by which the proximal joints open and close about the nominal grasp in search of contact
+[rad]."""
 _BISECTIONS, _SECTIONS = 40, 40
 _GOLDEN = 0.6180339887498949
 
@@ -31,11 +34,11 @@ _GOLDEN = 0.6180339887498949
 def sample_initial_states(
     specs: Sequence[Spec], rng: np.random.Generator, spread: float = 1.0
 ) -> InitialState:
-    """One grasp per spec, every finger touching the stick; `spread` scales the distributions.
+    """One grasp per spec with every finger touching the stick; `spread` scales the distributions.
 
-    The first k grasps of a longer list are the same as those of a list of k.
+    The first k grasps of a longer list equal those of a list of k.
 
-    Raises ValueError when a finger cannot touch a stick anywhere in its sweep, or hands differ.
+    Raises ValueError if a finger cannot touch the stick anywhere in its sweep, or if hands differ.
     """
     hand, n = common_hand(specs), len(specs)
     proximal, distal = _split(specs[0])
@@ -53,7 +56,7 @@ def sample_initial_states(
 
 
 def _split(spec: Spec) -> tuple[list[int], list[int]]:
-    """Columns of each finger's joint next to the palm and of its joint next to the tip."""
+    """Columns of each finger's proximal joint and of its distal joint."""
     names = [body.name for body in spec.hand.driven]
     distal = [names.index(tip.body) for tip in spec.hand.fingertips]
     bodies = {body.name: body for body in spec.hand.bodies}
@@ -64,7 +67,7 @@ def _split(spec: Spec) -> tuple[list[int], list[int]]:
 def _close(
     specs: Sequence[Spec], joint: Array, proximal: list[int], stick_pos: Array, quat: Array
 ) -> None:
-    """Bisect the proximal angles in `joint` until each tip's distance to the stick is zero."""
+    """Bisect the proximal angles in `joint` until the distance of each tip to the stick is zero."""
     shapes = np.array([stick_shape(s.stick) for s in specs])
     rotation = quat_to_matrix(quat)
     closed = joint[:, proximal] + _SWEEP_RAD
@@ -97,7 +100,7 @@ def _at(p, d, s, shape):
 
 @numba.njit(cache=True)
 def _capsule_gaps(origin, forward, tips, shapes, stick_pos, rotation):
-    """Distance tip to stick: golden section along the tip's axis, where it is convex."""
+    """Distance from tip to stick: golden-section search along the tip's axis (convex)."""
     out = np.empty(origin.shape[:2])
     for n in range(out.shape[0]):
         for f in range(out.shape[1]):

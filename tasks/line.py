@@ -7,7 +7,7 @@ from tasks.task import Figure
 
 
 class Task(Figure):
-    """Harmonic motion along the episode's heading, from the centre, `radius_m` either way."""
+    """Harmonic motion along the episode's heading, by `radius_m` to either side of the centre."""
 
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
         """See `Figure.offset_m`."""

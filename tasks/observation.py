@@ -1,4 +1,4 @@
-"""What a policy sees: named channels in a fixed order, written down as the policy contract."""
+"""Observations: named channels in a fixed order, saved with a policy as its contract."""
 
 import dataclasses
 from abc import ABC, abstractmethod
@@ -11,7 +11,7 @@ from backends.state import Array, State, quat_z_axis
 from backends.touch import Touch
 
 CENTER_SCALE_M = 0.02
-"""Contact centres and stick positions are divided by this [m]."""
+"""Scale by which contact centres and stick positions are divided [m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,23 +23,23 @@ class Channel:
     """Unit before scaling."""
     width: int
     scale: float
-    """The physical value is divided by this."""
+    """Scale by which the physical value is divided."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Percept:
-    """All that observations may draw on, for N worlds."""
+    """All data from which an observation may be built, for N worlds."""
 
     state: State
     touch: Touch
     desired_axis: Array
-    """u_d: unit vector from the drawn point to the pivot, shape (N, 3)."""
+    """u_d: unit vector from the reference point to the pivot, shape (N, 3)."""
     target_rad: Array
     """Commanded joint angles [rad], shape (N, J)."""
 
 
 class Observation(ABC):
-    """Base of every observation: joint positions, u_d, and what a subclass adds.
+    """Base class of every observation: joint positions, u_d, and the channels of a subclass.
 
     A subclass named `Observation` in its own file is one observation.
     """
@@ -51,7 +51,7 @@ class Observation(ABC):
 
     @property
     def channels(self) -> tuple[Channel, ...]:
-        """The layout, in order."""
+        """The channels, in order."""
         joints = len(self.hand.driven)
         return (
             Channel(name="joint_position_over_range", unit="1", width=joints, scale=1.0),
@@ -65,7 +65,7 @@ class Observation(ABC):
         return sum(channel.width for channel in self.channels)
 
     def contract(self) -> dict:
-        """The layout as plain data: what a saved policy expects to be given."""
+        """The layout as plain data: the input that a saved policy expects."""
         return {
             "joints": list(self.hand.joint_names),
             "observation": [dataclasses.asdict(channel) for channel in self.channels],
@@ -77,7 +77,7 @@ class Observation(ABC):
         }
 
     def read(self, percept: Percept) -> Array:
-        """Observation vectors, shape (N, width), float32, sharing no memory with the state."""
+        """Observation vectors, shape (N, width), float32; they share no memory with the state."""
         position = (percept.state.measured_rad - self._low) / self._span
         parts = [position, percept.desired_axis, *self.extra(percept)]
         return np.concatenate(parts, axis=1, dtype=np.float32)

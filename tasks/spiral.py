@@ -1,4 +1,4 @@
-"""A spiral from the centre outwards that reaches its radius at the end of the episode."""
+"""A spiral outwards from the centre that reaches its radius at the end of the episode."""
 
 import numpy as np
 

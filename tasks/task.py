@@ -1,4 +1,4 @@
-"""What a task is: a figure that the lower end of the stick draws in the horizontal plane."""
+"""A task: a figure that the lower end of the stick draws in the horizontal plane."""
 
 import math
 from abc import ABC, abstractmethod
@@ -9,20 +9,20 @@ import numpy as np
 from backends.state import Array
 
 RADIUS_M = 0.02
-"""Size of the figure in training [m]."""
+"""Radius of the figure in training [m]."""
 RATE_RAD_S = math.pi
 """Phase rate of the figure in training [rad/s]."""
 EPISODE_S = 6.0
 
 
 class Figure(ABC):
-    """Base of every task; a subclass named `Task` in its own file is one task.
+    """Base class of every task; a subclass named `Task` in its own file is one task.
 
-    `radius_m` is the size of the figure, `speed` its pace as a multiple of the training pace.
+    `radius_m` is the size of the figure; `speed` is its pace as a multiple of the training pace.
     """
 
     repeats: ClassVar[bool] = False
-    """Whether the figure is one closed lap, entered once and then repeated."""
+    """Whether the figure is a closed lap that is entered once and then repeated."""
 
     def __init__(self, radius_m: float = RADIUS_M, speed: float = 1.0) -> None:
         self.radius_m = radius_m
@@ -30,14 +30,14 @@ class Figure(ABC):
 
     @abstractmethod
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
-        """Horizontal offset of the drawn point from the centre [m], shape (N, 2).
+        """Horizontal offset of the reference point from the centre [m], shape (N, 2).
 
-        Takes times since the start (N,) [s] and each episode's random heading (N,) [rad]; every
-        figure starts at the centre.
+        Arguments are the time since the start (N,) [s] and each episode's random heading (N,)
+        [rad]. Every figure starts at the centre.
         """
 
 
 def desired_axis(offset_m: Array, lever_m: Array) -> Array:
-    """Unit vectors (N, 3) from the drawn points to the pivot, for levers (N,) from end to pivot."""
+    """Unit vectors (N, 3) from the reference points to the pivot; levers (N,) are end to pivot."""
     level = -offset_m / lever_m[:, None]
     return np.concatenate([level, np.sqrt(1 - (level**2).sum(axis=1, keepdims=True))], axis=1)

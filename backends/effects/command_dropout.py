@@ -1,4 +1,4 @@
-"""Targets lost on the bus; the drive keeps the last one."""
+"""Targets are lost on the bus; the drive keeps the last one."""
 
 from backends.effect import NumberEffect
 

@@ -1,4 +1,4 @@
-"""A surface with more or less grip."""
+"""The stick's surface has more or less friction."""
 
 from backends.effect import NumberEffect
 

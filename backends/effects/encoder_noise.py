@@ -1,4 +1,4 @@
-"""A position sensor with white noise."""
+"""A position sensor has white noise."""
 
 from backends.effect import NumberEffect
 

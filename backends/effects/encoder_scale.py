@@ -1,4 +1,4 @@
-"""A position sensor whose readings grow too fast or too slowly."""
+"""The readings of a position sensor are too large or too small by a constant factor."""
 
 from backends.effect import NumberEffect
 

@@ -1,4 +1,4 @@
-"""A derivative gain that is not the nominal one."""
+"""The derivative gain differs from the nominal one."""
 
 from backends.effect import NumberEffect
 

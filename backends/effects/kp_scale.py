@@ -1,4 +1,4 @@
-"""A proportional gain that is not the nominal one."""
+"""The proportional gain differs from the nominal one."""
 
 from backends.effect import NumberEffect
 

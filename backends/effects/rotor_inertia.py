@@ -1,4 +1,4 @@
-"""A rotor heavier than nominal."""
+"""The rotor is heavier than nominal."""
 
 from backends.effect import NumberEffect
 

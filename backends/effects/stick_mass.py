@@ -1,4 +1,4 @@
-"""A stick heavier or lighter than nominal."""
+"""The stick is heavier or lighter than nominal."""
 
 from backends.effect import NumberEffect
 

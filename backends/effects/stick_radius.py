@@ -1,4 +1,4 @@
-"""A stick thicker or thinner than nominal."""
+"""The stick is thicker or thinner than nominal."""
 
 from backends.effect import NumberEffect
 

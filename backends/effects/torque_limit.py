@@ -1,4 +1,4 @@
-"""A drive that saturates earlier or later than its nominal limit."""
+"""The drive saturates below or above its nominal limit."""
 
 from backends.effect import NumberEffect
 

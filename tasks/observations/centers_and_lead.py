@@ -1,11 +1,11 @@
-"""Beyond the paper: contact centres and how far each drive's target leads its joint."""
+"""Not in the paper: contact centres and the lead of each drive's target over its joint."""
 
 from backends.state import Array
 from tasks import observation
 from tasks.observation import Channel, Percept
 
 LEAD_SCALE_RAD = 0.1
-"""The target's lead is divided by this [rad]."""
+"""Scale by which the target's lead is divided [rad]."""
 
 
 class Observation(observation.Observation):

@@ -1,4 +1,4 @@
-"""The ablation without processing: every taxel as it is."""
+"""The ablation without processing: every taxel by itself."""
 
 from backends.state import Array
 from tasks import observation

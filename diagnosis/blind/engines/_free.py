@@ -37,7 +37,7 @@ class FreeHands(Engine):
         **{name: EXACT for name in field_names() if name.split(".")[0] in CARRIED},
         **SHARED_SUPPORT,
         "joint.axis": EXACT,
-        "joint.slides": "refused: only hinges are built",
+        "joint.slides": "refused: only hinge joints are built",
     }
     drive_s: ClassVar[float]
     """Period of the drives [s]."""

@@ -1,7 +1,8 @@
-"""The drives of many worlds behind one address, for compiled code between an engine's steps.
+"""Pass the drives of many worlds to compiled code as one memory address.
 
-A call from Python costs as much as the drive law itself; an address and a world's number are the
-cheapest arguments, and a C library can hand them on.
+Compiled code calls the drive law between an engine's steps. A call from Python would cost as much
+as the drive law itself. An address and a world's number are the cheapest arguments, and a C library
+can pass them on.
 """
 
 from typing import Any
@@ -15,7 +16,7 @@ from backends.drive import DriveBank, motor_tick
 from backends.state import Array
 
 _HEAD = 9
-"""Numbers of an errand: worlds, joints, period, then the addresses of its arrays."""
+"""Length of the argument block: worlds, joints, period, then the addresses of six arrays."""
 
 
 def _pointer(typing_context, address):
@@ -37,8 +38,8 @@ def array_at(address, shape):
 
 
 @numba.njit(cache=True)
-def turn(address, n, angle, rate):
-    """Turn the motors of world `n` by one drive period; the torques (J,) on its joints [Nm]."""
+def motor_step(address, n, angle, rate):
+    """Advance the motors of world `n` by one drive period; returns its joint torques (J,) [Nm]."""
     head = array_at(address, _HEAD)
     joints, dt = int(head[1]), head[2]
     shape = int(head[0]), joints
@@ -52,15 +53,16 @@ def turn(address, n, angle, rate):
     return gear[n]
 
 
-class Errand:
-    """What compiled code needs to turn the motors of a drive bank towards their targets."""
+class DriveCallArgs:
+    """The arguments with which compiled code advances the motors of a drive bank."""
 
     def __init__(self, drives: DriveBank) -> None:
         motor, speed, parameters, dt_s, pd, gear = drives.rotors
         self.target_rad: Array = np.zeros_like(motor)
-        """Where the drives go to, (N, J) [rad]: written before each policy period."""
+        """Target angles (N, J) [rad]; write them before each policy period."""
         self._arrays = (self.target_rad, motor, speed, parameters, pd, gear)
         addresses = [array.ctypes.data for array in self._arrays]
         self._head = np.array([*motor.shape, dt_s, *addresses], dtype=np.float64)
         self.address = self._head.ctypes.data
-        """Where these numbers are, all exact in 64-bit floats, as long as this object lives."""
+        """Address of the argument block, valid as long as this object lives; all its numbers are
+        exact in 64-bit floats."""
