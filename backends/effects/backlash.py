@@ -1,4 +1,4 @@
-"""Gear play: the joint is free within plus and minus the magnitude about its motor."""
+"""Gear play: the joint moves freely by the magnitude to either side of its motor."""
 
 import math
 
@@ -6,7 +6,7 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Half play; worm-geared joints unless one is named.
+    """Half of the play; on all worm-geared joints unless a joint is named.
 
     Law: tau_gear = k (m - q -+ play) + c (m' - q') beyond the play, cut at zero so that teeth never
       pull; nothing inside.

@@ -1,10 +1,10 @@
-"""Targets that reach the drive late."""
+"""Targets reach the drive late."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Time between a target and the drive that follows it.
+    """Time from the moment a target is sent until the drive follows it.
 
     Law: The drive follows the target of t - delay, linear between drive periods.
     Source: Transport and bus time; Tan et al., *Sim-to-real: learning agile locomotion for

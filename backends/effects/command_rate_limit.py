@@ -1,10 +1,10 @@
-"""A drive that limits how fast its target moves."""
+"""The drive limits how fast its target moves."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Least time per radian of target motion: 0.2 s/rad is a limit of 5 rad/s.
+    """Shortest time per radian of target motion: 0.2 s/rad is a limit of 5 rad/s.
 
     Law: The target moves by no more than dt / slowness in a drive period.
     Source: Profile velocity of servo firmware.

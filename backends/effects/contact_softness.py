@@ -1,10 +1,10 @@
-"""Fingertips that yield under load."""
+"""The fingertips yield under load."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Depth that a contact yields per force, beyond the engine's own.
+    """Depth by which a contact yields per unit of force, on top of the engine's own softness.
 
     Law: A contact point yields own + compliance times force: a spring in series with the engine's
       own contact. Within 0.1 % of it from 0.02 to 1 mm/N and 0.3 to 4.7 N in the held grasp of the

@@ -1,4 +1,4 @@
-"""A drive that does not answer to small errors between target and motor."""
+"""The drive does not react to small errors between target and motor."""
 
 import math
 
@@ -6,7 +6,7 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Error below which the PD law gives nothing; larger ones count that much less.
+    """Error below which the PD law gives no torque; it is subtracted from larger errors.
 
     Law: The PD law takes the error e as sign(e) max(|e| - zone, 0).
     Source: Slotine and Li, *Applied Nonlinear Control*, 1991, ch. 5.

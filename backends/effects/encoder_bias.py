@@ -1,4 +1,4 @@
-"""A position sensor whose zero is off."""
+"""The zero of a position sensor is off."""
 
 import math
 
@@ -6,7 +6,7 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Added to every reading.
+    """Constant that is added to every reading.
 
     Law: Added to every reading.
     Source: Zero-point error of assembly and homing.

@@ -1,4 +1,4 @@
-"""A position sensor with coarse steps."""
+"""A position sensor reads in coarse steps."""
 
 import math
 
@@ -6,7 +6,7 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Size of a step.
+    """Size of one step.
 
     Law: Readings are the nearest multiples of the step, after bias and noise.
     Source: Widrow and Kollar, *Quantization Noise*, 2008: uniform error of variance step^2 / 12.

@@ -1,10 +1,10 @@
-"""Teeth that damp more or less than nominal."""
+"""The gear teeth damp more or less than nominal."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative change of the damping; at 1 kHz the gear is unstable from +120 % on.
+    """Relative change of the damping; at 1 kHz the gear becomes unstable from +120 % on.
 
     Law: c in tau_gear.
     Source: The damping of the flexible shaft in Nordin, Galic and Gutman, Int. J. Adaptive Control

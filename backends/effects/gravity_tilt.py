@@ -1,4 +1,4 @@
-"""A hand mounted askew: gravity is not where it should be."""
+"""The hand is mounted at an angle, so gravity points in another direction than expected."""
 
 import dataclasses
 import math
@@ -8,7 +8,7 @@ from backends.spec import Spec
 
 
 class Effect(effect.Effect):
-    """Turn of gravity about the world's y axis; positive tilts it towards +x.
+    """Rotation of gravity about the world's y axis; positive angles tilt it towards +x.
 
     Law: Gravity turns about the world's y axis, towards +x where positive; its size stays.
     Source: A rotation.

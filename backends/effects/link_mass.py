@@ -1,10 +1,10 @@
-"""A link that carries a payload at its centre of mass, or is lighter than nominal."""
+"""A link carries a payload at its centre of mass, or is lighter than nominal."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative change of the mass that the joint moves; its inertia about its centre stays.
+    """Relative change of the link's mass; its inertia about the centre of mass stays.
 
     Law: The mass at the link's centre changes, its inertia about that centre stays: a payload
       there.

@@ -4,7 +4,7 @@ from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Friction torque per transmitted torque.
+    """Friction torque per unit of transmitted torque.
 
     Law: friction += share |tau_gear|: a load is held back by (1 - share) of it and costs (1 +
       share) of it to lift.

@@ -1,10 +1,10 @@
-"""A worm that does not let the load drive its motor back, up to a torque."""
+"""A worm gear holds its motor against the load, up to a torque."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Largest back-driving torque held; worm-geared joints unless one is named.
+    """Largest back-driving torque that is held; on all worm gears unless a joint is named.
 
     Law: Where the load drives the rotor (m' tau_gear < 0) against the motor (m' tau_pd <= 0), up to
       lock_nm dt / J is taken from its speed.

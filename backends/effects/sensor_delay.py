@@ -1,10 +1,10 @@
-"""Position readings that are late."""
+"""Position readings are late."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Age of a reading when it is read.
+    """Age of a reading at the moment it is read.
 
     Law: The reading is that of the angle at t - delay, linear between drive periods.
     Source: Conversion, filters, bus.

@@ -1,10 +1,10 @@
-"""A gear train more compliant than nominal: an elastic element in series with the teeth."""
+"""The gear train is softer than nominal: an elastic element in series with the teeth."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Relative growth of the compliance.
+    """Relative increase of the compliance.
 
     Law: k' = k / (1 + magnitude): compliances in series add.
     Source: Pratt and Williamson, *Series elastic actuators*, IROS 1995; Spong, *Modeling and

@@ -1,10 +1,10 @@
-"""Stiction: friction at standstill that fades with speed (Stribeck)."""
+"""Stiction: friction at standstill that falls with speed (Stribeck)."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Torque to break away, above the Coulomb friction.
+    """Breakaway torque in addition to the Coulomb friction.
 
     Law: friction += stiction exp(-|m'| / v_s), v_s = 0.05 rad/s: it breaks away at coulomb +
       stiction and fades with speed.

@@ -1,10 +1,10 @@
-"""Taxel readings that drift away from zero, each with its own rate."""
+"""Taxel readings drift away from zero, each with its own rate."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Fastest rate, as pressed depth; a taxel has between none and all of it.
+    """Fastest rate, as pressed depth per time; each taxel has a fixed rate from zero to this.
 
     Law: Every reading grows by its own rate, evenly spread between none and the fastest, from the
       episode's start on, touched or not.

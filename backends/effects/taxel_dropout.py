@@ -1,10 +1,10 @@
-"""Taxels that never answer."""
+"""Some taxels are dead: they never respond."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Share of dead taxels.
+    """Share of the taxels that are dead.
 
     Law: These taxels read zero and never count, in a halo neither. More dead ones are the same and
       others.

@@ -1,10 +1,10 @@
-"""Taxels whose neighbours answer too."""
+"""The neighbours of a pressed taxel respond too."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Distance up to which neighbours of a pressed taxel answer.
+    """Distance up to which the neighbours of a pressed taxel respond.
 
     Law: Taxels nearer than this to an active one count too; their readings stay. The grid is 2.4 x
       2.9 mm: a halo under 2.4 mm does nothing.

@@ -1,10 +1,10 @@
-"""Taxels that need more than the nominal press to count, or less."""
+"""Taxels need a deeper or a lighter press than nominal to count as active."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Pressed depth to add to the threshold.
+    """Pressed depth that is added to the threshold.
 
     Law: A taxel has to be pressed deeper by this to count.
     Source: Gains and offsets of taxels; the paper binarises with one empirical threshold.

@@ -1,10 +1,10 @@
-"""Viscous friction: a torque in proportion to the motor's speed."""
+"""Viscous friction: a torque proportional to the motor's speed."""
 
 from backends.effect import NumberEffect
 
 
 class Effect(NumberEffect):
-    """Added viscous coefficient; at 1 kHz the rotor is unstable from 0.18 Nms on.
+    """Added viscous coefficient; at 1 kHz the rotor becomes unstable from 0.18 Nms on.
 
     Law: A torque -viscous m'.
     Source: Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994).
