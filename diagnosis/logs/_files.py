@@ -81,7 +81,9 @@ def _yaml(path: Path) -> object:
     try:
         return yaml.safe_load(path.read_text())
     except FileNotFoundError:
-        raise LogError(f"{path} does not exist; docs/logs.md shows one of eight lines") from None
+        raise LogError(
+            f"{path} does not exist; docs/reference/log-format.md shows one of eight lines"
+        ) from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         what = " ".join(str(error).split())
         raise LogError(f"{path} cannot be read as YAML: {what}") from None

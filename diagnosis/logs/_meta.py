@@ -111,7 +111,7 @@ def parse_meta(data: object) -> LogMeta:
     if data.get("schema") != SCHEMA:
         raise LogError(
             f"log.yaml has schema {data.get('schema')!r}; allowed: {SCHEMA}; "
-            "write `schema: 1` and follow docs/logs.md"
+            "write `schema: 1` and follow docs/reference/log-format.md"
         )
     # One of two mechanisms is meant: say what is wrong with that one only.
     mechanism = data.get("mechanism")
@@ -122,7 +122,7 @@ def parse_meta(data: object) -> LogMeta:
         return LogMeta.model_validate(data)
     except ValidationError as error:
         wrong = [_problem(e) for e in error.errors() if not other & set(e["loc"])]
-        raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/logs.md") from None
+        raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/reference/log-format.md") from None
 
 
 def _problem(error: ErrorDetails) -> str:

@@ -2,7 +2,8 @@
 
 A log is a folder: `log.yaml` (`LogMeta`) and `samples.parquet` or `samples.csv`, a row per sample.
 Row k of an episode holds the readings at `t_s[k]` and the command and push that act from there to
-the next row. Episodes start at rest. docs/logs.md describes the format for people.
+the next row. Episodes start at rest. docs/reference/log-format.md describes the format for
+people.
 """
 
 import dataclasses
@@ -53,7 +54,10 @@ class Log:
 
     meta: LogMeta
     samples: pd.DataFrame
-    """A row per sample; columns as in docs/logs.md, `touch.<finger>` holds arrays or None."""
+    """A row per sample, columns as in docs/reference/log-format.md.
+
+    `touch.<finger>` holds arrays or None.
+    """
     mjcf_xml: str | None = None
     """Text of the mechanism's MJCF file; None of a hand known by name."""
     warnings: tuple[str, ...] = ()

@@ -416,10 +416,10 @@ def test_provenance_is_not_read(tmp_path):
 
 
 def test_the_documented_example_is_a_log(tmp_path):
-    """Read the eight lines and the CSV of docs/logs.md, lengthened to an episode each."""
-    blocks = (Path(__file__).resolve().parents[2] / "docs/logs.md").read_text().split("```")
-    lines = blocks[1].removeprefix("yaml\n")
-    header = blocks[3].strip().splitlines()[0].split(",")
+    """Read the eight lines and the CSV of the page, lengthened to an episode each."""
+    page = (Path(__file__).resolve().parents[2] / "docs/reference/log-format.md").read_text()
+    lines, rows = (page.split(f"```{kind}\n")[1].split("```")[0] for kind in ("yaml", "text"))
+    header = rows.splitlines()[0].split(",")
     assert len(lines.splitlines()) == 8
     (tmp_path / "log.yaml").write_text(lines)
     (tmp_path / "arm.xml").write_text(MJCF)

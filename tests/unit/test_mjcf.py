@@ -402,8 +402,8 @@ def test_bounds_grow_with_the_mechanism_and_survive_other_processes():
 
 
 def test_the_page_on_own_robots_describes_one_that_works():
-    """Make a mechanism of the MJCF and the drives that docs/own-robot.md shows."""
-    page = (Path(__file__).resolve().parents[2] / "docs/own-robot.md").read_text()
+    """Make a mechanism of the MJCF and the drives that docs/guide/own-robot.md shows."""
+    page = (Path(__file__).resolve().parents[2] / "docs/guide/own-robot.md").read_text()
     xml, settings = (
         re.search(rf"```{kind}\n(.*?)```", page, re.DOTALL).group(1) for kind in ("xml", "yaml")
     )
