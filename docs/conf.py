@@ -4,9 +4,12 @@ A broken link, a missing picture and a page without a place in the menu (`index.
 Nothing is fetched: fonts, search and diagrams are files of the site.
 """
 
+import sys
 from pathlib import Path
+from typing import Any
 
 HERE = Path(__file__).resolve().parent
+sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 project = "Stickbench"
 author = "the Stickbench authors"
@@ -15,7 +18,6 @@ extensions = ["myst_parser"]
 exclude_patterns = [
     "_*",
     "scores",
-    "effects",
     *(p.name for p in HERE.glob("*.md") if p.name != "index.md"),
 ]
 """Pages that are read in the repository alone."""
@@ -31,5 +33,12 @@ html_css_files = ["site.css"]
 html_copy_source = False
 html_show_sourcelink = False
 html_show_sphinx = False
-pygments_style = "friendly"
-pygments_dark_style = "monokai"
+smartquotes = False
+"""Options keep both hyphens."""
+
+
+def setup(app: Any) -> None:
+    """Write the pages that are made from the program before Sphinx looks for pages."""
+    from _pages import write
+
+    app.connect("builder-inited", lambda app: write(HERE))

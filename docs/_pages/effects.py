@@ -1,14 +1,12 @@
 """A page per group of effects, from the effects' own docstrings and numbers."""
 
 from collections import defaultdict
-from pathlib import Path
 
+from _pages._source import TEXTS, read_text
 from backends.effect import Effect, description, magnitudes
 from benchmark import registry
 
 FOLDER = "reference/effects"
-TEXTS = Path(__file__).resolve().parent.parent / "_effects"
-"""What opens the pages, written by hand: `index.md`, and one per group that has an opening."""
 
 
 def pages() -> dict[str, str]:
@@ -35,12 +33,12 @@ def _index(groups: dict[str, list[tuple[str, type[Effect]]]]) -> str:
     ]
     table = "\n".join(["| group | effects |", "|---|---|", *rows])
     menu = "\n".join(slug(group) for group in groups)
-    opening = (TEXTS / "index.md").read_text().replace("EFFECTS", table)
+    opening = read_text("effects/index.md", effects=table)
     return f"{opening}\n```{{toctree}}\n:hidden:\n\n{menu}\n```\n"
 
 
 def _page(group: str, kinds: list[tuple[str, type[Effect]]]) -> str:
-    file = TEXTS / f"{slug(group)}.md"
+    file = TEXTS / "effects" / f"{slug(group)}.md"
     opening = file.read_text() if file.exists() else f"# {group.capitalize()}\n"
     return "\n".join([opening, *(_section(name, kind) for name, kind in kinds)])
 
@@ -50,7 +48,7 @@ def _section(name: str, kind: type[Effect]) -> str:
     meaning, points = description(kind)
     fields = ", ".join(f"`{field}`" for field in kind.spec_fields())
     where = "of one joint or of all" if kind.per_joint else "of the whole world"
-    lines = [f"- **{point}.** {text[0].upper()}{text[1:]}" for point, text in points.items()]
+    lines = [f"- **{point}.** {text}" for point, text in points.items()]
     return (
         f"## {name}\n\n{registry.summary('effect', name)} {meaning}\n\n"
         f"*{magnitudes(kind)}; changes {fields}, {where}.*\n\n" + "\n".join(lines) + "\n"

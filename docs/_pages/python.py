@@ -1,0 +1,80 @@
+"""The page on what a user may import, from signatures and docstrings."""
+
+import inspect
+from math import inf
+from typing import Any
+
+from _pages._source import doc, find, read_text, signature, table
+
+
+def pages() -> dict[str, str]:
+    """The page."""
+    text = read_text("python.md", **_environments(), **_worlds(), diagnosis=_diagnosis())
+    return {"reference/python.md": text}
+
+
+def _environments() -> dict[str, str]:
+    import benchmark.gym
+    from benchmark.gym_make import single, vector
+    from benchmark.run_spec import RunSpec
+    from tasks.batch import BatchEnv, Step
+
+    return {
+        "gym": doc(benchmark.gym),
+        "make": _entry("gymnasium.make", single) + "\n" + _entry("gymnasium.make_vec", vector),
+        "settings": table(RunSpec),
+        "batch": f"{doc(BatchEnv)}\n\n{_members(BatchEnv)}",
+        "step": f"{doc(Step)}\n\n{table(Step)}",
+    }
+
+
+def _worlds() -> dict[str, str]:
+    from backends.spec import Spec
+
+    return {"spec": f"{doc(Spec)}\n\n{table(Spec)}\n{_members(Spec)}"}
+
+
+def _diagnosis() -> str:
+    """Everything that `diagnosis` exports."""
+    import diagnosis
+
+    names = getattr(diagnosis, "__all__", ())
+    found = [getattr(diagnosis, name) for name in names] or [
+        find("read_log", "diagnosis.logs.log"),
+        find("diagnose", "diagnosis.diagnose"),
+    ]
+    parts = ["`from diagnosis import ...`\n"] if names else []
+    for thing in found:
+        where = "diagnosis" if names else thing.__module__
+        if inspect.isclass(thing):
+            parts += [f"### {thing.__name__}\n\n{doc(thing)}\n", _members(thing)]
+        elif callable(thing):
+            parts.append(_entry(f"{where}.{thing.__name__}", thing))
+    return "\n".join(parts)
+
+
+def _members(kind: type) -> str:
+    """The class's own public methods and properties, as a definition list."""
+    shown = []
+    for name, member in vars(kind).items():
+        if name.startswith("_"):
+            continue
+        if inspect.isfunction(member):
+            shown.append(_item(signature(name, member, inf), member))
+        elif isinstance(member, property):
+            shown.append(_item(name, member))
+        elif hasattr(member, "func"):
+            shown.append(_item(name, member.func))
+    return "\n".join(shown)
+
+
+def _entry(name: str, call: Any) -> str:
+    """A function with its signature."""
+    title = name.rpartition(".")[2]
+    return f"### {title}\n\n```python\n{signature(name, call)}\n```\n\n{doc(call)}\n"
+
+
+def _item(shown: str, thing: Any) -> str:
+    """An item of a definition list."""
+    text = doc(thing).replace("\n", "\n  ")
+    return f"`{shown}`\n: {text}\n"
