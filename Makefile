@@ -8,7 +8,7 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run test test-slow check smoke figures docs clean
+.PHONY: help install run test test-slow check smoke figures animation docs clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
@@ -18,6 +18,7 @@ help:
 	@echo "make check      format, lint, types"
 	@echo "make smoke      one smoke run per engine and algorithm"
 	@echo "make figures    the pictures in leaderboard/figures, and the leaderboard"
+	@echo "make animation  the moving picture of the README, docs/images/hand.gif"
 	@echo "make docs       the docs, as a site in site/"
 	@echo "make clean      remove $(VENV) and caches"
 
@@ -81,6 +82,11 @@ figure/%:
 docs: install
 	$(VENV)/bin/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs site
 	@echo "docs: site/index.html"
+
+# An eight on the reference, by a policy that draws it from the first lap on.
+ANIMATED = leaderboard/policies/mujoco-eight-sb3-ppo-centers-and-lead-s2-b7396f4b
+animation: install
+	$(VENV)/bin/bench view $(ANIMATED) --out docs/images/hand.gif
 
 clean:
 	rm -rf $(VENV) site .mypy_cache .ruff_cache .pytest_cache

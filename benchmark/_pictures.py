@@ -13,6 +13,8 @@ from PIL.PngImagePlugin import PngInfo
 
 PALETTE = 128
 """Colours of a PNG or GIF."""
+SAMPLED = 4
+"""Frames of a GIF that its colours are taken from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,8 +61,14 @@ def write_mp4(frames: Iterable[np.ndarray], size: tuple[int, int], rate: float, 
 
 
 def write_gif(frames: Iterable[np.ndarray], rate: float, out: Path) -> None:
-    """Frames (height, width, 3) uint8 as an endless GIF, so many a second."""
-    first, *others = [Image.fromarray(frame).quantize(PALETTE) for frame in frames]
+    """Frames (height, width, 3) uint8 as an endless GIF, so many a second.
+
+    All have one palette and nothing is dithered, so that what stands still is stored once.
+    """
+    drawn = [Image.fromarray(frame) for frame in frames]
+    some = np.hstack([np.asarray(one) for one in drawn[:: -(-len(drawn) // SAMPLED)]])
+    palette = Image.fromarray(some).quantize(PALETTE)
+    first, *others = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in drawn]
     options = {"save_all": True, "append_images": others, "duration": 1000 / rate, "loop": 0}
     _write(out, lambda path: first.save(path, format="GIF", **options))
 

@@ -15,23 +15,33 @@ _TAXELS = ListedColormap(["#e8ecf2", "#d62728"])
 
 def draw_figure(recording: Recording, title: str) -> Figure:
     """Lower end and reference in the X-Y plane [cm], from the grip; a fall is marked."""
+    figure = Figure(figsize=(6.4, 6.8), layout="constrained")
+    axes = figure.add_subplot()
+    half = 1.12 * draw_paths(axes, recording)
+    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
+    axes.set(xlabel="X from the grip [cm]", ylabel="Y from the grip [cm]")
+    axes.set_title(title, fontsize=10)
+    add_legend(axes)
+    return figure
+
+
+def draw_paths(axes: Axes, recording: Recording) -> float:
+    """Reference and lower end of every episode [cm], from the grip; the farthest coordinate."""
     grip = np.array(recording.spec.hand.grip_m)[:2]
     reference_cm = 100 * (recording.reference_m[recording.first :, :, :2] - grip)
     actual_cm = 100 * (recording.lower_m[..., :2] - grip)
-    figure = Figure(figsize=(6.4, 6.8), layout="constrained")
-    axes = figure.add_subplot()
     reach_cm = [np.abs(reference_cm).max()]
     for e, steps_held in enumerate(recording.held.sum(axis=0)):
         axes.plot(*reference_cm[:, e].T, color=REFERENCE, lw=1.4, zorder=3, label="reference")
         reach_cm.append(_draw_path(axes, actual_cm[:, e], recording.first, steps_held))
-    half = 1.12 * max(reach_cm)
-    axes.set(xlim=(-half, half), ylim=(-half, half), aspect="equal")
-    axes.set(xlabel="X from the grip [cm]", ylabel="Y from the grip [cm]")
-    axes.set_title(title, fontsize=10)
     axes.grid(alpha=0.25)
+    return max(reach_cm)
+
+
+def add_legend(axes: Axes) -> None:
+    """Name each kind of line once."""
     once = {label: line for line, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     axes.legend(once.values(), once.keys(), loc="upper right", fontsize=9)
-    return figure
 
 
 def draw_joints(recording: Recording, title: str) -> Figure:

@@ -27,6 +27,8 @@ class Recording:
     """Step from which the figure is drawn."""
     lap: int
     """Steps of one lap; of the whole episode where the figure does not repeat."""
+    period: int
+    """Steps in which the figure's phase goes round."""
     time_s: Array
     """Time since the start after each step [s], shape (T,)."""
     lower_m: Array
@@ -74,11 +76,12 @@ def replay(run: RunSpec, policy: Path, episodes: int, workers: int) -> Recording
     played = deploy(run, policy, workers, episodes=episodes, watch=recorder)
     signals = {name: np.stack(values) for name, values in recorder.signals.items()}
     world, states = run.world(), _as_worlds(recorder.states)
-    first, lap = _laps(run)
+    first, lap, period = _laps(run)
     return Recording(
         spec=world,
         first=first,
         lap=lap,
+        period=period,
         held=~np.logical_or.accumulate(signals.pop("fallen")),
         states=states,
         touch=Skin([world] * len(recorder.states)).feel(states, signals["time_s"]),
@@ -87,16 +90,17 @@ def replay(run: RunSpec, policy: Path, episodes: int, workers: int) -> Recording
     )
 
 
-def _laps(run: RunSpec) -> tuple[int, int]:
-    """Steps before the drawn part, and steps of a lap.
+def _laps(run: RunSpec) -> tuple[int, int, int]:
+    """Steps before the drawn part, steps of a lap, and steps in which the phase goes round.
 
     Leaves out the first lap of a figure that repeats, as the paper does, where two fit.
     """
     policy_s = run.world().timing.policy_s
     lap_s = 2 * math.pi / (run.speed * RATE_RAD_S)
+    period = round(lap_s / policy_s)
     if registry.load("task", run.task).repeats and 2 * lap_s <= EPISODE_S:
-        return round(lap_s / policy_s), round(lap_s / policy_s)
-    return 0, round(EPISODE_S / policy_s)
+        return period, period, period
+    return 0, round(EPISODE_S / policy_s), period
 
 
 def _first_world(state: State) -> State:

@@ -11,6 +11,7 @@ from typing import IO
 
 import mujoco
 import numpy as np
+from PIL import Image
 
 from backends.mujoco import build
 from backends.spec import Body, Fingertip, Hand
@@ -20,17 +21,21 @@ from benchmark._render import Scene
 
 OVERSAMPLING = 2
 """Pixels drawn per pixel kept, along each side."""
-_LOOK_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.03, 0.0, -0.032), 0.33, 144, -34
-"""The camera: palm, three fingers and the whole stick in view, nothing in front of the grip."""
-LINK_M, KNUCKLE_M, TAXEL_M, BALL_M, PATH_M = 0.0075, 0.0105, 0.0005, 0.004, 0.0006
+_LOOK_AT_M, _DISTANCE_M, _AZIMUTH_DEG, _ELEVATION_DEG = (0.035, 0.002, -0.052), 0.288, 162, -38
+"""The camera: palm, three fingers, the whole stick and the sheet that it draws on."""
+LINK_M, KNUCKLE_M, TAXEL_M, BALL_M, PATH_M = 0.0075, 0.0105, 0.0006, 0.003, 0.0006
 """Drawn radii [m]; the spec has none, for links touch nothing."""
-EVERY = 3
+SHEET_M, SHEET_BELOW_M = 0.045, 0.014
+"""Half a side of the sheet, and how far it lies below the reference [m]: sticks slip a little."""
+EVERY = 2
 """Steps from one corner of the reference's line to the next."""
-TRAIL = 50
-"""Steps for which the stick's lower end leaves a trail."""
+TRAIL = 90
+"""Steps for which the stick's lower end leaves a trail, which fades."""
 _DARK, _METAL, _PALM = (0.20, 0.21, 0.23, 1), (0.48, 0.50, 0.53, 1), (0.30, 0.31, 0.34, 1)
-_PAD, _WOOD = (0.36, 0.55, 0.78, 1), (0.78, 0.60, 0.34, 1)
-_RED, _BLUE, _IDLE = (0.90, 0.12, 0.10, 1), (0.10, 0.30, 0.85, 1), (0.22, 0.37, 0.58, 1)
+_WOOD, _SHEET, _SKY = (0.80, 0.62, 0.36, 1), (0.97, 0.97, 0.96, 1), (0.86, 0.89, 0.93)
+_PAD = (0.50, 0.70, 0.95, 0.5)
+"""Fingertips let the taxels shine through, which face the stick and not the camera."""
+_RED, _BLUE, _IDLE = (0.90, 0.12, 0.10, 1), (0.10, 0.30, 0.85), (0.22, 0.37, 0.58, 1)
 
 
 def _draw(scene: Scene, out: IO[bytes]) -> None:
@@ -46,8 +51,7 @@ def _draw(scene: Scene, out: IO[bytes]) -> None:
         for step in scene.frames:
             _pose(model, data, scene, step)
             renderer.update_scene(data, camera)
-            blocks = renderer.render().reshape(height, OVERSAMPLING, width, OVERSAMPLING, 3)
-            out.write(blocks.mean(axis=(1, 3)).round().astype(np.uint8).tobytes())
+            out.write(Image.fromarray(renderer.render()).reduce(OVERSAMPLING).tobytes())
             out.flush()
 
 
@@ -60,11 +64,11 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, scene: Scene, step: int) -
         for number, on in enumerate(felt):
             taxel = model.site(f"{tip.finger}/{number}")
             taxel.rgba = _RED if on else _IDLE
-            taxel.size[:] = 2 * TAXEL_M if on else TAXEL_M
+            taxel.size[:] = 2.2 * TAXEL_M if on else TAXEL_M
     model.site("reference").pos = scene.reference_m[step]
     for end in range(1, len(scene.lower_m)):
-        shown = step - TRAIL < end <= step
-        model.site(f"trail/{end}").rgba = _BLUE if shown else (0, 0, 0, 0)
+        fresh = 1 - (step - end) / TRAIL if end <= step else 0.0
+        model.site(f"trail/{end}").rgba = (*_BLUE, np.clip(fresh, 0, 1))
     mujoco.mj_forward(model, data)
 
 
@@ -80,12 +84,17 @@ def _model(scene: Scene) -> mujoco.MjSpec:
     for body in hand.bodies:
         _add_link(model, hand, body)
     world = model.worldbody
+    at_m = scene.reference_m[scene.first :].mean(axis=0) - (0, 0, SHEET_BELOW_M)
+    world.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX, size=(SHEET_M, SHEET_M, 5e-4), pos=at_m, rgba=_SHEET
+    )
     # away from the origin: the compiler lets a site there ride on its body, wherever it is moved
     _add(world, "SPHERE", _RED, BALL_M, name="reference", pos=scene.reference_m[0])
     for ends in _segments(scene.reference_m[scene.first :: EVERY]):
-        _add(world, "CAPSULE", _RED, PATH_M, fromto=ends)
+        _add(world, "BOX", _RED, PATH_M, fromto=ends)
     for number, ends in enumerate(_segments(scene.lower_m), start=1):
-        _add(world, "CAPSULE", _BLUE, 1.3 * PATH_M, name=f"trail/{number}", fromto=ends)
+        where = {"name": f"trail/{number}", "fromto": ends}
+        _add(world, "BOX", (*_BLUE, 1), 1.3 * PATH_M, **where)
     return model
 
 
@@ -102,20 +111,20 @@ def _light(model: mujoco.MjSpec, size: tuple[int, int]) -> None:
     )
     view = model.visual
     view.global_.offwidth, view.global_.offheight = (OVERSAMPLING * side for side in size)
-    view.quality.shadowsize, view.quality.offsamples = 2048, 0
+    view.quality.offsamples = 0
     view.headlight.ambient, view.headlight.diffuse = (0.32, 0.32, 0.34), (0.28, 0.28, 0.28)
     view.headlight.specular = (0.1, 0.1, 0.1)
     model.add_texture(
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
-        builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=(0.97, 0.98, 1.0),
-        rgb2=(0.78, 0.82, 0.87),
-        width=512,
-        height=3072,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_FLAT,
+        rgb1=_SKY,
+        rgb2=_SKY,
+        width=8,
+        height=48,
     )
-    for pos, strength, shadow in (((0.5, -0.5, 0.8), 0.55, True), ((0.5, 0.6, 0.3), 0.25, False)):
-        light = model.worldbody.add_light(pos=pos, dir=-np.array(pos), castshadow=shadow)
+    for pos, strength in (((0.5, -0.5, 0.8), 0.55), ((0.5, 0.6, 0.3), 0.25)):
+        light = model.worldbody.add_light(pos=pos, dir=-np.array(pos), castshadow=False)
         light.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
         light.diffuse, light.specular = (strength,) * 3, (0.2,) * 3
 

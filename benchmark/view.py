@@ -6,7 +6,7 @@ episodes; learning curves come from what the training wrote down.
 
 import dataclasses
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +30,13 @@ SHOWN_S = 2.0
 """When the hand is shown unless told [s]."""
 AFTER_FALL_S = 0.5
 """How long a video goes on after the stick has fallen [s]."""
+CLOSED_M = 1e-4
+"""A figure that comes back this near to itself is closed [m]."""
 TITLE_WIDTH = 76
 """Characters in a line of the title."""
-PICTURE_SIZE, VIDEO_SIZE = (1280, 960), (640, 480)
+PICTURE_SIZE, VIDEO_SIZE, LOOP_SIZE = (960, 1280), (480, 640), (384, 512)
 """Width and height of the drawn hand [pixels]."""
-EVERY = {".mp4": 2, ".gif": 5}
+EVERY = {".mp4": 2, ".gif": 2}
 """Policy steps from one frame of a video to the next, by the file's ending."""
 _PLOTS: dict[str, Callable[[Recording, str], Figure]] = {
     "figure": _plots.draw_figure,
@@ -99,39 +101,58 @@ def _view_curves(folders: Sequence[Path], out: Path) -> dict:
 def _photograph(recording: Recording, time_s: float, caption: Caption, out: Path) -> dict:
     """The hand at one moment of episode 0 as a PNG."""
     moment = int(np.abs(recording.time_s - time_s).argmin())
-    (pixels,) = render(_scene_of(recording, (moment,), PICTURE_SIZE))
+    (pixels,) = render(scene_of(recording, (moment,), PICTURE_SIZE))
     _pictures.write_png(Image.fromarray(pixels), caption, out)
     return {"time_s": time_s, "stick_has_fallen": not bool(recording.held[moment, 0])}
 
 
 def _film(recording: Recording, out: Path) -> dict:
-    """Episode 0 in real time as a video."""
+    """Episode 0 in real time as a video; of a GIF, which begins anew when it ends, one lap."""
     kind = out.suffix.lower()
-    steps = filmed(recording, EVERY[kind])
-    rate = 1 / (EVERY[kind] * recording.spec.timing.policy_s)
-    frames = _counted(_scene_of(recording, steps, VIDEO_SIZE))
-    if kind == ".gif":
+    every, gif = EVERY[kind], kind == ".gif"
+    steps = one_lap(recording, every) if gif else filmed(recording, every)
+    size = LOOP_SIZE if gif else VIDEO_SIZE
+    rate = 1 / (every * recording.spec.timing.policy_s)
+    frames = counted(render(scene_of(recording, steps, size)), len(steps))
+    if gif:
         _pictures.write_gif(frames, rate, out)
     else:
-        _pictures.write_mp4(frames, VIDEO_SIZE, rate, out)
+        _pictures.write_mp4(frames, size, rate, out)
     fallen = not recording.held[-1, 0]
     return {"frames": len(steps), "frames_per_s": rate, "stick_has_fallen": bool(fallen)}
 
 
 def filmed(recording: Recording, every: int) -> tuple[int, ...]:
     """One in `every` steps of episode 0, until a little after a fall."""
-    last = recording.held[:, 0].sum() + round(AFTER_FALL_S / recording.spec.timing.policy_s)
+    held = recording.held[:, 0].sum()
+    last = held + round(AFTER_FALL_S / recording.spec.timing.policy_s)
     return tuple(range(0, min(len(recording.time_s), last), every))
 
 
-def _counted(scene: Scene) -> Iterator[np.ndarray]:
-    with Bar("draw", len(scene.frames)) as bar:
-        for number, frame in enumerate(render(scene), start=1):
+def one_lap(recording: Recording, every: int) -> tuple[int, ...]:
+    """One in `every` steps of the last lap, after which a closed figure is where it was.
+
+    All that is filmed where the figure is not closed, or the stick falls.
+    """
+    steps, lap = filmed(recording, every), recording.period
+    reference_m = recording.reference_m[:, 0]
+    end, start = reference_m[-lap:], reference_m[-2 * lap : -lap]
+    closed = len(start) == len(end) and np.allclose(end, start, atol=CLOSED_M)
+    if not (closed and recording.held[-1, 0]):
+        return steps
+    return tuple(range(len(reference_m) - lap, len(reference_m), every))
+
+
+def counted(frames: Iterable[np.ndarray], count: int) -> Iterator[np.ndarray]:
+    """So many frames under a progress bar."""
+    with Bar("draw", count) as bar:
+        for number, frame in enumerate(frames, start=1):
             bar.update(number)
             yield frame
 
 
-def _scene_of(recording: Recording, frames: tuple[int, ...], size: tuple[int, int]) -> Scene:
+def scene_of(recording: Recording, frames: tuple[int, ...], size: tuple[int, int]) -> Scene:
+    """What is drawn of episode 0."""
     return Scene(
         spec=recording.spec,
         states=recording.states,

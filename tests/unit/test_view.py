@@ -21,10 +21,11 @@ from benchmark.evaluate import SMOKE_EPISODES
 from benchmark.run import run
 from benchmark.run_folder import RunFolder
 from benchmark.run_spec import RunSpec
-from benchmark.view import PICTURE_SIZE, VIDEO_SIZE, filmed, view
+from benchmark.view import LOOP_SIZE, PICTURE_SIZE, VIDEO_SIZE, filmed, one_lap, view
 from tasks.task import EPISODE_S
 
 PACKAGES = "apt-get install libegl1"
+LAP_S = 2.0
 SPEC = RunSpec(backend="mujoco", task="circle", algo="hold-still", steps=0, smoke=True)
 
 
@@ -111,7 +112,7 @@ def test_recording_is_that_of_the_engine(recording: Recording) -> None:
     steps, step_s = round(EPISODE_S / 0.02), 0.02
     assert recording.time_s == pytest.approx(step_s * np.arange(1, steps + 1))
     assert recording.states.joint_rad.shape == recording.target_rad.shape == (steps, 6)
-    assert (recording.first, recording.lap) == (100, 100)
+    assert (recording.first, recording.lap, recording.period) == (100, 100, 100)
     force = np.linalg.norm(recording.states.contact_force_n, axis=2)
     assert (recording.touch.in_contact <= (force > 0)).all()
     assert recording.touch.in_contact.mean() > 0.5
@@ -186,21 +187,31 @@ def test_reference_and_taxels_move_with_the_frames(recording: Recording) -> None
     assert (moved == again).all()
 
 
-@pytest.mark.parametrize("ending", [".mp4", ".gif"])
-def test_video_lasts_an_episode(
-    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str
+@pytest.mark.parametrize(("ending", "length_s"), [(".mp4", EPISODE_S), (".gif", LAP_S)])
+def test_video_lasts_an_episode_or_a_lap(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ending: str, length_s: float
 ) -> None:
-    """Film an episode in real time, and leave nothing but the video."""
+    """Film an episode in real time, or a lap that begins anew, and leave nothing but the video."""
     needs_opengl()
-    monkeypatch.setattr("benchmark.view.VIDEO_SIZE", (160, 128))
+    for size in ("VIDEO_SIZE", "LOOP_SIZE"):
+        monkeypatch.setattr(f"benchmark.view.{size}", (160, 128))
     monkeypatch.setattr("benchmark.view.EVERY", {ending: 25})
     out = tmp_path / f"video{ending}"
     result = view([folder], out, None, {}, workers=1)
-    assert (result["kind"], result["frames"], result["frames_per_s"]) == ("hand", 12, 2.0)
+    count = round(2.0 * length_s)
+    assert (result["kind"], result["frames"], result["frames_per_s"]) == ("hand", count, 2.0)
     assert [p.name for p in tmp_path.iterdir()] == [out.name]
     about, *frames = imageio_ffmpeg.read_frames(str(out))
-    assert about["size"] == (160, 128) and about["duration"] == pytest.approx(EPISODE_S, abs=0.51)
-    assert len(frames) >= 12 and frames[0] != frames[-1]
+    assert about["size"] == (160, 128) and about["duration"] == pytest.approx(length_s, abs=0.51)
+    assert len(frames) >= count and frames[0] != frames[-1]
+
+
+def test_only_a_closed_figure_is_one_lap(recording: Recording) -> None:
+    """Film the last lap where the reference comes back to itself, else the whole episode."""
+    assert one_lap(recording, every=50) == (200, 250)
+    away = np.linspace(0.0, 0.1, 300)[:, None, None]
+    spiral = dataclasses.replace(recording, reference_m=recording.reference_m + away)
+    assert one_lap(spiral, every=100) == (0, 100, 200)
 
 
 def test_video_ends_after_a_fall(recording: Recording) -> None:
@@ -213,7 +224,7 @@ def test_video_ends_after_a_fall(recording: Recording) -> None:
 
 def test_video_size_suits_the_encoder() -> None:
     """Film in whole macroblocks, so that no frame is scaled."""
-    assert all(side % 16 == 0 for side in VIDEO_SIZE)
+    assert all(side % 16 == 0 for side in (*VIDEO_SIZE, *LOOP_SIZE))
 
 
 def test_missing_opengl_names_the_packages(
