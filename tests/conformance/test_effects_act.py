@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from backends import sticks, trx
-from backends.effect import Effect
+from backends.effect import UNITS, Effect
 from backends.engine import Engine
 from backends.shard import simulate
 from backends.spec import Spec
@@ -88,10 +88,28 @@ def world(text: str) -> Spec:
     return spec
 
 
+def usual(name: str) -> Case:
+    """How an effect shows that has no case of its own: by the part of the spec that it changes."""
+    kind: type[Effect] = registry.load("effect", name)
+    magnitude = f"{0.2 * kind.bounds[1] / UNITS[kind.unit][1]:g}{kind.unit}"
+    return {
+        "encoder": Case(magnitude, "free", "measured_rad"),
+        "taxels": Case(magnitude, "grasp", "reading_m"),
+        "stick": Case(magnitude, "grasp", "stick_pos_m"),
+        "contact": Case(magnitude, "grasp", "stick_pos_m"),
+        "spec": Case(magnitude, "free", "stick_pos_m"),
+    }.get(kind.spec_fields()[0].split(".")[0], Case(magnitude))
+
+
+def case_of(name: str) -> Case:
+    """How an effect is shown."""
+    return CASES.get(name) or usual(name)
+
+
 def written(name: str, times: int) -> str:
     """An effect of a case, its magnitude so many times, on J3 where it acts on joints."""
     kind: type[Effect] = registry.load("effect", name)
-    number, unit = re.fullmatch(r"([-.\d]+)(.*)", CASES[name].magnitude).groups()
+    number, unit = re.fullmatch(r"([-.\d]+)(.*)", case_of(name).magnitude).groups()
     return f"{name}={times * float(number)}{unit}{'@J3' if kind.per_joint else ''}"
 
 
@@ -167,7 +185,7 @@ def spared(name: str) -> frozenset[str]:
     of_stick = {s for s in STATE if s.startswith(("stick_", "contact_"))}
     return {
         "encoder": STATE - {"measured_rad"} | TOUCH,
-        "taxels": STATE if CASES[name].signal == "reading_m" else STATE | {"reading_m"},
+        "taxels": STATE if case_of(name).signal == "reading_m" else STATE | {"reading_m"},
         "drive": of_stick | TOUCH,
         "command": of_stick | TOUCH,
         "body": of_stick | TOUCH,
@@ -180,7 +198,7 @@ def test_more_is_more_and_nothing_else_changes(engine: type[Engine], name: str) 
 
     An effect on J3 spares the joints of the other fingers, which move freely here.
     """
-    case = CASES[name]
+    case = case_of(name)
     runs = run(engine, [world(written(name, k)) for k in (0, 1, 2)], case.excitation)
     for signal, alone in nominal(engine, case.excitation).items():
         assert np.array_equal(runs[signal][:, :1], alone), signal
@@ -210,7 +228,9 @@ def test_softness_matters_in_contact_alone(engine: type[Engine]) -> None:
     assert equal(runs["stick_pos_m"])
 
 
-@pytest.mark.parametrize("name", [n for n in CASES if registry.load("effect", n).per_joint])
+@pytest.mark.parametrize(
+    "name", [n for n in registry.names("effect") if registry.load("effect", n).per_joint]
+)
 def test_no_bound_is_unstable(engine: type[Engine], name: str) -> None:
     """Let a swing of 1 mrad die out at both bounds, without the Coulomb friction that hides it."""
     smooth = [dataclasses.replace(drive, coulomb_nm=0.0) for drive in IDEAL.drives]

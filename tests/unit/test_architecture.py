@@ -20,14 +20,14 @@ HOMES = {
     "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"},
     "pybullet": {"backends/bullet.py"},
     "sapien": {"backends/sapien.py"},
-    "stable_baselines3": {"baselines/sb3_ppo.py"},
+    "stable_baselines3": {"baselines/"},
     "rsl_rl": {"baselines/rsl_ppo.py"},
     "tensordict": {"baselines/rsl_ppo.py"},
-    "torch": {"baselines/ppo.py", "baselines/sb3_ppo.py", "baselines/rsl_ppo.py"},
+    "torch": {"baselines/"},
     "typer": {"benchmark/cli.py", "benchmark/_options.py"}
     | {f"benchmark/{part}_cli.py" for part in ("run", "grid", "log", "gap", "check", "blind")},
 }
-"""Who may import a library; the picture of the hand is drawn by one engine's renderer."""
+"""Where a library may be imported; the picture of the hand is drawn by one engine's renderer."""
 
 
 def imports() -> Iterator[tuple[str, str]]:
@@ -58,7 +58,7 @@ def test_imports_go_down_the_floors():
 def test_engines_and_learners_stay_at_home(library):
     """Import an engine or a learner in its own file alone."""
     found = {file for file, package in imports() if package == library}
-    assert found <= HOMES[library]
+    assert not [file for file in found if not file.startswith(tuple(HOMES[library]))]
 
 
 def test_tasks_name_no_engine():
