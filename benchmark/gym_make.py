@@ -16,7 +16,7 @@ def single(task: str, backend: str = "mujoco", **settings: Any) -> StickEnv:
 def vector(
     task: str, num_envs: int = 1, backend: str = "mujoco", workers: int = 1, **settings: Any
 ) -> StickVectorEnv:
-    """N worlds on up to `workers` cores; settings as in `single`."""
+    """N worlds on up to `workers` cores; settings as for one."""
     run = RunSpec(backend=backend, task=task, **settings)
     return StickVectorEnv(partial(_make, run, workers), num_envs)
 

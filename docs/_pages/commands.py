@@ -71,15 +71,16 @@ def _page(words: tuple[str, ...], command: Any) -> str:
 
 
 def _prose(text: str | None) -> list[str]:
-    """Paragraphs of a help text as Markdown; what follows 'Example:' becomes code."""
+    """Paragraphs of a help text as Markdown; a command after a colon becomes code."""
     paragraphs = []
     for paragraph in re.split(r"\n\s*\n", text or ""):
         plain = Text.from_markup(" ".join(paragraph.split())).plain
-        words, example, code = plain.partition("Example: ")
-        if words.strip():
-            paragraphs.append(_safe(words.strip()))
-        if example:
-            paragraphs.append(f"For example:\n\n    {code}")
+        words, _, command = plain.partition(": bench ")
+        if command:
+            words = "For example" if words == "Example" else words
+            paragraphs.append(f"{_safe(words)}:\n\n    bench {command}")
+        elif plain:
+            paragraphs.append(_safe(plain))
     return paragraphs
 
 

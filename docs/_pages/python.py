@@ -14,13 +14,11 @@ def pages() -> dict[str, str]:
 
 
 def _environments() -> dict[str, str]:
-    import benchmark.gym
     from benchmark.gym_make import single, vector
     from benchmark.run_spec import RunSpec
     from tasks.batch import BatchEnv, Step
 
     return {
-        "gym": doc(benchmark.gym),
         "make": _entry("gymnasium.make", single) + "\n" + _entry("gymnasium.make_vec", vector),
         "settings": table(RunSpec),
         "batch": f"{doc(BatchEnv)}\n\n{_members(BatchEnv)}",
