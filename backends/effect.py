@@ -71,6 +71,33 @@ class Effect(ABC):
     spread: ClassVar[str] = "normal"
     """Distribution of its magnitude under domain randomisation: 'normal' or 'uniform'."""
 
+    coordinate: ClassVar[str] = "amount"
+    """What a diagnosis varies, below `u`, so that nothing leaves its sign.
+
+    'amount': the number grows by u natural sizes (`diagnosis.models.sizes`); 'logarithm': it is
+    multiplied by exp(u); 'compliance': its inverse grows by u natural sizes.
+    """
+    nominal: ClassVar[bool] = False
+    """Its number stands in the mechanism's file, so it is off by the log's nominal uncertainty."""
+    tolerance: ClassVar[float] = 0.0
+    """What a healthy robot has of it, standard deviation of u beside the nominal uncertainty."""
+    least: ClassVar[float | None] = None
+    """From which u on a diagnosis names it; None: replays of free air do not show it."""
+    most: ClassVar[float] = 1.0
+    """Largest u that a diagnosis tries."""
+    either_sign: ClassVar[bool] = False
+    """Whether u may be negative as an effect."""
+    levels: ClassVar[tuple[float, ...]] = ()
+    """Its law has a kink at zero: fits start from so many times `least` as well."""
+    by_column: ClassVar[bool] = False
+    """As a tolerance it adds its slope to a replay: within its kink it is no smooth parameter."""
+    family: ClassVar[str | None] = None
+    """Effects of a family at a joint are one cause: the others are the shape of its law."""
+    exact: ClassVar[bool] = False
+    """Its law is exact in every mechanism, as a sensor's offset; else it is a model of many."""
+    shared: ClassVar[bool] = False
+    """All joints may have the same of it, as what a bus does to all its drives."""
+
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
         """Names of the spec's numbers that it changes.

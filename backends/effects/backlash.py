@@ -28,3 +28,9 @@ class Effect(NumberEffect):
     bounds = (0.0, math.radians(10))
     number = "drive.play_rad"
     gear = "worm"
+    tolerance = 0.0003
+    least = 0.001
+    most = 0.2
+    levels = (3.0, 12.0)
+    family = "lost motion"
+    by_column = True

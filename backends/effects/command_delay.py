@@ -21,3 +21,7 @@ class Effect(NumberEffect):
     dimension, unit = "time", "ms"
     bounds = (0.0, 0.2)
     number = "command.delay_s"
+    tolerance = 0.0015
+    least = 0.003
+    most = 0.2
+    shared = True

@@ -18,3 +18,6 @@ class Effect(NumberEffect):
     dimension, unit = "slowness", "s/rad"
     bounds = (0.0, 100.0)
     number = "command.slowness_s_rad"
+    least = 0.02
+    most = 10.0
+    levels = (3.0, 12.0)

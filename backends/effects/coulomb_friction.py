@@ -19,3 +19,8 @@ class Effect(NumberEffect):
     dimension, unit = "torque", "mNm"
     bounds = (0.0, 1.0)
     number = "drive.coulomb_nm"
+    nominal = True
+    tolerance = 0.003
+    least = 0.008
+    most = 1.0
+    family = "dry friction"

@@ -22,3 +22,6 @@ class Effect(NumberEffect):
     dimension, unit = "angle", "deg"
     bounds = (0.0, math.radians(10))
     number = "drive.dead_zone_rad"
+    least = 0.001
+    most = 0.2
+    levels = (3.0, 12.0)

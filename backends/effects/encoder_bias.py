@@ -20,3 +20,7 @@ class Effect(NumberEffect):
     dimension, unit = "angle", "deg"
     bounds = (-math.pi, math.pi)
     number = "encoder.bias_rad"
+    least = 0.001
+    most = 0.5
+    either_sign = True
+    exact = True

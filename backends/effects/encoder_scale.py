@@ -18,3 +18,7 @@ class Effect(NumberEffect):
     dimension, unit = "share", "%"
     bounds = (-0.5, 0.5)
     number = "encoder.scale_error"
+    least = 0.004
+    most = 0.5
+    either_sign = True
+    exact = True

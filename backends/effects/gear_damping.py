@@ -19,3 +19,9 @@ class Effect(NumberEffect):
     bounds = (-0.9, 1.0)
     number = "drive.gear_damping_nms_rad"
     relative = True
+    nominal = True
+    coordinate = "logarithm"
+    tolerance = 0.1
+    least = 0.2
+    most = 2.5
+    either_sign = True

@@ -21,6 +21,9 @@ class Effect(effect.Effect):
     dimension, unit = "angle", "deg"
     bounds = (-math.pi / 2, math.pi / 2)
     per_joint = False
+    least = 0.015
+    most = 0.7
+    either_sign = True
 
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:

@@ -18,3 +18,9 @@ class Effect(NumberEffect):
     bounds = (-0.9, 1.0)
     number = "drive.kd_nms_rad"
     relative = True
+    nominal = True
+    coordinate = "logarithm"
+    least = 0.12
+    most = 3.0
+    either_sign = True
+    shared = True

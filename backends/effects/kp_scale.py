@@ -20,3 +20,9 @@ class Effect(NumberEffect):
     bounds = (-0.9, 9.0)
     number = "drive.kp_nm_rad"
     relative = True
+    nominal = True
+    coordinate = "logarithm"
+    least = 0.1
+    most = 2.5
+    either_sign = True
+    shared = True

@@ -20,3 +20,8 @@ class Effect(NumberEffect):
     bounds = (-0.9, 9.0)
     number = "body.mass_kg"
     relative = True
+    nominal = True
+    coordinate = "logarithm"
+    least = 0.1
+    most = 4.0
+    either_sign = True

@@ -20,3 +20,8 @@ class Effect(NumberEffect):
     dimension, unit = "share", "%"
     bounds = (0.0, 0.95)
     number = "drive.load_friction"
+    tolerance = 0.005
+    least = 0.02
+    most = 0.95
+    levels = (3.0, 12.0)
+    family = "dry friction"

@@ -19,3 +19,7 @@ class Effect(NumberEffect):
     dimension, unit = "inertia", "gcm2"
     bounds = (0.0, 0.1)
     number = "drive.rotor_inertia_kgm2"
+    nominal = True
+    coordinate = "logarithm"
+    least = 0.15
+    most = 3.0

@@ -24,3 +24,7 @@ class Effect(NumberEffect):
     bounds = (0.0, 100.0)
     number = "drive.lock_nm"
     gear = "worm"
+    least = 0.02
+    most = 4.0
+    levels = (3.0, 12.0)
+    family = "dry friction"

@@ -18,3 +18,7 @@ class Effect(NumberEffect):
     dimension, unit = "time", "ms"
     bounds = (0.0, 0.2)
     number = "encoder.delay_s"
+    least = 0.002
+    most = 0.2
+    shared = True
+    exact = True

@@ -18,6 +18,14 @@ class Effect(NumberEffect):
     dimension, unit = "share", "%"
     bounds = (-0.5, 19.0)
     number = "drive.gear_stiffness_nm_rad"
+    nominal = True
+    coordinate = "compliance"
+    tolerance = 0.008
+    least = 0.03
+    most = 3.0
+    levels = (3.0, 12.0)
+    family = "lost motion"
+    by_column = True
 
     def changed(self, value: float) -> float:
         """Compliances add: 1 / k' = (1 + magnitude) / k."""

@@ -20,3 +20,7 @@ class Effect(NumberEffect):
     dimension, unit = "torque", "mNm"
     bounds = (0.0, 1.0)
     number = "drive.stiction_nm"
+    least = 0.008
+    most = 1.0
+    levels = (3.0, 12.0)
+    family = "dry friction"

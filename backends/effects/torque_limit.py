@@ -21,3 +21,8 @@ class Effect(NumberEffect):
     bounds = (-0.95, 9.0)
     number = "drive.torque_limit_nm"
     relative = True
+    nominal = True
+    coordinate = "logarithm"
+    least = 0.12
+    most = 2.5
+    either_sign = True

@@ -18,3 +18,7 @@ class Effect(NumberEffect):
     dimension, unit = "damping", "mNms"
     bounds = (0.0, 0.15)
     number = "drive.viscous_nms_rad"
+    nominal = True
+    tolerance = 0.02
+    least = 0.08
+    most = 5.0

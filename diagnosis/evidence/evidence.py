@@ -1,0 +1,134 @@
+"""What a limb's log says, block by block, in floors: what no model of a robot is right to."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.motion.columns import LIMIT
+from diagnosis.motion.limb import BLOCK_S, Limb
+from diagnosis.motion.recordings import white_noise
+
+FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
+"""No model is right to this: angles [rad; of a slide a share of its travel], and torques as a share
+of the largest that is asked for."""
+SLOW_S, REST_S = 0.05, 0.3
+"""Where samples are further apart, only rests count: targets that stood still for so long [s]."""
+SURE_NOISE = 1e-9
+"""Torques below this are none [Nm]."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Evidence:
+    """One limb's readings in N blocks of K joints, and what they are compared by."""
+
+    limb: Limb
+    measured: Array
+    """Block means of the readings (N, 3, K); NaN where none count."""
+    floor: Array
+    """One floor: the model's own error and the noise of a block mean, shape (3, K)."""
+    noise: Array
+    """White noise of a single reading, shape (3, K)."""
+    step: Array
+    """Quantisation step of the position sensors [rad], 0: none that shows; shape (K,)."""
+    second: Array
+    """The second of its episode that a block belongs to, counted through, shape (N,)."""
+    size: Array
+    """Travel of slides [m], 1 of hinges: the natural size of a joint's angles, shape (K,)."""
+    torque: Array
+    """Largest torque that is asked of each drive [Nm], shape (K,)."""
+
+    @cached_property
+    def logged(self) -> Array:
+        """Where there is a reading that counts, shape (K, 3, N)."""
+        return np.isfinite(self.measured).transpose(2, 1, 0)
+
+    @cached_property
+    def readings(self) -> Array:
+        """All readings that count, in floors: joint by joint, channel by channel, shape (M,)."""
+        return self.pack(self.measured)
+
+    @cached_property
+    def parts(self) -> tuple[slice, ...]:
+        """Where each joint's readings are in `readings`."""
+        ends = np.cumsum([0, *self.logged.sum(axis=(1, 2))])
+        return tuple(slice(a, b) for a, b in pairwise(ends))
+
+    @cached_property
+    def seconds(self) -> Array:
+        """The second of each of `readings`, shape (M,)."""
+        return np.broadcast_to(self.second, self.logged.shape)[self.logged]
+
+    def pack(self, shown: Array) -> Array:
+        """What is shown (N, 3, K) as `readings` are, in floors."""
+        return (shown / self.floor).transpose(2, 1, 0)[self.logged]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints."""
+        return self.limb.joints
+
+
+def evidence(limb: Limb) -> Evidence:
+    """A limb's readings with their floors."""
+    raw = [r.measured for r in limb.recordings]
+    noise = np.median([np.nan_to_num(white_noise(one)) for one in raw], axis=0)
+    position = np.concatenate([one[:, 0] for one in raw])
+    step = np.array([quantisation_step(x) for x in position.T])
+    slides = np.array([body.joint.slides for body in limb.spec.hand.driven])
+    size = np.where(slides, np.maximum(np.ptp(position, axis=0), 1e-9), 1.0)
+    torque = _torque(limb)
+    angle = np.hypot(FLOOR_RAD * size, step / np.sqrt(12.0))
+    model = np.stack([angle, angle, FLOOR_SHARE * torque])
+    samples = max(1, round(BLOCK_S / limb.period_s))
+    seconds = [time_s.astype(int) for time_s in limb.time_s]
+    starts = np.cumsum([0, *(s.max() + 1 for s in seconds)])
+    return Evidence(
+        limb=limb,
+        measured=np.where(_counts(limb)[:, None], limb.measured, np.nan),
+        floor=np.hypot(model, noise / np.sqrt(samples)),
+        noise=noise,
+        step=step,
+        second=np.concatenate([a + s for a, s in zip(starts, seconds, strict=False)]),
+        size=size,
+        torque=torque,
+    )
+
+
+def _torque(limb: Limb) -> Array:
+    """Largest torque that the nominal drives ask for, at most half as much again as logged."""
+    asked = np.zeros(len(limb.joints))
+    for number in range(len(limb.recordings)):
+        ticks = limb.ticks(number, limb.nominal)
+        if ticks is not None:
+            asked = np.maximum(asked, np.abs(ticks[:, 2]).max(axis=0))
+    limit = limb.nominal[:, LIMIT]
+    return np.maximum(np.minimum(limit, np.where(asked > 0, 1.5 * asked, limit)), SURE_NOISE)
+
+
+def _counts(limb: Limb) -> Array:
+    """Which blocks count, by joint (N, K): all, or rests where motion between samples is lost."""
+    shape = len(limb.measured), len(limb.joints)
+    if limb.period_s <= SLOW_S:
+        return np.ones(shape, dtype=bool)
+    found = []
+    for recording, edges in zip(limb.recordings, limb.edges, strict=True):
+        moved = np.any(np.diff(recording.command, axis=0, prepend=recording.command[:1]), axis=1)
+        last = np.maximum.accumulate(np.where(moved, recording.time_s, 0.0))
+        rests = recording.time_s - last >= REST_S
+        found.append(np.repeat(rests[edges[:-1], None], shape[1], axis=1))
+    return np.concatenate(found)
+
+
+def quantisation_step(readings: Array) -> float:
+    """The step of which all readings (T,) are multiples; 0: none that shows."""
+    levels = np.unique(np.round(readings[np.isfinite(readings)], 9))
+    gaps = np.diff(levels)
+    gaps = gaps[gaps > 1e-7]
+    if len(gaps) < 4 or len(levels) > 0.5 * len(readings):
+        return 0.0
+    step = np.median(gaps[gaps < 1.5 * gaps.min()])
+    broken = np.abs(gaps / step - np.round(gaps / step))
+    return float(step) if np.quantile(broken, 0.9) < 0.1 else 0.0

@@ -1,0 +1,182 @@
+"""The parameters of a limb: what may be wrong on each joint, from the effects' own facts.
+
+A parameter is an effect on a joint, varied in its coordinate u (`Effect.coordinate`). Every robot
+is a little off in most of them: so much a fit may always take. An effect is a parameter that may
+take any size within its bounds.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import Effect, NumberEffect
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.motion.along import AXES
+from diagnosis.motion.columns import COLUMNS, KD, KP, STIFFNESS
+
+LATE_SHARE = 0.03
+"""Commands are late by so much of a log's period anyway."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parameter:
+    """An effect on a joint, in its coordinate u."""
+
+    effect: str
+    kind: type[Effect]
+    joint: int | None
+    """Number of its joint; None: all joints have the same of it."""
+    place: int
+    """Its column of the joints' numbers, or of a tilt the axis (`motion.along.AXES`)."""
+    unit: float
+    """Natural size: how much the number (or its inverse) grows per u, SI; 1 of a logarithm."""
+    tolerance: float
+    """Standard deviation of u on a healthy robot; 0: healthy robots have none."""
+    centre: float = 0.0
+    """Where a healthy robot has it."""
+    least: float
+    """From which size of u on it is an effect."""
+    most: float
+    """Largest size of u."""
+
+    @property
+    def either_sign(self) -> bool:
+        """Whether u may be negative as an effect."""
+        return self.kind.either_sign
+
+    @property
+    def is_tilt(self) -> bool:
+        """Whether it turns gravity for all joints at once."""
+        return not issubclass(self.kind, NumberEffect)
+
+    @property
+    def below_zero(self) -> bool:
+        """Whether a healthy robot may have less than nominal of it."""
+        return self.either_sign or self.kind.coordinate == "logarithm"
+
+
+def parameters(
+    catalogue: Mapping[str, type[Effect]], evidence: Evidence, uncertainty: float, everyday: float
+) -> tuple[Parameter, ...]:
+    """All parameters of a limb, in the order of the catalogue.
+
+    `uncertainty`: one standard deviation of the nominal numbers, relative; `everyday`: the share of
+    the other tolerances that mechanisms of this origin have.
+    """
+    found = []
+    for name, kind in catalogue.items():
+        if kind.least is None:
+            continue
+        places = _places(kind)
+        joints = range(len(evidence.joints)) if kind.per_joint else (None,)
+        for place in places:
+            for joint in joints:
+                one = _parameter(name, kind, joint, place, evidence, uncertainty, everyday)
+                if one is not None:
+                    found.append(one)
+            if kind.shared and len(evidence.joints) > 1:
+                found.append(_shared([p for p in found if p.effect == name]))
+    return tuple(found)
+
+
+def _places(kind: type[Effect]) -> tuple[int, ...]:
+    if not issubclass(kind, NumberEffect):
+        return tuple(range(len(AXES)))
+    return (COLUMNS.index(kind.number),) if kind.number in COLUMNS else ()
+
+
+def _parameter(
+    name: str,
+    kind: type[Effect],
+    joint: int | None,
+    place: int,
+    evidence: Evidence,
+    uncertainty: float,
+    everyday: float,
+) -> Parameter | None:
+    assert kind.least is not None
+    if joint is None:
+        return Parameter(
+            effect=name,
+            kind=kind,
+            joint=None,
+            place=place,
+            unit=1.0,
+            tolerance=kind.tolerance * everyday,
+            least=kind.least,
+            most=kind.most,
+        )
+    numbers = evidence.limb.nominal[joint]
+    value = numbers[place]
+    if kind.coordinate == "logarithm" and (value <= 0.0 or _is_unused(place, evidence)):
+        return None
+    unit = _unit(kind, joint, evidence)
+    angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
+    own = kind.tolerance * everyday * angle
+    known = 0.0
+    if kind.nominal:
+        known = uncertainty * _relative(kind, value, unit, evidence.limb.rigid)
+    late = LATE_SHARE * evidence.limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
+    tolerance = max(float(np.hypot(own, known)), late)
+    return Parameter(
+        effect=name,
+        kind=kind,
+        joint=joint,
+        place=place,
+        unit=unit,
+        tolerance=tolerance,
+        least=max(kind.least * angle, 2.0 * tolerance),
+        most=kind.most,
+    )
+
+
+def _is_unused(place: int, evidence: Evidence) -> bool:
+    """Whether a number does nothing: rigid drives have no gear."""
+    return evidence.limb.rigid and COLUMNS[place].startswith("drive.gear_")
+
+
+def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
+    """The natural size of an effect's number on a joint, SI."""
+    numbers = evidence.limb.nominal[joint]
+    if kind.coordinate == "logarithm":
+        return 1.0
+    if kind.coordinate == "compliance":
+        return 1.0 / numbers[KP]
+    natural = {"torque": evidence.torque[joint], "damping": numbers[KD]}
+    return float(natural.get(kind.dimension, 1.0))
+
+
+def _relative(kind: type[Effect], value: float, unit: float, rigid: bool) -> float:
+    """One nominal value in the coordinate u."""
+    if kind.coordinate == "logarithm":
+        return 1.0
+    if kind.coordinate == "compliance":
+        return 0.0 if rigid else 1.0 / value / unit
+    return value / unit
+
+
+def _shared(own: list[Parameter]) -> Parameter:
+    """The same effect on all joints at once: at least as large as any joint's least."""
+    return replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=max(p.least for p in own))
+
+
+def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, float]:
+    """How far u may go: any size as an effect, else within `reach` standard deviations."""
+    if freed:
+        return (-parameter.most if parameter.either_sign else 0.0), parameter.most
+    spread = reach * parameter.tolerance
+    high = parameter.centre + spread
+    return (parameter.centre - spread if parameter.below_zero else 0.0), max(high, 0.0)
+
+
+def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:
+    """The effect's magnitude in SI units at u, beside a joint's nominal numbers."""
+    kind = parameter.kind
+    if kind.coordinate == "compliance":
+        return u * parameter.unit * numbers[STIFFNESS]
+    if kind.coordinate == "logarithm":
+        share = float(np.expm1(u))
+        return share if kind.dimension == "share" else share * numbers[parameter.place]
+    return u * parameter.unit

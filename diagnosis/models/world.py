@@ -1,0 +1,86 @@
+"""A limb with parameters at given sizes: from coordinates u to what its sensors show."""
+
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.models.parameters import Parameter
+from diagnosis.motion.along import AXES
+from diagnosis.motion.columns import (
+    COULOMB,
+    DELAY,
+    PLAY,
+    ROTOR,
+    STIFFNESS,
+    TEETH,
+    TWO_MASSES,
+    VISCOUS,
+)
+
+FIRM = 0.4
+"""A gear that a rigid drive gets is at most so stiff: k dt^2 over the inertia that it sees."""
+RATIO, FIRM_RATIO = 0.15, 0.6
+"""Damping ratio of such a gear, and of one that is as stiff as it may be."""
+POSITIVE = (COULOMB, VISCOUS, DELAY, PLAY)
+"""Numbers that tolerances may not take below zero."""
+
+
+class World:
+    """What a limb shows with its parameters at u: `shown`, counted in `runs`."""
+
+    def __init__(self, evidence: Evidence, parameters: Sequence[Parameter]) -> None:
+        self.evidence, self.parameters = evidence, tuple(parameters)
+        self.runs = 0
+
+    def shown(self, u: Mapping[int, float]) -> Array:
+        """What the sensors show with parameters (by number) at u, as `Evidence.readings` (M,)."""
+        self.runs += 1
+        return self.evidence.pack(self.evidence.limb.simulate(*self.numbers(u)))
+
+    def numbers(self, u: Mapping[int, float]) -> tuple[Array, Array]:
+        """The joints' numbers (K, len(COLUMNS)) and gravity's tilt (2,) [rad]."""
+        limb = self.evidence.limb
+        numbers, tilt = limb.nominal.copy(), np.zeros(len(AXES))
+        soft = np.zeros(len(limb.joints))
+        for number, value in u.items():
+            one = self.parameters[number]
+            if not value:
+                continue
+            if one.is_tilt:
+                tilt[one.place] += value
+                continue
+            rows = slice(None) if one.joint is None else one.joint
+            if one.kind.coordinate == "logarithm":
+                numbers[rows, one.place] *= np.exp(value)
+            elif one.kind.coordinate == "compliance":
+                soft[rows] += value * one.unit
+            else:
+                numbers[rows, one.place] += value * one.unit
+        numbers[:, POSITIVE] = np.maximum(numbers[:, POSITIVE], 0.0)
+        self._with_gears(numbers, soft)
+        return numbers, tilt
+
+    def _with_gears(self, numbers: Array, soft: Array) -> None:
+        """Make gears more compliant by `soft` (K,) [rad/Nm]; rigid drives with play get one."""
+        limb = self.evidence.limb
+        if not limb.rigid:
+            numbers[:, STIFFNESS] = 1.0 / (1.0 / numbers[:, STIFFNESS] + soft)
+            return
+        for j in np.flatnonzero((soft > 0.0) | (numbers[:, PLAY] > 0.0)):
+            most = FIRM * self._reduced[j] / limb.dt**2
+            stiffness = min(1.0 / max(soft[j], 1e-12), most)
+            ratio = FIRM_RATIO if stiffness == most else RATIO
+            numbers[j, TWO_MASSES], numbers[j, STIFFNESS] = 1.0, stiffness
+            numbers[j, TEETH] = 2.0 * ratio * np.sqrt(stiffness * self._reduced[j])
+
+    @cached_property
+    def _reduced(self) -> Array:
+        """Inertia that a gear's spring sees between rotor and link [kg m^2], shape (K,)."""
+        limb = self.evidence.limb
+        mass = np.concatenate([one.model[0] for one in limb.along])[::50]
+        link = np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
+        rotor = limb.nominal[:, ROTOR]
+        return link * rotor / (link + rotor)

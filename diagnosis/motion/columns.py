@@ -1,0 +1,46 @@
+"""A joint's numbers in the compiled replay, under the names that the spec gives them."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from backends.spec import Command, Drive, Encoder, Spec
+from backends.state import Array
+
+COLUMNS = (
+    *(f"drive.{f.name}" for f in fields(Drive)),
+    *(f"command.{f.name}" for f in fields(Command)),
+    *(f"encoder.{f.name}" for f in fields(Encoder)),
+    "body.mass_kg",
+    "two_masses",
+)
+"""What the numbers of a joint are, in the order in which the compiled replay takes them.
+
+`two_masses`: 1 where rotor and link are coupled by a gear, 0 where they are one rigid body.
+"""
+KP, KD = COLUMNS.index("drive.kp_nm_rad"), COLUMNS.index("drive.kd_nms_rad")
+LIMIT, ROTOR = COLUMNS.index("drive.torque_limit_nm"), COLUMNS.index("drive.rotor_inertia_kgm2")
+COULOMB, VISCOUS = COLUMNS.index("drive.coulomb_nm"), COLUMNS.index("drive.viscous_nms_rad")
+STICTION, LOAD = COLUMNS.index("drive.stiction_nm"), COLUMNS.index("drive.load_friction")
+PLAY, STIFFNESS = COLUMNS.index("drive.play_rad"), COLUMNS.index("drive.gear_stiffness_nm_rad")
+TEETH, LOCK = COLUMNS.index("drive.gear_damping_nms_rad"), COLUMNS.index("drive.lock_nm")
+DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.delay_s")
+SLOWNESS = COLUMNS.index("command.slowness_s_rad")
+BIAS, SCALE = COLUMNS.index("encoder.bias_rad"), COLUMNS.index("encoder.scale_error")
+LATE = COLUMNS.index("encoder.delay_s")
+MASS, TWO_MASSES = COLUMNS.index("body.mass_kg"), COLUMNS.index("two_masses")
+
+
+def table(spec: Spec, rigid: bool) -> Array:
+    """The numbers of K joints, shape (K, len(COLUMNS)); `rigid`: without gears."""
+    rows = []
+    for body in spec.hand.driven:
+        homes = {
+            "drive": body.joint.drive,
+            "command": body.joint.command,
+            "encoder": body.joint.encoder,
+            "body": body,
+        }
+        names = (column.split(".") for column in COLUMNS[:-1])
+        rows.append([float(getattr(homes[part], field)) for part, field in names])
+    return np.column_stack([rows, np.full(len(rows), float(not rigid))])

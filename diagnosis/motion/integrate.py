@@ -1,0 +1,171 @@
+"""A limb of K joints in compiled code, along the motion that was measured.
+
+    (M + D dt) a = tau + push - h - G (q - q_m) - C (v - v_m)
+
+M, h, G = dh/dq and C = dh/dv are taken once at points (q_m, v_m) of the measured motion, so a
+replay computes no kinematics and needs no measured accelerations. A drive is rigid, with all of
+its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
+implicitfast), or it turns a second mass behind a gear (`backends/drive.py`).
+"""
+
+import numba
+import numpy as np
+
+from backends.drive import STRIBECK_RAD_S
+from diagnosis.motion.columns import (
+    COULOMB,
+    DEAD_ZONE,
+    DELAY,
+    KD,
+    KP,
+    LIMIT,
+    LOAD,
+    LOCK,
+    PLAY,
+    ROTOR,
+    SLOWNESS,
+    STICTION,
+    STIFFNESS,
+    TEETH,
+    TWO_MASSES,
+    VISCOUS,
+)
+
+SWEEPS = 3
+"""Iterations of dry friction over coupled joints."""
+FAR_RAD = 1e4
+"""A joint beyond this has diverged."""
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _shrink(x, by):
+    return x - by if x > by else (x + by if x < -by else 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _limited(wanted, last, slowness, dt):
+    """The target [rad] of a drive that moves it by a radian in no less than `slowness` [s]."""
+    if slowness == 0.0:
+        return wanted
+    most = dt / slowness
+    return last + min(max(wanted - last, -most), most)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _pd(error, speed, kp, kd, limit, dead_zone):
+    """The PD law's torque, and whether it is at its limit."""
+    wanted = kp * _shrink(error, dead_zone) - kd * speed
+    pd = min(max(wanted, -limit), limit)
+    return pd, pd != wanted
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _rubbing(speed, coulomb, stiction):
+    """Dry friction of a rotor at a speed, without load."""
+    return coulomb + (stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _gear(gap, slip, play, stiffness, teeth):
+    """The torque through a gear: teeth only push."""
+    press = gap - play if gap > 0.0 else gap + play
+    gear = stiffness * press + teeth * slip
+    return 0.0 if play > 0.0 and (abs(gap) <= play or gear * press < 0.0) else gear
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _turned(speed, pd, gear, viscous, rub, lock, r, damped):
+    """A rotor's speed after a tick r = dt / J; friction stops it and never reverses it."""
+    speed += r * (pd - gear - viscous * speed) / (1.0 + r * damped)
+    speed = _shrink(speed, r * rub)
+    return _shrink(speed, r * lock) if speed * pd <= 0.0 and speed * gear < 0.0 else speed
+
+
+@numba.njit(cache=True, error_model="numpy")
+def integrate(
+    dt, stride, q_m, v_m, mass, bias, dq, dv, command, push, row, start, p, implicit, out
+):
+    """Write joint, motor and PD torque of K joints after every tick into `out` (n, 3, K).
+
+    Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K);
+    commands and pushes (T, K) and the row of them that acts at every tick (n,); start (K,), numbers
+    p (K, len(COLUMNS)). `implicit`: damping as MuJoCo's. False where the motion diverged.
+
+    One function holds the arrays: to hand them on costs more than the tick itself.
+    """
+    joints, last = len(start), len(mass) - 1
+    q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
+    target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
+    accel, rub, impulse, damped = np.zeros((4, joints))
+    whole, inverse = np.zeros((2, joints, joints))
+    full, at_limit = np.zeros(joints, np.bool_), False
+    for t in range(len(out)):
+        i, k, changed = min(t // stride, last), row[t], t % stride == 0
+        for j in range(joints):
+            asked = command[k, j]
+            if p[j, DELAY] > 0.0:
+                then = t - p[j, DELAY] / dt
+                before = int(np.floor(then))
+                asked = command[row[max(before + 1, 0)], j] * (then - before)
+                asked += command[row[max(before, 0)], j] * (1.0 - then + before)
+            target[j] = _limited(asked, target[j], p[j, SLOWNESS], dt)
+            error = target[j] - motor[j]
+            pd, at_limit = _pd(error, speed[j], p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE])
+            out[t, 2, j] = pd
+            rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
+            loss = p[j, VISCOUS] + (0.0 if at_limit else p[j, KD])
+            if p[j, TWO_MASSES] > 0.0:
+                gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, ROTOR]
+                gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])
+                most = rub[j] + p[j, LOAD] * abs(gear[j])
+                loss = loss if implicit else 0.0
+                own = pd, gear[j], p[j, VISCOUS], most, p[j, LOCK], r, loss
+                speed[j] = _turned(speed[j], *own)
+                motor[j] += dt * speed[j]
+                force[j], rub[j] = gear[j], 0.0
+            else:
+                changed |= at_limit != full[j]
+                full[j], damped[j] = at_limit, dt * loss
+                force[j] = pd - p[j, VISCOUS] * v[j]
+                rub[j] += p[j, LOAD] * abs(gear[j])
+                if v[j] * pd <= 0.0 and v[j] * gear[j] > 0.0:
+                    rub[j] += p[j, LOCK]
+        if changed:
+            for j in range(joints):
+                for n in range(joints):
+                    whole[j, n] = mass[i, j, n]
+                whole[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
+            inverse = np.linalg.inv(whole) if joints > 1 else 1.0 / whole
+        rubs = False
+        for j in range(joints):
+            force[j] += push[k, j] - bias[i, j]
+            for n in range(joints):
+                force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
+            rubs |= rub[j] > 0.0
+        for j in range(joints):
+            accel[j] = 0.0
+            for n in range(joints):
+                accel[j] += inverse[j, n] * force[n]
+        for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
+            for j in range(joints):
+                slides = v[j] + dt * accel[j]
+                for n in range(joints):
+                    slides += inverse[j, n] * impulse[n]
+                most = dt * rub[j]
+                impulse[j] = min(max(impulse[j] - slides / inverse[j, j], -most), most)
+        for j in range(joints if rubs else 0):
+            for n in range(joints):
+                accel[j] += inverse[j, n] * impulse[n] / dt
+        for j in range(joints):
+            v[j] += dt * accel[j]
+            q[j] += dt * v[j]
+        for j in range(joints):
+            if p[j, TWO_MASSES] == 0.0:
+                gear[j] = bias[i, j] - push[k, j]
+                for n in range(joints):
+                    gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
+                motor[j], speed[j] = q[j], v[j]
+            out[t, 0, j], out[t, 1, j] = q[j], motor[j]
+            if not abs(q[j]) + abs(motor[j]) < FAR_RAD:
+                return False
+    return True

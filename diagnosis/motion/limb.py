@@ -1,0 +1,171 @@
+"""One limb's log beside its model: what its sensors would show, for any numbers of its joints."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.logs.log import LogError
+from diagnosis.motion.along import AXES, Along, along, smoothed
+from diagnosis.motion.columns import BIAS, KP, MASS, ROTOR, SCALE, table
+from diagnosis.motion.integrate import integrate
+from diagnosis.motion.recordings import CHANNELS, Recording, period_s
+from diagnosis.motion.sense import sense
+from diagnosis.replay.chain import chain
+
+POINT_S = 4e-3
+"""Time between the points at which the rigid-body model is taken [s]."""
+BLOCK_S = 8e-3
+"""Samples are compared as means over this: slower than any joint, as white, and far fewer [s]."""
+TICK_S, FINEST_S = 1e-3, 2e-5
+"""Longest and shortest step of a rigid drive [s]."""
+STABLE = 0.2
+"""A step is short enough where kp dt^2 is at most this share of the rotor's inertia."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Limb:
+    """K joints that move together, and their episodes."""
+
+    spec: Spec
+    recordings: tuple[Recording, ...]
+    rigid: bool
+    """Whether drives are rigid, as in a user's MJCF, instead of two masses with a gear."""
+
+    @cached_property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, in spec order."""
+        return self.spec.hand.joint_names
+
+    @cached_property
+    def nominal(self) -> Array:
+        """The nominal numbers of the joints, shape (K, len(COLUMNS))."""
+        return table(self.spec, self.rigid)
+
+    @cached_property
+    def period_s(self) -> float:
+        """Time between samples [s]."""
+        return period_s(self.recordings)
+
+    @cached_property
+    def dt(self) -> float:
+        """Step of the replay [s]: the drive's period, or what a rigid drive needs."""
+        if not self.rigid:
+            return self.spec.timing.drive_s
+        dt = TICK_S
+        while dt > FINEST_S and (self._stiffness(dt) > STABLE or dt > self.period_s):
+            dt /= 2
+        return dt
+
+    def _stiffness(self, dt: float) -> float:
+        return float((self.nominal[:, KP] * dt**2 / self.nominal[:, ROTOR]).max())
+
+    @cached_property
+    def stride(self) -> int:
+        """Ticks between points of the model."""
+        return max(1, round(max(POINT_S, self.period_s / 2) / self.dt))
+
+    @cached_property
+    def edges(self) -> tuple[Array, ...]:
+        """First samples of the blocks of every episode, and the end."""
+        size = max(1, round(BLOCK_S / self.period_s))
+        found = []
+        for recording in self.recordings:
+            count = len(recording.time_s)
+            starts = np.arange(0, max(count - size, 0) + 1, size)
+            found.append(np.append(starts, count))
+        return tuple(found)
+
+    @cached_property
+    def measured(self) -> Array:
+        """Readings as block means, shape (N, 3, K); NaN where none were logged."""
+        pairs = zip(self.recordings, self.edges, strict=True)
+        return np.concatenate([block_means(r.measured, edges) for r, edges in pairs])
+
+    @cached_property
+    def time_s(self) -> tuple[Array, ...]:
+        """When the blocks of every episode begin [s]."""
+        pairs = zip(self.recordings, self.edges, strict=True)
+        return tuple(r.time_s[edges[:-1]] for r, edges in pairs)
+
+    @cached_property
+    def along(self) -> tuple[Along, ...]:
+        """The rigid-body model along every episode."""
+        bodies, found = chain(self.spec), []
+        for recording, ticks in zip(self.recordings, self._ticks, strict=True):
+            count = len(ticks.row) // self.stride + 1
+            points_s = (np.arange(count) + 0.5) * self.stride * self.dt
+            still = smoothed(recording.measured[:, 0], self.period_s)
+            q = np.stack([np.interp(points_s, recording.time_s, x) for x in still.T], axis=1)
+            v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
+            found.append(along(bodies, q, v))
+        return tuple(found)
+
+    @cached_property
+    def _ticks(self) -> "tuple[_Ticks, ...]":
+        return tuple(_Ticks.of(recording, self.dt) for recording in self.recordings)
+
+    @cached_property
+    def _at_motor(self) -> Array:
+        return np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
+
+    def simulate(self, numbers: Array, tilt: Array | None = None) -> Array:
+        """What the sensors show, as block means (N, 3, K); NaN throughout where it diverges.
+
+        `numbers` (K, len(COLUMNS)) of the joints; `tilt` (2,) of gravity about `AXES` [rad].
+        """
+        numbers = np.ascontiguousarray(numbers)
+        found = []
+        for number in range(len(self.recordings)):
+            ticks = self.ticks(number, numbers, tilt)
+            edges = self.edges[number]
+            shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
+            if ticks is not None:
+                at = self._ticks[number].at
+                sense(ticks, at, edges, self._at_motor, numbers, self.dt, shown)
+            found.append(shown)
+        return np.concatenate(found)
+
+    def ticks(self, number: int, numbers: Array, tilt: Array | None = None) -> Array | None:
+        """Joints, motors and torques after every tick of an episode (n, 3, K); None: diverged."""
+        recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
+        share = numbers[:, MASS] / np.where(self.nominal[:, MASS], self.nominal[:, MASS], 1.0) - 1
+        share = np.where(self.nominal[:, MASS] > 0.0, share, 0.0)
+        model = path.changed(share, np.zeros(len(AXES)) if tilt is None else tilt)
+        asked = recording.command, recording.push, clock.row
+        start = unread(recording.start, numbers)
+        out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
+        motion = path.angle_rad, path.speed_rad_s, *model
+        given = self.dt, self.stride, *motion, *asked, start, numbers, self.rigid
+        return out if integrate(*given, out) else None
+
+
+def unread(reading: Array, numbers: Array) -> Array:
+    """Angles [rad] at which position sensors with these numbers read `reading` (K,)."""
+    return (reading - numbers[:, BIAS]) / (1.0 + numbers[:, SCALE])
+
+
+def block_means(samples: Array, edges: Array) -> Array:
+    """Means of rows (T, ...) between edges (B + 1,)."""
+    counts = np.diff(edges).reshape(-1, *(1,) * (samples.ndim - 1))
+    return np.add.reduceat(samples, edges[:-1], axis=0) / counts
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Ticks:
+    """How an episode's samples lie among the ticks of a replay."""
+
+    row: Array
+    """The sample that acts at every tick, shape (n,)."""
+    at: Array
+    """The tick after which every sample is taken, broken, shape (T,)."""
+
+    @classmethod
+    def of(cls, recording: Recording, dt: float) -> "_Ticks":
+        first = np.round(recording.time_s / dt).astype(np.int64)
+        if first[-1] > 4e7:
+            raise LogError(f"an episode lasts {recording.time_s[-1]:.0f} s; split it")
+        row = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
+        return cls(row=row, at=recording.time_s / dt - 1.0)

@@ -1,0 +1,95 @@
+"""The free-air episodes of a log as arrays: what was asked of a limb, and what it then showed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.logs.log import Log, LogError
+
+FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
+"""Protocols without a stick in the hand."""
+CHANNELS = ("position", "motor", "torque")
+"""What is compared, in this order."""
+LEAST_SAMPLES, LEAST_S = 50, 2.0
+"""Shorter episodes are left out; less free air than this tells no causes apart [s]."""
+REST_SAMPLES = 3
+"""The start is the mean of so many readings."""
+CLOSE_SD = 3.0
+"""A start is at its target where noise hides whether it is."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Recording:
+    """One episode of K joints, a row per sample."""
+
+    protocol: str
+    time_s: Array
+    """From the first sample on [s], shape (T,)."""
+    command: Array
+    """Commanded angle from each sample on [rad], shape (T, K)."""
+    push: Array
+    """Known external torque on the joint from each sample on [Nm], shape (T, K)."""
+    measured: Array
+    """Readings by `CHANNELS`, shape (T, 3, K); NaN where none were logged."""
+    start: Array
+    """What the position sensors read at rest at the start [rad], shape (K,)."""
+
+
+def recordings(log: Log, limb: Spec) -> tuple[Recording, ...]:
+    """All usable episodes of a log in free air; raises LogError where there are none."""
+    missing = [name for name in limb.hand.joint_names if name not in log.joints]
+    if missing:
+        raise LogError(
+            f"this log has no commands for {', '.join(missing)}; it has: {', '.join(log.joints)}; "
+            "record every joint"
+        )
+    found = [_recording(log, limb, e.episode, e.protocol) for e in log.episodes]
+    usable = tuple(r for r in found if r.protocol in FREE_AIR and len(r.time_s) >= LEAST_SAMPLES)
+    lasts_s = sum(float(r.time_s[-1]) for r in usable)
+    if lasts_s < LEAST_S:
+        raise LogError(
+            f"not identifiable from this log: {lasts_s:.1f} s in free air in episodes of "
+            f"{LEAST_SAMPLES} samples or more, allowed: from {LEAST_S:g} s; record "
+            f"{', '.join(FREE_AIR[:4])}"
+        )
+    return usable
+
+
+def period_s(found: tuple[Recording, ...]) -> float:
+    """Time between samples [s]: the median over all episodes."""
+    return float(np.median(np.concatenate([np.diff(r.time_s) for r in found])))
+
+
+def white_noise(measured: Array) -> Array:
+    """Standard deviation of white noise by column of (T, ...): third differences of it."""
+    return np.median(np.abs(np.diff(measured, n=3, axis=0)), axis=0) / 0.6745 / np.sqrt(20.0)
+
+
+def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
+    frame, names = log.episode(number), limb.hand.joint_names
+
+    def read(kind: str) -> Array:
+        blank = np.full(len(frame), np.nan)
+        columns = [log.column(kind, n) if log.has(kind, n) else None for n in names]
+        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
+
+    time_s = frame["t_s"].to_numpy(float)
+    later = np.append(True, np.diff(np.maximum.accumulate(time_s)) > 0)
+    command, measured = read("command")[later], np.stack([read(k) for k in CHANNELS], 1)[later]
+    return Recording(
+        protocol=protocol,
+        time_s=time_s[later] - time_s[0],
+        command=command,
+        push=np.nan_to_num(read("push")[later]),
+        measured=measured,
+        start=_start(measured[:, 0], command[0]),
+    )
+
+
+def _start(position: Array, target: Array) -> Array:
+    """Where joints rest before they move (K,): as read, or at the target within the noise."""
+    read = position[:REST_SAMPLES].mean(axis=0)
+    sd = white_noise(position) / np.sqrt(REST_SAMPLES) if len(position) > REST_SAMPLES else 0.0
+    return np.where(np.abs(read - target) < CLOSE_SD * sd, target, read)

@@ -1,0 +1,157 @@
+"""Fits of a limb: its tolerances, and the effects that are let free, by bounded Gauss-Newton.
+
+    minimise |w (y - f(u))|^2 / 2 + |(u - centre) / sd|^2 / 2,   low <= u <= high
+
+Weights w are of the residuals as they are (`evidence.gap`), anew at each step.
+"""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.gap import excess, root_weights, squared_gaps
+from diagnosis.models.world import World
+from diagnosis.search.problem import Problem, is_column
+from diagnosis.search.quadratic import lowest
+
+STEPS, AGAIN = 7, 2
+"""Steps of a fit; at the step AGAIN the slopes of the tolerances are taken anew."""
+DAMPINGS = (1.0, 0.4, 0.12)
+"""Shares of a step that are tried."""
+DONE, DONE_SHARE = 0.02, 0.003
+"""A fit ends when a step wins less than this and this share of the cost."""
+SMALL, LARGE = 0.3, 0.03
+"""Slopes are taken over this share of an effect's least size, or of its size where it has one."""
+RIDGE = 1e-9
+"""Relative: keeps normal equations regular where two parameters do the same."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit:
+    """Parameters by number: those that were let free, and where all are."""
+
+    freed: tuple[int, ...]
+    u: Mapping[int, float]
+    residual: Array
+    """What is left, in floors (M,)."""
+    gap2: Array
+    """Squared gap by joint (K,)."""
+    sd: Mapping[int, float] = field(default_factory=dict)
+    """Standard deviations of what was fitted."""
+    slopes: Mapping[int, Array] = field(default_factory=dict)
+    """How readings follow from each parameter (M,), as last taken."""
+
+    @cached_property
+    def excess(self) -> float:
+        """Squared gap beyond one floor, over all joints."""
+        return excess(self.gap2)
+
+    @property
+    def worst(self) -> float:
+        """The largest gap of a joint, in floors."""
+        return float(np.sqrt(self.gap2.max()))
+
+
+class Fitter:
+    """Fits of one limb's world."""
+
+    def __init__(self, world: World) -> None:
+        self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
+
+    def fit(
+        self,
+        freed: Sequence[int] = (),
+        start: Mapping[int, float] | None = None,
+        near: Mapping[int, float] | None = None,
+        joints: Iterable[int] | None = None,
+        slopes: Mapping[int, Array] | None = None,
+        steps: int = STEPS,
+    ) -> Fit:
+        """All tolerances and the freed effects, from `start` and from where `near` has the others.
+
+        `joints`: only their tolerances move. `slopes`: of tolerances, where known well enough.
+        """
+        u = {**(near or {}), **(start or {})}
+        problem = Problem.of(self.parameters, freed, start or {}, joints)
+        known = {k: s for k, s in (slopes or {}).items() if k not in freed}
+        columns = [k for k in u if u[k] and self.is_column(k, freed)]
+        base = self.bare(u, freed)
+        needed = dict.fromkeys((*problem.numbers, *columns))
+        known |= self.slopes([k for k in needed if k not in known], u, freed, base)
+        shown = base + self._columns(u, freed, known)
+        for step in range(steps):
+            residual = self.evidence.readings - shown
+            weights = root_weights(self.evidence, residual)
+            jacobian = np.stack([known[k] * weights for k in problem.numbers], axis=1)
+            now = problem.at(u)
+            curvature = jacobian.T @ jacobian + problem.precision
+            curvature += RIDGE * np.diag(np.diag(curvature))
+            pull = jacobian.T @ (residual * weights)
+            pull -= (now - problem.centre) / problem.sd**2
+            move = lowest(curvature, pull, problem.low - now, problem.high - now)
+            most = problem.largest_step(now)
+            move = np.clip(move, -most, most)
+            cost, won = _cost(residual, weights) + problem.prior(now), 0.0
+            for damping in DAMPINGS:
+                there = problem.put(u, now + damping * move)
+                other = self.bare(there, freed) + self._columns(there, freed, known)
+                left = _cost(self.evidence.readings - other, weights)
+                left += problem.prior(problem.at(there))
+                if left < cost:
+                    u, shown, won = there, other, cost - left
+                    break
+            if (won < DONE + DONE_SHARE * cost and step > 0) or step == steps - 1:
+                break
+            fresh = [k for k in problem.numbers if k in freed or step == AGAIN]
+            known |= self.slopes(fresh, u, freed, self.bare(u, freed))
+        residual = self.evidence.readings - shown
+        sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
+        return Fit(
+            freed=tuple(freed),
+            u=u,
+            residual=residual,
+            gap2=squared_gaps(self.evidence, residual),
+            sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
+            slopes=known,
+        )
+
+    def is_column(self, number: int, freed: Collection[int]) -> bool:
+        """Whether a parameter only adds its slope, see `problem.is_column`."""
+        return is_column(self.parameters[number], number, freed, self.parameters)
+
+    def bare(self, u: Mapping[int, float], freed: Collection[int]) -> Array:
+        """What is shown without the parameters that only add their slope."""
+        return self.world.shown({k: v for k, v in u.items() if not self.is_column(k, freed)})
+
+    def slopes(
+        self, numbers: Iterable[int], u: Mapping[int, float], freed: Collection[int], base: Array
+    ) -> dict[int, Array]:
+        """How readings follow from parameters at u, where `bare` is `base`; 0 if they diverge."""
+        plain = {k: v for k, v in u.items() if not self.is_column(k, freed)}
+        found = {}
+        for k in numbers:
+            step = self.step(k, plain.get(k, 0.0))
+            moved = self.world.shown({**plain, k: plain.get(k, 0.0) + step})
+            found[k] = np.nan_to_num((moved - base) / step)
+        return found
+
+    def step(self, number: int, now: float) -> float:
+        """A change of a parameter that shows."""
+        one = self.parameters[number]
+        small = max(one.tolerance, SMALL * one.least)
+        step = small if abs(now) < one.least else LARGE * abs(now)
+        return -step if now < 0.0 else step
+
+    def _columns(
+        self, u: Mapping[int, float], freed: Collection[int], known: Mapping[int, Array]
+    ) -> Array | float:
+        return sum(known[k] * v for k, v in u.items() if v and self.is_column(k, freed))
+
+
+def _cost(residual: Array, weights: Array) -> float:
+    """Half the weighted sum of squares; infinite where the replay diverged."""
+    cost = float(((residual * weights) ** 2).sum()) / 2
+    return cost if np.isfinite(cost) else np.inf

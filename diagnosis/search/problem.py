@@ -1,0 +1,105 @@
+"""What a fit varies: tolerances under their priors, and effects that are free within bounds."""
+
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.models.parameters import Parameter, bounds
+from diagnosis.motion.columns import PLAY
+
+REACH = 3.0
+"""A tolerance ends at so many standard deviations: no healthy robot is further off."""
+SOFT = 5.0
+"""A gear with play may twist so many times more than others."""
+WIDE = 1e3
+"""An effect's size has a prior so many times wider than its bounds: none."""
+STRIDE, GROWTH = 3.0, 0.7
+"""A step moves a tolerance by so many standard deviations at most, an effect by so many of its
+least sizes or this share of what it is."""
+
+
+def is_column(parameter: Parameter, number: int, freed: Collection[int], all_: Sequence) -> bool:
+    """Whether a parameter only adds its slope: gears' kinks as tolerances.
+
+    A gear with play that is replayed is replayed with its twist.
+    """
+    if not parameter.kind.by_column or number in freed:
+        return False
+    return not any(all_[k].place == PLAY and all_[k].joint == parameter.joint for k in freed)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Problem:
+    """The parameters of a fit by number, with priors and bounds, all (n,)."""
+
+    numbers: tuple[int, ...]
+    is_free: Array
+    sd: Array
+    centre: Array
+    low: Array
+    high: Array
+    least: Array
+
+    @classmethod
+    def of(
+        cls,
+        parameters: Sequence[Parameter],
+        freed: Sequence[int],
+        start: Mapping[int, float],
+        joints: Iterable[int] | None,
+    ) -> "Problem":
+        """All tolerances and freed effects, or those of `joints` and what has a start."""
+        some = None if joints is None else set(joints)
+
+        def moves(k: int) -> bool:
+            joint = parameters[k].joint
+            return some is None or joint is None or joint in some or k in start
+
+        held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in freed]
+        numbers = [k for k in (*held, *freed) if moves(k)]
+        chosen = [parameters[k] for k in numbers]
+        is_free = np.array([k in freed for k in numbers])
+        soft = {parameters[k].joint for k in freed if parameters[k].place == PLAY}
+        more = [
+            SOFT if p.kind.coordinate == "compliance" and p.joint in soft else 1.0 for p in chosen
+        ]
+        held_sd = np.array([p.tolerance * m for p, m in zip(chosen, more, strict=True)])
+        ends = [
+            bounds(p, free, REACH * m) for p, free, m in zip(chosen, is_free, more, strict=True)
+        ]
+        low, high = np.array(ends).reshape(-1, 2).T
+        return cls(
+            numbers=tuple(numbers),
+            is_free=is_free,
+            sd=np.where(is_free, WIDE * np.array([p.most for p in chosen]), held_sd),
+            centre=np.where(is_free, 0.0, [p.centre for p in chosen]),
+            low=low,
+            high=high,
+            least=np.array([p.least for p in chosen]),
+        )
+
+    def at(self, u: Mapping[int, float]) -> Array:
+        """The parameters' sizes (n,)."""
+        return np.array([u.get(k, 0.0) for k in self.numbers])
+
+    def put(self, u: Mapping[int, float], sizes: Array) -> dict[int, float]:
+        """All parameters by number, these at `sizes` (n,) within their bounds."""
+        inside = np.clip(sizes, self.low, self.high)
+        return {**u, **dict(zip(self.numbers, map(float, inside), strict=True))}
+
+    def prior(self, u: Array) -> float:
+        """Their share of the cost."""
+        return float((((u - self.centre) / self.sd) ** 2).sum()) / 2
+
+    def largest_step(self, u: Array) -> Array:
+        """How far a step may go (n,)."""
+        free = np.maximum(GROWTH * np.abs(u), STRIDE * self.least)
+        return np.where(self.is_free, free, STRIDE * self.sd)
+
+    @cached_property
+    def precision(self) -> Array:
+        """Of the priors, (n, n)."""
+        return np.diag(self.sd**-2.0)

@@ -1,0 +1,80 @@
+"""Which effects may close a gap: what a linear step of all tolerances and the effect would win."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.gap import root_weights
+from diagnosis.search.fit import RIDGE, Fit, Fitter
+from diagnosis.search.problem import WIDE
+
+SIZES = (2.0, 6.0)
+"""Multiples of the least size over which an effect's slope is taken."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screened:
+    """What an effect promises."""
+
+    number: int
+    gain: float
+    """Of the cost."""
+    to: float
+    """The size that wins it."""
+
+
+class Screening:
+    """The linear step from a fit, ready to take one more effect at a time."""
+
+    def __init__(self, fitter: Fitter, fit: Fit) -> None:
+        self.fitter, self.fit = fitter, fit
+        parameters = fitter.parameters
+        self.free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
+        self.base = fitter.world.shown(self.free)
+        held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in fit.freed]
+        self.slopes = fitter.slopes((*held, *fit.freed), fit.u, fit.freed, self.base)
+        self.numbers = list(self.slopes)
+        self.weights = root_weights(fitter.evidence, fit.residual)
+        self.left = fit.residual * self.weights
+        self.jacobian = np.stack([s * self.weights for s in self.slopes.values()], axis=1)
+        sd = np.array([parameters[k].tolerance if k in held else WIDE for k in self.numbers])
+        centre = np.array([parameters[k].centre if k in held else 0.0 for k in self.numbers])
+        now = np.array([fit.u.get(k, 0.0) for k in self.numbers])
+        curvature = self.jacobian.T @ self.jacobian + np.diag(sd**-2.0)
+        self.curvature = curvature + RIDGE * np.diag(np.diag(curvature))
+        self.pull = self.jacobian.T @ self.left - (now - centre) / sd**2
+
+    def screened(self, numbers: Sequence[int]) -> list[Screened]:
+        """The effects by what they promise, the best first."""
+        whole = np.linalg.inv(self.curvature)
+        found = [self._one(k, whole) for k in numbers]
+        return sorted(found, key=lambda one: -one.gain)
+
+    def _one(self, number: int, whole: Array) -> Screened:
+        """An effect stands in place of its own tolerance."""
+        one, now = self.fitter.parameters[number], self.free.get(number, 0.0)
+        rest = np.array([k != number for k in self.numbers])
+        inverse = whole if rest.all() else np.linalg.inv(self.curvature[np.ix_(rest, rest)])
+        best = Screened(number=number, gain=0.0, to=0.0)
+        for size in self._sizes(number):
+            moved = self.fitter.world.shown({**self.free, number: now + size})
+            column = np.nan_to_num(moved - self.base) / size * self.weights
+            shared = self.jacobian[:, rest].T @ column
+            bent = column @ column - shared @ inverse @ shared
+            pull = column @ self.left - shared @ inverse @ self.pull[rest]
+            to = np.clip(pull / max(bent, 1e-9), -one.most, one.most)
+            to = to if one.either_sign else max(to, 0.0)
+            gain = float(pull * to - bent * to * to / 2)
+            if gain > best.gain:
+                best = Screened(number=number, gain=gain, to=float(now + to))
+        return best
+
+    def _sizes(self, number: int) -> tuple[float, ...]:
+        one = self.fitter.parameters[number]
+        if one.kind.levels:
+            return tuple(level * one.least for level in one.kind.levels)
+        if one.either_sign:
+            return SIZES[0] * one.least, -SIZES[0] * one.least
+        return tuple(size * one.least for size in SIZES)

@@ -1,0 +1,184 @@
+"""The search of one limb: the smallest sets of effects that close its gap, driven by what is left.
+
+From the fit of the tolerances alone, effects are added one at a time to the best few sets so far:
+all are screened by one linear step, the best are fitted. What a set leaves decides (`excess`).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from diagnosis.models.parameters import Parameter
+from diagnosis.motion.columns import MASS
+from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.screening import Screened, Screening
+from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
+
+MOST, BEAM, FITTED, POLISHED = 3, 3, 6, 2
+"""At most so many causes, sought from so many of the best sets with one less; so many candidates of
+each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
+EACH = 2
+"""At most so many causes on one joint."""
+QUIET = 1.2
+"""Nothing is sought where no joint's gap is larger [floors]."""
+CONCERNED = 0.03
+"""Effects are sought on joints with at least this share of the excess."""
+PART = 0.05
+"""The first of several causes takes at least this share of the gap."""
+FIRM_SIZE = 2.0
+"""Each of several causes is at least so many times its least size."""
+SENSOR = 1.5
+"""A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
+NEAR, NEAR_MORE = 4.0, 3.0
+"""The beam keeps sets whose excess is below so many times the best's, and this."""
+TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
+"""Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
+times the best's, and this."""
+UNLIKE = (0.6, 1.6)
+"""A kink is fitted from each of its levels that is not this near to the screening's size."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Found:
+    """What a search found."""
+
+    nominal: Fit
+    """The tolerances alone."""
+    chosen: Fit
+    """The smallest set that nothing more adds to; `nominal` where none is worth it."""
+    singles: tuple[Fit, ...]
+    """Every single effect that was fitted, the best first."""
+    tied: tuple[Fit, ...]
+    """Sets of the same size that this log cannot tell from the chosen one."""
+
+    def share(self, fit: Fit) -> float:
+        """The share of the excess that a set takes."""
+        return share_of(fit, self.nominal)
+
+
+class Search:
+    """One limb's search."""
+
+    def __init__(self, fitter: Fitter, ordinary: Ordinary) -> None:
+        self.fitter, self.ordinary = fitter, ordinary
+        self.parameters: Sequence[Parameter] = fitter.parameters
+        self.tried: dict[frozenset[int], Fit] = {}
+
+    def run(self) -> Found:
+        """From the tolerances to the smallest convincing set."""
+        nominal = self.fitter.fit()
+        now, singles, tied = nominal, (), ()
+        beam: list[Fit] = [nominal]
+        for causes in range(1, MOST + 1):
+            if now.worst < QUIET:
+                break
+            for one in beam:
+                self._add(one)
+            fresh = self._polished([f for f in self._sets() if len(f.freed) == causes])
+            if causes == 1:
+                singles = tuple(fresh)
+            if not fresh or not self._is_worth(fresh[0], now):
+                break
+            best = fresh[0]
+            beam = [f for f in fresh[:BEAM] if f.excess < NEAR * best.excess + NEAR_MORE]
+            tied = tuple(f for f in fresh[1 : BEAM + 1] if _is_tied(f, best, nominal))
+            now = best
+        return Found(nominal=nominal, chosen=now, singles=singles, tied=tied)
+
+    def rank(self, fit: Fit) -> float:
+        """What sets are sorted by."""
+        exact = sum(self.parameters[k].kind.exact for k in fit.freed)
+        return fit.excess * SENSOR**exact
+
+    def _sets(self) -> Iterator[Fit]:
+        """The sets tried whose effects are all large enough to be some."""
+        for fit in self.tried.values():
+            firm = 1.0 if len(fit.freed) == 1 else FIRM_SIZE
+            if all(abs(fit.u[k]) >= firm * self.parameters[k].least for k in fit.freed):
+                yield fit
+
+    def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
+        """Sets by rank; the best are fitted on with the tolerances of all joints."""
+        ranked = sorted(fits, key=self.rank)
+        if len(self.fitter.evidence.joints) == 1:
+            return ranked
+        for fit in ranked[:POLISHED]:
+            on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
+            self._keep(on)
+        ranked = [self.tried[frozenset(fit.freed)] for fit in ranked]
+        return sorted(ranked, key=self.rank)
+
+    def _keep(self, fit: Fit) -> None:
+        name = frozenset(fit.freed)
+        if name not in self.tried or fit.excess < self.tried[name].excess:
+            self.tried[name] = fit
+
+    def _is_worth(self, fit: Fit, now: Fit) -> bool:
+        """Whether a set is worth more than the best with one effect less, and needs all of its own.
+
+        The first effect may be a part of what is wrong.
+        """
+        if not now.freed:
+            return share_of(fit, now) >= PART
+        if not is_worth(fit, now, self.ordinary):
+            return False
+        for k in fit.freed:
+            rest = tuple(a for a in fit.freed if a != k)
+            if frozenset(rest) not in self.tried:
+                near = {a: v for a, v in fit.u.items() if a != k}
+                self._keep(self.fitter.fit(rest, near=near))
+            if not is_worth(fit, self.tried[frozenset(rest)], self.ordinary):
+                return False
+        return True
+
+    def _add(self, fit: Fit) -> None:
+        """Fit the most promising sets with one more effect."""
+        screening = Screening(self.fitter, fit)
+        asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
+        for one in screening.screened(asked)[:FITTED]:
+            freed = (*fit.freed, one.number)
+            if one.to and frozenset(freed) not in self.tried:
+                for start, near in self._starts(one, fit):
+                    joints = self._joints(one.number)
+                    start = {one.number: start}
+                    slopes = screening.slopes if near is fit.u else None
+                    self._keep(self.fitter.fit(freed, start, near, joints, slopes))
+
+    def _starts(self, one: Screened, fit: Fit) -> Iterator[tuple[float, Mapping[int, float]]]:
+        """Sizes to start from, from where the tolerances are and from where they are none."""
+        parameter = self.parameters[one.number]
+        low, high = 1.1 * parameter.least, 0.7 * parameter.most
+        first = float(np.sign(one.to) * np.clip(abs(one.to), low, high))
+        alone = {k: fit.u[k] for k in fit.freed}
+        yield first, fit.u
+        yield first, alone
+        for level in parameter.kind.levels:
+            size = min(level * parameter.least, high)
+            if not UNLIKE[0] < size / abs(first) < UNLIKE[1]:
+                yield size, alone
+
+    def _joints(self, number: int) -> tuple[int, ...] | None:
+        """Joints whose tolerances are fitted with an effect first; None: all."""
+        joint = self.parameters[number].joint
+        return None if joint is None else (joint,)
+
+    def _is_asked(self, number: int, fit: Fit) -> bool:
+        """Whether an effect may be added to a set."""
+        one = self.parameters[number]
+        chosen = [self.parameters[k] for k in fit.freed]
+        if number in fit.freed or sum(p.joint == one.joint for p in chosen) >= EACH:
+            return False
+        for other in chosen:
+            if other.effect == one.effect and None in (other.joint, one.joint):
+                return False
+            if one.joint == other.joint and one.kind.family == other.kind.family is not None:
+                return False
+        if one.joint is None or one.place == MASS:
+            return True
+        return float(max(fit.gap2[one.joint] - 1.0, 0.0)) >= CONCERNED * fit.excess
+
+
+def _is_tied(fit: Fit, best: Fit, nominal: Fit) -> bool:
+    behind = (fit.excess - best.excess) / max(nominal.excess, 1e-9)
+    return behind < TIE_SHARE and fit.excess < TIE * best.excess + TIE_MORE

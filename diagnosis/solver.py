@@ -1,0 +1,120 @@
+"""Which unmodelled effects explain a log: for every limb, its tolerances first, then the search.
+
+    from diagnosis.solver import solve
+    result = solve(read_log(path), healthy=[read_log(other)])
+
+What a sound robot would leave decides, see `verdict.ordinary`.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import Effect
+from backends.spec import Spec
+from diagnosis.evidence.evidence import Evidence, evidence
+from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.models.catalogue import catalogue as every_effect
+from diagnosis.models.parameters import Parameter, parameters
+from diagnosis.models.world import World
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.replay import limbs
+from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.search import Search
+from diagnosis.verdict.combine import combine
+from diagnosis.verdict.decide import decide
+from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, Ordinary, of_healthy
+from diagnosis.verdict.result import LimbResult, Result
+from diagnosis.verdict.sensors import sensor_findings
+
+NARROW = 0.5
+"""Around where healthy logs have it, a tolerance of either sign is so much narrower."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a log is judged by."""
+
+    nominal: Spec
+    rigid: bool
+    uncertainty: float
+    catalogue: Mapping[str, type[Effect]]
+    origin: Ordinary
+
+
+def solve(
+    log: Log,
+    healthy: Sequence[Log] = (),
+    *,
+    nominal: Spec | None = None,
+    catalogue: Mapping[str, type[Effect]] | None = None,
+    origin: Ordinary | None = None,
+) -> Result:
+    """What is wrong with the mechanism of a log; raises LogError where the log cannot say.
+
+    `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
+    should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
+    `origin`: what is ordinary where no healthy logs say so; by default robots' of a user's MJCF,
+    and simulators' of a hand known by name.
+    """
+    began = time.process_time()
+    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
+    if nominal is None and not rigid:
+        raise LogError("this log's mechanism is a hand known by name; give its nominal world")
+    asked = Asked(
+        nominal=nominal or mjcf_world(log),
+        rigid=rigid,
+        uncertainty=max(log.meta.nominal_uncertainty, LEAST_UNCERTAINTY),
+        catalogue=catalogue or every_effect(),
+        origin=origin or (ROBOTS if rigid else SIMULATORS),
+    )
+    found = [_limb(part, log, healthy, asked) for part in limbs(asked.nominal)]
+    return combine(found, time.process_time() - began)
+
+
+LEAST_UNCERTAINTY = 1e-3
+"""No nominal number is known better."""
+
+
+def _limb(part: Spec, log: Log, healthy: Sequence[Log], asked: Asked) -> LimbResult:
+    said = _evidence(part, log, asked)
+    known = _parameters(said, asked)
+    ordinary = asked.origin
+    if healthy:
+        sound = [_sound(part, one, asked) for one in healthy]
+        ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
+        known = _centred(known, sound)
+    fitter = Fitter(World(said, known))
+    found = Search(fitter, ordinary).run()
+    sensors = tuple(sensor_findings(said, asked.catalogue))
+    return decide(fitter, found, ordinary, sensors)
+
+
+def _evidence(part: Spec, log: Log, asked: Asked) -> Evidence:
+    return evidence(Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid))
+
+
+def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:
+    return parameters(asked.catalogue, said, asked.uncertainty, asked.origin.everyday)
+
+
+def _sound(part: Spec, log: Log, asked: Asked) -> Fit:
+    """What the tolerances make of a healthy log."""
+    said = _evidence(part, log, asked)
+    return Fitter(World(said, _parameters(said, asked))).fit()
+
+
+def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Parameter, ...]:
+    """Parameters around where healthy logs have them."""
+    found = []
+    for k, one in enumerate(known):
+        if one.tolerance > 0.0:
+            centre = float(np.mean([fit.u.get(k, 0.0) for fit in sound]))
+            narrow = one.tolerance * (NARROW if one.either_sign else 1.0)
+            one = replace(one, centre=centre, tolerance=narrow)
+        found.append(one)
+    return tuple(found)

@@ -1,0 +1,158 @@
+"""From what a search found to what is said of a limb: named, none or unknown, and how sure."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from backends.effect import UNITS
+from diagnosis.models.parameters import Parameter, magnitude
+from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.search import Found
+from diagnosis.verdict import probability as curve
+from diagnosis.verdict.ordinary import Ordinary, is_named
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal, Ranked
+from diagnosis.verdict.sentences import sentences
+
+LEADING, RANKED = 3, 6
+"""So many causes lead, and so many sets are ranked."""
+NINETY = 1.645
+OFF, OFF_LEFT = 0.03, 0.5
+"""Sizes are off by such a share, and by this times the share of the gap that is left, beside their
+standard deviation: laws are models."""
+MOVED = 0.5
+"""A nominal number took part in the fit where it moved by so many of its standard deviations."""
+
+
+def decide(
+    fitter: Fitter, found: Found, ordinary: Ordinary, sensors: Sequence[Cause] = ()
+) -> LimbResult:
+    """What is said of a limb."""
+    nominal, chosen = found.nominal, found.chosen
+    named = bool(chosen.freed) and is_named(chosen, nominal, ordinary)
+    unknown = not named and nominal.worst > ordinary.floors
+    share = found.share(chosen) if chosen.freed else 0.0
+    tied = [f for f in found.tied if named]
+    causes = tuple(_cause(fitter, found, chosen, k) for k in chosen.freed) if named else ()
+    leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
+    effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
+    left = chosen.worst if named or unknown else nominal.worst
+    result = LimbResult(
+        joints=fitter.evidence.joints,
+        verdict=effects,
+        causes=causes,
+        leading=leading,
+        sensors=tuple(sensors),
+        share=share,
+        left=left,
+        ordinary=ordinary.floors,
+        ordinary_from=ordinary.source,
+        probability=_probability(found, ordinary, named, unknown, share, len(tied)),
+        ranking=tuple(_ranked(fitter, found, named)),
+        tied=tuple(tuple(_name(fitter, k) for k in f.freed) for f in tied),
+        experiment=_experiment(fitter) if tied else None,
+        gap_before=_gap_before(fitter),
+        gap_nominal=nominal.worst,
+        gap_after=left,
+        gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
+        nominal=tuple(_nominal(fitter, chosen if named else nominal)),
+        sentences=(),
+        runs=fitter.world.runs,
+    )
+    return sentences(result)
+
+
+def _probability(
+    found: Found, ordinary: Ordinary, named: bool, unknown: bool, share: float, ties: int
+) -> float:
+    shares = [found.share(f) for f in found.singles[:2]]
+    values = curve.features(
+        share=share,
+        gap=found.nominal.worst / ordinary.floors,
+        left=found.chosen.worst / ordinary.floors,
+        ties=ties,
+        causes=len(found.chosen.freed),
+        lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
+    )
+    kind = curve.NAMED if named else curve.UNKNOWN if unknown else curve.NONE
+    return curve.probability(kind, values)
+
+
+def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
+    one, u = fitter.parameters[number], fit.u[number]
+    alone = [f for f in found.singles if f.freed == (number,)]
+    kept = fit.worst / max(found.nominal.worst, 1e-9)
+    law = u * (OFF + OFF_LEFT * min(kept, 1.0))
+    own = max((p.tolerance for p in fitter.parameters if _same(p, one)), default=0.0)
+    wide = NINETY * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
+    ends = (u - wide if one.either_sign else max(u - wide, 0.0)), u + wide
+    value, low, high = (_shown(fitter, one, x) for x in (u, *ends))
+    joints = fitter.evidence.joints
+    joint = None if one.joint is None else joints[one.joint]
+    return Cause(
+        effect=one.effect,
+        joint=joint,
+        joints=joints if joint is None else (joint,),
+        value=value,
+        low=low,
+        high=high,
+        unit=one.kind.unit,
+        share=found.share(alone[0]) if alone else found.share(fit),
+    )
+
+
+def _same(one: Parameter, other: Parameter) -> bool:
+    return one.effect == other.effect and (other.joint is None or one.joint == other.joint)
+
+
+def _shown(fitter: Fitter, one: Parameter, u: float) -> float:
+    """The effect's magnitude in its own unit."""
+    numbers = fitter.evidence.limb.nominal[one.joint or 0]
+    return float(magnitude(one, u, numbers) / UNITS[one.kind.unit][1])
+
+
+def _name(fitter: Fitter, number: int) -> str:
+    one = fitter.parameters[number]
+    return one.effect if one.joint is None else f"{one.effect}@{fitter.evidence.joints[one.joint]}"
+
+
+def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
+    """The chosen set first where it is named, else none; then single effects."""
+    chosen = [found.chosen] if named else [found.nominal]
+    rest = [f for f in found.singles if f.freed != chosen[0].freed][:RANKED]
+    for fit in (*chosen, *rest):
+        names = [_name(fitter, k).partition("@") for k in fit.freed]
+        yield Ranked(
+            causes=tuple((effect, joint or None) for effect, _, joint in names),
+            share=found.share(fit),
+            left=fit.worst,
+        )
+
+
+def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
+    """Numbers of the mechanism's file that took part of the gap."""
+    for k, one in enumerate(fitter.parameters):
+        u = fit.u.get(k, 0.0)
+        if one.tolerance > 0.0 and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
+            joint = "" if one.joint is None else fitter.evidence.joints[one.joint]
+            sd = fit.sd.get(k, one.tolerance)
+            value = _shown(fitter, one, u)
+            spread = abs(_shown(fitter, one, u + sd) - value)
+            yield Nominal(
+                effect=one.effect, joint=joint, value=value, sd=spread, unit=one.kind.unit
+            )
+
+
+def _gap_before(fitter: Fitter) -> float:
+    """Root mean square of what the nominal numbers as they stand leave [floors]."""
+    left = fitter.evidence.readings - fitter.world.shown({})
+    return float(np.sqrt(np.mean(left**2)))
+
+
+def _experiment(fitter: Fitter) -> str:
+    """What would tell tied causes apart: what this log lacks."""
+    evidence = fitter.evidence
+    if not evidence.logged[:, 2].any():
+        return "log the torques that the drives ask for"
+    if not any(r.push.any() for r in evidence.limb.recordings):
+        return "record --protocol push: a known load on every joint"
+    return "record --protocol steps,multisine with other sizes, and the load reversed"

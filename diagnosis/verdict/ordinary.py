@@ -1,0 +1,82 @@
+"""Ordinary: what a healthy robot of some make leaves beside its model. The decision is made here.
+
+All gaps are in floors; a share is of the squared gap beyond one floor (`Fit.excess`).
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+SHARE = 0.7
+"""A cause is named where it takes so much of the gap: less, and it is a part of something else."""
+FURTHER = 0.5
+"""Each further cause takes so much of what the others leave."""
+LAW = 0.3
+"""A law is a model of many mechanisms: a cause may leave this share of the gap that it explains."""
+SHAPE, SHAPE_LEFT = 0.9, 1.05
+"""In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
+it takes so much and leaves so few floors."""
+HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
+"""Of healthy logs, their largest gap times this is ordinary, and never less than this."""
+ROBOT = 3.5
+"""Healthy robots with other drive laws leave 0.5 to 5 floors; between 3 and 3.5 little changes."""
+SIMULATOR = 1.3
+"""A simulator with our drive law leaves the noise, and what its integrator does otherwise."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ordinary:
+    """How large a healthy gap is, and where that number comes from."""
+
+    floors: float
+    source: str
+    """`robot`, `simulator` or `healthy logs`."""
+    everyday: float
+    """Share of the everyday tolerances (play, twist, delay, friction) that such a mechanism has."""
+
+
+ROBOTS = Ordinary(floors=ROBOT, source="robot", everyday=1.0)
+SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", everyday=0.3)
+
+
+def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:
+    """What is ordinary by the gaps that logs of the healthy robot leave."""
+    floors = max(HEALTHY_MORE * max(gaps), HEALTHY_LEAST)
+    return Ordinary(floors=floors, source="healthy logs", everyday=origin.everyday)
+
+
+class Gap(Protocol):
+    """What a set of causes leaves."""
+
+    @property
+    def excess(self) -> float:
+        """Squared gap beyond one floor, over all joints."""
+        ...
+
+    @property
+    def worst(self) -> float:
+        """The largest gap of a joint."""
+        ...
+
+
+def share_of(fit: Gap, before: Gap) -> float:
+    """The share of an excess that a set of causes takes."""
+    return 1.0 - fit.excess / max(before.excess, 1e-9)
+
+
+def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
+    """Whether a set of causes is named: by what it takes and leaves, or else by its shape."""
+    share = share_of(fit, nominal)
+    if nominal.worst <= ordinary.floors:
+        return share >= SHAPE and fit.worst <= SHAPE_LEFT
+    return share >= SHARE and fit.worst <= ordinary.floors + LAW * nominal.worst
+
+
+def is_worth(fit: Gap, before: Gap, ordinary: Ordinary) -> bool:
+    """Whether one more cause is worth it: it takes half of what the others leave.
+
+    Of an ordinary rest it takes nearly all, as of an ordinary gap.
+    """
+    share = share_of(fit, before)
+    if before.worst <= ordinary.floors:
+        return share >= SHAPE and fit.worst <= SHAPE_LEFT
+    return share >= FURTHER

@@ -1,0 +1,100 @@
+"""What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
+
+from dataclasses import asdict, dataclass
+
+NONE, UNKNOWN = "none", "unknown"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cause:
+    """One effect, named or leading."""
+
+    effect: str
+    joint: str | None
+    """None: all joints, or an effect that concerns none."""
+    joints: tuple[str, ...]
+    value: float
+    """In `unit`; so are low and high, the ends of its 90 % interval."""
+    low: float
+    high: float
+    unit: str
+    share: float
+    """Share of the gap that it takes by itself."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Nominal:
+    """A nominal number that took part of the gap."""
+
+    effect: str
+    joint: str
+    value: float
+    sd: float
+    unit: str
+
+
+@dataclass(frozen=True, kw_only=True)
+class Ranked:
+    """A set of causes that was tried."""
+
+    causes: tuple[tuple[str, str | None], ...]
+    """Effects and their joints."""
+    share: float
+    left: float
+    """The largest gap of a joint that it leaves [floors]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LimbResult:
+    """What is said of one limb."""
+
+    joints: tuple[str, ...]
+    verdict: tuple[str, ...]
+    """Names of effects, `none` or `unknown`."""
+    causes: tuple[Cause, ...]
+    """What is named."""
+    leading: tuple[Cause, ...]
+    """The first causes, whatever is named."""
+    sensors: tuple[Cause, ...]
+    """Findings about sensors and packets, beside the verdict."""
+    share: float
+    left: float
+    ordinary: float
+    ordinary_from: str
+    probability: float
+    ranking: tuple[Ranked, ...]
+    tied: tuple[tuple[str, ...], ...]
+    experiment: str | None
+    gap_before: float
+    gap_nominal: float
+    gap_after: float
+    gaps: dict[str, float]
+    """By joint, what the tolerances leave [floors]."""
+    nominal: tuple[Nominal, ...]
+    sentences: tuple[str, ...]
+    runs: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class Result:
+    """What is said of a log."""
+
+    verdict: tuple[str, ...]
+    joints: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    share: float
+    left: float
+    ordinary: float
+    ordinary_from: str
+    probability: float
+    gap_before: float
+    gap_nominal: float
+    gap_after: float
+    limbs: tuple[LimbResult, ...]
+    notes: tuple[str, ...]
+    """What is wrong with the log itself."""
+    cpu_s: float
+
+    def data(self) -> dict:
+        """As plain data."""
+        return asdict(self)
