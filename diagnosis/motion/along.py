@@ -55,8 +55,9 @@ def along(chain: Chain, angle_rad: Array, speed_rad_s: Array) -> Along:
 
     def sweep(step: float = 0.0, **other: Array) -> Model:
         points, joints = angle_rad.shape
-        model = tuple(np.zeros((points, *(joints,) * n)) for n in (2, 1, 2, 2))
-        bodies = tuple((numbers | other).values())
+        mass, dq, dv = np.zeros((3, points, joints, joints))
+        bias, bodies = np.zeros((points, joints)), tuple((numbers | other).values())
+        model = mass, bias, dq, dv
         _sweep(angle_rad, speed_rad_s, bodies, workspace(len(bodies[0]), joints), step, *model)
         return model
 

@@ -135,7 +135,7 @@ def integrate(
                 for n in range(joints):
                     whole[j, n] = mass[i, j, n]
                 whole[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
-            inverse = np.linalg.inv(whole) if joints > 1 else 1.0 / whole
+            inverse[:] = np.linalg.inv(whole) if joints > 1 else 1.0 / whole
         rubs = False
         for j in range(joints):
             force[j] += push[k, j] - bias[i, j]

@@ -12,7 +12,7 @@ FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""
 CHANNELS = ("position", "motor", "torque")
 """What is compared, in this order."""
-LEAST_SAMPLES, LEAST_S = 50, 2.0
+LEAST_SAMPLES, LEAST_S = 20, 2.0
 """Shorter episodes are left out; less free air than this tells no causes apart [s]."""
 REST_SAMPLES = 3
 """The start is the mean of so many readings."""

@@ -68,8 +68,9 @@ class Search:
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set."""
         nominal = self.fitter.fit()
-        now, singles, tied = nominal, (), ()
-        beam: list[Fit] = [nominal]
+        singles: tuple[Fit, ...] = ()
+        tied: tuple[Fit, ...] = ()
+        now, beam = nominal, [nominal]
         for causes in range(1, MOST + 1):
             if now.worst < QUIET:
                 break
@@ -141,9 +142,8 @@ class Search:
             if one.to and frozenset(freed) not in self.tried:
                 for start, near in self._starts(one, fit):
                     joints = self._joints(one.number)
-                    start = {one.number: start}
                     slopes = screening.slopes if near is fit.u else None
-                    self._keep(self.fitter.fit(freed, start, near, joints, slopes))
+                    self._keep(self.fitter.fit(freed, {one.number: start}, near, joints, slopes))
 
     def _starts(self, one: Screened, fit: Fit) -> Iterator[tuple[float, Mapping[int, float]]]:
         """Sizes to start from, from where the tolerances are and from where they are none."""

@@ -1,6 +1,6 @@
 """What a position sensor adds by itself: white noise, and steps. No replay is needed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 
@@ -18,7 +18,7 @@ SHARE_OFF = 0.1
 NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
 
 
-def sensor_findings(evidence: Evidence, catalogue: dict[str, type[Effect]]) -> Iterator[Cause]:
+def sensor_findings(evidence: Evidence, catalogue: Mapping[str, type[Effect]]) -> Iterator[Cause]:
     """Noise and steps beyond the ordinary, by joint; a step explains the noise that it makes."""
     names = {getattr(kind, "number", None): name for name, kind in catalogue.items()}
     known = table(evidence.limb.spec, evidence.limb.rigid)

@@ -30,7 +30,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         for cause in result.leading:
             yield f"{_cause(cause)} would take {100 * cause.share:.0f} % of the gap."
     else:
-        yield f"{' and '.join(_cause(c) for c in result.causes)}: {_takes(result)}; {limit}."
+        yield f"{' and '.join(map(_cause, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
         yield f"Beside it: {_cause(cause)}."
     if result.tied:
@@ -38,9 +38,14 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         yield f"This log cannot tell it from {others}; {result.experiment} to tell them apart."
 
 
-def _takes(result: LimbResult) -> str:
+def _takes(result: LimbResult, limit: str) -> str:
+    """What causes take, and whether what is left is ordinary."""
     verb = "takes" if len(result.causes) == 1 else "take"
-    return f"{verb} {100 * result.share:.0f} % of the gap; {result.left:.1f} floors are left"
+    took = f"{verb} {100 * result.share:.0f} % of the gap"
+    if result.left <= result.ordinary:
+        return f"{took}; what is left ({result.left:.1f} floors) is ordinary"
+    kept = f"{100 * (1 - result.share):.0f} % is left, {result.left:.1f} floors, {limit}"
+    return f"{took}; {kept}"
 
 
 def _cause(cause: Cause) -> str:

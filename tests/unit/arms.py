@@ -1,0 +1,119 @@
+"""Logs of arms of one to three joints in plain MuJoCo: real sides that no solver wrote."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs.log import Log, LogMeta, make_log
+
+TICK_S, HZ, SECONDS = 1e-3, 200, 4.0
+KP, KD, LIMIT = 120.0, 6.0, 60.0
+"""Nominal drives [Nm/rad, Nms/rad, Nm]."""
+LINKS = 0.3, 0.8
+"""Length [m] and mass [kg] of every link."""
+PROTOCOLS = ("steps", "triangle", "multisine")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Real:
+    """What an arm really is; by joint where a number may differ between them."""
+
+    joints: int = 1
+    kp: Mapping[int, float] = field(default_factory=dict)
+    """Factors of the gain."""
+    coulomb_nm: Mapping[int, float] = field(default_factory=dict)
+    delay_s: float = 0.0
+    spring_nm_rad3: float = 0.0
+    """A cubic spring on the first joint: no effect of the catalogue."""
+    noise_rad: float = 1e-4
+
+
+def mjcf(joints: int, coulomb_nm: Mapping[int, float] | None = None, drives: str = "") -> str:
+    """A chain of equal links in a vertical plane."""
+    length, mass = LINKS
+    inertia = mass * length**2 / 12
+    bodies = ""
+    for j in range(joints):
+        at = "0 0 0" if j == 0 else f"{length} 0 0"
+        dry = (coulomb_nm or {}).get(j, 0.0)
+        # A stiff, fast constraint: MuJoCo's default friction creeps.
+        stiff = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"' if dry else ""
+        bodies += (
+            f'<body pos="{at}"><joint name="J{j}" axis="0 1 0" armature="0.02" damping="0.05" '
+            f'frictionloss="{dry}" {stiff}/><inertial mass="{mass}" pos="{length / 2} 0 0" '
+            f'diaginertia="1e-4 {inertia} {inertia}"/>'
+        )
+    head = f'<mujoco><option timestep="{TICK_S / 2}" integrator="implicitfast"/><worldbody>'
+    return f"{head}{bodies}{'</body>' * joints}</worldbody>{drives}</mujoco>"
+
+
+def commands(joints: int) -> list[np.ndarray]:
+    """One episode of every protocol at the log's rate, each (T, K) [rad]."""
+    t = np.arange(int(SECONDS * HZ)) / HZ
+    found = []
+    for protocol in PROTOCOLS:
+        columns = []
+        for j in range(joints):
+            shift = 0.3 * j
+            if protocol == "steps":
+                level = np.array([0.0, 0.4, -0.3, 0.2, -0.1])[(t / 0.8 + 0.1 * j).astype(int) % 5]
+                columns.append(np.where(t < 0.5, 0.0, level))
+            elif protocol == "triangle":
+                columns.append(0.3 * 2 / np.pi * np.arcsin(np.sin(2 * np.pi * t / (2.0 + shift))))
+            else:
+                waves = (np.sin(2 * np.pi * f * t + f + j) - np.sin(f + j) for f in (0.3, 0.9, 2.1))
+                columns.append(0.1 * sum(waves))
+        found.append(np.stack(columns, axis=1))
+    return found
+
+
+def log_of(real: Real, seed: int = 0) -> Log:
+    """The log of an arm whose file says nothing of what `real` has."""
+    noise = np.random.default_rng(seed)
+    frames = [
+        _frame(number, _simulated(real, command), command, real, noise)
+        for number, command in enumerate(commands(real.joints))
+    ]
+    drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": LIMIT} for j in range(real.joints)}
+    meta = {
+        "schema": 1,
+        "source": "test",
+        "mechanism": {"mjcf": "arm.xml", "joints": drives},
+        "episodes": [{"episode": n, "protocol": p} for n, p in enumerate(PROTOCOLS)],
+    }
+    return make_log(LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints))
+
+
+def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
+    """Joint angles at the log's samples (T, K), in plain MuJoCo with its own actuators."""
+    drives = "".join(
+        f'<position joint="J{j}" kp="{KP * real.kp.get(j, 1.0)}" kv="{KD}" '
+        f'forcerange="{-LIMIT} {LIMIT}"/>'
+        for j in range(real.joints)
+    )
+    xml = mjcf(real.joints, real.coulomb_nm, f"<actuator>{drives}</actuator>")
+    model = mujoco.MjModel.from_xml_string(xml)
+    data, shown = mujoco.MjData(model), []
+    steps = round(1 / HZ / model.opt.timestep)
+    late = round(real.delay_s / model.opt.timestep)
+    data.qpos[:] = command[0]
+    for k in range(-3 * steps * HZ, steps * len(command)):
+        if k >= 0 and k % steps == 0:
+            shown.append(data.qpos.copy())
+        data.ctrl[:] = command[max(k - late, 0) // steps]
+        data.qfrc_applied[0] = -real.spring_nm_rad3 * data.qpos[0] ** 3
+        mujoco.mj_step(model, data)
+    return np.array(shown)
+
+
+def _frame(
+    number: int, shown: np.ndarray, command: np.ndarray, real: Real, noise: np.random.Generator
+) -> pd.DataFrame:
+    read = shown + real.noise_rad * noise.standard_normal(shown.shape)
+    columns = {"episode": np.full(len(read), number), "t_s": np.arange(len(read)) / HZ}
+    for j in range(real.joints):
+        columns |= {f"command_rad.J{j}": command[:, j], f"position_rad.J{j}": read[:, j]}
+    return pd.DataFrame(columns)

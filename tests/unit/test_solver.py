@@ -1,0 +1,70 @@
+"""The solver on whole logs of arms in plain MuJoCo, one per kind of answer."""
+
+import json
+
+import pytest
+from arms import Real, log_of
+
+from diagnosis.logs.log import HandMechanism, LogError, make_log
+from diagnosis.solver import solve
+
+KINDS = {
+    "none": (Real(), ("none",)),
+    "single": (Real(joints=2, kp={1: 0.6}), ("kp-scale",)),
+    "pair": (Real(kp={0: 0.6}, coulomb_nm={0: 2.0}), ("coulomb-friction", "kp-scale")),
+    "unknown": (Real(spring_nm_rad3=400.0), ("unknown",)),
+}
+
+
+@pytest.fixture(scope="module")
+def results():
+    """The answer to a log of every kind."""
+    return {kind: solve(log_of(real)) for kind, (real, _) in KINDS.items()}
+
+
+@pytest.mark.parametrize("kind", sorted(KINDS))
+def test_says_what_is_wrong(results, kind):
+    """Name the effects of a log, none, or unknown."""
+    assert tuple(sorted(results[kind].verdict)) == KINDS[kind][1]
+
+
+def test_says_where_and_how_much(results):
+    """Find a gain 40 % too low on the joint that has it, and no other."""
+    (cause,) = results["single"].causes
+    assert (cause.joint, cause.unit) == ("J1", "%")
+    assert cause.low < -40.0 < cause.high
+    assert cause.value == pytest.approx(-40.0, abs=3.0)
+    assert cause.share > 0.9
+
+
+def test_is_plain_data_with_sentences(results):
+    """Go to JSON; say shares, what is left and what is ordinary in words."""
+    said = json.loads(json.dumps(results["single"].data()))
+    assert said["ordinary_from"] == "robot"
+    (sentence,) = said["limbs"][0]["sentences"][:1]
+    assert "takes" in sentence and "% of the gap" in sentence and "ordinary" in sentence
+    assert 0.0 < said["probability"] < 1.0
+
+
+def test_says_the_same_again(results):
+    """Give the same answer to the same log."""
+    again = solve(log_of(KINDS["single"][0])).data()
+    first = results["single"].data()
+    assert {**again, "cpu_s": 0} == {**first, "cpu_s": 0}
+
+
+def test_healthy_logs_say_what_is_ordinary():
+    """Take what the healthy robot leaves as ordinary, and name a fault beside it."""
+    result = solve(log_of(Real(kp={0: 0.7}), seed=1), [log_of(Real(), seed=2)])
+    assert result.verdict == ("kp-scale",)
+    assert result.ordinary_from == "healthy logs"
+    assert result.ordinary == pytest.approx(1.2, abs=0.3)
+
+
+def test_refuses_a_hand_without_its_nominal_world():
+    """Ask for the nominal world of a hand known by name."""
+    log = log_of(Real())
+    hand = HandMechanism(hand="finger")
+    meta = log.meta.model_copy(update={"mechanism": hand, "channels": {}})
+    with pytest.raises(LogError, match="nominal world"):
+        solve(make_log(meta, log.samples))
