@@ -1,4 +1,4 @@
-"""What a diagnosis says on the command line: the effects to add, and a summary."""
+"""The summary of a diagnosis for the terminal, and the effects that it adds."""
 
 from collections.abc import Iterator, Sequence
 
@@ -17,13 +17,18 @@ from diagnosis.diagnose import Diagnosis
 from diagnosis.report.report import wording
 
 SHOWN, SHOWN_OF_NONE = 4, 2
-"""Candidates per limb in the summary, and where no limb shows an effect."""
+"""Candidates per limb in the summary: with an effect, and without one."""
+COLUMNS = (
+    "log evidence ratio: how much better the best candidate fits than this one, in nats (1 nat is "
+    "a factor of 2.7); misfit: residual on samples not used in fits, in standard deviations"
+)
+"""What the columns of the candidates mean."""
 
 
 def effects_text(known: str, found: Sequence[Magnitude], ideal: Spec) -> str:
-    """The corrected world as effects on the ideal hand: what is known and what was found.
+    """The corrected world as effects on the ideal hand: the known ones and those found.
 
-    Raises UsageError where a sum is out of an effect's range.
+    Raises UsageError where their sum is out of an effect's range.
     """
     fresh = [effect for magnitude in found for effect in _effects(magnitude, ideal)]
     have = parse_effects(known, ideal.hand)
@@ -37,7 +42,7 @@ def effects_text(known: str, found: Sequence[Magnitude], ideal: Spec) -> str:
 
 
 def _effects(found: Magnitude, ideal: Spec) -> Iterator[Effect]:
-    """A finding as effects: on all joints that it may be on, or on each that it was found on."""
+    """A finding as effects: one for all joints, or one for each joint that it was found on."""
     kind: type[Effect] = registry.load("effect", found.effect)
     size = found.value * UNITS[found.unit][1]
     everywhere = kind(magnitude=size)
@@ -48,7 +53,7 @@ def _effects(found: Magnitude, ideal: Spec) -> Iterator[Effect]:
 
 
 def _together(effects: Sequence[Effect]) -> list[Effect]:
-    """The same world with each effect once for a joint."""
+    """The same world with every effect at most once per joint."""
     sums: dict[tuple[type[Effect], str | None], Effect] = {}
     for effect in effects:
         place = (type(effect), effect.joint)
@@ -67,21 +72,21 @@ def _item(effect: Effect) -> str:
 
 
 def summary(found: Diagnosis, result: dict) -> RenderableType:
-    """What people read: the verdict, the gap, the best candidates, ties, and where to go on."""
-    lines = [f"{wording.sentence(found)} Confidence {wording.confidence(found)}."]
-    lines += [wording.shrinkage(found)]
+    """The summary: the verdict, the gap, the best candidates, ties, and what to do next."""
+    lines = [f"{wording.sentence(found)} Confidence: {wording.confidence(found)}."]
+    lines += [f"{wording.shrinkage(found)} Brackets hold 90 % intervals."]
     if found.gap_before > found.noise_floor:
         lines.append(_where(found))
-    lines += [f"{wording.beside(one)}." for one in found.beside]
+    lines += [f"{wording.finding(one)}." for one in found.beside]
     lines += [f"Not settled: {wording.tie(row)}." for row in found.indistinguishable]
     if found.unseen:
-        lines.append(f"Of {wording.listed(found.unseen)} this log tells nothing.")
+        lines.append(f"{wording.listed(found.unseen)}: this log shows nothing of the drive.")
     if result["healthy"]["logs"]:
         lines.append(f"Healthy logs: {wording.healthy(result['healthy'], rules())}.")
     lines += [f"Not judged: {text}." for text in found.missing]
     lines += [f"Warning: {warning}" for warning in result["warnings"]]
     end = [f"Next: {command}  ({what})" for command, what in result["next"].items()]
-    end.append(f"Written: {', '.join(result['written'])} ({found.cpu_s:.0f} s of CPU)")
+    end.append(f"Wrote {' and '.join(result['written'])}. CPU time: {found.cpu_s:.0f} s.")
     accused = [limb for limb in found.limbs if limb.names != (NONE,)]
     table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
     return Group(*map(Text, lines), table, *map(Text, end))
@@ -90,14 +95,14 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
 def _where(found: Diagnosis) -> str:
     place = found.where[0]
     return (
-        f"Most of it: {place.joint}, {place.channel}, {place.protocol}, {place.phase}: "
-        f"{100 * place.share:.0f} % of the squared gap."
+        f"Largest part of the gap: {place.channel} of {place.joint}, protocol {place.protocol}, "
+        f"phase {place.phase}: {100 * place.share:.0f} % of the squared gap."
     )
 
 
 def _candidates(limbs: Sequence[LimbVerdict], shown: int) -> Table:
-    table = Table(header_style="bold")
-    for column in ("limb", "candidate", "magnitude", "behind, nats", "held-out gap"):
+    table = Table(header_style="bold", caption=Text(COLUMNS), caption_justify="left")
+    for column in ("joints", "candidate", "magnitude", "log evidence ratio", "misfit"):
         table.add_column(column, overflow="fold")
     for limb in limbs:
         best = limb.ranking[0].fit.cost

@@ -52,23 +52,24 @@ OUT = Path("diagnoses")
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What `bench diagnose` is asked for."""
+    """The settings of `bench diagnose`."""
 
     paths: tuple[Path, ...]
-    """Folders of the logs: one, or one for each setting of a mechanism."""
+    """Folders of the logs: one, or one per setting of the mechanism."""
     judging: tuple[Path, ...] = ()
-    """Those of several that judge; the others are for fitting."""
+    """The logs on which candidates are judged, if there are several; the others are used in
+    fits."""
     nominal: str
-    """Engine that the replays of the nominal world are held against."""
+    """Engine that the compiled replay of the nominal world is compared with."""
     effects_known: str | None
-    """Effects of the nominal world; None: those that the log's mechanism names."""
+    """Effects that the nominal world is known to have; None: those named in the log."""
     workers: int | None
     healthy: tuple[Path, ...] = ()
-    """Folders of logs of the same mechanism while nothing was wrong with it."""
+    """Folders of logs of the same mechanism, recorded while nothing was wrong with it."""
 
     @property
     def words(self) -> str:
-        """The logs as on the command line."""
+        """The logs as written on the command line."""
         judging = (f"--judge {path}" for path in self.judging)
         healthy = (f"--healthy {path}" for path in self.healthy)
         return " ".join([*map(str, self.paths), *judging, *healthy])
@@ -86,9 +87,9 @@ class World:
 
 
 def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
-    """Diagnose, write diagnosis.json and report.html; the result and its summary.
+    """Diagnose and write diagnosis.json and report.html; returns the result and its summary.
 
-    Raises UsageError for a log or setting that cannot be used, CommandError when a process stops.
+    Raises UsageError for a log or setting that cannot be used, CommandError if a process stops.
     """
     judging = _judging(settings)
     main = judging[0] if judging else 0
@@ -128,21 +129,24 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
 
 
 def _judging(settings: Settings) -> list[int]:
-    """Numbers of the logs that judge, none of a log alone; raises UsageError."""
+    """Numbers of the logs on which candidates are judged; empty for a single log.
+
+    Raises UsageError.
+    """
     paths = [path.resolve() for path in settings.paths]
     twice = [str(path) for path in settings.paths if paths.count(path.resolve()) > 1]
     if twice:
         raise UsageError(f"{twice[0]} is given twice; give each log once")
     for path in settings.judging:
         if path.resolve() not in paths:
-            raise UsageError(f"--judge {path} is none of the logs; name one of: {settings.words}")
+            raise UsageError(f"--judge {path} is not among the logs; give one of: {settings.words}")
     if len(paths) > 1 and not settings.judging:
         raise UsageError(
-            f"{len(paths)} logs, and none of them judges; say which with --judge LOG, such as "
-            f"--judge {settings.paths[-1]}: the others are fitted"
+            f"{len(paths)} logs are given, and --judge names none of them; name the log on which "
+            f"candidates are judged, such as --judge {settings.paths[-1]}; the others are fitted"
         )
     if settings.judging and len({path.resolve() for path in settings.judging}) == len(paths):
-        raise UsageError("every log judges; leave one to fit on, without --judge")
+        raise UsageError("--judge names every log; leave at least one for fitting")
     return sorted({paths.index(path.resolve()) for path in settings.judging})
 
 
@@ -152,15 +156,15 @@ def _sound(
     catalogue: Mapping[str, type[Effect]],
     workers: int,
 ) -> tuple[Sound, ...]:
-    """What every limb leaves in the healthy logs; raises UsageError or LogError.
+    """The residuals of every limb in the healthy logs; raises UsageError or LogError.
 
-    They must be of the same joints, and have moved and read what the log that is diagnosed did.
+    Healthy logs must have the joints, protocols and channels of the log that is diagnosed.
     """
     paths = [path.resolve() for path in settings.paths]
     if both := [path for path in settings.healthy if path.resolve() in paths]:
         raise UsageError(
             f"--healthy {both[0]} is the log that is diagnosed; give logs of the same mechanism "
-            "from when nothing was wrong"
+            "recorded while nothing was wrong"
         )
     today, world = diagnosed
     logs = [read_log(path) for path in settings.healthy]
@@ -168,9 +172,9 @@ def _sound(
     for path, (log, spec) in zip(settings.healthy, pairs, strict=True):
         if spec.hand.joint_names != world.spec.hand.joint_names:
             raise UsageError(
-                f"--healthy {path} is of {', '.join(spec.hand.joint_names)}, and the log that is "
-                f"diagnosed of {', '.join(world.spec.hand.joint_names)}; give logs of the same "
-                "mechanism"
+                f"--healthy {path} has the joints {', '.join(spec.hand.joint_names)}, and the log "
+                f"that is diagnosed has {', '.join(world.spec.hand.joint_names)}; give logs of "
+                "the same mechanism"
             )
         for what, asked, there in (
             ("protocols", _protocols(today), _protocols(log)),
@@ -179,8 +183,7 @@ def _sound(
             if lacking := sorted(asked - there):
                 raise UsageError(
                     f"--healthy {path} lacks the {what} {', '.join(lacking)} of the log that is "
-                    "diagnosed; what a sound mechanism leaves is told of the same motions and "
-                    "sensors: record it likewise"
+                    "diagnosed; record the healthy log with the same protocols and channels"
                 )
     return healthy(pairs, catalogue, _side_by_side("healthy logs", workers)) if pairs else ()
 
@@ -191,7 +194,7 @@ def _protocols(log: Log) -> set[str]:
 
 
 def _read(log: Log) -> set[str]:
-    """Channels of a log that replays are compared with."""
+    """Channels of a log with which replays are compared."""
     return {kind for kind in USED if any(log.has(kind, joint) for joint in log.joints)}
 
 
@@ -200,7 +203,7 @@ def _catalogue() -> dict[str, type[Effect]]:
 
 
 def _world(log: Log, settings: Settings) -> World:
-    """The nominal world: the mechanism that the log names, with its known effects.
+    """The nominal world: the mechanism that the log names, with the known effects.
 
     Raises UsageError or LogError.
     """
@@ -221,7 +224,7 @@ def _world(log: Log, settings: Settings) -> World:
 
 
 def _side_by_side(name: str, workers: int) -> SideBySide:
-    """Limbs on several cores, with a progress bar; the processes end with the last limb."""
+    """Judge limbs on several cores with a progress bar; the processes end with the last limb."""
 
     def judged(judge: Judge, parts: Sequence[Evidence]) -> Iterator[Judged]:
         jobs = processes(workers, len(parts))
@@ -235,9 +238,10 @@ def _side_by_side(name: str, workers: int) -> SideBySide:
 
 
 def processes(cores: int, limbs: int) -> int:
-    """Processes that judge limbs: one more than cores, so that none idles while the last is judged.
+    """Number of processes that judge limbs: one more than cores.
 
-    Three fingers on two cores take two rounds by two processes; of three, each takes its turns.
+    Three fingers in two processes on two cores would take two rounds, the second with one idle
+    core. With three processes both cores stay busy.
     """
     return 1 if cores == 1 else min(cores + 1, limbs)
 
@@ -256,9 +260,9 @@ def _results(judge: Judge, parts: Sequence[Evidence], jobs: int) -> Iterator[Jud
 def _apart_rad(
     log: Log, world: World, name: str, engine: type[Engine], workers: int
 ) -> float | None:
-    """How far replays are from the engine; raises UsageError where it refuses the world.
+    """Largest distance between replay and engine [rad]; UsageError where it refuses the world.
 
-    None where the world slides and the engine builds only hinges: replays do both.
+    None for a world with slides on an engine that builds only hinges; replays do both.
     """
     if _slides(world) and engine.support["joint.slides"].startswith("refused"):
         return None
@@ -281,17 +285,18 @@ def _slides(world: World) -> str:
 def _warnings(log: Log, world: World, apart_rad: float | None) -> Iterator[str]:
     known, floor_rad = world.spec.hand.joint_names, rules().floor_position_rad
     if strange := [joint for joint in log.joints if joint not in known]:
-        yield f"{', '.join(strange)}: no joint of this hand; left out"
+        yield f"the log has joints that this hand lacks: {', '.join(strange)}; they are ignored"
     if not isinstance(log.meta.mechanism, HandMechanism):
-        yield from (f"left out of the MJCF: {text}" for text in left_out(log))
+        yield from (f"not simulated from the MJCF: {text}" for text in left_out(log))
     if slides := _slides(world):
-        yield f"{slides} slides: in magnitudes read N for Nm and m for rad, so 17.45 mm for a deg"
+        yield f"{slides} is a slide: read N for Nm and m for rad, so 17.45 mm for 1 deg"
     if apart_rad is None:
-        yield f"{_slides(world)} slides, but engines build hinges: replays are held against none"
+        yield f"{_slides(world)} is a slide, which no engine here builds: replays are not checked"
     elif apart_rad > floor_rad:
         yield (
-            f"the engine's nominal world is up to {1e3 * apart_rad:.2g} mrad (of slides: mm) from "
-            f"its replay; the diagnosis takes {1e3 * floor_rad:g} as nothing"
+            f"the engine and the compiled replay of the nominal world differ by up to "
+            f"{1e3 * apart_rad:.2g} mrad (slides: mm); the diagnosis counts up to "
+            f"{1e3 * floor_rad:g} as no difference"
         )
 
 
@@ -327,7 +332,7 @@ def _result(
 
 
 def _healthy(found: Diagnosis, settings: Settings) -> dict:
-    """What healthy logs leave of every limb, and what is therefore asked of it."""
+    """The residuals of every limb in healthy logs, and the rules that follow from them."""
     attributed = (limb.attribution for limb in found.limbs)
     limbs = [(one.fitter.evidence, one.rule) for one in attributed]
     return {
@@ -346,7 +351,7 @@ def _healthy(found: Diagnosis, settings: Settings) -> dict:
 
 
 def _excused(effect: str, sound: Sound) -> dict:
-    """The largest magnitude of an effect that is no more than what a sound mechanism has."""
+    """The largest magnitude of an effect that a healthy mechanism may have."""
     unit = registry.load("effect", effect).unit
     return {
         "effect": effect,
@@ -356,7 +361,7 @@ def _excused(effect: str, sound: Sound) -> dict:
 
 
 def _corrected(found: Diagnosis, world: World) -> str | None:
-    """The corrected world as effects; None where there is nothing to add, or it cannot be."""
+    """The corrected world as effects; None if there is nothing to add, or if it cannot be added."""
     if not found.magnitudes:
         return None
     try:
@@ -366,10 +371,10 @@ def _corrected(found: Diagnosis, world: World) -> str | None:
 
 
 def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
-    """What the page says of log and nominal world."""
+    """What the report says about log and nominal world."""
     nominal = result["nominal"]
     apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
-    held = f"not held against {name}, which builds no slides"
+    held = f"not compared with {name}, which builds no slides"
     if apart_rad is not None:
         held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
@@ -388,14 +393,14 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
 
 
 def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
-    """Commands that go on with the effects of a corrected world, and what each does."""
+    """Commands that use the effects of the corrected world, and what each does."""
     if text is None:
         return {}
-    further = {f"bench diagnose {settings.words} --effects-known {text}": "asks what remains"}
+    further = {f"bench diagnose {settings.words} --effects-known {text}": "diagnose what is left"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
     train = f"bench run --backend {settings.nominal} --task circle --effects {text}"
     return {
-        train: "trains in that world",
-        f"bench eval RUN --effects {text}": "shows how a policy does in it",
+        train: "train a policy in the corrected world",
+        f"bench eval RUN --effects {text}": "evaluate a policy in the corrected world",
     } | further

@@ -1,6 +1,6 @@
-"""Drawings of a diagnosis: signals over each other with residuals below, and how the gap shrinks.
+"""Figures of a diagnosis: measured and simulated signals with residuals, and how the gap shrinks.
 
-Figures are HTML fragments that want plotly.js on their page once.
+The figures are HTML fragments; their page must contain plotly.js once.
 """
 
 from collections.abc import Iterator
@@ -18,7 +18,8 @@ from diagnosis.replay.replay import CHANNELS, replay
 from diagnosis.report.wording import BEST, VERDICT, after_name
 
 EXCERPT_S = 3.0
-"""What is shown at first of an episode: where the nominal world is furthest off [s]."""
+"""Length of the excerpt that is shown first, around the largest residual of the nominal world
+[s]."""
 COLORS = {
     "measured": "#1c1c1c",
     "nominal": "#d9822b",
@@ -27,7 +28,7 @@ COLORS = {
     f"with {BEST}": "#2b6cb0",
 }
 UNITS = {False: ("deg", float(np.degrees(1.0)), "Nm"), True: ("mm", 1e3, "N")}
-"""Unit of positions and its size, and of torques, for joints that turn and that slide."""
+"""Unit of positions and its size, and unit of torques: for hinges (False) and slides (True)."""
 _CONFIG = {"displaylogo": False, "responsive": True}
 _LAYOUT = {
     "template": "plotly_white",
@@ -39,7 +40,7 @@ _LAYOUT = {
 
 @dataclass(frozen=True, kw_only=True)
 class Overlay:
-    """Signals of one joint in the episode where the nominal world is worst."""
+    """Signals of one joint in the episode with the largest residual of the nominal world."""
 
     joint: str
     channel: str
@@ -48,7 +49,7 @@ class Overlay:
 
 
 def overlays(found: Diagnosis) -> Iterator[Overlay]:
-    """One for every accused joint; without any, for the joint with the largest share of the gap."""
+    """An overlay per joint of the verdict; without one, of the joint with the largest gap."""
     wanted = found.joints or tuple(place.joint for place in found.where[:1])
     for limb in found.limbs:
         evidence = _shown(limb.told or limb)
@@ -65,16 +66,16 @@ def overlays(found: Diagnosis) -> Iterator[Overlay]:
 
 
 def _shown(limb: LimbVerdict) -> Evidence:
-    """The setting that a limb is shown under: the first that judges."""
+    """The setting under which a limb is shown: the first one with samples held out from fits."""
     settings = limb.attribution.fitter.evidence.settings
     return next(one for one in settings if any(r.judged.any() for r in one.recordings))
 
 
 def shrinking(found: Diagnosis) -> str:
-    """The held-out gap before and after, beside the floor."""
+    """The held-out gap before and after, with the noise floor."""
     names = {
-        "before": "nominal",
-        "nominal": "parameters refitted",
+        "before": "nominal world",
+        "nominal": "nominal parameters refitted",
         "after": f"with {after_name(found)}",
     }
     if found.verdict == (NONE,):
@@ -108,7 +109,7 @@ def shrinking(found: Diagnosis) -> str:
 
 
 def _worst(evidence: Evidence, joint: int) -> tuple[int, int]:
-    """Episode and channel in which the nominal world is furthest off, over the noise."""
+    """Episode and channel with the largest residual of the nominal world, relative to the noise."""
     rows = [CHANNELS.index(name) for name in USED]
     size = np.full((len(evidence.recordings), len(USED)), -1.0)
     for number, recording in enumerate(evidence.recordings):
@@ -161,9 +162,9 @@ def _overlay(limb: LimbVerdict, joint: int, number: int, channel: int) -> go.Fig
 
 
 def _signals(limb: LimbVerdict, joint: int, number: int, channel: int) -> dict[str, Array]:
-    """What the worlds show of one joint: nominal, refitted, and of the verdict where it has one.
+    """The signals of one joint in the nominal, the refitted and the verdict's world.
 
-    The verdict's world does what arrived of the commands, where some of them were lost.
+    Where commands were lost, the verdict's world gets only those that arrived.
     """
     told = limb.told or limb
     fits = {
@@ -189,7 +190,7 @@ def _excerpt(time_s: Array, residual: Array) -> list[float]:
 
 
 def _around(lines: list[Array], inside: Array) -> list[float]:
-    """A range that holds some lines within an excerpt."""
+    """An axis range that contains the lines within an excerpt."""
     values = np.concatenate([line[inside] for line in lines])
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.06 * max(high - low, 1e-6)

@@ -1,4 +1,4 @@
-"""A diagnosis as one self-contained HTML page: plotly.js stands in it once, nothing is fetched."""
+"""The report of a diagnosis: one self-contained HTML page that fetches nothing."""
 
 import sys
 from collections.abc import Mapping
@@ -22,18 +22,19 @@ from diagnosis.report import wording
 from diagnosis.report._figures import overlays, shrinking
 
 LARGEST = 8
-"""Places that are listed with all their numbers."""
+"""Number of parts of the gap that are listed with all their numbers."""
 MOVED = 1.0
-"""Nominal parameters that moved by so many standard deviations are named."""
+"""Nominal parameters that moved by at least this many prior standard deviations are named."""
 FAINT = 0.001
-"""A share under this is left blank."""
+"""Shares below this are left blank."""
 
 
 def page(found: Diagnosis, log: Log, facts: Mapping[str, str], commands: Mapping[str, str]) -> str:
-    """The whole page.
+    """The report as HTML.
 
-    `facts` say what was diagnosed and against what; `commands` what to do with the verdict and what
-    each of them does, none where no effect was found or none can be added.
+    `facts` say what was diagnosed and with which nominal world. `commands` are the commands that
+    use the verdict, with what each does; they are empty if no effect was found or none can be
+    added.
     """
     environment = Environment(
         loader=PackageLoader("diagnosis.report", "."),
@@ -64,7 +65,7 @@ def page(found: Diagnosis, log: Log, facts: Mapping[str, str], commands: Mapping
 
 
 def _heat(where: tuple[Place, ...], log: Log) -> dict:
-    """Shares of the gap: joints and channels down, protocols and phases across."""
+    """Shares of the gap: a row per joint and channel, a column per protocol and phase."""
     protocols = dict.fromkeys(e.protocol for e in log.episodes)
     there = {(p.protocol, p.phase) for p in where}
     columns = [(a, b) for a in protocols for b in PHASES if (a, b) in there]
@@ -79,13 +80,13 @@ def _heat(where: tuple[Place, ...], log: Log) -> dict:
 
 
 def _size(one: Finding, found: Diagnosis) -> str:
-    """The magnitude of a finding, nothing of an unknown."""
+    """The magnitude of a finding; empty for an unknown one."""
     said = [m for m in found.magnitudes if (m.effect, m.joint) == (one.effect, one.joint)]
     return wording.size(said[0]) if said else ""
 
 
 def _fingers(spots: tuple[Spot, ...]) -> dict:
-    """Gaps of touch and stick: fingers down, families across."""
+    """Gaps of touch and stick: a row per finger, a column per family."""
     families = list(dict.fromkeys(spot.family for spot in spots))
     cells = {(spot.finger, spot.family): spot for spot in spots}
     fingers = dict.fromkeys(spot.finger for spot in spots)
@@ -108,7 +109,7 @@ def _cell(place: Place | None) -> dict:
 
 
 def _limb(limb: LimbVerdict) -> dict:
-    """One limb's candidates, the best first, and what its nominal parameters moved by."""
+    """One limb's candidates, best first, and the shifts of its nominal parameters."""
     attribution = limb.attribution
     tried, tied = limb.ranking, {(one.names, one.joints) for one in limb.tied}
     widest = max(1.0, *(one.gap for one in tried))
@@ -133,7 +134,7 @@ def _limb(limb: LimbVerdict) -> dict:
         ],
         "moved": [
             f"{_name(n.at(d))}{f'@{n.joint}' if n.joint else ''} "
-            f"{wording.amount(n.at(d))} ({d:+.1f} sd)"
+            f"{wording.amount(n.at(d))} ({d:+.1f} prior sd)"
             for n, d in moved
             if abs(d) >= MOVED
         ],
@@ -141,30 +142,34 @@ def _limb(limb: LimbVerdict) -> dict:
 
 
 def _name(effect: Effect) -> str:
-    """An effect's name: that of its file."""
+    """An effect's name, which is that of its file."""
     return type(effect).__module__.rsplit(".", 1)[-1].replace("_", "-")
 
 
 def _meaning(ranked: Ranked) -> str:
-    """What its effects are, by the first lines of their files."""
+    """What its effects are: the first lines of their files."""
     texts = (sys.modules[type(e).__module__].__doc__ or "" for e in ranked.fit.effects)
     return " ".join(text.strip().splitlines()[0] for text in texts)
 
 
 def _episode(log: Log, number: int, protocol: str) -> dict:
-    """What was used of an episode."""
+    """How an episode was used."""
     frame = log.episode(number)
     use = "used"
     if protocol in HELD:
         seen = log.stick(number) is not None
-        use = "used for touch and stick" if seen else "left out: no pose of the stick"
+        use = "used for touch and stick" if seen else "left out: the stick's pose is missing"
     elif protocol == "pull":
         seen = log.stick(number) is not None and log.pull(number) is not None
-        use = "used for friction and mass" if seen else "left out: no pose of the stick, or no pull"
+        use = (
+            "used for friction and mass"
+            if seen
+            else "left out: the stick's pose or the pull is missing"
+        )
     elif protocol not in FREE_AIR:
         use = "left out: not in free air"
     elif len(frame) < LEAST_SAMPLES:
-        use = f"left out: under {LEAST_SAMPLES} samples"
+        use = f"left out: fewer than {LEAST_SAMPLES} samples"
     return {
         "number": number,
         "protocol": protocol,
@@ -175,7 +180,7 @@ def _episode(log: Log, number: int, protocol: str) -> dict:
 
 
 def _channels(log: Log) -> list[str]:
-    """Channels that were compared or applied, with the joints where only some have them."""
+    """Channels that were compared or applied; where only some joints have one, they are named."""
     found = []
     for kind in (*USED, "push"):
         joints = [joint for joint in log.joints if log.has(kind, joint)]

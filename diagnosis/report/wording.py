@@ -1,4 +1,4 @@
-"""What a diagnosis says in plain words, the same on the terminal and on the page."""
+"""The sentences of a diagnosis, the same on the terminal and in the report."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -14,13 +14,13 @@ from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 
 NEARLY_ALL = 0.95
-"""A share of a gap that is not too little to be the verdict."""
+"""From this share of a gap on, the share is not what keeps an effect from being the verdict."""
 NOMINAL = "nominal parameters alone"
-"""What the candidate without an effect is called."""
+"""Name of the candidate without an effect."""
 
 
-VERDICT, BEST = "the verdict", "the best that was found"
-"""What a world with effects is called, where it is accepted and where it is not."""
+VERDICT, BEST = "the verdict", "the best candidate"
+"""Names of the world with effects: of an accepted candidate, and of one that is not."""
 
 
 def sentence(found: Diagnosis) -> str:
@@ -40,7 +40,7 @@ def sentence(found: Diagnosis) -> str:
         whole = "Part of the gap" if UNKNOWN in found.verdict else "The gap"
         parts.append(f"{whole} is explained by {explained}{also}.")
     if UNKNOWN in found.verdict:
-        where = _strange(found)
+        where = _unknown_where(found)
         there = f"{where[0].upper()}{where[1:]} there" if where else "There"
         parts.append(f"{there} is a gap that no effect of the catalogue explains.")
         parts += [_led(one) for one in found.leading]
@@ -48,25 +48,25 @@ def sentence(found: Diagnosis) -> str:
 
 
 def _led(one: Leading) -> str:
-    """What an unknown gap is mostly like."""
+    """The effect that is closest to an unknown gap."""
     what = f"{one.effect} of {number(one.value)} {one.unit} on {one.joint or listed(one.limb)}"
     others = f"every effect but {listed(one.tied)}" if one.tied else "every other effect"
-    taken = f"takes {percent(one.share)} of the squared gap that the nominal parameters leave"
+    taken = f"explains {percent(one.share)} of the squared gap left by the nominal parameters"
     if one.share.value <= 0.0:
-        taken = "moves nothing by more than the noise floor"
-    why = "too little to be the verdict"
+        taken = "changes nothing by more than the noise floor"
+    why = "which is too little for a verdict"
     if one.share.value > NEARLY_ALL:
-        why = "but what it leaves, or how far it bends nominal parameters, is beyond belief"
-    return f"Nearest is {what}, ahead of {others}: it {taken}, {why}."
+        why = "but its residual, or the shift of nominal parameters that it needs, is too large"
+    return f"The closest effect is {what}, ahead of {others}: it {taken}, {why}."
 
 
-def healthy(told: Mapping[str, Any], base: Rules) -> str:
-    """What healthy logs ask of a verdict: `told` as diagnosis.json has it, beside the rules."""
+def healthy(allowed: Mapping[str, Any], base: Rules) -> str:
+    """What healthy logs allow, beyond the default rules: `allowed` is as in diagnosis.json."""
     asked = []
-    for limb in told["limbs"]:
+    for limb in allowed["limbs"]:
         rule = limb["rules"]
         wider = [
-            f"{what} up to {number(rule[name])} {unit} (else {number(getattr(base, name))})"
+            f"{what} up to {number(rule[name])} {unit} (default {number(getattr(base, name))})"
             for name, what, unit in _EXCUSED
             if rule[name] > getattr(base, name)
         ]
@@ -75,20 +75,20 @@ def healthy(told: Mapping[str, Any], base: Rules) -> str:
             for one in limb["excused"]
         ]
         joints = listed(limb["joints"])
-        asked.append(f"on {joints} {listed(wider) if wider else 'nothing more'} is excused")
-    return f"by {len(told['logs'])}: {'; '.join(asked)}"
+        asked.append(f"{joints}: {listed(wider) if wider else 'no more than by default'}")
+    return f"{len(allowed['logs'])} used; they allow on {'; on '.join(asked)}"
 
 
 _EXCUSED = (
-    ("white_sd", "what is not white by", "deviations"),
-    ("uneven_sd", "one protocol by", "deviations"),
-    ("law_nats", "what follows the motion by", "nats"),
-    ("alone_stds", "a nominal parameter that is off by", "of its deviations"),
+    ("white_sd", "a residual that is not white by", "standard deviations"),
+    ("uneven_sd", "a residual of one protocol by", "standard deviations"),
+    ("law_nats", "a residual that follows the motion by", "nats"),
+    ("alone_stds", "a nominal parameter that is off by", "prior standard deviations"),
 )
-"""Rules that healthy logs widen: what they are about, and in what."""
+"""The rules that healthy logs widen: what each is about, and its unit."""
 
 
-def _strange(found: Diagnosis) -> str:
+def _unknown_where(found: Diagnosis) -> str:
     """Where the gap is unknown: 'on J3', 'in touch', or nothing."""
     accused = {joint for m in found.magnitudes for joint in m.joints}
     strange = [joint for joint in found.joints if joint not in accused]
@@ -110,11 +110,11 @@ def size(magnitude: Magnitude) -> str:
     return f"{number(magnitude.value)} {magnitude.unit} ({interval})"
 
 
-def beside(one: Finding) -> str:
-    """What says so, and how far the gap that it was judged by shrinks."""
+def finding(one: Finding) -> str:
+    """The evidence for a finding, and how far its gap shrinks."""
     return (
         f"{one.effect}: {one.evidence}; its gap falls from {digits(one.gap_before)} to "
-        f"{digits(one.gap_after)} times the floor"
+        f"{digits(one.gap_after)} times the noise floor"
     )
 
 
@@ -154,32 +154,42 @@ def shrinkage(found: Diagnosis) -> str:
     """How far the gap shrinks, in a sentence."""
     before, nominal, after = (spread(found.gaps[key]) for key in ("before", "nominal", "after"))
     if found.gap_before <= found.noise_floor:
-        return f"In free air the gap on held-out samples is {before} times the noise floor."
-    text = f"The gap on held-out samples is {before} times the noise floor"
-    text += f", {nominal} with the nominal parameters refitted"
+        return (
+            f"In free air the gap is {before} times the noise floor, on samples not used in fits."
+        )
+    text = f"The gap is {before} times the noise floor, on samples not used in fits. "
+    text += f"Refitting the nominal parameters leaves {nominal}"
     if found.verdict == (NONE,) or found.gaps["after"] == found.gaps["nominal"]:
         return f"{text}."
+    name = after_name(found)
     return (
-        f"{text}, {after} with {after_name(found)}. That takes {percent(found.shrinkage)} of the "
-        f"squared gap above the floor, the refit alone {percent(found.shrinkage_nominal)}."
+        f"{text}, adding {name} leaves {after}. {name.capitalize()} removes "
+        f"{percent(found.shrinkage)} of the squared gap above the noise floor; "
+        f"the refit alone removes {percent(found.shrinkage_nominal)}."
     )
 
 
 def after_name(found: Diagnosis) -> str:
-    """What the gap `after` is measured with."""
+    """Name of the world that the gap `after` is measured with."""
     return BEST if UNKNOWN in found.verdict else VERDICT
 
 
 def tie(row: dict) -> str:
-    """Two worlds that a log cannot tell apart, and what would."""
+    """Two worlds that a log cannot distinguish, and the experiment that would."""
     first, second = _worlds(row)
-    text = f"{first} and {second} fit alike ({row['apart_nats']:.1f} nats apart)"
+    text = (
+        f"{first} and {second} fit almost equally well "
+        f"(log evidence ratio {row['apart_nats']:.1f} nats)"
+    )
     if row["experiment"] is None:
-        return f"{text}; no channel or protocol that this log lacks would separate them"
+        return f"{text}; no channel or protocol that is missing in this log would separate them"
     if row["experiment"] not in row["separations_sd"]:
-        return f"{text}; {row['experiment']}"
+        return f"{text}; to distinguish them, {row['experiment']}"
     apart = row["separations_sd"][row["experiment"]]
-    return f"{text}; {row['experiment']}: that would set them {apart:.1f} deviations apart"
+    return (
+        f"{text}; to distinguish them, {row['experiment']}: that would separate them by "
+        f"{apart:.1f} standard deviations"
+    )
 
 
 def _worlds(row: dict) -> list[str]:
@@ -202,7 +212,7 @@ def percent(share: Share) -> str:
 
 
 def number(value: float) -> str:
-    """Three or four digits, never an exponent where none is needed."""
+    """A number with two to four digits, without an exponent where possible."""
     return f"{value:.4g}" if abs(value) >= 0.001 or value == 0 else f"{value:.2g}"
 
 

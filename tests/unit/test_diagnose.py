@@ -162,9 +162,9 @@ def test_settings_that_cannot_judge_are_refused(gains, log, tmp_path, capfd):
     """Say in one line which logs may judge, and that they are of one mechanism."""
     one, other = gains
     for words, said in (
-        ([one, other], "none of them judges; say which with --judge LOG"),
-        ([one, other, "--judge", str(log)], "is none of the logs"),
-        ([one, "--judge", one], "leave one to fit on"),
+        ([one, other], "--judge names none of them; name the log on which"),
+        ([one, other, "--judge", str(log)], "is not among the logs"),
+        ([one, "--judge", one], "leave at least one for fitting"),
         ([one, one, "--judge", one], "is given twice"),
         ([one, str(log), "--judge", one], "of different joints"),
     ):

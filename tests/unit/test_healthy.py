@@ -156,7 +156,7 @@ def test_healthy_logs_that_cannot_be_held_against_are_refused(tmp_path, capfd):
     for other, said in (
         (log, "is the log that is diagnosed"),
         (short, "lacks the protocols multisine of the log that is diagnosed"),
-        (hand, "is of J0, J1, J3, J4, J6, J7, and the log that is diagnosed of shoulder, elbow"),
+        (hand, "has the joints J0, J1, J3, J4, J6, J7, and the log that is diagnosed has shoulder"),
         (tmp_path / "none", "no log"),
     ):
         assert cli._run(["diagnose", str(log), "--healthy", str(other), "--workers", "1"]) == 2

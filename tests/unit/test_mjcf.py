@@ -439,6 +439,6 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     assert sizes["coulomb-friction"] == pytest.approx(30e3, rel=0.1)
     assert sizes["encoder-noise"] == pytest.approx(0.1, rel=0.2)
     assert found["nominal"]["replay_apart_rad"] is None
-    assert any("x slides: in magnitudes read N for Nm" in text for text in found["warnings"])
-    assert any("x slides, but engines build hinges" in text for text in found["warnings"])
-    assert "not held against mujoco" in (tmp_path / "out" / "report.html").read_text()
+    assert any("x is a slide: read N for Nm" in text for text in found["warnings"])
+    assert any("x is a slide, which no engine here builds" in text for text in found["warnings"])
+    assert "not compared with mujoco" in (tmp_path / "out" / "report.html").read_text()

@@ -136,15 +136,15 @@ def test_verdicts_in_words(found):
     for tied, others in ((), "every other effect"), (("self-lock",), "every effect but self-lock"):
         led = dataclasses.replace(lost, leading=(dataclasses.replace(nearest, tied=tied),))
         assert (
-            f"explains. Nearest is load-friction of 40 % on shoulder and elbow, ahead of {others}: "
-            "it takes 70.0 % (60.0 to 80.0) of the squared gap"
+            "explains. The closest effect is load-friction of 40 % on shoulder and elbow, ahead of "
+            f"{others}: it explains 70.0 % (60.0 to 80.0) of the squared gap"
         ) in wording.sentence(led)
     most = dataclasses.replace(nearest, share=Share(value=0.999, interval=(0.99, 1.0)))
     said = wording.sentence(dataclasses.replace(lost, leading=(most,)))
-    assert "the nominal parameters leave, but what it leaves, or how far it bends" in said
+    assert "by the nominal parameters, but its residual, or the shift of" in said
     within = dataclasses.replace(nearest, share=Share(value=0.0, interval=(0.0, 0.0)))
     said = wording.sentence(dataclasses.replace(lost, leading=(within,)))
-    assert "it moves nothing by more than the noise floor, too little to be the verdict" in said
+    assert "it changes nothing by more than the noise floor, which is too little" in said
     both = dataclasses.replace(
         found, verdict=("coulomb-friction", UNKNOWN), joints=("shoulder", "elbow")
     )
