@@ -1,6 +1,6 @@
-"""Is a log sound: columns, times, rates, units and numbers. Each check is one small function.
+"""Check a log: its columns, times, rates, units and numbers. Each check is one small function.
 
-What cannot be used raises LogError; what is odd but usable gives a warning.
+A log that cannot be used raises LogError; one that is unusual but usable gives a warning.
 """
 
 import numpy as np
@@ -12,17 +12,18 @@ from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta, MjcfMe
 MIN_SAMPLES = 20
 """Shortest episode in samples."""
 GAP_PERIODS, HOLE_PERIODS = 3.0, 20.0
-"""A longer step is a gap (a warning), a much longer one a hole, in median periods."""
+"""A step longer than this is a gap (a warning), a much longer one is a hole, in median periods."""
 LARGEST = 1e12
-"""Numbers from here on are taken as infinite."""
+"""Numbers from here on count as infinite."""
 RATE_TOLERANCE = 0.1
-"""How far a declared rate may lie from the rows' rate, relative."""
+"""Largest relative difference between a declared rate and the rate of the rows."""
 SLOWEST_S = 0.5
-"""Longest median period: longer ones are times in milliseconds, or no log of a motion [s]."""
+"""Longest median period [s]; with a longer one the times are in milliseconds, or it is no log of a
+motion."""
 
 
 def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, tuple[str, ...]]:
-    """Meta and samples with all that may be left out filled in, and the warnings."""
+    """Meta and samples with all optional parts filled in, and the warnings."""
     columns_are_known(samples)
     joints = joints_are_complete(samples)
     joints_are_in_mechanism(meta, joints)
@@ -43,7 +44,7 @@ def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, 
 
 
 def columns_are_known(samples: pd.DataFrame) -> None:
-    """Refuse columns of no known name."""
+    """Refuse columns with unknown names."""
     for column in samples.columns:
         if column not in ("episode", "t_s"):
             channel_of(str(column))
@@ -52,7 +53,7 @@ def columns_are_known(samples: pd.DataFrame) -> None:
 
 
 def joints_are_complete(samples: pd.DataFrame) -> tuple[str, ...]:
-    """Names of the joints; each needs command and position in one unit."""
+    """Names of the joints; each needs a command and a position in the same unit."""
     pairs = [pair for column in samples.columns if (pair := kind_of(str(column)))]
     joints = tuple(dict.fromkeys(joint for _, joint in pairs))
     if not joints:
@@ -64,8 +65,8 @@ def joints_are_complete(samples: pd.DataFrame) -> tuple[str, ...]:
         for kind in ("command", "position"):
             if name_of(kind, joint, linear) not in samples:
                 raise LogError(
-                    f"samples lack '{name_of(kind, joint, linear)}'; every joint needs command "
-                    "and position, both in rad or both in m"
+                    f"samples have no column '{name_of(kind, joint, linear)}'; every joint needs "
+                    "a command and a position, both in rad or both in m"
                 )
         for kind in KINDS:
             stray = name_of(kind, joint, not linear)
@@ -86,14 +87,14 @@ def joints_are_in_mechanism(meta: LogMeta, joints: tuple[str, ...]) -> None:
         if joint not in known:
             raise LogError(
                 f"samples have a joint '{joint}' that mechanism.joints does not list; "
-                f"listed: {', '.join(known)}; add its drive or drop its columns"
+                f"listed: {', '.join(known)}; add its drive or remove its columns"
             )
 
 
 def numbers_are_numbers(samples: pd.DataFrame) -> pd.DataFrame:
     """The samples with numeric columns; refuses text and fractional episodes."""
     if samples.empty:
-        raise LogError("samples have no rows; record again")
+        raise LogError("samples have no rows; record the log again")
     samples = samples.copy()
     for column in samples.columns:
         if column.startswith("touch."):
@@ -106,49 +107,53 @@ def numbers_are_numbers(samples: pd.DataFrame) -> pd.DataFrame:
             row = int(np.argmax(bad))
             raise LogError(
                 f"'{column}' is '{samples[column].iloc[row]}' in sample {row}; allowed: numbers "
-                "with a decimal point, or nothing"
+                "with a decimal point, or empty"
             )
         samples[column] = numbers.astype(float)
     if "episode" in samples:
         whole = samples["episode"]
         if whole.isna().any() or (whole != whole.round()).any() or (whole < 0).any():
-            raise LogError("'episode' is not a whole number from 0 in every sample; number them")
+            raise LogError(
+                "'episode' must be a whole number from 0 in every sample; number the episodes"
+            )
         samples["episode"] = whole.astype(np.int64)
     return samples
 
 
 def episodes_are_named(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
-    """Meta with every episode of the samples, each in one piece."""
+    """Meta with every episode of the samples; refuses episodes that are not in one piece."""
     numbers = samples["episode"].to_numpy()
     starts = numbers[np.flatnonzero(np.diff(numbers, prepend=-1))]
     if len(starts) > len(set(starts)):
-        raise LogError("an episode's samples are not in one piece; sort the rows by episode")
+        raise LogError("the samples of an episode are not in one piece; sort the rows by episode")
     found = [int(n) for n in starts]
     if not meta.episodes:
         return meta.model_copy(update={"episodes": tuple(EpisodeMeta(episode=n) for n in found)})
     named = [e.episode for e in meta.episodes]
     if sorted(named) != sorted(found):
-        raise LogError(f"log.yaml names episodes {named}, samples hold {found}; make them agree")
+        raise LogError(f"log.yaml lists episodes {named}, samples hold {found}; make them equal")
     order = {e.episode: e for e in meta.episodes}
     return meta.model_copy(update={"episodes": tuple(order[n] for n in found)})
 
 
 def times_increase(number: int, part: pd.DataFrame, warnings: list[str]) -> None:
-    """Refuse an episode that is too short or whose times repeat, fall or leave a hole."""
+    """Refuse an episode that is too short, or whose times repeat, decrease or leave a hole."""
     if len(part) < MIN_SAMPLES:
         raise LogError(
-            f"episode {number} has {len(part)} samples; allowed: from {MIN_SAMPLES}; "
-            "record longer or drop it"
+            f"episode {number} has {len(part)} samples; needed: at least {MIN_SAMPLES}; "
+            "record it longer or remove it"
         )
     t = part["t_s"].to_numpy()
     if not np.isfinite(t).all():
-        raise LogError(f"'t_s' is no number in sample {_row(part, ~np.isfinite(t))}; drop that row")
+        raise LogError(
+            f"'t_s' is not a number in sample {_row(part, ~np.isfinite(t))}; remove that row"
+        )
     step = np.diff(t)
     if (step <= 0).any():
         what = "repeats" if step[np.argmax(step <= 0)] == 0 else "goes back"
         raise LogError(
-            f"'t_s' {what} at sample {_row(part, np.append(False, step <= 0))}; times increase "
-            "within an episode: drop the row, or give a new start a new episode number"
+            f"'t_s' {what} at sample {_row(part, np.append(False, step <= 0))}; times must "
+            "increase within an episode: remove the row, or give a new start a new episode number"
         )
     period = float(np.median(step))
     if period > SLOWEST_S:
@@ -164,17 +169,17 @@ def _refuse_holes(number: int, part: pd.DataFrame, periods: np.ndarray, warnings
         row = _row(part, np.append(False, periods > HOLE_PERIODS))
         raise LogError(
             f"episode {number} has a hole of {periods.max():.0f} periods before sample {row}; "
-            f"allowed: up to {HOLE_PERIODS:.0f}; give what follows a new episode number"
+            f"allowed: up to {HOLE_PERIODS:.0f}; give the rows after it a new episode number"
         )
     gaps = int((periods > GAP_PERIODS).sum())
     if gaps:
         warnings.append(
-            f"episode {number} has {gaps} gaps, the longest of {periods.max():.1f} periods"
+            f"episode {number} has {gaps} gaps; the longest has {periods.max():.1f} periods"
         )
 
 
 def values_are_finite(number: int, part: pd.DataFrame) -> None:
-    """Refuse NaN and infinity, except where a whole column is empty in an episode."""
+    """Refuse NaN and infinity, except where a column is empty in a whole episode."""
     for column in part.columns:
         if column.startswith("touch."):
             missing = part[column].isna().to_numpy()
@@ -183,22 +188,24 @@ def values_are_finite(number: int, part: pd.DataFrame) -> None:
         needed = column.startswith(("command_", "position_"))
         if missing.any() and (needed or not part[column].isna().all()):
             raise LogError(
-                f"'{column}' is no finite number in sample {_row(part, missing)} of episode "
-                f"{number}; fill it (a slower channel repeats its last value) or drop the row"
+                f"'{column}' is not a finite number in sample {_row(part, missing)} of episode "
+                f"{number}; fill it (a slower channel repeats its last value) or remove the row"
             )
 
 
 def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
-    """Meta with a unit and rate for every channel; refuses another unit than the name's."""
+    """Meta with a unit and rate for every channel; refuses a unit that does not fit the name."""
     rate = round(_rate_hz(samples), 3)
     found = dict.fromkeys(channel_of(c) for c in samples.columns if c not in ("episode", "t_s"))
     for name, channel in meta.channels.items():
         if name not in found:
-            raise LogError(f"log.yaml declares '{name}'; samples hold: {', '.join(found)}")
+            raise LogError(
+                f"log.yaml declares '{name}', which samples lack; they hold: {', '.join(found)}"
+            )
         if channel.unit not in UNITS[name]:
             raise LogError(
                 f"channel '{name}' is declared in {channel.unit}; allowed: "
-                f"{' or '.join(UNITS[name])}; convert the numbers, then declare that"
+                f"{' or '.join(UNITS[name])}; convert the numbers and correct the unit"
             )
     given = {name: meta.channels.get(name, Channel(unit=UNITS[name][0])) for name in found}
     filled = {
@@ -209,7 +216,7 @@ def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
 
 
 def rates_fit(meta: LogMeta, samples: pd.DataFrame) -> None:
-    """Refuse a declared rate above the rows', or one below it whose values change too often."""
+    """Refuse a declared rate above that of the rows, or one that values change faster than."""
     rows = _rate_hz(samples)
     for column in samples.columns:
         if column in ("episode", "t_s", *STICK) or column.startswith("touch."):
@@ -232,13 +239,15 @@ def taxels_are_alike(samples: pd.DataFrame) -> None:
         cells = [cell for cell in samples[column] if cell is not None]
         lengths = {len(cell) for cell in cells}
         if len(lengths) > 1:
-            raise LogError(f"'{column}' has {sorted(lengths)} values; give as many in each sample")
+            raise LogError(
+                f"'{column}' has {sorted(lengths)} values; every sample needs the same number"
+            )
         if cells and not np.isfinite(np.stack(cells)).all():
-            raise LogError(f"'{column}' holds a value that is no finite number; write 0 for none")
+            raise LogError(f"'{column}' holds a value that is not finite; write 0 for no contact")
 
 
 def stick_is_whole(samples: pd.DataFrame) -> None:
-    """Refuse a stick pose with missing columns or quaternions of another length than 1."""
+    """Refuse a stick pose with missing columns or with quaternions that are not of length 1."""
     there = [name for name in STICK if name in samples]
     if not there:
         return
@@ -247,11 +256,11 @@ def stick_is_whole(samples: pd.DataFrame) -> None:
         raise LogError(f"the stick's pose lacks {missing}; give all seven columns or none")
     quat = samples[list(STICK[3:])].dropna().to_numpy()
     if len(quat) and np.abs(np.linalg.norm(quat, axis=1) - 1).max() > 1e-2:
-        raise LogError("stick_qw to stick_qz are no unit quaternions; normalise them, w first")
+        raise LogError("stick_qw to stick_qz are not unit quaternions; normalise them, w first")
 
 
 def _rate_hz(samples: pd.DataFrame) -> float:
-    """Rows per second: the fastest episode's."""
+    """Rows per second in the fastest episode."""
     parts = samples.groupby("episode", sort=False)["t_s"]
     return max(1.0 / float(np.median(np.diff(t))) for _, t in parts)
 

@@ -12,7 +12,7 @@ ROTARY = {
     "velocity": ("rad_s", "rad/s"),
     "push": ("nm", "Nm"),
 }
-"""Per kind, the unit in the name and the unit itself, for a joint that turns."""
+"""Per kind of column: the unit in its name and the unit itself, for a hinge."""
 LINEAR = {
     "command": ("m", "m"),
     "position": ("m", "m"),
@@ -21,7 +21,7 @@ LINEAR = {
     "velocity": ("m_s", "m/s"),
     "push": ("n", "N"),
 }
-"""The same for a joint that slides: its torque is a force."""
+"""The same for a slide, whose torque is a force."""
 KINDS = tuple(ROTARY)
 STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"))
 """Centre of the stick [m] and its orientation, world frame."""
@@ -34,18 +34,18 @@ UNITS = {
     "stick": ("m",),
     PULL: ("N",),
 }
-"""Channels and the units they may be declared in."""
+"""Channels and the units in which they may be declared."""
 WHOLE = ("stick", PULL)
-"""Channels of no joint or finger."""
+"""Channels that belong to no joint or finger."""
 
 
 def name_of(kind: str, joint: str, linear: bool = False) -> str:
-    """The column of a kind and joint."""
+    """The column name of a kind and joint."""
     return f"{kind}_{(LINEAR if linear else ROTARY)[kind][0]}.{joint}"
 
 
 def channel_of(column: str) -> str:
-    """The channel that a column belongs to; raises LogError when there is none of that name."""
+    """The channel that a column belongs to; raises LogError for an unknown name."""
     if column in STICK:
         return "stick"
     if column == PULL:
@@ -57,7 +57,7 @@ def channel_of(column: str) -> str:
 
 
 def kind_of(column: str) -> tuple[str, str] | None:
-    """Kind and joint of a joint's column, else None."""
+    """Kind and joint of a joint's column; None for other columns."""
     channel, _, joint = column.partition(".")
     kind = channel.split("_")[0]
     return (kind, joint) if channel in UNITS and kind in KINDS else None
@@ -70,4 +70,4 @@ def _unknown(column: str) -> str:
     near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
     known = ", ".join(["episode", "t_s", *UNITS])
     hint = f" Did you mean '{near[0]}'?" if near else ""
-    return f"samples have an unknown column '{column}'; allowed: {known}.{hint} Rename or drop it"
+    return f"samples have an unknown column '{column}'; allowed: {known}.{hint} Rename or remove it"

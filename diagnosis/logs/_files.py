@@ -1,6 +1,6 @@
-"""A log's files: read with one clear error for whatever can be wrong, written whole or not at all.
+"""The files of a log: read with a clear error for every fault, written completely or not at all.
 
-Knows formats only; what the numbers may be is checked elsewhere.
+This module knows file formats only; the numbers are checked in other modules.
 """
 
 import csv
@@ -25,7 +25,7 @@ _PARQUET_MAGIC = b"PAR1"
 
 
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
-    """Meta, samples, the MJCF's text and what was odd; raises LogError."""
+    """Meta, samples, the MJCF's text and warnings; raises LogError."""
     if not folder.is_dir():
         raise LogError(f"no log folder at {folder}; give a folder that holds {META_FILE}")
     meta = parse_meta(_yaml(folder / META_FILE))
@@ -33,7 +33,7 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
     if len(found) != 1:
         names = "both {} and {}" if found else "neither {} nor {}"
         has = names.format(PARQUET_FILE, CSV_FILE)
-        raise LogError(f"{folder} has {has}; allowed: one of them")
+        raise LogError(f"{folder} has {has}; allowed: exactly one of them")
     odd: list[str] = []
     samples = _parquet(found[0]) if found[0].name == PARQUET_FILE else _csv(found[0], odd)
     return meta, samples, _mjcf(folder, meta), tuple(odd)
@@ -70,7 +70,7 @@ def write(
 
 
 def check_target(folder: Path, form: str) -> None:
-    """Raise LogError unless a log may be written to `folder` in a form."""
+    """Raise LogError unless a log can be written to `folder` in this format."""
     if form not in FORMS:
         raise LogError(f"no form of samples '{form}'; known: {', '.join(FORMS)}")
     if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
@@ -82,7 +82,7 @@ def _yaml(path: Path) -> object:
         return yaml.safe_load(path.read_text())
     except FileNotFoundError:
         raise LogError(
-            f"{path} does not exist; docs/reference/log-format.md shows one of eight lines"
+            f"{path} does not exist; docs/reference/log-format.md has an example of eight lines"
         ) from None
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         what = " ".join(str(error).split())
@@ -97,16 +97,16 @@ def _mjcf(folder: Path, meta: LogMeta) -> str | None:
         return path.read_text()
     except (OSError, UnicodeDecodeError) as error:
         raise LogError(
-            f"the mechanism's file {path} cannot be read: {error}; put the MJCF there"
+            f"the mechanism's file {path} cannot be read: {error}; copy the MJCF there"
         ) from None
 
 
 def _parquet(path: Path) -> pd.DataFrame:
     data = path.read_bytes()
     if data[:4] != _PARQUET_MAGIC:
-        raise LogError(f"{path} is no parquet file; write it again, or as {CSV_FILE}")
+        raise LogError(f"{path} is not a parquet file; write it again, or as {CSV_FILE}")
     if len(data) < 12 or data[-4:] != _PARQUET_MAGIC:
-        raise LogError(f"{path} was cut off: its end is missing; copy or record it again")
+        raise LogError(f"{path} is incomplete: its end is missing; copy or record it again")
     try:
         return pq.read_table(pa.BufferReader(data)).to_pandas()
     except (pa.ArrowException, OSError) as error:
@@ -125,7 +125,9 @@ def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
     try:
         frame = pd.read_csv(io.StringIO(text), names=header, header=0, dtype=touch)
     except (pd.errors.ParserError, ValueError) as error:
-        raise LogError(f"{path}: {' '.join(str(error).split())}; mend or drop that line") from None
+        raise LogError(
+            f"{path}: {' '.join(str(error).split())}; correct or remove that line"
+        ) from None
     for name in touch:
         frame[name] = [_numbers(path, name, row, cell) for row, cell in enumerate(frame[name])]
     return frame
@@ -135,26 +137,26 @@ def _header(path: Path, text: str) -> list[str]:
     first = text.split("\n", 1)[0]
     header = [name.strip() for name in next(csv.reader([first]), [])]
     if not any(header):
-        raise LogError(f"{path} is empty; it begins with a line of column names")
+        raise LogError(f"{path} is empty; its first line must hold the column names")
     if len(header) == 1 and (";" in first or "\t" in first):
-        raise LogError(f"{path} is not separated by commas; allowed: comma, and point in numbers")
+        raise LogError(f"{path} is not separated by commas; allowed: commas, and decimal points")
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
-        raise LogError(f"{path} names column '{twice[0]}' twice; name each column once")
+        raise LogError(f"{path} has two columns '{twice[0]}'; use every name once")
     return header
 
 
 def _refuse_cut(path: Path, text: str, columns: int, odd: list[str]) -> None:
-    """Raise LogError when the last line is shorter than the header."""
+    """Raise LogError if the last line is shorter than the header."""
     last = text.rstrip("\n").rsplit("\n", 1)[-1]
     given = len(next(csv.reader([last]), []))
     if given < columns:
         raise LogError(
-            f"{path} was cut off: its last line has {given} of {columns} values; "
-            "drop that line or record it again"
+            f"{path} is incomplete: its last line has {given} of {columns} values; "
+            "remove that line or record it again"
         )
     if not text.endswith("\n"):
-        odd.append(f"{path.name} has no newline at its end: its last value may be cut off")
+        odd.append(f"{path.name} has no newline at its end; its last value may be incomplete")
 
 
 def _numbers(path: Path, name: str, row: int, cell: object) -> np.ndarray | None:
@@ -165,7 +167,7 @@ def _numbers(path: Path, name: str, row: int, cell: object) -> np.ndarray | None
         return np.array(cell.split(), dtype=np.float32)
     except ValueError:
         raise LogError(
-            f"{path}, sample {row}: '{name}' is '{cell[:30]}'; allowed: numbers between spaces"
+            f"{path}, sample {row}: '{name}' is '{cell[:30]}'; allowed: numbers separated by spaces"
         ) from None
 
 

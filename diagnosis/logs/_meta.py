@@ -1,4 +1,4 @@
-"""What log.yaml holds: where a log comes from, of which mechanism, in which units and episodes."""
+"""The contents of log.yaml: the log's source, mechanism, units and episodes."""
 
 from pathlib import PurePath
 from typing import Annotated, Literal
@@ -17,7 +17,7 @@ from pydantic_core import ErrorDetails
 
 SCHEMA = 1
 NOMINAL_UNCERTAINTY = 0.05
-"""Relative uncertainty of nominal parameters where none is given."""
+"""Relative uncertainty of the nominal parameters if none is given."""
 
 Text = Annotated[str, StringConstraints(min_length=1, strip_whitespace=True)]
 Amount = Annotated[FiniteFloat, Field(ge=0)]
@@ -32,12 +32,12 @@ class _Part(BaseModel):
 
 
 class Channel(_Part):
-    """A recorded quantity, such as 'position_rad': all joints' columns of that name."""
+    """A recorded quantity, such as 'position_rad': the columns of all joints with that name."""
 
     unit: str
     """Unit of the numbers: rad, m, Nm, N, rad/s, m/s, or 1 for contact yes or no."""
     rate_hz: Annotated[FiniteFloat, Field(gt=0)] | None = None
-    """Samples per second; a slower channel than the rows repeats its last value. None: the rows'"""
+    """Samples per second; a channel slower than the rows repeats its last value. None: the rows'"""
 
 
 class EpisodeMeta(_Part):
@@ -45,7 +45,7 @@ class EpisodeMeta(_Part):
 
     episode: NonNegativeInt
     protocol: Text = "free"
-    """What was commanded: steps, triangle, multisine, push, grasp, pull, policy, or free."""
+    """The commanded protocol: steps, triangle, multisine, push, grasp, pull, policy, or free."""
     note: str | None = None
 
 
@@ -60,19 +60,19 @@ class DriveSettings(_Part):
     kd: Amount
     """Derivative gain [Nms/rad], of a linear joint [Ns/m]."""
     limit: Annotated[FiniteFloat, Field(gt=0)] | None = None
-    """Largest drive torque [Nm], of a linear joint force [N]; None: none that matters."""
+    """Largest drive torque [Nm], of a linear joint force [N]; None: no limit."""
     sensor: Literal["joint", "motor"] = "joint"
     """Side of the gear on which the position was measured."""
 
 
 class HandMechanism(_Part):
-    """A hand that Stickbench knows by name."""
+    """A hand that Stickbench knows by its name."""
 
     hand: Text
     stick: Text = "reference"
-    """Stick that it holds in the protocols that need one."""
+    """The stick that it holds in protocols with a stick."""
     effects: str = "none"
-    """Effects that are known to be there, as on the command line: part of the nominal world."""
+    """Effects that are known to be present, as on the command line; part of the nominal world."""
 
 
 class MjcfMechanism(_Part):
@@ -85,7 +85,7 @@ class MjcfMechanism(_Part):
     @classmethod
     def _stays_in_the_folder(cls, name: str) -> str:
         if PurePath(name).name != name:
-            raise ValueError("name a file in the log's own folder, without a path")
+            raise ValueError("give the name of a file in the log's folder, without a path")
         return name
 
 
@@ -97,9 +97,9 @@ class LogMeta(_Part):
     """Who or what recorded it, and when."""
     mechanism: HandMechanism | MjcfMechanism
     channels: dict[str, Channel] = {}
-    """By channel name; empty: all that samples hold, in the units of their names."""
+    """By channel name; empty: all channels of the samples, in the units of their names."""
     episodes: tuple[EpisodeMeta, ...] = ()
-    """Empty: one episode of protocol 'free' for each that samples hold."""
+    """Empty: every episode of the samples has protocol 'free'."""
     nominal_uncertainty: Annotated[FiniteFloat, Field(ge=0, le=1)] = NOMINAL_UNCERTAINTY
     """Relative uncertainty (one standard deviation) of the nominal parameters."""
 
@@ -107,7 +107,7 @@ class LogMeta(_Part):
 def parse_meta(data: object) -> LogMeta:
     """A LogMeta from the data of a YAML file; raises LogError naming every wrong field."""
     if not isinstance(data, dict):
-        raise LogError("log.yaml holds no fields; allowed: schema, source, mechanism and more")
+        raise LogError("log.yaml is empty; it needs the fields schema, source and mechanism")
     if data.get("schema") != SCHEMA:
         raise LogError(
             f"log.yaml has schema {data.get('schema')!r}; allowed: {SCHEMA}; "
@@ -126,11 +126,17 @@ def parse_meta(data: object) -> LogMeta:
 
 
 def _problem(error: ErrorDetails) -> str:
-    where = ".".join(str(part) for part in error["loc"] if not str(part).endswith("Mechanism"))
+    place = [str(part) for part in error["loc"] if not str(part).endswith("Mechanism")]
     given = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
-    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}{given}"
+    message = f"{error['msg'][:1].lower()}{error['msg'][1:]}"
+    if error["type"] == "extra_forbidden":
+        message, given = "unknown field; correct or remove it", ""
+    elif place[-1] == "[key]" and error["type"] == "string_type":
+        place.pop()
+        message, given = f"a name must be text; quote it: '{error['input']}'", ""
+    return f"{'.'.join(place)}: {message}{given}"
 
 
 def dump_meta(meta: LogMeta) -> dict:
-    """The data of a log.yaml, without what is at its default."""
+    """The data of a log.yaml, without fields at their default."""
     return meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)

@@ -1,8 +1,8 @@
-"""Whether the numbers of a log look like what their names say.
+"""Check whether the numbers of a log are plausible for their names.
 
-Command and position of one joint belong together: they have about the same size, move the same
-way, and the position follows soon. Where they do not, a unit, a column or a clock is wrong. The
-bounds lie far beyond what the effects of the catalogue do.
+Command and position of a joint have about the same size and direction, and the position follows
+soon. If they do not, a unit, a column or a clock is wrong. The bounds are far beyond what the
+effects of the catalogue can cause.
 """
 
 import numpy as np
@@ -12,32 +12,32 @@ from diagnosis.logs._columns import PULL, name_of
 from diagnosis.logs._meta import LogError, LogMeta
 
 RANGE_RATIO = 100.0
-"""Position range over command range from which on units cannot be the same."""
+"""From this ratio of position range to command range, the units cannot be the same."""
 DEGREES = 180 / np.pi
 UNIT_TOLERANCE = 0.25
-"""How near a scale must be to degrees per radian, relative."""
+"""Largest relative distance of a scale from degrees per radian."""
 CLEAR, UNCLEAR = 0.9, 0.5
-"""Correlations above and below which two signals surely are, or are not, the same motion."""
+"""Correlations above and below which two signals certainly are, or are not, the same motion."""
 SURELY = 0.1
-"""By how much another lag must be more like the command than those that are allowed."""
+"""By how much the correlation at another lag must exceed the correlation at the allowed lags."""
 SCALE_RANGE = (0.5, 1.5)
-"""Movement of the position over that of the command that gives no warning."""
+"""Range of the ratio of position to command that gives no warning."""
 LATEST_S, EARLIEST_S, EARLIEST_SAMPLES = 1.0, 0.05, 3
-"""The position may follow this late; it may lead by the larger of the others."""
+"""Largest delay of the position; it may lead by the larger of the other two."""
 SEARCH_S = (-0.5, 3.0)
 SPEED_S = 0.05
-"""Speeds are differences over this [s], so that sensor noise does not hide them."""
+"""Speeds are differences over this time [s], so that sensor noise does not hide them."""
 _LAGS = 141
 HELD = ("grasp", "pull", "policy")
-"""Protocols in which a joint need not follow: the stick holds it, and other joints move it."""
+"""Protocols in which a joint need not follow its command, because the stick holds or moves it."""
 TURNS_RAD = 4 * np.pi
 STILL = 1e-9
 STRONGEST_N = 1000.0
-"""No hand holds a stick against such a pull."""
+"""Largest plausible pull; no hand holds a stick against more."""
 
 
 def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list[str]:
-    """Warnings about the joints; raises LogError for what is surely wrong."""
+    """Warnings about the joints; raises LogError for what is certainly wrong."""
     protocols = {e.episode: e.protocol for e in meta.episodes}
     warnings, pairs, named = [], {}, {}
     for joint in joints:
@@ -47,13 +47,13 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
         warnings += scale_is_plausible(names[1], *pairs[joint], linear)
         largest = np.abs(samples[names[1]]).max()
         if not linear and largest > TURNS_RAD:
-            warnings.append(f"'{names[1]}' reaches {largest:.0f} rad: are these degrees?")
+            warnings.append(f"'{names[1]}' reaches {largest:.0f} rad; is it in degrees?")
     channels_are_not_swapped(pairs)
     if PULL in samples:
         pull_is_plausible(samples[PULL].to_numpy())
     for number, part in samples.groupby("episode", sort=False):
         if protocols[int(str(number))] == "push":
-            pushes_are_told(int(str(number)), part)
+            pushes_are_logged(int(str(number)), part)
         for joint in joints if protocols[int(str(number))] not in HELD else ():
             position_follows(int(str(number)), part, named[joint])
     return warnings
@@ -62,14 +62,14 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
 def scale_is_plausible(
     name: str, command: np.ndarray, position: np.ndarray, linear: bool
 ) -> list[str]:
-    """Refuse other units on one side; warn of an unusual scale."""
+    """Refuse different units of command and position; warn of an unusual scale."""
     if np.ptp(command) < STILL or np.ptp(position) < STILL:
         return []
     ratio = np.ptp(position) / np.ptp(command)
     if ratio > RANGE_RATIO:
         unit = "m" if linear else "rad"
         raise LogError(
-            f"'{name}' moves {ratio:.0f} times as far as the command; allowed: both in {unit}; "
+            f"'{name}' moves {ratio:.0f} times as far as the command; both must be in {unit}; "
             "convert counts, degrees, volts or millimetres first"
         )
     scale = _cov(command, position) / _cov(command, command)
@@ -78,15 +78,15 @@ def scale_is_plausible(
             if not linear and abs(scale / factor - 1) < UNIT_TOLERANCE:
                 raise LogError(
                     f"'{name}' moves {scale:.3g} times as far as the command: {side} is in "
-                    "degrees; allowed: rad; multiply it by pi/180"
+                    "degrees; it must be in rad; multiply it by pi/180"
                 )
         if not SCALE_RANGE[0] < scale < SCALE_RANGE[1]:
-            return [f"'{name}' moves {scale:.2f} times as far as the command: is it scaled?"]
+            return [f"'{name}' moves {scale:.2f} times as far as the command; is it scaled?"]
     return []
 
 
 def pull_is_plausible(pull_n: np.ndarray) -> None:
-    """Refuse a pull that pushes the stick into the hand, or that no hand holds."""
+    """Refuse a pull that pushes the stick into the hand, or that is too large for any hand."""
     low, high = np.nanmin(pull_n, initial=0.0), np.nanmax(pull_n, initial=0.0)
     if high > STRONGEST_N:
         raise LogError(
@@ -95,40 +95,40 @@ def pull_is_plausible(pull_n: np.ndarray) -> None:
         )
     if low < -0.1 * high - STILL:
         raise LogError(
-            f"'{PULL}' is down to {low:.4g} N; allowed: forces towards the stick's lower end, out "
-            "of the hand, are positive; turn the sign"
+            f"'{PULL}' goes down to {low:.4g} N; forces towards the stick's lower end, out of the "
+            "hand, must be positive; change the sign"
         )
 
 
-def pushes_are_told(number: int, part: pd.DataFrame) -> None:
-    """Refuse an episode in which nobody knows what pushed: any effect would look like that."""
+def pushes_are_logged(number: int, part: pd.DataFrame) -> None:
+    """Refuse an episode with an unknown push: it could look like any effect."""
     pushes = part[[name for name in part if str(name).startswith("push_")]]
     if not pushes.notna().to_numpy().any():
         raise LogError(
-            f"episode {number} is of protocol 'push' and has no channel 'push', so what pushed is "
-            "unknown; log it, such as 'push_nm.JOINT', or leave the episode out"
+            f"episode {number} is of protocol 'push' and has no channel 'push', so the push is "
+            "unknown; log it, for example as 'push_nm.JOINT', or leave the episode out"
         )
 
 
 def channels_are_not_swapped(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
-    """Refuse a position that follows another joint's command, or its own backwards."""
+    """Refuse a position that follows another joint's command, or its own with the wrong sign."""
     for joint, (command, position) in pairs.items():
         own = _corr(command, position)
         if own < -CLEAR:
             raise LogError(
-                f"the position of {joint} moves against its command; turn the sign of one of them"
+                f"the position of {joint} moves against its command; change the sign of one of them"
             )
         for other, (foreign, _) in pairs.items():
             apart = abs(_corr(command, foreign)) < CLEAR
             if own < UNCLEAR and apart and _corr(foreign, position) > CLEAR:
                 raise LogError(
-                    f"the position of {joint} follows the command of {other}: columns are "
-                    "swapped; name each by its joint"
+                    f"the position of {joint} follows the command of {other}: their columns are "
+                    "swapped; correct the names"
                 )
 
 
 def position_follows(number: int, part: pd.DataFrame, names: list[str]) -> None:
-    """Refuse an episode whose position surely follows far too late, or leads the command."""
+    """Refuse an episode whose position certainly follows far too late, or leads the command."""
     dt = float(np.median(np.diff(part["t_s"])))
     step = max(1, round(SPEED_S / dt))
     if len(part) < step + 2:
@@ -151,7 +151,7 @@ def position_follows(number: int, part: pd.DataFrame, names: list[str]) -> None:
     way = "follows" if late_s > 0 else "leads"
     raise LogError(
         f"'{names[1]}' {way} its command by {abs(late_s):.2f} s in episode {number}; "
-        f"allowed: up to {LATEST_S:g} s behind; put both on one clock"
+        f"allowed: a delay of up to {LATEST_S:g} s; stamp both with the same clock"
     )
 
 
@@ -168,7 +168,7 @@ def _at_lag(command: np.ndarray, position: np.ndarray, lag: int) -> tuple[float,
 
 
 def _centred(samples: pd.DataFrame, column: str) -> np.ndarray:
-    """A column less its mean in each episode."""
+    """A column minus its mean in each episode."""
     values = samples[column]
     return (values - values.groupby(samples["episode"]).transform("mean")).to_numpy()
 

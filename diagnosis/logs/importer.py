@@ -1,4 +1,4 @@
-"""What an importer is: known recordings of others, brought into the log format with a mechanism."""
+"""Importers: convert published recordings into the log format, with their mechanism."""
 
 import json
 from abc import ABC, abstractmethod
@@ -8,20 +8,20 @@ from diagnosis.logs.log import Log, LogError
 
 
 class Importer(ABC):
-    """Base of every importer; a subclass named `Importer` in its own file is one importer."""
+    """Base class of every importer; a subclass named `Importer` in its own file is one importer."""
 
     @abstractmethod
     def read(self, path: Path) -> dict[str, Log]:
-        """The logs in a file or folder by name; raises LogError when they are not of this kind."""
+        """The logs in a file or folder, by name; raises LogError if they are not of this kind."""
 
 
 def files(path: Path, pattern: str) -> list[Path]:
-    """`path` itself, or the files in it that match; raises LogError when there are none."""
+    """`path` itself, or the files in it that match; raises LogError if there are none."""
     if path.is_file():
         return [path]
     found = sorted(path.glob(pattern)) if path.is_dir() else []
     if not found:
-        raise LogError(f"no recording at {path}; give a {pattern} file or a folder that holds some")
+        raise LogError(f"no recording at {path}; give a {pattern} file or a folder with such files")
     return found
 
 

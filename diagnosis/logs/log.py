@@ -1,9 +1,8 @@
-"""Logs: what a mechanism was told and what it did, the same columns from an engine or a robot.
+"""Logs: the commands and readings of a mechanism, in the same columns for engines and robots.
 
 A log is a folder: `log.yaml` (`LogMeta`) and `samples.parquet` or `samples.csv`, a row per sample.
 Row k of an episode holds the readings at `t_s[k]` and the command and push that act from there to
-the next row. Episodes start at rest. docs/reference/log-format.md describes the format for
-people.
+the next row. Episodes start at rest. The format is described in docs/reference/log-format.md.
 """
 
 import dataclasses
@@ -59,13 +58,13 @@ class Log:
     `touch.<finger>` holds arrays or None.
     """
     mjcf_xml: str | None = None
-    """Text of the mechanism's MJCF file; None of a hand known by name."""
+    """Text of the mechanism's MJCF file; None for a hand that is known by name."""
     warnings: tuple[str, ...] = ()
-    """What reading found odd but usable."""
+    """Warnings from reading: what is unusual but usable."""
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
-        """Names of the joints that were commanded, in the order of the columns."""
+        """Names of the commanded joints, in the order of the columns."""
         found = (kind_of(column) for column in self.samples.columns)
         return tuple(pair[1] for pair in found if pair and pair[0] == "command")
 
@@ -77,17 +76,17 @@ class Log:
 
     @property
     def episodes(self) -> tuple[EpisodeMeta, ...]:
-        """What was done in each episode, in order."""
+        """The episodes with their protocols, in order."""
         return self.meta.episodes
 
     def is_linear(self, joint: str) -> bool:
-        """Whether a joint slides, so that its columns are in metres and newtons."""
+        """Whether a joint is a slide, with columns in metres and newtons."""
         return name_of("command", joint, linear=True) in self.samples.columns
 
     def column(self, kind: str, joint: str) -> str:
-        """Name of the column of a kind (command, position, motor, torque, velocity, push).
+        """Column name of a kind: command, position, motor, torque, velocity or push.
 
-        Raises LogError when there is none.
+        Raises LogError if there is no such column.
         """
         if kind not in KINDS:
             raise LogError(f"no kind of column '{kind}'; known: {', '.join(KINDS)}")
@@ -97,21 +96,21 @@ class Log:
         return name
 
     def has(self, kind: str, joint: str, episode: int | None = None) -> bool:
-        """Whether a kind was logged for a joint, in any episode or in the one given."""
+        """Whether a kind was logged for a joint, in any episode or in the given one."""
         name = name_of(kind, joint, self.is_linear(joint))
         if name not in self.samples.columns:
             return False
         return episode is None or bool(self.episode(episode)[name].notna().all())
 
     def episode(self, number: int) -> pd.DataFrame:
-        """The samples of one episode, indexed from 0; raises LogError when there is none."""
+        """The samples of one episode, indexed from 0; raises LogError if it does not exist."""
         if number not in self._parts:
             known = ", ".join(str(e.episode) for e in self.episodes)
             raise LogError(f"this log has no episode {number}; it has: {known}")
         return self._parts[number]
 
     def signal(self, kind: str, episode: int) -> Array:
-        """A kind for all joints, shape (T, J); raises LogError where a joint lacks it."""
+        """A kind for all joints, shape (T, J); raises LogError if a joint lacks it."""
         columns = [self.column(kind, joint) for joint in self.joints]
         values = self.episode(episode)[columns].to_numpy(dtype=float)
         if np.isnan(values).any():
@@ -154,13 +153,13 @@ class Log:
 
 
 def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) -> Log:
-    """A log from its parts, with all that may be left out filled in; raises LogError."""
+    """Make a log from its parts and fill in all optional parts; raises LogError."""
     meta, samples, warnings = _log_checks.check(meta, samples)
     return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
 
 
 def read_log(path: Path) -> Log:
-    """The log in a folder, checked; raises LogError with what is wrong and what to do."""
+    """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)
     unlikely = _plausible.check(log.meta, log.samples, log.joints)
@@ -168,10 +167,10 @@ def read_log(path: Path) -> Log:
 
 
 def write_log(log: Log, path: Path, form: str = "parquet", provenance: dict | None = None) -> None:
-    """Write a log as a new folder, whole or not at all; `form` is 'parquet' or 'csv'.
+    """Write a log as a new folder, completely or not at all; `form` is 'parquet' or 'csv'.
 
-    `provenance` goes to a file of its own that `read_log` does not look at. Raises LogError when
-    the log is not sound or the folder is taken.
+    `provenance` goes to its own file, which `read_log` does not read. Raises LogError if the log is
+    invalid or the folder exists.
     """
     log = make_log(log.meta, log.samples, log.mjcf_xml)
     _log_files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance)

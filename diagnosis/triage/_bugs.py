@@ -1,4 +1,4 @@
-"""What the tests of the triage share: a finding, and the line of a position over its cause."""
+"""Shared by the tests of the triage: a finding, and the regression line of a position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,22 +7,22 @@ from backends.state import Array
 from diagnosis.triage._tracks import Line, Track, line
 
 CLEAR = 0.9
-"""Correlation from which on two signals are the same motion."""
+"""Correlation above which two signals count as the same motion."""
 SCALES = (0.4, 2.5)
-"""How far a position may move where its command moves by one: gains and sensors do that."""
+"""Range of position change over command change that gains and sensors can cause."""
 BETTER = 3.0
-"""A bug is one when mending it lowers the misfit by this factor."""
+"""A fault is reported if correcting it lowers the misfit by this factor."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Finding:
-    """A bug in a log."""
+    """A fault in the data of a log."""
 
     kind: str
     """One of `KINDS`."""
     joints: tuple[str, ...]
     evidence: str
-    """What shows it, with figures."""
+    """What shows it, with numbers."""
     remedy: str
     """What to do."""
 
@@ -31,7 +31,7 @@ class Finding:
 
 
 def best_line(track: Track) -> tuple[Line, str]:
-    """Position over the nominal world's, or over the command where that is the clearer line."""
+    """Regression line over the nominal world's position, or over the command if that is clearer."""
     shown, asked = (line(cause, track.position) for cause in (track.shown, track.command))
     if abs(shown.correlation) >= min(CLEAR, abs(asked.correlation)):
         return shown, "the nominal world's"

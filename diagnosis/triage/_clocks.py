@@ -1,4 +1,4 @@
-"""Clocks of a log: positions that lead, lag far behind, drift, or time stamps of another rate."""
+"""Clock faults of a log: positions that lead, lag or drift, and time stamps of a wrong rate."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -10,55 +10,56 @@ from diagnosis.triage._bugs import BETTER, CLEAR
 from diagnosis.triage._tracks import Track, correlations
 
 FINE = 0.01
-"""Misfit under which no clock can be wrong: the motion is the nominal world's."""
+"""Misfit below which no clock can be wrong, because the motion is that of the nominal world."""
 EARLY_S, EARLY_SAMPLES = 0.005, 1.5
-"""A position that is ahead of its command by more than the larger of these was logged too late."""
+"""A position that leads its command by more than the larger of these has a wrong time stamp."""
 LATE_S = 0.5
-"""A position may be this much later than in the nominal world: delays and rate limits."""
+"""Largest delay of a position against the nominal world that delays and rate limits can cause."""
 LEAST_DRIFT = 0.005
-"""Clocks drift when they differ by this share, and by `DRIFT_S` over an episode."""
+"""Clocks count as drifting if they differ by this share, and by `DRIFT_S` over an episode."""
 DRIFT_S = 0.05
 PACES = (0.1, 0.5, 2.0, 10.0)
-"""True over stamped time: usual mistakes of a sample period."""
+"""True over stamped time for common mistakes of a sample period."""
 EXACT = 0.02
-"""A pace that does not bring the misfit under this share of the motion proves nothing."""
+"""Another pace counts only if it brings the misfit below this share of the motion."""
 RIVAL = 2.0
-"""A pace must fit better by this factor than a delay or other damping, which look like it."""
+"""Another pace must fit better by this factor than a delay or other damping, which look alike."""
 SEARCH_S = (-1.0, 3.0)
 COARSE, FINER = 161, 26
-"""Lags that are tried, and those around the best of them."""
+"""Number of lags that are tried first, and of lags around the best of them."""
 COARSE_S = 0.02
-"""Samples are so far apart for the first [s]."""
+"""Distance of the samples that are used for the first lags [s]."""
 WINDOWS, WINDOW_LAGS = 5, 101
 AT_ONCE = 1_000_000
-"""Samples of all lags that are compared at once: it bounds the memory of long logs."""
+"""Samples of all lags that are compared at once; this bounds the memory for long logs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Clock:
-    """What is wrong with a clock."""
+    """A fault of a clock."""
 
     shared: bool
-    """All joints must show it: it is in the time stamps, not between two columns."""
+    """Whether it is a fault of the time stamps, which all joints must show."""
     evidence: str
     remedy: str
 
 
 def wrong(track: Track) -> Clock | None:
-    """What is wrong with the clock of a joint; None: nothing that is sure."""
+    """The clock fault that a joint shows; None if it shows none with certainty."""
     if track.travel == 0.0 or track.misfit < FINE:
         return None
     return _drifting(track) or _shifted(track) or _paced(track)
 
 
 def _shifted(track: Track) -> Clock | None:
-    """A position ahead of its command, or later than any mechanism is."""
+    """A position that leads its command, or that follows later than any mechanism does."""
     ahead_s = -_lag_s(track, track.command)
     if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.dt_s):
         return Clock(
             shared=False,
             evidence=f"the position is {1e3 * ahead_s:.0f} ms ahead of its command",
-            remedy="put command and position on one clock; a row holds the command from then on",
+            remedy="stamp command and position with the same clock; a row holds the command that "
+            "acts from its time on",
         )
     late_s = _lag_s(track, track.shown)
     if late_s > LATE_S and _misfit(track, late_s) * BETTER < track.misfit:
@@ -66,13 +67,13 @@ def _shifted(track: Track) -> Clock | None:
             shared=False,
             evidence=f"the position follows {late_s:.2f} s later than in the nominal world; "
             f"allowed: {LATE_S:g} s",
-            remedy="put command and position on one clock",
+            remedy="stamp command and position with the same clock",
         )
     return None
 
 
 def _drifting(track: Track) -> Clock | None:
-    """A lag that grows with time: command and position run on two clocks."""
+    """A lag that grows with time: command and position have different clocks."""
     longest = max(range(len(track.time_s)), key=lambda k: float(track.time_s[k][-1]))
     t = track.time_s[longest]
     lags = _window_lags(t, track.shown[longest], track.position[longest])
@@ -90,15 +91,15 @@ def _drifting(track: Track) -> Clock | None:
         return None
     return Clock(
         shared=False,
-        evidence=f"the position's clock runs {100 * abs(rate):.2g} % "
-        f"{'slow' if rate > 0 else 'fast'}: it is {1e3 * abs(rate) * t[-1]:.0f} ms off after "
+        evidence=f"the clock of the position is {100 * abs(rate):.2g} % too "
+        f"{'slow' if rate > 0 else 'fast'}: it is off by {1e3 * abs(rate) * t[-1]:.0f} ms after "
         f"{t[-1]:.1f} s",
-        remedy="stamp command and position with one clock",
+        remedy="stamp command and position with the same clock",
     )
 
 
 def _paced(track: Track) -> Clock | None:
-    """Time stamps of another rate: the motion is the nominal world's at another pace."""
+    """Time stamps of a wrong rate: the motion is that of the nominal world at another pace."""
     tried = {pace: track.replayed(paced=pace).misfit for pace in PACES}
     pace = min(tried, key=lambda p: tried[p])
     if not tried[pace] * BETTER < track.misfit or tried[pace] > EXACT:
@@ -109,14 +110,14 @@ def _paced(track: Track) -> Clock | None:
     factor, how = (pace, "short") if pace > 1 else (1 / pace, "long")
     return Clock(
         shared=True,
-        evidence=f"at {pace:g} times the stamped time the nominal world moves as logged (misfit "
-        f"{tried[pace]:.2g} of the motion, {track.misfit:.2g} as stamped)",
-        remedy=f"check the sample period: time stamps seem to be {factor:g} times too {how}",
+        evidence=f"the nominal world moves as logged if all times are multiplied by {pace:g} "
+        f"(misfit {tried[pace]:.2g} of the motion, {track.misfit:.2g} with the times as they are)",
+        remedy=f"check the sample period: the time stamps seem to be {factor:g} times too {how}",
     )
 
 
 def _damped(track: Track, factor: float) -> Track:
-    """The same beside a nominal world with another derivative gain."""
+    """The same track compared with a nominal world with another derivative gain."""
     drives = (
         dataclasses.replace(d, kd_nms_rad=d.kd_nms_rad * factor) for d in track.limb.nominal.drives
     )
@@ -126,7 +127,7 @@ def _damped(track: Track, factor: float) -> Track:
 
 
 def _lag_s(track: Track, cause: list[Array]) -> float:
-    """How much later than `cause` the position moves [s]; 0 where they are not the same motion."""
+    """Delay of the position against `cause` [s]; 0 if they are not the same motion."""
     coarse = np.linspace(*SEARCH_S, COARSE)
     width, every = coarse[1] - coarse[0], max(1, round(COARSE_S / track.dt_s))
     best = coarse[np.argmax(_alike(track, cause, coarse, every))]
@@ -136,7 +137,7 @@ def _lag_s(track: Track, cause: list[Array]) -> float:
 
 
 def _alike(track: Track, cause: list[Array], lags_s: Array, every: int = 1) -> Array:
-    """Correlations of position and a cause that is made later, of every so many samples, (L,)."""
+    """Correlations (L,) of the position with a delayed cause, on every `every`-th sample."""
     longest = max(len(t[::every]) for t in track.time_s)
     some = np.array_split(lags_s, 1 + len(lags_s) * longest // AT_ONCE)
     return np.concatenate([_alike_at(track, cause, part, every) for part in some])
@@ -153,14 +154,14 @@ def _alike_at(track: Track, cause: list[Array], lags_s: Array, every: int) -> Ar
 
 
 def _misfit(track: Track, lag_s: float) -> float:
-    """See `Track.misfit`, beside a nominal world that is later."""
+    """`Track.misfit` against a delayed nominal world."""
     pairs = zip(track.time_s, track.shown, strict=True)
     later = [np.interp(t - lag_s, t, s) for t, s in pairs]
     return dataclasses.replace(track, shown=later).misfit
 
 
 def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array] | None:
-    """Middles and lags of windows of an episode [s]; None where they are unsure."""
+    """Centres and lags of windows of an episode [s]; None if too few are certain."""
     edges = np.linspace(0, len(t), WINDOWS + 1).astype(int)
     lags = np.linspace(-LATE_S, LATE_S, WINDOW_LAGS)
     middles, found = [], []

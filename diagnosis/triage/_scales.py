@@ -1,4 +1,4 @@
-"""Bugs of scale: signs, units, and columns that move against the others."""
+"""Faults of scale: signs, units, and columns that move against the others."""
 
 import numpy as np
 
@@ -11,17 +11,18 @@ UNITS = {
     "milliradians": 1e3,
     **{f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)},
 }
-"""What an angle may be given in, per radian."""
+"""Units in which an angle may be given, per radian."""
 LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
-"""What a length may be given in, per metre."""
+"""Units in which a length may be given, per metre."""
 NEAR = 0.12
-"""How near a scale must be to a unit's, relative."""
+"""Largest relative distance of a scale from that of a unit."""
 BEYOND, WITHIN = 3.0, 1.5
-"""Commands beyond so many times a joint's range that are within so many in another unit."""
+"""Commands beyond the first multiple of a joint's range are in another unit if that brings them
+within the second."""
 
 
 def scale(track: Track) -> Finding | None:
-    """Sign and unit: how far the position moves where its command moves by one."""
+    """Sign and unit, from the change of position per change of command."""
     found, cause = best_line(track)
     if abs(found.correlation) < CLEAR:
         return None
@@ -31,7 +32,7 @@ def scale(track: Track) -> Finding | None:
             kind="sign",
             joints=(track.name,),
             evidence=f"{moves} (correlation {found.correlation:.2f})",
-            remedy="turn the sign of position or command, whichever is not the mechanism's",
+            remedy="change the sign of the position or of the command, whichever is wrong",
         )
     if SCALES[0] <= found.slope <= SCALES[1]:
         return _both_in_another_unit(track)
@@ -41,12 +42,12 @@ def scale(track: Track) -> Finding | None:
         kind="unit",
         joints=(track.name,),
         evidence=f"{moves}: {unit or 'counts of an unknown encoder, or another gear ratio'}",
-        remedy=f"convert both to {si}" + (", and turn the sign" if found.slope < 0 else ""),
+        remedy=f"convert both to {si}" + (" and change the sign" if found.slope < 0 else ""),
     )
 
 
 def _unit(scale: float, slides: bool) -> str | None:
-    """The unit that a scale gives away, and which side has it."""
+    """The unit that a scale points to, and which side has it."""
     for unit, size in (LENGTHS if slides else UNITS).items():
         for side, expected in (("position", size), ("command", 1 / size)):
             if abs(np.log(scale / expected)) < NEAR:
@@ -55,7 +56,7 @@ def _unit(scale: float, slides: bool) -> str | None:
 
 
 def _both_in_another_unit(track: Track) -> Finding | None:
-    """Command and position alike: far beyond the joint's range, and within it in another unit."""
+    """Command and position both far beyond the joint's range, and within it in another unit."""
     low, high = track.limb.nominal.hand.driven[track.index].joint.range_rad
     reach, room = max(np.abs(c).max() for c in track.command), max(abs(low), abs(high))
     unit, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
@@ -65,28 +66,29 @@ def _both_in_another_unit(track: Track) -> Finding | None:
     return Finding(
         kind="unit",
         joints=(track.name,),
-        evidence=f"commands reach {reach:.3g} {si}, the joint {room:.3g}: both are in {unit}",
+        evidence=f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}: commands and "
+        f"positions are in {unit}",
         remedy=f"convert command and position to {si}",
     )
 
 
 def sides(track: Track) -> Finding | None:
-    """Motor angle and torque against the nominal world's: their signs."""
+    """Signs of motor angle and torque, compared with the nominal world."""
     for channel in ("motor", "torque"):
         found = line(track.shown_of(channel), track.measured(channel))
         if found.correlation < -CLEAR:
             return Finding(
                 kind="sign",
                 joints=(track.name,),
-                evidence=f"the column '{channel}' moves against the nominal world's "
-                f"(correlation {found.correlation:.2f}), the position with it",
-                remedy=f"turn the sign of '{channel}'",
+                evidence=f"the column '{channel}' has the opposite sign of the nominal world "
+                f"(correlation {found.correlation:.2f}), and the position has the same sign",
+                remedy=f"change the sign of '{channel}'",
             )
     return None
 
 
 def pushed_way(track: Track) -> Finding | None:
-    """Whether a known push moves the joint the way that it should."""
+    """Sign of a known push, from the way in which it moves the joint."""
     if not any(r.commands.load[:, track.index].any() for r in track.limb.recordings):
         return None
     alone = track.shown_of("position", pushed=0.0)
@@ -96,6 +98,6 @@ def pushed_way(track: Track) -> Finding | None:
     return Finding(
         kind="sign",
         joints=(track.name,),
-        evidence=f"pushes move the joint against their sign (correlation {found.correlation:.2f})",
-        remedy="turn the sign of 'push': a positive push moves a free joint up",
+        evidence=f"the joint moves against its pushes (correlation {found.correlation:.2f})",
+        remedy="change the sign of 'push': a positive push moves a free joint to larger positions",
     )

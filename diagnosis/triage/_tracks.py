@@ -1,4 +1,4 @@
-"""One joint of a log beside what the nominal world does with its commands: for the triage."""
+"""One joint of a log and the same joint of the nominal world under its commands, for the triage."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from diagnosis.replay.replay import CHANNELS
 from diagnosis.replay.replay import replay as _replay
 
 STILL = 1e-6
-"""Share of a motion's size under which a signal stands still."""
+"""Share of a motion's size below which a signal counts as still."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,7 +25,7 @@ class Track:
     command: list[Array]
     position: list[Array]
     shown: list[Array]
-    """What the position sensor would show in the nominal world."""
+    """Readings of the position sensor in the nominal world."""
 
     @property
     def name(self) -> str:
@@ -34,22 +34,22 @@ class Track:
 
     @property
     def slides(self) -> bool:
-        """Whether it moves in metres."""
+        """Whether it is a slide."""
         return self.limb.nominal.hand.driven[self.index].joint.slides
 
     @property
     def dt_s(self) -> float:
-        """Sample period [s]: the median over all episodes."""
+        """Sample period [s], the median over all episodes."""
         return float(np.median(np.concatenate([np.diff(t) for t in self.time_s])))
 
     @property
     def travel(self) -> float:
-        """Range of the commands in one episode, the largest [rad or m]."""
+        """Largest range of the commands in one episode [rad or m]."""
         return max(float(np.ptp(c)) for c in self.command)
 
     @property
     def misfit(self) -> float:
-        """Distance of positions from the nominal world's, over the size of the motion."""
+        """Distance of the positions from the nominal world's, over the size of the motion."""
         moved = np.concatenate(list(centred(self.command)))
         missed = np.concatenate(self.position) - np.concatenate(self.shown)
         found = float(np.sqrt(np.mean(missed**2) / max(np.mean(moved**2), 1e-18)))
@@ -61,7 +61,7 @@ class Track:
         return [r.measured[row, :, self.index] for r in self.limb.recordings]
 
     def replayed(self, *, started: float = 0.0, paced: float = 1.0, pushed: float = 1.0) -> "Track":
-        """The same beside another replay: its start shifted, its time or pushes times a factor."""
+        """The same track with another replay: start shifted, or time or pushes scaled."""
         return replace(self, shown=self.shown_of("position", started, paced, pushed))
 
     def shown_of(
@@ -101,21 +101,21 @@ def _of_limb(limb: Evidence) -> Iterator[Track]:
 
 
 def centred(episodes: Sequence[Array]) -> Iterator[Array]:
-    """Every episode less its mean, so that where it stands does not count."""
+    """Every episode minus its mean, so that offsets do not count."""
     for values in episodes:
         yield values - values.mean()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """How far one signal moves when another does: slope and correlation, episodes together."""
+    """Regression of one signal on another: slope and correlation, over all episodes."""
 
     slope: float
     correlation: float
 
 
 def line(cause: Sequence[Array], effect: Sequence[Array]) -> Line:
-    """The line of `effect` over `cause`; without correlation where either stands still."""
+    """The regression of `effect` on `cause`; the correlation is 0 where either stands still."""
     x, y = (np.concatenate(list(centred(part))) for part in (cause, effect))
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
         return Line(slope=0.0, correlation=0.0)

@@ -1,4 +1,4 @@
-"""Bugs of zero and convention: offsets, slips, and commands that are no absolute targets."""
+"""Faults of zero and convention: offsets, jumps, and commands that are no absolute targets."""
 
 import numpy as np
 
@@ -6,17 +6,17 @@ from diagnosis.triage._bugs import BETTER, CLEAR, SCALES, Finding, best_line, le
 from diagnosis.triage._tracks import Track, line
 
 ZERO_RAD = np.radians(15)
-"""Up to this an offset is a sensor's bias; of a slide, up to the travel."""
+"""Largest offset that counts as a sensor's bias [rad]; for a slide it is the travel."""
 STARTS_AT_ZERO = 0.05
-"""Share of the border of a zero within which an episode starts at zero."""
+"""An episode starts at zero if its first command is below this share of the largest bias."""
 SAME_START = 0.1
-"""Share of the distance between starts within which an offset is the start."""
+"""An offset equals the start of an episode up to this share of the distance between starts."""
 SLIP_RAD, SLIP_RAD_S = np.pi / 2, 30.0
-"""No joint moves so far and so fast between two samples: its sensor has slipped or wrapped."""
+"""Jumps beyond these between two samples are no motion: the sensor has slipped or wrapped."""
 
 
 def convention(track: Track) -> Finding | None:
-    """Commands that are changes since the last sample, or since the start of each episode."""
+    """Commands that are changes since the last sample or since the start of each episode."""
     if abs(best_line(track)[0].correlation) > CLEAR:
         return _relative(track)
     summed = [np.cumsum(c) for c in track.command]
@@ -28,12 +28,12 @@ def convention(track: Track) -> Finding | None:
         joints=(track.name,),
         evidence="the position follows the sum of the commands "
         f"(correlation {found.correlation:.2f}), not the commands",
-        remedy="commands are changes per sample: sum them up from the first position",
+        remedy="the commands are changes per sample: add them up from the first position",
     )
 
 
 def _relative(track: Track) -> Finding | None:
-    """Episodes that start at several places, each with a command of zero."""
+    """Episodes that start at different positions, each with a command of zero."""
     starts = np.array([p[0] for p in track.position])
     offsets, apart = np.array(_offsets(track)), float(np.ptp(starts))
     if not _starts_at_zero(track) or apart < _border(track):
@@ -43,14 +43,14 @@ def _relative(track: Track) -> Finding | None:
     return Finding(
         kind="convention",
         joints=(track.name,),
-        evidence=f"every episode's commands start at 0, its positions at {len(starts)} places, and "
-        "stay as far off as they start",
-        remedy="targets are relative to the start: add the first position of each episode",
+        evidence=f"the commands of every episode start at 0, the positions start at {len(starts)} "
+        "different places and keep this offset",
+        remedy="the commands are relative to the start: add the first position of each episode",
     )
 
 
 def slips(track: Track) -> Finding | None:
-    """Jumps that no joint makes."""
+    """Jumps that no joint can make."""
     if track.slides:
         return None
     least = max(SLIP_RAD, SLIP_RAD_S * track.dt_s)
@@ -63,12 +63,12 @@ def slips(track: Track) -> Finding | None:
         kind="zero",
         joints=(track.name,),
         evidence=f"the position jumps {count} times, by up to {largest:.0f} degrees in a sample",
-        remedy="unwrap it at full turns, or leave out what comes after the sensor has slipped",
+        remedy="unwrap it at full turns, or leave out the data after the sensor has slipped",
     )
 
 
 def zero(track: Track) -> Finding | None:
-    """A constant between position and nominal world, beyond what a biased sensor shows."""
+    """A constant offset from the nominal world, larger than the bias of a sensor."""
     offsets = _offsets(track)
     offset = float(np.median(offsets))
     border = _border(track)
@@ -82,18 +82,19 @@ def zero(track: Track) -> Finding | None:
         return None
     size = f"{offset:.3g} m" if track.slides else f"{np.degrees(offset):.1f} degrees"
     most = f"{border:.3g} m" if track.slides else f"{np.degrees(border):.0f} degrees"
-    relative = "; commands start at 0" if _starts_at_zero(track) else ""
+    relative = "; the commands start at 0" if _starts_at_zero(track) else ""
     return Finding(
         kind="zero",
         joints=(track.name,),
-        evidence=f"positions stand {size} off, up to {most} is taken for a sensor's bias{relative}",
-        remedy="home the joint or subtract it; if commands or positions are relative to the start "
-        "of an episode, add the start",
+        evidence=f"the positions are off by {size}; up to {most} would count as a sensor's bias"
+        f"{relative}",
+        remedy="home the joint or subtract the offset; if commands or positions are relative to "
+        "the start of an episode, add the start",
     )
 
 
 def _offsets(track: Track) -> list[float]:
-    """Constant per episode between position and nominal world, beside what a wrong scale makes."""
+    """Constant offset per episode from the nominal world, after correcting the scale."""
     scale = float(np.clip(best_line(track)[0].slope, *SCALES))
     pairs = zip(track.position, track.shown, strict=True)
     return [float(np.median(p - scale * s)) for p, s in pairs]
@@ -105,5 +106,5 @@ def _starts_at_zero(track: Track) -> bool:
 
 
 def _border(track: Track) -> float:
-    """Largest offset of a position that is physics [rad or m]."""
+    """Largest offset of a position that physics can cause [rad or m]."""
     return track.travel if track.slides else ZERO_RAD

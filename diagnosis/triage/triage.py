@@ -1,13 +1,13 @@
-"""Bug or physics: what is wrong with a log before any cause is looked for in the mechanism.
+"""Triage: find faults in the data of a log before a cause is sought in the mechanism.
 
-Swapped columns, a turned sign, another unit, a wrong zero, another convention of targets, a wrong
-clock: each leaves a gap that a physical effect could be bent to explain. Each is tested on its own,
-position against command and against the nominal world. Borders keep apart what both can cause; they
-lie beyond what the effects of the catalogue do at any magnitude that a working mechanism has:
+Swapped columns, a wrong sign, unit, zero, convention of targets or clock: each leaves a gap that
+the search could wrongly explain by a physical effect. Each fault has its own test, which compares
+the position with the command and with the nominal world. The limits are beyond what any effect of
+the catalogue causes in a working mechanism:
 
-    scale      0.4 to 2.5 is physics (gains, sensors), beyond is a unit; signs are never physics
-    zero       up to 15 degrees (of a slide: the travel) is physics (encoder-bias), beyond is a bug
-    lateness   up to 0.5 s is physics (delays, rate limits), beyond, or ahead of its command, a bug
+    scale   0.4 to 2.5 can be physics (gains, sensors); beyond it is a unit; a sign never is physics
+    zero    up to 15 degrees (slide: its travel) can be physics (encoder-bias); beyond it is a fault
+    delay   up to 0.5 s can be physics (delay, rate limit); beyond, or a lead, is a fault
 """
 
 from collections.abc import Callable, Sequence
@@ -25,7 +25,7 @@ from diagnosis.triage._tracks import Track, line, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
 UNCLEAR = 0.5
-"""Correlation under which two signals are not the same motion."""
+"""Correlation below which two signals count as different motions."""
 TESTS: tuple[Callable[[Track], Finding | None], ...] = (
     _bug_zeros.convention,
     _bug_scales.scale,
@@ -34,27 +34,27 @@ TESTS: tuple[Callable[[Track], Finding | None], ...] = (
     _bug_scales.sides,
     _bug_scales.pushed_way,
 )
-"""Of one joint; each takes for granted what those before it test."""
+"""Tests of one joint, in order; each assumes that the earlier ones passed."""
 
 
 class BugError(LogError):
-    """A log has bugs, so that no cause is looked for in the mechanism."""
+    """A log has faults in its data, so that no cause is sought in the mechanism."""
 
     def __init__(self, findings: Sequence[Finding]) -> None:
         said = "; ".join(str(finding) for finding in findings)
-        super().__init__(f"a bug, not physics: {said}")
+        super().__init__(f"the data of this log is faulty: {said}")
         self.findings = tuple(findings)
 
 
 def refuse_bugs(limbs: Sequence[Evidence]) -> None:
-    """Raise BugError where a log has bugs."""
+    """Raise BugError if the data of a log is faulty."""
     findings = triage(limbs)
     if findings:
         raise BugError(findings)
 
 
 def triage(limbs: Sequence[Evidence]) -> tuple[Finding, ...]:
-    """The bugs in a log, by joint; none: what is wrong is physics, or nothing."""
+    """The faults in the data of a log, by joint; empty if there are none."""
     every = tracks(limbs)
     swapped = _order(every)
     if swapped:
@@ -83,14 +83,14 @@ def _order(every: Sequence[Track]) -> tuple[Finding, ...]:
         Finding(
             kind="order",
             joints=tuple(names[k] for k in wrong),
-            evidence=f"each follows another's command: {pairs} (correlation over {CLEAR})",
-            remedy="swap the columns of command or position, so that each bears its joint's name",
+            evidence=f"each follows another joint's command: {pairs} (correlation over {CLEAR})",
+            remedy="swap the columns of command or position so that each has its joint's name",
         ),
     )
 
 
 def _alike(position: Track, command: Track) -> float:
-    """How surely the position of one track follows the command of another; same episodes."""
+    """Correlation of the position of one track with the command of another."""
     if len(position.position) != len(command.command):
         return 0.0
     both = (line(cause, position.position) for cause in (command.shown, command.command))
@@ -98,9 +98,9 @@ def _alike(position: Track, command: Track) -> float:
 
 
 def _clocks_of(every: Sequence[Track]) -> tuple[Finding, ...]:
-    """What the joints say of the log's clocks, as one finding.
+    """The clock faults that the joints show, as one finding.
 
-    A wrong sample period is one that half of the joints that move show at least.
+    A wrong sample period counts only if at least half of the moving joints show it.
     """
     pairs = [(t, clock) for t in every if (clock := _bug_clocks.wrong(t))]
     moving = sum(track.travel > 0.0 for track in every)

@@ -495,7 +495,7 @@ SLIDE = """<mujoco><worldbody><body><inertial mass="1" pos="0 0 0" diaginertia="
     [
         (TRX, [HEADER, *STILL], "no columns for J1, J3, J4, J6, J7; record every joint"),
         (TRX, [HEADER, *STILL[:5]], "allowed: from 20"),
-        (TRX, [HEADER, *STILL[:100], "0.500,0.0,nan", *STILL[101:]], "no finite number"),
+        (TRX, [HEADER, *STILL[:100], "0.500,0.0,nan", *STILL[101:]], "not a finite number"),
         (TRX, [HEADER, *STILL[:100], *STILL[200:]], "hole of"),
         ({"hand": "trix"}, [HEADER, *STILL], "Did you mean 'trx'?"),
         ({"hand": "trx", "stick": "wood"}, [HEADER, *STILL], "no stick named 'wood'"),

@@ -299,13 +299,13 @@ def test_bad_logs_give_one_message(log, tmp_path, capfd, case):
 
 
 def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
-    """Refuse a folder without a log, a file that was cut off, and an unknown engine."""
+    """Refuse a folder without a log, a file that is incomplete, and an unknown engine."""
     cut = changed(log, tmp_path / "cut")
     data = (cut / "samples.parquet").read_bytes()
     (cut / "samples.parquet").write_bytes(data[: len(data) // 2])
     for words, said in (
         ([str(tmp_path / "absent")], "no log folder"),
-        ([str(cut)], "was cut off"),
+        ([str(cut)], "is incomplete"),
         ([str(log), "--nominal", "mujoc"], "Did you mean 'mujoco'?"),
         ([str(log), "--effects-known", "backlash=99deg"], "out of range: 0 to 10 deg"),
     ):

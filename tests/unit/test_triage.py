@@ -142,7 +142,7 @@ BUGS: dict[str, tuple[Change, str, tuple[str, ...], str]] = {
     "command turned": (times("command_rad.J3", -1), "sign", ("J3",), "times as far"),
     "motor turned": (times("motor_rad.J1", -1), "sign", ("J1",), "the column 'motor'"),
     "torque turned": (times("torque_nm.J7", -1), "sign", ("J7",), "the column 'torque'"),
-    "push turned": (times("push_nm.J1", -1), "sign", ("J1",), "pushes move"),
+    "push turned": (times("push_nm.J1", -1), "sign", ("J1",), "against its pushes"),
     "position in degrees": (
         times("position_rad.J0", 180 / np.pi),
         "unit",
@@ -167,15 +167,15 @@ BUGS: dict[str, tuple[Change, str, tuple[str, ...], str]] = {
         ("J0",),
         "counts of 4096 per turn",
     ),
-    "both in degrees": (all_in_degrees, "unit", SPEC.hand.joint_names, "both are in degrees"),
-    "zero a quarter turn off": (plus("position_rad.J0", np.pi / 2), "zero", ("J0",), "stand 90.0"),
-    "zero half a turn off": (plus("position_rad.J4", np.pi), "zero", ("J4",), "stand 180.0"),
+    "both in degrees": (all_in_degrees, "unit", SPEC.hand.joint_names, "positions are in degrees"),
+    "zero a quarter turn off": (plus("position_rad.J0", np.pi / 2), "zero", ("J0",), "off by 90.0"),
+    "zero half a turn off": (plus("position_rad.J4", np.pi), "zero", ("J4",), "off by 180.0"),
     "zero 20 degrees off": (plus("position_rad.J3", -np.radians(20)), "zero", ("J3",), "-20.0"),
     "sensor wraps": (wrapped, "zero", ("J4",), "by up to 360 degrees in a sample"),
     "changes for targets": (changes_of_target, "convention", ("J4",), "sum of the commands"),
     "logged too late": (clocked(-0.06), "clock", SPEC.hand.joint_names, "ahead of its command"),
     "on a late clock": (clocked(0.8), "clock", SPEC.hand.joint_names, "0.80 s later"),
-    "on a slow clock": (clocked(rate=0.99), "clock", SPEC.hand.joint_names, "% slow"),
+    "on a slow clock": (clocked(rate=0.99), "clock", SPEC.hand.joint_names, "% too slow"),
     "half the rate": (stamped(2.0), "clock", SPEC.hand.joint_names, "2 times too long"),
     "double the rate": (stamped(0.5), "clock", SPEC.hand.joint_names, "2 times too short"),
 }
@@ -307,7 +307,7 @@ def test_the_border_between_bias_and_zero(ideal, share, kinds):
 def test_a_bug_stops_the_diagnosis(ideal):
     """Report the bug in place of a cause."""
     catalogue = {"kp-scale": registry.load("effect", "kp-scale")}
-    with pytest.raises(BugError, match="a bug, not physics: sign of J1") as raised:
+    with pytest.raises(BugError, match="the data of this log is faulty: sign of J1") as raised:
         diagnose(changed(ideal, times("position_rad.J1", -1)), SPEC, catalogue)
     assert raised.value.findings[0].kind == "sign"
 
