@@ -1,14 +1,14 @@
-"""Backlash by the push test: hold a joint, push it both ways, see where it goes.
+"""Backlash by the push test: hold a joint, push it in both directions, measure where it goes.
 
-As in the paper, the joint rests at q_a and is pushed to its extremes q_b and q_c; the play is
-[q_c - q_a, q_b - q_a], averaged over the positions held. What gives besides the play is taken off:
-the motor's own motion (logged, else replayed in the nominal world), and the elastic give of the
-teeth, which is in proportion to the push. While the teeth touch,
+As in the paper, the joint rests at q_a and is pushed to its extremes q_b and q_c. The play is [q_c
+- q_a, q_b - q_a], averaged over the held positions. Two other motions are subtracted: the motor's
+own motion (logged, else replayed in the nominal world) and the elastic deflection of the teeth,
+which is proportional to the push. While the teeth touch,
 
     position - motor = end of the play on that side + give * push
 
-A worm that holds its motor yields otherwise than a gear that does not, so the replay is made with
-and without a lock; the one that leaves less unexplained is the joint's.
+A worm that holds its motor yields differently from a gear that does not. So the replay is made with
+and without a lock, and the one with the smaller residual is used.
 """
 
 import dataclasses
@@ -23,25 +23,29 @@ from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 PUSHED_SHARE = 0.3
-"""Samples with less of a press's largest push are left out: the joint may be between its teeth."""
+"""Samples with less than this share of a press's largest push are left out: the joint may be
+between its teeth."""
 VARIED_SHARE = 0.05
-"""A push that varies less than this, over its largest, cannot tell give from play."""
+"""A push that varies by less than this share cannot separate elastic deflection from play."""
 SAME_HOLD_RAD = 1e-3
-"""Presses whose commands differ by less are at one position."""
+"""Presses whose commands differ by less are at the same position."""
 LOCK_NM, LOCK_LIMITS = 10.0, 5.0
-"""A lock holds whatever a push test pushes: this, or so many times the drive's largest torque."""
+"""A lock that holds every push of a push test: this, or this multiple of the drive's largest
+torque."""
 SMALLEST_RAD = {"logged": np.radians(0.02), "replayed": np.radians(0.05)}
-"""Half plays under this are none [rad]; a replayed motor has nominal friction, not its own."""
+"""A smaller half play counts as none [rad]; a replayed motor has nominal friction, not its real
+one."""
 STUCK_SHARE = 0.2
-"""A joint that moves by less than this share of what its nominal teeth give does not move."""
+"""A joint counts as stuck if it moves by less than this share of the nominal deflection of its
+teeth."""
 REST_SAMPLES = 3
-"""The rest before a press is the mean of so many samples."""
-NO_PUSH = "not identifiable from this log: nothing pushes it both ways while it is held"
+"""Number of samples whose mean is the rest position before a press."""
+NO_PUSH = "not identifiable from this log: it is never pushed in both directions while it is held"
 STUCK = (
     "not identifiable from this log: it does not move under the push, not even as far as its teeth "
-    "give; is its sensor stuck?"
+    "deflect; is its sensor stuck?"
 )
-UNSTABLE = "not identifiable from this log: the nominal world does not stand its pushes"
+UNSTABLE = "not identifiable from this log: the nominal world does not withstand its pushes"
 MOTOR_SIDE = (
     "not identifiable from this log: its position sensor sits on the motor side of the gear, and "
     "the play lies behind it; log the link's angle"
@@ -50,22 +54,22 @@ MOTOR_SIDE = (
 
 @dataclass(frozen=True, kw_only=True)
 class Play:
-    """What the push test says of one joint at P positions."""
+    """The result of the push test for one joint at P positions."""
 
     held_rad: Array
-    """Commands that were held [rad], shape (P,)."""
+    """Held commands [rad], shape (P,)."""
     rest_rad: Array
-    """q_a: where the joint rested before it was pushed, about the motor [rad], shape (P,)."""
+    """q_a: rest position of the joint before the push, relative to the motor [rad], shape (P,)."""
     ends_rad: Array
-    """q_c and q_b: the ends of the play, about the motor [rad], shape (P, 2)."""
+    """q_c and q_b: the ends of the play, relative to the motor [rad], shape (P, 2)."""
     give_rad_nm: float
-    """Elastic give of the teeth [rad/Nm]."""
+    """Elastic compliance of the teeth [rad/Nm]."""
     residual_rad: float
-    """Mean absolute part that neither play nor give explains [rad]."""
+    """Mean absolute residual after play and elastic deflection [rad]."""
     reference: str
-    """Where the motor's angle comes from: 'logged' or 'replayed'."""
+    """Source of the motor's angle: 'logged' or 'replayed'."""
     locks: bool = False
-    """Whether the motor stays where it is under the push."""
+    """Whether the motor holds its position under the push."""
 
     @property
     def half_rad(self) -> Array:
@@ -79,32 +83,32 @@ class Play:
 
     @property
     def has_play(self) -> bool:
-        """Whether this is play at all, and not what the test mistakes for it."""
+        """Whether this is play, and not an effect that the test mistakes for it."""
         error_rad = self.std_rad / np.sqrt(len(self.half_rad))
         return self.mean_rad > max(SMALLEST_RAD[self.reference], 2 * error_rad)
 
     @property
     def std_rad(self) -> float:
-        """Its standard deviation over the positions [rad]; 0 of a single one."""
+        """Its standard deviation over the positions [rad]; 0 for a single position."""
         return float(self.half_rad.std(ddof=1)) if len(self.half_rad) > 1 else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)
 class _Press:
-    """A joint pushed one way, from no push to no push, while its command stands still."""
+    """One push of a joint in one direction, from no push to no push, at a constant command."""
 
     held_rad: float
     rest_rad: float
-    """Its angle about the motor before [rad]."""
+    """Its angle relative to the motor before the push [rad]."""
     side: int
-    """Way of the push: 0 down, 1 up."""
+    """Direction of the push: 0 down, 1 up."""
     load_nm: Array
     beyond_rad: Array
-    """Its angle about the motor while it is pushed hard [rad]."""
+    """Its angle relative to the motor while it is pushed hard [rad]."""
 
 
 def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> dict[str, Play | str]:
-    """Per joint its play, or why this log does not tell it."""
+    """Per joint its play, or the reason why it is not identifiable from this log."""
     names = nominal.hand.joint_names
     if not pushes:
         return dict.fromkeys(names, NO_PUSH)
@@ -117,7 +121,7 @@ def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> di
 
 
 def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -> Play | str:
-    """The play of joint `j`; `shown` is a replay of two worlds, without and with a lock."""
+    """The play of joint `j`; `shown` is a replay of two worlds: without and with a lock."""
     if nominal.hand.driven[j].joint.sensor == "motor":
         return MOTOR_SIDE
     nominal_give = 1.0 / nominal.drives[j].gear_stiffness_nm_rad
@@ -138,7 +142,7 @@ def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -
 
 
 def _is_stuck(pushes: Sequence[Motion], j: int, nominal_give: float) -> bool:
-    """Whether the readings of joint `j` hardly change, though it is pushed."""
+    """Whether the readings of joint `j` hardly change although it is pushed."""
     moved = max(float(np.ptp(np.quantile(m.read_rad[0, :, j], (0.01, 0.99)))) for m in pushes)
     pushed_nm = max(float(np.ptp(m.push_nm[:, j])) for m in pushes)
     return moved < STUCK_SHARE * nominal_give * pushed_nm
@@ -147,9 +151,9 @@ def _is_stuck(pushes: Sequence[Motion], j: int, nominal_give: float) -> bool:
 def _fit(
     pushes: Sequence[Motion], motor_rad: list[Array], j: int, nominal_give: float, reference: str
 ) -> Play | None:
-    """Least absolute errors: an end of the play per position and side, and one give for all.
+    """Fit by least absolute errors: an end of the play per position and side, and one compliance.
 
-    So samples at which a weight still keeps the joint from its teeth do not count.
+    So samples at which a weight still keeps the joint off its teeth hardly count.
     """
     pairs = zip(pushes, motor_rad, strict=True)
     places = _places([p for m, motor in pairs for p in _presses(m, motor, j)])
@@ -198,7 +202,7 @@ def _presses(motion: Motion, motor_rad: Array, j: int) -> Iterator[_Press]:
 
 
 def _places(presses: Sequence[_Press]) -> list[list[_Press]]:
-    """Presses by the position that was held, where it was pushed both ways."""
+    """Presses grouped by held position, where the joint was pushed in both directions."""
     places: list[list[_Press]] = []
     for press in sorted(presses, key=lambda p: p.held_rad):
         if not places or press.held_rad - places[-1][0].held_rad > SAME_HOLD_RAD:
@@ -208,5 +212,5 @@ def _places(presses: Sequence[_Press]) -> list[list[_Press]]:
 
 
 def lock_of(drive: Drive) -> float:
-    """A lock that a push test cannot tell from a perfect one [Nm]."""
+    """A lock that a push test cannot distinguish from a perfect one [Nm]."""
     return max(LOCK_NM, LOCK_LIMITS * drive.torque_limit_nm)

@@ -1,8 +1,8 @@
-"""The whole calibration of a log: play, then gains with that play, then play with those gains.
+"""Calibration of a log: play, then gains with that play, then play with those gains.
 
-The push test takes off the motor's own motion, which is replayed where no encoder logs it and then
-depends on the gains; the gains' replay needs the play. So play is measured anew whenever the gains
-are better known: after the search, and at the end.
+The push test subtracts the motor's own motion. Without a motor encoder this motion is replayed and
+depends on the gains, while the replay for the gains needs the play. So the play is measured again
+whenever the gains are better known: after the search and at the end.
 """
 
 import dataclasses
@@ -23,20 +23,20 @@ from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
 from diagnosis.logs.log import Log, LogError
 
 FREE_AIR = ("steps", "multisine", "triangle", "free", "push")
-"""Protocols that gains are fitted to; the push where its torque is known."""
+"""Protocols to which gains are fitted; the push only where its torque is known."""
 SEARCH_S, REFINE_S, LEAST_S = 24.0, 72.0, 4.0
-"""Motion that a candidate replays in the search and after it, shared by the episodes, each from its
-start; and the least that an episode gets [s]."""
+"""Duration that a candidate replays in the search and after it, shared by the episodes, each from
+its start; and the minimum per episode [s]."""
 YES = 0.5
 """Threshold of readings that are 0 or 1."""
 TOTAL = gains.GENERATIONS + ROUNDS
-"""Steps that are reported."""
+"""Number of progress steps that are reported."""
 FLOATS = (
     "not identifiable from this log: it floats between its teeth nearly all the time; log its "
     "motor's angle, or move it faster"
 )
 LARGEST_STD = 0.3
-"""A gain that is left open by more than this is not identified."""
+"""A gain with a larger relative standard deviation is not identified."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,30 +46,30 @@ class JointGains:
     scale: Array
     """kp and kd over nominal, shape (2,)."""
     search: gains.Found
-    """Where CMA-ES ended, from which the linearised replays went on."""
+    """Result of CMA-ES, from which the linearised replays start."""
     spread: Spread
     channel: int
     """Row of `READINGS` that was compared."""
     samples: int
-    """Samples that were compared in the end."""
+    """Number of samples that were compared in the end."""
     error_rad: tuple[float, float]
-    """Mean absolute error of the samples that count, in the nominal and the calibrated world."""
+    """Mean absolute error of the compared samples, in the nominal and in the calibrated world."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """What a log says; where it does not, the reason stands instead of a number."""
+    """The calibration that a log gives; where it gives none, a reason instead of a number."""
 
     nominal: Spec
     calibrated: Spec
-    """The nominal world with the gains, play and locks that were identified."""
+    """The nominal world with the identified gains, play and locks."""
     joints: Mapping[str, JointGains | str]
     plays: Mapping[str, Play | str]
     touch: Mapping[str, Skin] | str
     touch_unit: str
     """Unit of the taxels' readings: m, or 1 for contact or none."""
     motions: tuple[Motion, ...]
-    """Episodes, or their beginnings, that gains were fitted to."""
+    """Episodes, or their beginnings, to which gains were fitted."""
     pushes: tuple[Motion, ...]
 
 
@@ -81,7 +81,7 @@ def calibrate(
     rng: np.random.Generator,
     progress: gains.Progress = lambda generations: None,
 ) -> Calibration:
-    """Calibrate `nominal` to a log; raises LogError for another mechanism or other units."""
+    """Calibrate `nominal` to a log; raises LogError for another mechanism or wrong units."""
     names = nominal.hand.joint_names
     _same_joints(log, names)
     check_units(log, nominal)
@@ -114,7 +114,7 @@ def _gains(
     rng: np.random.Generator,
     progress: gains.Progress,
 ) -> tuple[dict[str, JointGains | str], Spec]:
-    """The gains by joint, and the nominal world with play and those that were identified."""
+    """The gains by joint, and the nominal world with play and the identified gains."""
     names, drive_s = nominal.hand.joint_names, nominal.timing.drive_s
     world = _with_plays(nominal, push_test(simulate, nominal, pushes))
     against = {j: gains.reason_against(free, j) for j in range(len(names))}
@@ -148,7 +148,7 @@ def _joint(
     shown: Sequence[Array],
     free: Sequence[Motion],
 ) -> JointGains | str:
-    """The gains of joint `j`, or why a fit that was made is none."""
+    """The gains of joint `j`, or the reason why the fit is not accepted."""
     if j not in refined.linear:
         return FLOATS
     linear = refined.linear[j]
@@ -164,12 +164,12 @@ def _joint(
 
 
 def _open(scale: Array, spread: Spread) -> str | None:
-    """Why a fit that was made is none, if so."""
+    """The reason why a fit is not accepted, if there is one."""
     both = zip(("kp", "kd"), scale, spread.std, gains.SCALES, strict=True)
     for name, ratio, std, (low, high) in both:
         if not low < ratio < high:
             return (
-                f"not identifiable from this log: its {name} runs to the end of what is tried, "
+                f"not identifiable from this log: its {name} runs to the limit of the search, "
                 f"{low:g} to {high:g} times the nominal one"
             )
         if not std < LARGEST_STD:
@@ -188,7 +188,7 @@ def _scale(spec: Spec, found: Mapping[int, gains.Found]) -> Array:
 
 
 def _with_plays(spec: Spec, plays: Mapping[str, Play | str]) -> Spec:
-    """The world with the play and the lock of every joint that the push test shows."""
+    """The world with the play and the lock of every joint that the push test identifies."""
     drives = []
     for name, drive in zip(spec.hand.joint_names, spec.drives, strict=True):
         play = plays[name]
@@ -213,7 +213,7 @@ def _same_joints(log: Log, names: Sequence[str]) -> None:
 
 
 def _telling(found: Sequence[Motion]) -> list[Motion]:
-    """The first motion of each protocol, and later ones that move joints those do not."""
+    """The first motion of each protocol, and later ones that move other joints."""
     kept: list[Motion] = []
     seen: set[tuple[str, int]] = set()
     for motion in found:
@@ -226,7 +226,7 @@ def _telling(found: Sequence[Motion]) -> list[Motion]:
 
 
 def _shortened(found: Sequence[Motion], ticks: float, least: float) -> list[Motion]:
-    """Their beginnings, of so many drive periods together."""
+    """The beginnings of the motions, with this number of drive periods in total."""
     return [motion.first(round(max(ticks / len(found), least))) for motion in found]
 
 

@@ -1,16 +1,16 @@
-"""PD gains per joint by CMA-ES, as in the paper: the recorded commands, other gains, least error.
+"""PD gains per joint by CMA-ES, as in the paper: replay the commands, minimise the error.
 
     min over kp, kd > 0 of the sum over t of |q_sim(t; kp, kd) - q_real(t)|
 
-Pushes with a known torque belong to the commands: they show the scale that gains, inertia and
+Pushes with a known torque are part of the commands. They fix the scale that gains, inertia and
 friction otherwise share.
 
-Every joint has a search of its own, and all run in the same simulations: candidate k of every
-joint is world k. Fingers hardly move each other, and as the searches converge that much vanishes.
+Every joint has its own search, and all searches share the simulations: candidate k of every joint
+is world k. Fingers hardly move each other, and this coupling vanishes as the searches converge.
 
-q is the motor's angle where it was logged, since the PD law sees that; else the joint's. A joint
-with play floats between its teeth, and a thousandth of a degree decides where. Such samples teach
-nothing of gains, so those at which worlds that differ by a little are apart are left out.
+q is the motor's angle where it was logged, because the PD law sees that; else the joint's. A joint
+with play floats between its teeth, and a thousandth of a degree decides where. Such samples say
+nothing about gains. So samples at which slightly different worlds disagree are left out.
 """
 
 import dataclasses
@@ -27,43 +27,43 @@ from diagnosis.calibration.worlds import READINGS, Motion, Simulate, replay
 
 CANDIDATES, GENERATIONS = 12, 25
 FIRST_STD, CONVERGED_STD = 0.1, 1e-3
-"""Step sizes at first and at last."""
+"""Step sizes at the start and at the end."""
 SCALES = 1 + np.array([kp_scale.Effect.bounds, kd_scale.Effect.bounds])
-"""Least and largest kp and kd over nominal that are tried: what the effects allow."""
+"""Smallest and largest kp and kd over nominal that are tried: the bounds of the effects."""
 TO_LOG_GAINS = np.array([[2.0, 0.0], [2.0, 1.0]])
-"""What is searched for, as the logarithms of kp and kd: both at once, which few motions show and
-so in double steps, and kd over kp, which decides how fast a joint follows."""
+"""Coordinates of the search, as logarithms: kp and kd together, which few motions show and which
+gets double steps, and kd over kp, which decides how fast a joint follows."""
 LEAST_MOTION_RAD = np.radians(0.5)
 LEAST_SAMPLES = 200
 JITTERED, JITTER_PLAY, JITTER_START = 16, 0.03, 0.3
-"""Worlds that differ by a little: by shares of the play, in size and in where they start."""
+"""Slightly different worlds: they differ by shares of the play, in its size and in the start."""
 PREDICTABLE_RAD = 1e-3
-"""Samples are left out where the standard deviation over these is larger [rad]."""
+"""Samples are left out where the standard deviation over these worlds is larger [rad]."""
 _DIVERGED_RAD = 1e3
-"""Error of a candidate whose simulation leaves the numbers [rad]."""
+"""Error of a candidate whose simulation diverges [rad]."""
 
 Progress = Callable[[int], None]
-"""Told how many generations, or rounds, are through."""
+"""Called with the number of finished generations or rounds."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Trace:
-    """What the gains of one joint are judged on."""
+    """The data on which the gains of one joint are judged."""
 
     channel: int
     """Row of `READINGS`."""
     used: tuple[Array, ...]
-    """Per motion, the samples that count, shape (T,), bool."""
+    """Per motion, the samples that are used, shape (T,), bool."""
 
     @property
     def samples(self) -> int:
-        """How many samples count."""
+        """Number of samples that are used."""
         return int(sum(used.sum() for used in self.used))
 
 
 @dataclass(frozen=True, kw_only=True)
 class Found:
-    """The last distribution of a search: kp and kd of one joint."""
+    """The final distribution of a search: kp and kd of one joint."""
 
     scale: Array
     """Its mean, over nominal, shape (2,)."""
@@ -72,7 +72,7 @@ class Found:
 
 
 def with_gains(spec: Spec, scale: Array) -> Spec:
-    """The world with kp and kd of each joint times `scale`, shape (J, 2)."""
+    """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2)."""
     return spec.with_drives(
         dataclasses.replace(
             drive,
@@ -84,7 +84,7 @@ def with_gains(spec: Spec, scale: Array) -> Spec:
 
 
 def reason_against(motions: Sequence[Motion], j: int) -> str | None:
-    """Why these motions cannot tell the gains of joint `j`, if so."""
+    """The reason why these motions cannot identify the gains of joint `j`, if there is one."""
     if not motions:
         return "not identifiable from this log: it has no steps, multisine, triangle or known push"
     ends = [np.quantile(m.read_rad[0, :, j], (0.01, 0.99)) for m in motions]
@@ -101,7 +101,7 @@ def reason_against(motions: Sequence[Motion], j: int) -> str | None:
 
 
 def _jittered(world: Spec, rng: np.random.Generator) -> tuple[list[Spec], Array]:
-    """Worlds W that differ by a little, and how far off their joints start [rad], shape (W, J)."""
+    """W slightly different worlds, and the offsets of their start [rad], shape (W, J)."""
     play = np.array([d.play_rad for d in world.drives])
     specs = []
     for share in rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (JITTERED, len(play))):
@@ -113,9 +113,9 @@ def _jittered(world: Spec, rng: np.random.Generator) -> tuple[list[Spec], Array]
 def judge(
     simulate: Simulate, world: Spec, motions: Sequence[Motion], rng: np.random.Generator
 ) -> tuple[list[Trace], list[Array]]:
-    """Per joint what it is judged on, and the replay of worlds that differ a little from `world`.
+    """The data of each joint, and the replay of worlds that differ slightly from `world`.
 
-    All worlds of that replay explain a log equally well.
+    All worlds of that replay explain the log equally well.
     """
     specs, offset_rad = _jittered(world, rng)
     alike = replay(simulate, specs, motions, offset_rad)
@@ -145,7 +145,7 @@ def search(
     rng: np.random.Generator,
     progress: Progress = lambda generations: None,
 ) -> dict[int, Found]:
-    """The gains of `joints` by CMA-ES; the others stay as they are in `world`."""
+    """The gains of `joints` by CMA-ES; other joints keep those of `world`."""
     judged, _ = judge(simulate, world, motions, rng)
     searches = {j: _cma(rng) for j in joints}
     for generation in range(GENERATIONS):
@@ -174,7 +174,7 @@ def _cma(rng: np.random.Generator) -> cma.CMAEvolutionStrategy:
 
 
 def _scales(world: Spec, points: Mapping[int, Array]) -> Array:
-    """Gains over nominal, shape (J, 2), of points in the search's coordinates."""
+    """Gains over nominal, shape (J, 2), from points in the coordinates of the search."""
     scale = np.ones((len(world.drives), 2))
     for j, point in points.items():
         scale[j] = np.clip(np.exp(TO_LOG_GAINS @ point), *SCALES.T)

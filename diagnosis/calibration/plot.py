@@ -1,4 +1,4 @@
-"""A picture per joint: recorded, nominal and calibrated motion over each other."""
+"""One picture per joint: recorded, nominal and calibrated motion."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.worlds import READINGS, Motion, Simulate, replay
 
 EXCERPT_S = 0.6
-"""Length of what is shown of a motion: where nominal and recorded are furthest apart [s]."""
+"""Length of the excerpt, around the largest distance of nominal and recorded motion [s]."""
 _STYLES = (
     ("recorded", "black", 1.6),
     ("nominal", "tab:orange", 1.0),
@@ -22,7 +22,7 @@ _STYLES = (
 
 
 def draw(simulate: Simulate, found: Calibration, folder: Path) -> list[Path]:
-    """Write JOINT.png into a folder for every joint; the files."""
+    """Write JOINT.png into a folder for every joint; returns the files."""
     pushed = [] if any(m.protocol == "push" for m in found.motions) else found.pushes[:1]
     shown = (*found.motions, *pushed)
     if not shown:
@@ -50,7 +50,7 @@ def draw(simulate: Simulate, found: Calibration, folder: Path) -> list[Path]:
 
 
 def _row(row: Sequence[Axes], motion: Motion, drive_s: float, deg: Array, reading: str) -> None:
-    """Recorded, nominal and calibrated angles (3, T): an excerpt, and errors over all of it."""
+    """Recorded, nominal and calibrated angles (3, T): an excerpt, and all errors."""
     time_s = motion.tick * drive_s
     apart = np.abs(deg[1] - deg[0])
     worst_s = time_s[int(np.argmax(apart))]

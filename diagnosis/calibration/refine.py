@@ -1,10 +1,11 @@
-"""From where CMA-ES ends to the least error, on linearised replays.
+"""Refine the result of CMA-ES to the least error, on linearised replays.
 
-Objectives of joints with play are rough: a candidate a little off floats differently between its
-teeth. So the replay is linearised about the gains found, a column per gain, and the paper's sum of
-absolute errors is minimised in each of many worlds that differ by a little; their mean is the next
-point. Samples that do not go straight with the gains are left out. Rounds end up scattered about
-the least error, so the last ones are averaged, and their scatter is a part of the uncertainty.
+The objective of a joint with play is rough: a slightly different candidate floats differently
+between its teeth. So the replay is linearised about the gains found, with a column per gain. The
+paper's sum of absolute errors is minimised in each of many slightly different worlds, and the mean
+is the next point. Samples that are not linear in the gains are left out. The rounds end up
+scattered about the least error. So the last ones are averaged, and their scatter is part of the
+uncertainty.
 """
 
 from collections.abc import Sequence
@@ -19,38 +20,39 @@ from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 ROUNDS, AVERAGED = 5, 3
-"""Rounds, and how many of the last are averaged."""
+"""Number of rounds, and how many of the last ones are averaged."""
 STEP, BENT_RAD = 0.1, 1e-3
-"""Change of a gain's logarithm for the differences, and how far off its middle the angle may be."""
+"""Change of a gain's logarithm for the differences, and the allowed deviation from linearity."""
 LARGEST_STEP = 0.1
-"""A round moves the logarithm of a gain by no more."""
+"""Largest change of the logarithm of a gain in one round."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Linear:
-    """The replays of one joint about some gains, on T samples."""
+    """Linearised replays of one joint about given gains, on T samples."""
 
     trace: Trace
     straight: Array
-    """Which of the samples that count are the T, bool."""
+    """Which of the used samples are the T, bool."""
     columns: Array
-    """Change of the angle with the logarithms of kp and kd [rad], shape (T, 2)."""
+    """Derivatives of the angle by the logarithms of kp and kd [rad], shape (T, 2)."""
     path_rad: Array
     """Angle at these gains [rad], shape (T,)."""
     miss_rad: Array
-    """Recorded less replayed angle in worlds that differ by a little [rad], shape (W, T)."""
+    """Recorded minus replayed angle in slightly different worlds [rad], shape (W, T)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refined:
-    """Gains of the least error."""
+    """The gains with the least error."""
 
     scale: Array
     """kp and kd over nominal, shape (J, 2)."""
     scatter: Array
-    """Relative standard deviation of the rounds that were averaged, shape (J, 2)."""
+    """Relative standard deviation over the averaged rounds, shape (J, 2)."""
     linear: dict[int, Linear]
-    """The replays about these gains; joints that nearly always float between their teeth lack."""
+    """The replays about these gains; without joints that nearly always float between their
+    teeth."""
 
 
 def refine(
@@ -62,7 +64,7 @@ def refine(
     rng: np.random.Generator,
     progress: Progress = lambda rounds: None,
 ) -> Refined:
-    """The gains of `joints` from `scale` on, over those of `nominal`, shape (J, 2)."""
+    """Refine the gains of `joints`, starting at `scale`, over those of `nominal`, shape (J, 2)."""
     ends = []
     for done in range(ROUNDS):
         linear = linearise(simulate, with_gains(nominal, scale), motions, joints, rng)
@@ -90,7 +92,7 @@ def linearise(
     joints: Sequence[int],
     rng: np.random.Generator,
 ) -> dict[int, Linear]:
-    """The replays of `joints` about the gains of `world`."""
+    """The linearised replays of `joints` about the gains of `world`."""
     judged, alike = judge(simulate, world, motions, rng)
     specs = [_stepped(world, j, k, sign) for j in joints for k in (0, 1) for sign in (1, -1)]
     shown = replay(simulate, [world, *specs], motions)
@@ -115,7 +117,7 @@ def linearise(
 
 
 def used(shown: Sequence[Array], trace: Trace, j: int) -> Array:
-    """Angles of joint `j` at the samples that count, in each world: shape (W, T)."""
+    """Angles of joint `j` at the used samples, in each world, shape (W, T)."""
     pairs = zip(shown, trace.used, strict=True)
     return np.concatenate([s[:, trace.channel, rows, j] for s, rows in pairs], axis=1)
 

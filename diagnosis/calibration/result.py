@@ -1,4 +1,4 @@
-"""calibration.yaml: what a calibration found, as plain data that is checked when it is read."""
+"""calibration.yaml: the result of a calibration as plain data, which is checked when it is read."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -33,10 +33,10 @@ class Gain(_Part):
     std: Size
     """Standard deviation, by bootstrap, in the same unit."""
     relative: FiniteFloat
-    """Over the nominal gain, less 1."""
+    """Relative difference from the nominal gain."""
     cma_mean: Size
     cma_std: Size
-    """Mean and standard deviation of the last CMA-ES distribution, in the same unit."""
+    """Mean and standard deviation of the final CMA-ES distribution, in the same unit."""
 
 
 class Gains(_Part):
@@ -46,35 +46,36 @@ class Gains(_Part):
     kd_nms_rad: Gain
     correlation: Annotated[FiniteFloat, Field(ge=-1, le=1)]
     compared: Literal["position", "motor"]
-    """Angle that the objective compares."""
+    """The angle that is compared: motor or position."""
     samples: Annotated[int, Field(gt=0)]
     error_nominal_mrad: Size
     error_calibrated_mrad: Size
-    """Mean absolute errors, what the objective makes small."""
+    """Mean absolute errors, which the fit minimises."""
     confounded: tuple[str, ...]
-    """What this log cannot tell from other gains, and what it would read as."""
+    """Effects that this log cannot distinguish from other gains, and the gains that they look
+    like."""
 
 
 class Backlash(_Part):
     """The play of one joint."""
 
     half_deg: Size
-    """Half of the play about the motor, mean over the positions."""
+    """Half of the play, mean over the positions."""
     std_deg: Size | None
-    """Standard deviation over the positions; None of a single one."""
+    """Standard deviation over the positions; None for a single one."""
     range_deg: tuple[FiniteFloat, FiniteFloat]
     """The paper's [q_c - q_a, q_b - q_a], mean over the positions."""
     positions: Annotated[int, Field(gt=0)]
     stiffness_nm_rad: FiniteFloat | None
-    """Of the teeth, from the give under the push; None: they do not give."""
+    """Stiffness of the teeth, from the deflection under the push; None: no deflection was seen."""
     residual_mrad: Size
     motor: Literal["logged", "replayed"]
-    """Where the motor's own motion, which is taken off, comes from."""
+    """Source of the motor's own motion, which is subtracted."""
     self_lock: bool
 
 
 class Joint(_Part):
-    """One joint; a text says why a number cannot be had from this log."""
+    """One joint; a text says why a number is not identifiable from this log."""
 
     gains: Gains | str
     backlash: Backlash | str
@@ -106,7 +107,7 @@ class CalibrationFile(_Part):
     nominal_effects: str
     seed: int
     effects: str
-    """The calibrated world, as `--effects` takes it."""
+    """The calibrated world, in the form of `--effects`."""
     spread: str
     """Domain randomisation around it: standard deviations, half widths for stick and contact."""
     joints: dict[str, Joint]
@@ -114,7 +115,7 @@ class CalibrationFile(_Part):
 
 
 def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> dict[str, Joint]:
-    """The joints of a calibration as plain data; texts of what is confounded come from above."""
+    """The joints of a calibration as plain data, with the given texts on confounded effects."""
     drives = dict(zip(found.nominal.hand.joint_names, found.nominal.drives, strict=True))
     return {
         name: Joint(
@@ -128,7 +129,7 @@ def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> 
 
 
 def touch_of(found: Calibration) -> dict[str, Touch] | str:
-    """The skin of a calibration as plain data."""
+    """The touch sensors of a calibration as plain data."""
     if isinstance(found.touch, str):
         return found.touch
     return {finger: _touch(skin) for finger, skin in found.touch.items()}
@@ -155,7 +156,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         return CalibrationFile.model_validate(data)
     except ValidationError as error:
         wrong = "; ".join(_problem(e) for e in error.errors()[:3])
-        raise CalibrationError(f"{path}: {wrong}; calibrate anew or mend it") from None
+        raise CalibrationError(f"{path}: {wrong}; correct it, or calibrate again") from None
 
 
 def _problem(error: ErrorDetails) -> str:
@@ -221,5 +222,5 @@ def _touch(skin: Skin) -> Touch:
 
 
 def _round(value: float) -> float:
-    """Five digits."""
+    """Round to five digits."""
     return float(f"{float(value):.5g}")

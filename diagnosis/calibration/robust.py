@@ -1,15 +1,15 @@
-"""Least absolute errors, which a few samples that are far off do not move."""
+"""Least absolute errors, a fit that a few outliers hardly change."""
 
 import numpy as np
 
 from backends.state import Array
 
 _SWEEPS = 40
-"""Reweightings of the least squares."""
+"""Number of reweightings of the least squares."""
 
 
 def least_absolute(miss: Array, columns: Array, times: Array | float = 1.0) -> Array:
-    """The x, shape (C,), that minimises the sum of times |miss - columns x| over T samples.
+    """The x (C,) that minimises the sum of times |miss - columns x| over T samples.
 
     By reweighted least squares (Schlossmacher, J. Am. Stat. Assoc. 68, 1973).
     """

@@ -1,10 +1,11 @@
-"""How sure the gains are, and what else would look like them.
+"""Uncertainty of the gains, and effects that look like other gains.
 
-Standard deviations come from a block bootstrap (Kuensch, Annals of Statistics 17, 1989): half
-seconds of the log are drawn again with replacement, and the sum of absolute errors is minimised
-anew on the linearised replay, each time in another of the worlds that differ by a little. So they
-hold measurement noise, what the model does not explain as far as that differs from one half second
-to the next, and where between its teeth a joint may be. CMA-ES's own say how far it converged.
+Standard deviations come from a block bootstrap (Kuensch, Annals of Statistics 17, 1989). Half
+seconds of the log are drawn with replacement, and the sum of absolute errors is minimised again on
+the linearised replay, each time in another of the slightly different worlds. So the standard
+deviations contain measurement noise, model errors that vary between half seconds, and the unknown
+position of a joint within its play. The standard deviations of CMA-ES only say how far it
+converged.
 """
 
 from collections.abc import Sequence
@@ -31,28 +32,28 @@ from diagnosis.calibration.worlds import Motion, Simulate, replay
 BLOCK_S = 0.5
 DRAWS = 100
 CONFOUNDED_SHARE = 0.9
-"""What gains explain more than this share of is confounded with them."""
+"""An effect is confounded with gains if they explain more than this share of its trace."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Confusion:
-    """Something else whose trace looks like other gains."""
+    """An effect whose trace looks like other gains."""
 
     effect: Effect
     share: float
     """Share of its trace (sum of squares) that gains explain."""
     reads_as: Array
-    """Relative change of kp and kd that it would be taken for, shape (2,)."""
+    """Relative change of kp and kd that it looks like, shape (2,)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Spread:
-    """How sure the gains of one joint are."""
+    """Uncertainty of the gains of one joint."""
 
     std: Array
     """Relative standard deviations of kp and kd, shape (2,)."""
     correlation: float
-    """Of kp with kd."""
+    """Correlation of kp with kd."""
     confused: tuple[Confusion, ...]
 
 
@@ -63,7 +64,7 @@ def spreads(
     refined: Refined,
     rng: np.random.Generator,
 ) -> dict[int, Spread]:
-    """The spread of the joints in `refined`, whose replays are about the gains of `world`."""
+    """The uncertainty of the joints in `refined`, whose replays are about the gains of `world`."""
     probes = {j: _probes(world, j) for j in refined.linear}
     worlds = [probe.on_spec(world) for of_joint in probes.values() for probe in of_joint]
     shown = replay(simulate, worlds, motions) if worlds else []
@@ -93,7 +94,7 @@ def bootstrap(miss: Array, columns: Array, block: Array, rng: np.random.Generato
 
 
 def _probes(world: Spec, j: int) -> list[Effect]:
-    """Effects on joint `j`, of sizes that a real drive may be off by."""
+    """Effects on joint `j`, of sizes that are usual for a real drive."""
     drive, joint = world.drives[j], world.hand.joint_names[j]
     sizes: list[tuple[type[Effect], float]] = [
         (viscous_friction.Effect, 0.1 * drive.kd_nms_rad),

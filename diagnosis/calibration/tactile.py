@@ -1,7 +1,7 @@
 """Tactile calibration from readings without contact: offset, threshold, drift, dead taxels.
 
-As in the paper, the offset of a taxel is the mean of its readings without contact, and what counts
-is how far a reading lies above it, against one fixed threshold:
+As in the paper, the offset of a taxel is the mean of its readings without contact. The reading
+minus the offset is compared with one fixed threshold:
 
     s(t) = max(s_raw(t) - offset, 0),        in contact where s(t) > threshold
 """
@@ -18,15 +18,16 @@ NO_CONTACT = ("steps", "triangle", "multisine", "push", "free")
 """Protocols in which nothing is touched."""
 CONTACT = ("grasp", "policy")
 NOISES = 5.0
-"""The threshold lies so many standard deviations of the noise above the offset."""
+"""The threshold is this many standard deviations of the noise above the offset."""
 PIECES = 20
-"""Drift is fitted to means over so many pieces of an episode: samples in a row are alike."""
+"""Drift is fitted to the means of this many pieces of an episode, because neighbouring samples are
+alike."""
 LEAST_SAMPLES = 50
 SURE = 3.0
-"""Standard deviations from which on a drift is taken for one."""
+"""A slope counts as drift from this many standard deviations on."""
 SURROUNDED, WITNESSES = 0.75, 5
-"""A taxel is dead that is silent in so many samples with this share of its neighbours in contact,
-and never answers."""
+"""A taxel is dead if it never responds and is silent in this many samples with this share of its
+neighbours in contact."""
 NO_READINGS = (
     "not identifiable from this log: no episode in free air has touch readings; log some seconds "
     "of touch without contact"
@@ -46,17 +47,17 @@ class Skin:
     drift_std_s: Array
     """Its standard deviation [unit/s], shape (T,)."""
     threshold: float
-    """Contact is what lies further above the offset than this."""
+    """A reading that is further above the offset than this counts as contact."""
     false_share: float
-    """Share of the readings without contact that this takes for contact [1]."""
+    """Share of the readings without contact that would count as contact [1]."""
     dead: tuple[int, ...] = ()
-    """Taxels that stay silent among neighbours in contact."""
+    """Taxels that stay silent while their neighbours are in contact."""
     touched: int = 0
-    """Taxels that were in contact or are dead; of the others nothing is known but their rest."""
+    """Number of taxels that were in contact or are dead; of the others only the rest is known."""
 
     @property
     def fastest_drift_s(self) -> float:
-        """Largest upward slope that surely is one [unit/s]; 0 if there is none."""
+        """Largest significant upward slope [unit/s]; 0 if there is none."""
         sure = self.drift_s > SURE * self.drift_std_s
         return float(self.drift_s[sure].max(initial=0.0))
 
@@ -69,10 +70,10 @@ def binarise(reading: Array, offset: Array, threshold: float) -> Array:
 def calibrate_touch(
     log: Log, grid: tuple[int, int] | None, threshold: float | None = None
 ) -> dict[str, Skin] | str:
-    """The skin of every finger, or why this log does not tell it.
+    """The touch sensor of every finger, or why it is not identifiable from this log.
 
-    `grid` holds the rows and columns of the taxels, without which none is found dead. `threshold`
-    replaces the one from the noise.
+    `grid` holds the rows and columns of the taxels; without it no dead taxel is found. `threshold`
+    replaces the one computed from the noise.
     """
     quiet = _episodes(log, NO_CONTACT)
     if sum(len(time_s) for time_s, _ in quiet) < LEAST_SAMPLES:
@@ -140,7 +141,7 @@ def _pieces(time_s: Array, touch: Array) -> tuple[Array, Array]:
 
 
 def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[int, ...], int]:
-    """Dead taxels, and how many taxels were judged at all."""
+    """Dead taxels, and the number of taxels that could be judged."""
     if not active or grid is None or active[0].shape[1] != grid[0] * grid[1]:
         return (), 0
     ever = np.any([a.any(axis=0) for a in active], axis=0)

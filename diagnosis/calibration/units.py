@@ -1,7 +1,7 @@
-"""Whether a log's numbers can be those of the mechanism that it names.
+"""Check whether the numbers of a log can belong to the mechanism that it names.
 
-Command and position in degrees agree with each other and with no joint; a push in Nmm agrees with
-nothing that is logged. The bounds lie far beyond what a joint or a push test does.
+Command and position that are both in degrees agree with each other but with no joint. A push in Nmm
+agrees with nothing else in the log. The bounds are far beyond what a joint or a push test does.
 """
 
 import numpy as np
@@ -10,13 +10,13 @@ from backends.spec import Joint, Spec
 from diagnosis.logs.log import Log, LogError
 
 WIDTHS = 1.0
-"""So many widths of its range a joint may stray beyond either end."""
+"""A joint may be beyond either end of its range by this multiple of the range."""
 LIMITS = 50.0
-"""A push may be so many times the largest torque of the drive."""
+"""Largest push as a multiple of the drive's largest torque."""
 
 
 def check_units(log: Log, nominal: Spec) -> None:
-    """Raise LogError where angles or pushes are surely in other units."""
+    """Raise LogError if angles or pushes are certainly in wrong units."""
     for body, drive in zip(nominal.hand.driven, nominal.drives, strict=True):
         for kind in ("command", "position"):
             _check_angle(log, kind, body.joint)

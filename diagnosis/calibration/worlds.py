@@ -1,7 +1,7 @@
-"""Candidate worlds put through a log's commands, all side by side on one engine.
+"""Replay a log's commands in many candidate worlds at once on an engine.
 
-Refitting is the engines' one mechanism: a batch of worlds that differ in numbers. The engine comes
-in from above, so that any of them may stand for the nominal world.
+A refit is one batch of worlds that differ in numbers. The engine is passed in, so that any engine
+can simulate the nominal world.
 """
 
 import dataclasses
@@ -16,19 +16,20 @@ from backends.state import Array, InitialState
 from diagnosis.logs.log import EpisodeMeta, Log
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
-"""Puts worlds on an engine."""
+"""Starts worlds on an engine."""
 READINGS = ("position", "motor")
-"""What a replay gives: the position sensor's readings and the motor's angles."""
+"""Outputs of a replay: readings of the position sensor and angles of the motor."""
 ASIDE_M = (5.0, 0.0, 0.0)
-"""Where the stick floats without weight [m]."""
+"""Position at which the stick floats without weight [m]."""
 REST_SAMPLES = 3
-"""Episodes start at rest: the start is the mean of so many readings, of the motor if logged."""
+"""Episodes start at rest. The start is the mean of this many readings, of the motor if it was
+logged."""
 _FOREVER_S = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
 class Motion:
-    """One episode, or its beginning, as it was commanded and read."""
+    """Commands and readings of one episode, or of its beginning."""
 
     episode: int
     protocol: str
@@ -37,9 +38,9 @@ class Motion:
     command_rad: Array
     """Targets from each sample on [rad], shape (T, J)."""
     push_nm: Array
-    """Known torques on the joints from each sample on [Nm], shape (T, J); 0 where none is known."""
+    """Known torques on the joints from each sample on [Nm], shape (T, J); else 0."""
     read_rad: Array
-    """Readings [rad], shape (2, T, J) in the order of `READINGS`; NaN where none were logged."""
+    """Readings [rad], shape (2, T, J) in the order of `READINGS`; NaN where not logged."""
 
     def first(self, ticks: int) -> "Motion":
         """The beginning, up to so many drive periods."""
@@ -51,7 +52,7 @@ class Motion:
 def motions(
     log: Log, joints: Sequence[str], drive_s: float, protocols: Iterable[str]
 ) -> list[Motion]:
-    """The episodes of some protocols; joints in the order given, those of the spec."""
+    """The episodes of some protocols; joints are in the given order of the spec."""
     wanted = set(protocols)
     return [_motion(log, joints, drive_s, e) for e in log.episodes if e.protocol in wanted]
 
@@ -83,9 +84,9 @@ def replay(
     motions: Sequence[Motion],
     offset_rad: Array | None = None,
 ) -> list[Array]:
-    """What every world would have shown: per motion, shape (W, 2, T, J), `READINGS` second.
+    """The readings of every world: per motion, shape (W, 2, T, J) with `READINGS` second.
 
-    Joints start where the log has them, plus `offset_rad` (W, J).
+    Joints start at their position in the log, plus `offset_rad` (W, J).
     """
     steps = [np.diff(m.tick) for m in motions]
     stride = int(np.gcd.reduce(np.concatenate(steps)))
@@ -104,7 +105,7 @@ def replay(
 
 
 class _Path:
-    """A motion on the even grid of a batch: what holds from each step to the next."""
+    """A motion on the regular time grid of a batch: targets and loads of each step."""
 
     def __init__(self, motion: Motion, stride: int) -> None:
         row = motion.tick // stride
@@ -137,7 +138,7 @@ def _padded(rows: Array, length: int) -> Array:
 
 
 def _aside(spec: Spec, stride: int) -> Spec:
-    """The world stepped by `stride` drive periods, its stick out of the way."""
+    """The world with steps of `stride` drive periods and the stick out of the way."""
     timing = dataclasses.replace(
         spec.timing, policy_s=stride * spec.timing.drive_s, weightless_s=_FOREVER_S
     )

@@ -1,8 +1,9 @@
-"""BAM: a Dynamixel XL330 servo swinging a pendulum (Duclusaud et al., ICRA 2025), JSON files.
+"""BAM: a Dynamixel XL330 servo that swings a pendulum (Duclusaud et al., ICRA 2025), JSON files.
 
-The servo's duty cycle is `gain kp (goal - position)`, at most 1; a DC motor makes a PD law of it:
-torque `kt / R (vin duty - kt speed)`. Logs of one firmware gain `kp` become one log. What happens
-after the torque was switched off (in `lift_and_drop`) is no motion on command and left out.
+The servo's duty cycle is `gain kp (goal - position)`, at most 1. With a DC motor this is a PD law:
+torque `kt / R (vin duty - kt speed)`. Recordings with the same firmware gain `kp` become one log.
+Data after the torque was switched off (in `lift_and_drop`) is left out, because it is no commanded
+motion.
 """
 
 from collections.abc import Sequence
@@ -24,11 +25,12 @@ from diagnosis.logs.log import (
 )
 
 KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 0.300, 3.42, 1.84e-3
-"""Motor as BAM identified it with Coulomb and viscous friction (Rhoban/bam, params/xl330/m2)."""
+"""Motor parameters as identified by BAM with Coulomb and viscous friction (Rhoban/bam,
+params/xl330/m2)."""
 DUTY_PER_RAD = 4096 / (2 * np.pi) / 256 / 885
-"""Duty cycle per error and firmware gain [1/rad]: counts per rad, over 256, over full PWM.
+"""Duty cycle per error and per firmware gain [1/rad]: counts per rad, over 256, over full PWM.
 
-The logs' own `load` over `goal - position` confirms it: 0.00286 to 0.00288.
+The recorded `load` over `goal - position` confirms it: 0.00286 to 0.00288.
 """
 UNCERTAINTY = 0.1
 _SETTINGS = ("kp", "mass", "length", "vin", "trajectory", "entries")
@@ -48,7 +50,7 @@ def _load(path: Path) -> dict[str, Any]:
     data = importer.read_json(path)
     missing = [name for name in _SETTINGS if name not in data]
     if missing or not data["entries"]:
-        raise LogError(f"{path} has no {', '.join(missing) or 'entries'}; a BAM log has them")
+        raise LogError(f"{path} has no {', '.join(missing) or 'entries'}; is it a BAM log?")
     return data
 
 
@@ -56,7 +58,9 @@ def _log(recordings: Sequence[dict[str, Any]]) -> Log:
     first = recordings[0]
     for key in ("mass", "length", "vin"):
         if len({r[key] for r in recordings}) > 1:
-            raise LogError(f"recordings of one gain differ in '{key}'; import them one by one")
+            raise LogError(
+                f"recordings with the same gain differ in '{key}'; import them one by one"
+            )
     parts = [_samples(r).assign(episode=k) for k, r in enumerate(recordings)]
     torque_per_volt = KT_NM_A / RESISTANCE_OHM
     drive = DriveSettings(
@@ -91,11 +95,11 @@ def _samples(recording: dict[str, Any]) -> pd.DataFrame:
             }
         )
     except (KeyError, ValueError, TypeError) as error:
-        raise LogError(f"entries of a BAM log lack or garble {error}") from None
+        raise LogError(f"entries of a BAM log lack {error}, or it is invalid") from None
 
 
 def _mjcf(mass_kg: float, length_m: float) -> str:
-    """A point mass that hangs straight down at zero."""
+    """A point mass that hangs straight down at position zero."""
     return f"""<mujoco model="pendulum">
   <option timestep="0.001"/>
   <worldbody>

@@ -1,8 +1,9 @@
 """EMPS: a linear axis with motor and ball screw (Janot, Gautier, Brunot 2019), DATA_EMPS.mat.
 
 The cascade controller `vir = kv (kp (qg - qm) - dqm/dt)` with the force `gtau vir` is a PD law. The
-mass is the authors'; how much of it is the motor's and the screw's they do not say: half here.
-Friction and the constant offset that they identified are left for a diagnosis to find.
+mass is the authors' value. They do not say how much of it belongs to motor and screw; half is
+assumed. The friction and the constant offset that they identified are not in the model, so that a
+diagnosis can find them.
 """
 
 import zlib
@@ -26,9 +27,9 @@ from diagnosis.logs.log import (
 )
 
 MASS_KG = 95.1089
-"""Moving mass, motor and screw included, identified by the authors [kg]."""
+"""Moving mass with motor and screw, as identified by the authors [kg]."""
 VOLTAGE_V = 10.0
-"""The drive voltage saturates here [V]."""
+"""Voltage at which the drive saturates [V]."""
 _UNREADABLE = (OSError, ValueError, TypeError, NotImplementedError, MatReadError, zlib.error)
 _NAMES = ("t", "qg", "qm", "vir", "gtau", "kp", "kv")
 _MJCF = f"""<mujoco model="emps">
@@ -44,7 +45,7 @@ _MJCF = f"""<mujoco model="emps">
 
 
 class Importer(importer.Importer):
-    """One episode of 24.8 s at 1 kHz; it begins 14 ms after rest, at 7 mm/s."""
+    """One episode of 24.8 s at 1 kHz. It begins 14 ms after rest, at 7 mm/s."""
 
     def read(self, path: Path) -> dict[str, Log]:
         """See `importer.Importer.read`."""

@@ -1,8 +1,8 @@
 """Play test: STS3215 servos hold a position while two others pull a lever (Robonine), CSV files.
 
-Elastic bands pull with about 0.3 kgf at 100 mm when a puller is at its far end and are slack at its
-near end; in between the pull is taken as proportional. Of two coupled servos each is taken to carry
-half of pull and lever. Drive numbers: BAM's identification of a 12 V STS3215.
+Elastic bands pull with about 0.3 kgf at 100 mm when a pulling servo is at its far end, and are
+slack at its near end. In between the pull is assumed to be proportional. Two coupled servos are
+assumed to carry half of pull and lever each. Drive numbers: BAM's identification of a 12 V STS3215.
 """
 
 from pathlib import Path
@@ -23,13 +23,14 @@ from diagnosis.logs.log import (
 
 RAD_PER_COUNT = 2 * np.pi / 4096
 HOME = 2047
-"""Count at which the lever stands in the middle."""
+"""Count at which the lever is in the middle."""
 PULLERS = {"3": -1.0, "4": 1.0}
-"""Servos that pull, and the sense in which they turn the tested one."""
+"""Servos that pull, and the direction in which they turn the tested one."""
 PULL_NM = 0.3 * 9.80665 * 0.1
 """Torque of a fully stretched band: about 0.3 kgf at 100 mm [Nm]."""
 SLACK = 0.02
-"""Share of its way within which a puller is at its near end: it holds its place to a few counts."""
+"""A pulling servo is at its near end within this share of its range; it holds its position to a few
+counts."""
 KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 1.444, 2.03, 0.0325
 """Motor (Rhoban/bam, params/feetech_sts3215_12V/m1)."""
 SUPPLY_V, FULL_DUTY, DUTY_PER_RAD = 12.0, 0.97, 32 * 0.166 * 0.975
@@ -51,7 +52,9 @@ def _log(path: Path) -> Log:
     table = _load(path)
     tested = [c[5:-1] for c in table.columns if c.startswith("pos (") and c[5:-1] not in PULLERS]
     if not tested:
-        raise LogError(f"{path} has no tested servo; a play test has 'pos (5)' or 'pos (1)'")
+        raise LogError(
+            f"{path} has no tested servo; a play test has a column 'pos (5)' or 'pos (1)'"
+        )
     pull_nm = sum(side * _stretch(table, servo) for servo, side in PULLERS.items()) * PULL_NM
     columns = {"t_s": table["t_s"]}
     for servo in tested:
@@ -72,7 +75,7 @@ def _log(path: Path) -> Log:
 
 
 def _load(path: Path) -> pd.DataFrame:
-    """The table without rows before the first reading, its times from zero."""
+    """The table without rows before the first reading; its times start at zero."""
     try:
         table = pd.read_csv(path)
         time = pd.to_datetime(table["timestamp"], format="ISO8601")
@@ -81,14 +84,14 @@ def _load(path: Path) -> pd.DataFrame:
         table = table.assign(t_s=(time - time[0]).dt.total_seconds())[known]
         return table.astype(dict.fromkeys(needed, float)).reset_index(drop=True)
     except KeyError as error:
-        raise LogError(f"{path} has no column {error}; a play test has it") from None
+        raise LogError(f"{path} has no column {error}; is it a play test?") from None
     except (OSError, ValueError, UnicodeDecodeError) as error:
         what = " ".join(str(error).split())
         raise LogError(f"{path} cannot be read as a play test: {what}") from None
 
 
 def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
-    """How far a puller stretches its band, 0 to 1: from the relaxed target to the farthest."""
+    """Stretch of a pulling servo's band, from 0 (relaxed target) to 1 (farthest target)."""
     target = table[f"target pos ({puller})"].to_numpy()
     relaxed = np.median(target)
     far = target[np.argmax(np.abs(target - relaxed))]
@@ -99,7 +102,7 @@ def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
 
 
 def _facing(target: pd.Series, first: pd.Series) -> float:
-    """-1 for a servo that faces the first one and so moves the other way, else 1."""
+    """-1 for a servo that faces the first one and so moves in the other direction, else 1."""
     return -1.0 if float(np.dot(target - HOME, first - HOME)) < 0 else 1.0
 
 
@@ -113,7 +116,7 @@ def _drive() -> DriveSettings:
 
 
 def _mjcf(joints: list[str]) -> str:
-    """One vertical axis and its share of the lever per servo."""
+    """One vertical axis per servo, with its share of the lever."""
     mass = LEVER_KG / len(joints)
     across = mass * LEVER_M**2 / 12
     bodies = "".join(

@@ -1,4 +1,4 @@
-"""An engine whose every sample is kept: the same columns that a robot's log has."""
+"""Record every sample of an engine, in the columns of a robot's log."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -20,15 +20,15 @@ SIGNALS = {
     "torque": "drive_torque_nm",
     "velocity": "joint_rad_s",
 }
-"""State fields behind the channels."""
+"""The state field of each channel."""
 NEEDS_STICK = ("touch", "contact", "stick", "pull")
 
 
 class Tape:
-    """N worlds on an engine, noted before every advance: what was read, and what is commanded.
+    """N worlds on an engine; readings and commands are stored before every advance.
 
-    `held` says that the stick is in the hand, so that touch and its pose are noted too: 'touch' as
-    pressed depth [m], or 'contact' as whether each taxel is active.
+    If `held`, the stick is in the hand, and touch and its pose are stored too: 'touch' is the
+    pressed depth [m], 'contact' is whether each taxel is active.
     """
 
     def __init__(self, simulator: Simulator, channels: Sequence[str], held: bool) -> None:
@@ -41,7 +41,7 @@ class Tape:
         self._state: State | None = None
 
     def reset(self, initial: InitialState) -> State:
-        """Start all worlds, and the tape."""
+        """Start all worlds and the recording."""
         self._rows = []
         everywhere = np.ones(len(initial.joint_rad), dtype=bool)
         self._state = self._simulator.reset(initial, everywhere)
@@ -50,7 +50,7 @@ class Tape:
     def advance(
         self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
     ) -> State:
-        """Note this sample and hold the targets (N, J) until the next."""
+        """Store this sample and hold the targets (N, J) until the next one."""
         self.note(target_rad, load_nm, pull_n)
         self._state = self._simulator.advance(target_rad, load_nm, pull_n)
         return self._state
@@ -58,10 +58,10 @@ class Tape:
     def note(
         self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
     ) -> None:
-        """Keep what is read now beside targets and loads (N, J) and pulls (N,) from now on."""
+        """Store the current readings and the targets, loads (N, J) and pulls (N,) that act next."""
         state = self._state
         if state is None:
-            raise RuntimeError("reset the tape first")
+            raise RuntimeError("reset the recording first")
         now_s = len(self._rows) * self._dt_s
         bad = state.first_bad_signal()
         if bad is not None:
@@ -82,7 +82,7 @@ class Tape:
         self._simulator.close()
 
     def frames(self, lengths: Sequence[int] | None = None) -> list[pd.DataFrame]:
-        """The samples of every world, cut to `lengths` and where its stick falls."""
+        """The samples of every world, up to `lengths` or until its stick falls."""
         taken = {kind: np.stack([row[kind] for row in self._rows]) for kind in self._rows[0]}
         ends = lengths or [len(self._rows)] * len(self._simulator.specs)
         if self._held:
@@ -111,13 +111,13 @@ class Tape:
 
 
 def _fall(height_m: Array) -> int:
-    """Number of samples before the stick has fallen; never too few for an episode."""
+    """Number of samples before the stick has fallen, but at least enough for an episode."""
     fallen = height_m < height_m[0] - DROP_M
     return max(int(np.argmax(fallen)), MIN_SAMPLES) if fallen.any() else len(height_m)
 
 
 class SlowFace:
-    """A tape as a task sees it: every advance holds the targets for several samples."""
+    """A recording for a task: every advance holds the targets for several samples."""
 
     def __init__(self, tape: Tape, specs: Sequence[Spec], policy_s: float) -> None:
         timing = dataclasses.replace(specs[0].timing, policy_s=policy_s)

@@ -1,14 +1,15 @@
-"""What to command so that a log can tell effects apart: targets and known pushes, nothing else.
+"""Excitation protocols: targets and known pushes that make effects distinguishable in a log.
 
-Pure functions of joint numbers, rate and seed; they know no hand and no engine. Row k is commanded
-from `t_s[k]` to the next row. All joints move at once, each in its own rhythm (other step times,
-periods, frequencies), so that one episode serves all and joints stay apart. Every episode starts
-and ends at rest in the centre.
+They are pure functions of joint numbers, rate and seed, and know no hand and no engine. Row k is
+commanded from `t_s[k]` until the next row. All joints move at once, each with its own step times,
+periods and frequencies. So one episode serves all joints, and their effects can be separated. Every
+episode starts and ends at rest in the centre of the ranges.
 
-Which protocol shows what: small steps show stiction, dead zone and resolution, large ones torque
-and rate limits and delays; a slow triangle shows play and friction at its reversals; the multisine
-gains, inertias and damping; the push the gear, its self-lock and the scale of all torques. With the
-stick in the hand, a grasp shows touch and contact, and a pull what it weighs and how it slips.
+What each protocol shows: small steps show stiction, dead zone and resolution; large steps show
+torque limits, rate limits and delays. The slow triangle shows play and friction at its reversals.
+The multisine shows gains, inertias and damping. The push shows the gear, its self-lock and the
+scale of all torques. With the stick in the hand, the grasp shows touch and contact, and the pull
+shows the stick's mass and friction.
 """
 
 from collections.abc import Callable, Sequence
@@ -25,50 +26,52 @@ LEAD_S = 0.25
 """Rest before the first and after the last motion [s]."""
 STEP_S = 0.5
 STEP_SHARES = (0.01, 0.03, 0.08, 0.2, 0.45)
-"""Heights of the steps, either way, as shares of the room about the centre."""
+"""Heights of the steps, in both directions, as shares of the range about the centre."""
 TRIANGLE_SHARE, TRIANGLE_S = 0.3, 11.0
 """Amplitude; length of all strokes [s]."""
 TRIANGLE_CYCLES = (1.0, 1.5, 2.0, 2.5)
-"""Periods of the joints in turn."""
+"""Periods of the joints, used in order."""
 TRIANGLE_LATE = 1 / 50
-"""How much later each joint begins, as a share of all strokes: so no two of ours turn at once."""
+"""Delay of each joint's start, as a share of all strokes, so that no two joints of our hand reverse
+at once."""
 SINES_HZ = (0.2, 0.4, 0.7, 1.2, 2.0, 3.3, 5.5, 9.0)
 SINE_SHARE, SINE_S = 0.25, 10.0
-"""Largest excursion; the episode's length, which is the period of all sines together [s]."""
+"""Largest excursion, and the episode's length, which is the common period of all sines [s]."""
 SAMPLES_PER_SINE = 8
-"""A sine of fewer samples in its period is left out."""
+"""Sines with fewer samples per period are left out."""
 PUSH_LEVELS = (0.0, 0.3, -0.3)
 PUSH_SHARES = (0.12, 0.22, 0.35)
-"""Positions that are held, and pushes as shares of the drive's limit, in an order of each joint.
+"""Positions that are held, and pushes as shares of the drive's limit; each joint has its own order.
 
-A drive that has lost half of its torque still holds these; beyond its torque a joint flies off.
+A drive with half of its torque still holds these pushes; beyond its torque the joint would be
+pushed away.
 """
 RAMP_S, PRESS_S = 0.3, 0.2
 GRASP_RAD = 0.03
 """Amplitude of the motion with the stick in the hand [rad]."""
 GRASP_HZ, GRASP_S = (0.3, 0.7, 1.3), 6.0
 GRIP_S, LATE_S = 1.0, 0.1
-"""The stick is held so long before it is pulled, and by up to so much longer [s]."""
+"""Time for which the stick is held before it is pulled, and the largest random addition [s]."""
 PULL_N_S, PULL_N = 100.0, 60.0
-"""How fast it is pulled, and how far, if it has not slipped before: so fast that what it weighs
-shows against what friction changes by on the way [N/s, N]."""
+"""Rate of the pull and its largest force, if the stick does not slip before [N/s, N]. It is fast
+enough that the stick's mass shows more than the change of friction on the way."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joints:
-    """What an excitation must know of the joints; of linear ones read m for rad and N for Nm."""
+    """The joint data that an excitation needs; for linear joints read m for rad and N for Nm."""
 
     names: tuple[str, ...]
     center_rad: Array
-    """Where they move about [rad], shape (J,)."""
+    """Centre of the motion [rad], shape (J,)."""
     range_rad: Array
     """Lowest and highest target [rad], shape (J, 2)."""
     limit_nm: Array
-    """Largest drive torque [Nm], shape (J,): pushes are shares of it."""
+    """Largest drive torque [Nm], shape (J,); pushes are shares of it."""
 
     @property
     def room_rad(self) -> Array:
-        """How far a joint may move either way [rad], shape (J,)."""
+        """Largest excursion of each joint in both directions [rad], shape (J,)."""
         ends = np.stack([self.center_rad - self.range_rad[:, 0], self.range_rad[:, 1]])
         ends[1] -= self.center_rad
         return np.minimum(*ends)
@@ -89,7 +92,7 @@ class Excitation:
     """Force on the stick along its axis, towards its lower end [N], shape (T,)."""
 
     def alone(self, joint: int) -> "Excitation":
-        """The same with one joint moving and pushed, and the others held where they start."""
+        """The same excitation for one joint; the others are held at their start."""
         others = np.arange(self.target_rad.shape[1]) != joint
         return replace(
             self,
@@ -99,7 +102,7 @@ class Excitation:
 
 
 def hand_joints(hand: Hand) -> Joints:
-    """A hand's joints about the middle of their ranges."""
+    """The joints of a hand, about the middle of their ranges."""
     ranges = np.array([body.joint.range_rad for body in hand.driven])
     limits = [b.joint.drive.torque_limit_nm for b in hand.driven if b.joint.drive is not None]
     return Joints(
@@ -111,9 +114,9 @@ def hand_joints(hand: Hand) -> Joints:
 
 
 def steps(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
-    """Steps from the centre and back, of all heights both ways, in an order drawn per joint.
+    """Steps from the centre and back, of all heights in both directions, in random order.
 
-    Joints step one after the other within a period, each held until its next step.
+    Within a period the joints step one after the other; each is held until its next step.
     """
     rng = np.random.default_rng([seed, 1])
     heights = np.array([*STEP_SHARES, *(-np.array(STEP_SHARES))])
@@ -128,7 +131,7 @@ def steps(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation
 
 
 def triangle(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
-    """Slow strokes at constant speed between two reversals; every joint with its own period."""
+    """Slow strokes at constant speed between two reversals; every joint has its own period."""
     signs = np.random.default_rng([seed, 2]).choice([-1.0, 1.0], len(joints.names))
     number = np.arange(len(joints.names))
     cycles = np.array(TRIANGLE_CYCLES)[number % len(TRIANGLE_CYCLES)]
@@ -156,7 +159,7 @@ def multisine(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excita
 
 
 def push(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
-    """Hold some positions; at each, a known torque is ramped up and down, one way and the other."""
+    """Hold some positions; at each a known torque is ramped up and down in both directions."""
     rng = np.random.default_rng([seed, 4])
     signs = rng.choice([-1.0, 1.0], len(joints.names))
     shares = np.stack([rng.permutation(PUSH_SHARES) for _ in joints.names])
@@ -180,7 +183,7 @@ def push(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
 
 
 def grasp(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
-    """Small motions with the stick in the hand: every joint its own slow sines about the grip."""
+    """Small motions with the stick in the hand: slow sines of every joint about the grip."""
     rng = np.random.default_rng([seed, 5])
     t = _times(2 * LEAD_S + GRASP_S, rate_hz)
     inside = np.clip(t - LEAD_S, 0, GRASP_S)
@@ -194,7 +197,7 @@ def grasp(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation
 
 
 def pull(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
-    """Hold the stick still and pull it out of the grip along its axis, faster and faster."""
+    """Hold the stick still and pull it out of the grip along its axis with growing force."""
     t = _times(GRIP_S + PULL_N / PULL_N_S, rate_hz)
     held = _about(joints, "pull", t, np.zeros((len(t), len(joints.names))))
     begins_s = GRIP_S + np.random.default_rng([seed, 6]).uniform(0.0, LATE_S)
@@ -207,10 +210,10 @@ FREE: dict[str, Callable[..., Excitation]] = {
     "multisine": multisine,
     "push": push,
 }
-"""Protocols with nothing in the hand."""
+"""Protocols without a stick in the hand."""
 OPEN_LOOP = {**FREE, "grasp": grasp, "pull": pull}
 PROTOCOLS = (*OPEN_LOOP, "policy")
-"""All protocols; 'policy' is closed loop, so it has no trajectory of its own."""
+"""All protocols. 'policy' is closed loop, so it has no trajectory of its own."""
 
 
 def _about(joints: Joints, protocol: str, t_s: Array, moved_rad: Array) -> Excitation:
@@ -229,13 +232,13 @@ def _times(length_s: float, rate_hz: float) -> Array:
 
 
 def _own_cycles(wanted_hz: Sequence[float], length_s: float, joint: int, joints: int) -> list:
-    """Cycles per episode near the wanted frequencies, of which no other joint has any."""
+    """Cycles per episode near the wanted frequencies; no two joints share one."""
     blocks = sorted({int(f * length_s) // joints for f in wanted_hz})
     return [joints * b + joint + 1 for b in blocks]
 
 
 def _fade(inside_s: Array, length_s: float) -> Array:
-    """A window that rises and falls within half a second at the ends."""
+    """A window that rises and falls within half a second at its ends."""
     edge = np.minimum(inside_s, length_s - inside_s) / 0.5
     return np.sin(np.pi / 2 * np.clip(edge, 0, 1)) ** 2
 
@@ -246,6 +249,6 @@ def _press(since_s: Array) -> Array:
 
 
 def _stairs(t_s: Array, knots_s: Array, levels: Array) -> Array:
-    """Levels one after the other, with a ramp at each knot."""
+    """Levels one after the other, with a ramp at each change."""
     at = np.stack([knots_s, knots_s + RAMP_S], axis=1).ravel()
     return np.interp(t_s, at, np.stack([np.append(0.0, levels[:-1]), levels], axis=1).ravel())

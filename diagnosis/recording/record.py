@@ -1,7 +1,7 @@
-"""Recording: an engine put through the protocols, written down as a robot's log would be.
+"""Recording: run the protocols on an engine and write a log like that of a robot.
 
-The engine comes in from above and runs at the log's rate; episodes are worlds of a batch. What a
-log says of its mechanism is a name: effects are what a diagnosis looks for.
+The engine is passed in and runs at the rate of the log. Episodes are worlds of one batch. A log
+names its mechanism but not its effects, because a diagnosis has to find them.
 """
 
 import dataclasses
@@ -25,24 +25,24 @@ from tasks.task import Figure
 
 CHANNELS = ("command", "position", "motor", "torque", "velocity", "push", "touch", "stick", "pull")
 OPTIONAL = ("contact",)
-"""Instead of 'touch': each taxel as active or not, as after the robot's own threshold."""
+"""Instead of 'touch': whether each taxel is active, as after the threshold of a robot."""
 ALWAYS = ("command", "position")
-"""Channels without which a log says nothing."""
+"""Channels that every log needs."""
 HELD = ("grasp", "pull", "policy")
 """Protocols with the stick in the hand."""
 ASIDE_M = (5.0, 0.0, 0.0)
-"""Where the stick floats without weight in the other protocols [m]."""
+"""Position at which the stick floats without weight in the other protocols [m]."""
 FOREVER_S = 1e6
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
-"""Puts worlds on an engine."""
+"""Starts worlds on an engine."""
 Progress = Callable[[float], None]
-"""Told which share of the recording is through."""
+"""Called with the finished share of the recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Policy:
-    """What acts in the closed-loop protocol."""
+    """The policy that acts in the closed-loop protocol."""
 
     task: Figure
     observation: Observation
@@ -56,14 +56,14 @@ class Episode:
 
     protocol: str
     variant: int
-    """Decides phases, orders and grip."""
+    """Seed of phases, orders and grip."""
     repeat: int
-    """Decides the noise alone."""
+    """Seed of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is recorded: every protocol in some variants, each repeated."""
+    """What is recorded: every protocol in some variants, each repeated some times."""
 
     protocols: tuple[str, ...]
     channels: tuple[str, ...] = CHANNELS
@@ -92,10 +92,10 @@ def record(
     known_effects: str = "none",
     progress: Progress = lambda share: None,
 ) -> Log:
-    """A log of the world `spec`; `known_effects` are those that its mechanism may name.
+    """A log of the world `spec`; `known_effects` are the effects that the log may name.
 
-    Raises LogError when the plan cannot be recorded, ValueError where the engine refuses a number
-    or the stick cannot be gripped, SimulationDivergedError where a signal is not finite.
+    Raises LogError if the plan cannot be recorded, ValueError if the engine refuses a number or the
+    stick cannot be gripped, and SimulationDivergedError if a signal is not finite.
     """
     check(spec, plan, policy)
     frames: dict[int, pd.DataFrame] = {}
@@ -124,34 +124,38 @@ def check(spec: Spec, plan: Plan, policy: Policy | None) -> None:
         raise LogError("touch and contact are two forms of one channel; choose one of them")
     missing = [name for name in ALWAYS if name not in plan.channels]
     if missing:
-        raise LogError(f"a log without {' and '.join(missing)} says nothing; add it to channels")
+        raise LogError(f"every log needs {' and '.join(missing)}; add it to the channels")
     loads = {"push", "pull"} & set(plan.protocols) - set(plan.channels)
     for name in sorted(loads):
         raise LogError(
-            f"the protocol '{name}' says nothing without the channel '{name}'; add it to channels, "
+            f"the protocol '{name}' needs the channel '{name}'; add it to the channels, "
             "or leave the protocol out"
         )
     if "policy" in plan.protocols and policy is None:
-        raise LogError("the protocol 'policy' needs a policy; name a run, or leave it out")
+        raise LogError(
+            "the protocol 'policy' needs a policy; give a run with --policy, "
+            "or leave the protocol out"
+        )
     slowest_hz, drive_s = 1 / spec.timing.policy_s, spec.timing.drive_s
     ticks, samples = 1 / (plan.rate_hz * drive_s), spec.timing.policy_s * plan.rate_hz
     whole = _whole(ticks) and ("policy" not in plan.protocols or _whole(samples))
     if not (whole and slowest_hz * (1 - 1e-9) <= plan.rate_hz <= (1 + 1e-9) / drive_s):
         raise LogError(
-            f"the rate is {plan.rate_hz:g} Hz; allowed: {slowest_hz:g} to {1 / drive_s:g} Hz, a "
-            f"whole number of drive periods ({1e3 * drive_s:g} ms) in a sample and, for a policy, "
-            f"of samples in {1e3 * spec.timing.policy_s:g} ms, such as 50, 200 or 1000"
+            f"the rate is {plan.rate_hz:g} Hz; allowed: {slowest_hz:g} to {1 / drive_s:g} Hz, such "
+            f"as 50, 200 or 1000; a sample must last a whole number of drive periods "
+            f"({1e3 * drive_s:g} ms), and a policy needs a whole number of samples in "
+            f"{1e3 * spec.timing.policy_s:g} ms"
         )
 
 
 def _known(what: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
     if not given:
-        raise LogError(f"no {what} is named; known: {', '.join(known)}")
+        raise LogError(f"no {what} is given; known: {', '.join(known)}")
     for name in given:
         if name not in known:
             raise LogError(f"no {what} named '{name}'; known: {', '.join(known)}")
         if given.count(name) > 1:
-            raise LogError(f"{what} '{name}' is named twice; name each once")
+            raise LogError(f"{what} '{name}' is given twice; give each once")
 
 
 def _whole(number: float) -> bool:
@@ -159,7 +163,7 @@ def _whole(number: float) -> bool:
 
 
 def _batches(plan: Plan) -> list[list[int]]:
-    """Numbers of the episodes that run side by side: free air, in the grip, by policy."""
+    """Numbers of the episodes that run in one batch: free air, in the grip, by policy."""
     kinds = [e.protocol if e.protocol in HELD else "free" for e in plan.episodes]
     return [[k for k, found in enumerate(kinds) if found == kind] for kind in dict.fromkeys(kinds)]
 
@@ -214,14 +218,14 @@ def _closed_loop(
 
 
 def _world(spec: Spec, plan: Plan, held: bool) -> Spec:
-    """The world at the log's rate, its stick without weight unless it is held."""
+    """The world at the rate of the log; the stick has no weight unless it is held."""
     weightless_s = spec.timing.weightless_s if held else FOREVER_S
     timing = dataclasses.replace(spec.timing, policy_s=1 / plan.rate_hz, weightless_s=weightless_s)
     return dataclasses.replace(spec, timing=timing)
 
 
 def _start(spec: Spec, plan: Plan, number: int) -> InitialState:
-    """Where an episode starts; repeats start alike."""
+    """The start of an episode; repeats start alike."""
     episode = plan.episodes[number]
     noise = np.random.default_rng([plan.seed, number, 0]).integers(1 << 53, size=1)
     if episode.protocol in HELD:
@@ -236,7 +240,7 @@ def _start(spec: Spec, plan: Plan, number: int) -> InitialState:
 
 
 def _motion(spec: Spec, plan: Plan, episode: Episode, start: InitialState) -> Excitation:
-    """What is commanded in an episode; repeats are commanded alike."""
+    """The commands of an episode; repeats have the same commands."""
     joints = excitation.hand_joints(spec.hand)
     if episode.protocol in HELD:
         grip = start.joint_rad[0] + np.array(spec.hand.preload_rad)

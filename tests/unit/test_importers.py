@@ -163,7 +163,7 @@ def test_other_files_are_refused(tmp_path, kind, name, text, words):
 
 def test_garbled_entries_are_refused(tmp_path):
     """Refuse entries without their fields, and gains recorded on different pendulums."""
-    with pytest.raises(LogError, match="lack or garble 'torque_enable'"):
+    with pytest.raises(LogError, match="lack 'torque_enable', or it is invalid"):
         load("bam", bam(tmp_path, entries=[{"timestamp": 0.0}]))
     bam(tmp_path, name="a")
     bam(tmp_path, name="b", mass=1.0)

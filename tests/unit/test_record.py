@@ -241,19 +241,19 @@ def test_every_engine_writes_the_same_columns(everything, backend):
     ("plan", "words"),
     [
         ({"protocols": ("jump",)}, "no protocol named 'jump'; known: steps"),
-        ({"protocols": ()}, "no protocol is named"),
-        ({"protocols": ("steps", "steps")}, "named twice"),
-        ({"channels": ("command",)}, "without position says nothing"),
+        ({"protocols": ()}, "no protocol is given"),
+        ({"protocols": ("steps", "steps")}, "given twice"),
+        ({"channels": ("command",)}, "every log needs position"),
         ({"channels": (*CHANNELS, "sound")}, "no channel named 'sound'"),
         ({"channels": (*CHANNELS, "contact")}, "two forms of one channel"),
         (
             {"protocols": ("push",), "channels": ("command", "position")},
-            "'push' says nothing without the channel 'push'; add it to channels",
+            "'push' needs the channel 'push'; add it to the channels",
         ),
         ({"rate_hz": 300.0}, "the rate is 300 Hz; allowed: 50 to 1000 Hz"),
         ({"rate_hz": 20.0}, "the rate is 20 Hz"),
         ({"rate_hz": 2000.0}, "the rate is 2000 Hz"),
-        ({"protocols": ("policy",), "rate_hz": 125.0}, "for a policy, of samples in 20 ms"),
+        ({"protocols": ("policy",), "rate_hz": 125.0}, "whole number of samples in 20 ms"),
     ],
 )
 def test_what_cannot_be_recorded_is_refused(plan, words):
