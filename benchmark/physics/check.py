@@ -1,6 +1,6 @@
-"""What a physics check returns: a figure, what is expected of it, and how far off it may lie.
+"""The result of a physics check: a figure, its expected value, and the allowed distance.
 
-Checks see an engine through its public surface alone: constructor, reset, advance, state, support.
+Checks use only the public interface of an engine: constructor, reset, advance, state, support.
 """
 
 from collections.abc import Callable, Iterable
@@ -11,7 +11,7 @@ from backends.engine import Engine
 
 @dataclass(frozen=True, kw_only=True)
 class Check:
-    """One figure that an engine was measured by."""
+    """One measured figure of an engine."""
 
     name: str
     """What was measured."""
@@ -19,24 +19,24 @@ class Check:
     """The figure, in `unit`; not finite where the engine diverged."""
     unit: str
     expected: float
-    """The figure of a closed form, a conservation law or another engine."""
+    """The figure by a closed form, a conservation law or another engine."""
     bound: float
-    """How far the figure may lie from the expected one."""
+    """Largest allowed distance of the figure from the expected one."""
     why: str
-    """Where the expectation and its bound come from."""
+    """The source of the expected figure and its bound."""
 
     @property
     def passed(self) -> bool:
-        """Whether the figure lies within its bound."""
+        """Whether the figure is within its bound."""
         return bool(abs(self.figure - self.expected) <= self.bound)
 
 
 Measure = Callable[[type[Engine]], Iterable[Check]]
 """Measures one engine."""
 Compare = Callable[[type[Engine], type[Engine]], Iterable[Check]]
-"""Measures an engine beside a second one, the reference."""
+"""Measures an engine against a second one, the reference."""
 
 
 def rounding(engine: type[Engine]) -> float:
-    """Largest relative error of one rounding in an engine, by its own answer for the masses."""
+    """Largest relative error of one rounding in an engine, from its `support` of masses."""
     return 2.0**-24 if "32-bit" in engine.support["body.mass_kg"] else 2.0**-53

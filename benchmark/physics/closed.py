@@ -1,4 +1,4 @@
-"""Closed forms that engines are held to: a pendulum, a drive's response, rigid dynamics."""
+"""Closed forms that engines are compared with: pendulum, response of a drive, rigid dynamics."""
 
 import math
 
@@ -18,7 +18,7 @@ def pendulum_period_s(inertia_kgm2: float, moment_nm: float, amplitude_rad: floa
 
 
 def upward_crossings_s(angle_rad: Array, dt_s: float) -> Array:
-    """Times at which an angle, sampled every dt from 0 on, passes zero upwards (linear between)."""
+    """Times at which an angle, sampled every dt from 0 on, passes zero upwards (interpolated)."""
     k = np.flatnonzero((angle_rad[:-1] < 0) & (angle_rad[1:] >= 0))
     return (k + angle_rad[k] / (angle_rad[k] - angle_rad[k + 1])) * dt_s
 
@@ -50,7 +50,7 @@ def mass_and_bias(
 ) -> tuple[Array, Array]:
     """Mass matrices (N, J, J) [kg m^2] and bias torques (N, J) [Nm] at angles and speeds (N, J).
 
-    The bias is what holds the joints' speeds as they are; without speeds, the hand at rest.
+    The bias torques keep the joint speeds constant. Without speeds the hand is at rest.
     """
     n, joints = joint_rad.shape
     speed = np.zeros_like(joint_rad) if joint_rad_s is None else joint_rad_s
@@ -63,7 +63,7 @@ def mass_and_bias(
 
 
 def free_swing(spec: Spec, start_rad: Array, steps: int) -> Array:
-    """Joint angles (steps, J) of an undriven hand let go at rest, by semi-implicit Euler."""
+    """Joint angles (steps, J) of an undriven hand that starts at rest, by semi-implicit Euler."""
     angle, speed = start_rad.copy(), np.zeros_like(start_rad)
     path = []
     for _ in range(steps):

@@ -1,4 +1,4 @@
-"""A stick on a shelf of two fixed fingertips: what carries it, and what a landing gives back."""
+"""A stick on a shelf of two fixed fingertips: the forces at rest, and a landing."""
 
 from collections.abc import Iterator
 
@@ -25,7 +25,7 @@ def rest(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0,
         bound=1e-6,
-        why="balance; solvers stop at 1e-8, 32-bit forces round at 6e-8",
+        why="force balance; solvers stop at 1e-8, 32-bit forces round at 6e-8",
     )
     share = force[:, 2] / WEIGHT_N - np.array([RIGHT_M, LEFT_M]) / (LEFT_M + RIGHT_M)
     yield Check(
@@ -34,12 +34,12 @@ def rest(engine: type[Engine]) -> Iterator[Check]:
         unit="of m g off",
         expected=0.0,
         bound=1e-4,
-        why="lever rule; unequal sinking, 0.01 mm, tilts the stick and moves the contacts",
+        why="lever rule; unequal sinking of 0.01 mm tilts the stick and moves the contacts",
     )
 
 
 def landing(engine: type[Engine]) -> Iterator[Check]:
-    """Drop the stick by 10 mm: all momentum is taken up, and no height comes back."""
+    """Drop the stick by 10 mm: the contacts take up all momentum, and it does not bounce."""
     path = _lay(engine, DROP_M)
     impulse = -path.contact_force_n[:, 0, :, 2].sum() * DT_S
     gained = STICK.mass_kg * path.stick_vel_m_s[-1, 0, 2]
@@ -49,7 +49,7 @@ def landing(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0,
         bound=1e-5,
-        why="momentum; a force of 32 bits rounds at 6e-8, and a landing sums 50 times the weight",
+        why="momentum; a 32-bit force rounds at 6e-8, and a landing adds up 50 times the weight",
     )
     height = path.stick_pos_m[:, 0, 2]
     lowest = int(np.argmin(height))
@@ -59,12 +59,12 @@ def landing(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=0.0,
         bound=0.01,
-        why="contacts are inelastic, restitution 0: no energy comes from them",
+        why="contacts are inelastic (restitution 0) and give no energy back",
     )
 
 
 def _lay(engine: type[Engine], drop_m: float) -> State:
-    """A stick let go `drop_m` above the shelf."""
+    """A stick that is released `drop_m` above the shelf."""
     spec = rigs.shelf(LEFT_M, RIGHT_M)
     start = rollout.at_rest([spec], 0.0, (0.0, 0.0, drop_m), (1.0, 0.0, 0.0))
     return rollout.record(engine, [spec], start, rollout.idle([spec], round(TIME_S / DT_S)))

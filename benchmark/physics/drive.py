@@ -1,7 +1,7 @@
-"""The drive in every engine: step response, sag under load, the push test of the paper, self-lock.
+"""The drive in every engine: step response, sag under load, the paper's push test, self-lock.
 
-The drive law is one code for all engines; what is checked is that an engine gives it joints to act
-on as the spec says, and nothing beside.
+The drive law is the same code for all engines. These checks show that an engine's joints behave as
+the spec says, without additional forces.
 """
 
 import dataclasses
@@ -24,7 +24,8 @@ STEP_RAD, LOAD_NM, STEP_S = 0.05, 0.12, 1.0
 PLAYS_DEG = (0.2, 1.0, 3.0)
 PUSH_NM, SETTLE_S = 0.2, 1.5
 STOP_RAD = 5e-6
-"""A joint that settles may stop this short in 32 bits, where its step is lost in its angle."""
+"""A joint that settles may stop short by this in 32 bits, where a step is lost in rounding of the
+angle."""
 
 
 def step(engine: type[Engine]) -> Iterator[Check]:
@@ -42,7 +43,7 @@ def step(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=2.0,
         bound=0.1,
-        why="semi-implicit Euler comes nearer to the matrix exponential in the first order of dt",
+        why="semi-implicit Euler converges to the matrix exponential in first order of dt",
     )
     yield Check(
         name="step response, rise from 10 to 90 %",
@@ -50,7 +51,7 @@ def step(engine: type[Engine]) -> Iterator[Check]:
         unit="ms",
         expected=1e3 * _rise_s(angle, final),
         bound=1e3 * DT_S,
-        why="matrix exponential of the drive's equations; one step",
+        why="matrix exponential of the drive's equations; bound of one step",
     )
     yield Check(
         name="step response, overshoot",
@@ -58,7 +59,7 @@ def step(engine: type[Engine]) -> Iterator[Check]:
         unit="%",
         expected=100 * (angle.max() / final - 1),
         bound=100 * DT_S * np.abs(speed).max() / final,
-        why="matrix exponential; the way of one step at full speed",
+        why="matrix exponential; bound: the distance of one step at full speed",
     )
     yield Check(
         name="step response, steady error under 0.12 Nm",
@@ -66,12 +67,12 @@ def step(engine: type[Engine]) -> Iterator[Check]:
         unit="mrad",
         expected=1e3 * LOAD_NM / drive.kp_nm_rad,
         bound=1e3 * (STOP_RAD + float(np.abs(angle[-1] - final))),
-        why="load / kp at the motor; what is left of the motion, and 32-bit joints stop short",
+        why="load / kp at the motor; bound: the remaining motion, and 32-bit joints stop short",
     )
 
 
 def _stepped(engine: type[Engine], drive: Drive, dt_s: float) -> tuple[State, float]:
-    """The response, and the largest distance [rad] of its joint to the closed form."""
+    """The response, and the largest distance [rad] of the joint from the closed form."""
     spec = rigs.rig([rigs.arm(drive, inertia_kgm2=ARM_KGM2)], dt_s=dt_s)
     steps = round(STEP_S / dt_s)
     target = np.full((steps, 1, 1), STEP_RAD)
@@ -88,13 +89,13 @@ def _rise_s(angle_rad: Array, final_rad: float) -> float:
 
 
 def _reached_s(path: Array, level: float) -> float:
-    """When a path from zero first comes to a level, linear between steps."""
+    """Time at which a path from zero first reaches a level, interpolated between steps."""
     k = int(np.argmax(path >= level))
     return float(k - 1 + (level - path[k - 1]) / (path[k] - path[k - 1])) * DT_S
 
 
 def sag(engine: type[Engine]) -> Iterator[Check]:
-    """Hold the hand under ten times gravity from three sides: joints sag as their springs do."""
+    """Hold the hand under ten times gravity from three sides: joints sag like springs."""
     gravities = 10 * G_M_S2 * np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]])
     level = rigs.frictionless(rigs.hand())
     specs = [rigs.under(level, gravity) for gravity in gravities]
@@ -124,7 +125,7 @@ def sag(engine: type[Engine]) -> Iterator[Check]:
 
 
 def push_test(engine: type[Engine]) -> Iterator[Check]:
-    """Hold the hand as built and push every joint both ways: the paper's test of the play."""
+    """Hold the hand as built and push every joint in both directions: the paper's test of play."""
     specs = [rigs.frictionless(rigs.hand(f"backlash={p}deg,self-lock=10Nm")) for p in PLAYS_DEG]
     worms = _worms(specs[0])
     pushes = np.repeat([0.0, PUSH_NM, -PUSH_NM], round(SETTLE_S / specs[0].timing.policy_s))
@@ -141,12 +142,12 @@ def push_test(engine: type[Engine]) -> Iterator[Check]:
             unit="deg",
             expected=play_deg,
             bound=math.degrees(2 * STOP_RAD),
-            why="q_b - q_a and q_a - q_c less torque / k, the teeth's yield; worst of J0, J3, J6",
+            why="q_b - q_a and q_a - q_c minus torque / k (teeth deflection); worst of J0, J3, J6",
         )
 
 
 def self_lock(engine: type[Engine]) -> Iterator[Check]:
-    """Push locked and free worm joints from both sides; then drive locked ones under load."""
+    """Push locked and free worm joints from both sides; then drive the locked ones under load."""
     specs = [rigs.frictionless(rigs.hand(e)) for e in ("self-lock=10Nm", "none")]
     worms = _worms(specs[0])
     rest = np.array(specs[0].hand.grasp_rad)[worms]
@@ -180,12 +181,12 @@ def _driven(engine: type[Engine], spec: Spec, worms: Array) -> Check:
     end = _held(engine, [spec] * 4, target, load, SETTLE_S)
     left = np.abs(end.motor_rad[-1] - target)[:, worms].max()
     return Check(
-        name="driven worm joint, left of 100 mrad under load",
+        name="driven worm joint, distance to a target 100 mrad away, under load",
         figure=1e3 * float(left),
         unit="mrad",
         expected=0.0,
         bound=1e3 * (PUSH_NM / spec.drives[int(worms[0])].kp_nm_rad + STOP_RAD),
-        why="the motor lifts and lowers to within load / kp",
+        why="the motor lifts and lowers the load to within load / kp",
     )
 
 
@@ -211,6 +212,6 @@ def _held(
 def _from_grasp(
     engine: type[Engine], specs: list[Spec], target: Array, load: Array | float
 ) -> State:
-    """The hand from its grasp on, the stick aside."""
+    """The hand, started in its grasp, with the stick out of the way."""
     start = rollout.at_rest(specs, np.array(specs[0].hand.grasp_rad))
     return rollout.record(engine, specs, start, target, load)

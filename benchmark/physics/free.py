@@ -1,4 +1,4 @@
-"""Free motion: a stick that hangs and falls, a pendulum, and the energy that neither may change."""
+"""Free motion: a stick that hangs and falls, a pendulum, and conservation of energy."""
 
 from collections.abc import Iterator
 
@@ -18,7 +18,7 @@ SWING_S, AMPLITUDE_RAD = 3.0, 0.5
 
 
 def fall(engine: type[Engine]) -> Iterator[Check]:
-    """Hang from its compensated weight, which shows the mass, then fall."""
+    """Compensate the stick's weight, which shows its mass, then let it fall."""
     spec = rigs.rig([rigs.arm()], weightless_s=HANG_S)
     hang, steps = round(HANG_S / DT_S), round(FALL_S / DT_S)
     start = rollout.at_rest([spec])
@@ -29,7 +29,7 @@ def fall(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=0.0,
         bound=1e-6,
-        why="largest speed in 1 s under gravity and minus the spec's weight, over g t",
+        why="largest speed in 1 s under gravity minus the spec's weight, over g t",
     )
     moved = path.stick_pos_m[hang:, 0] - start.stick_pos_m[0]
     k = np.arange(1, steps + 1)
@@ -40,7 +40,7 @@ def fall(engine: type[Engine]) -> Iterator[Check]:
         unit="m",
         expected=0.0,
         bound=float(steps * rounding(engine) * np.abs(euler).max()),
-        why="g dt^2 k (k + 1) / 2 after k steps; a rounding per step",
+        why="g dt^2 k (k + 1) / 2 after k steps; bound: one rounding per step",
     )
     yield Check(
         name="free fall in 0.4 s",
@@ -57,12 +57,12 @@ def fall(engine: type[Engine]) -> Iterator[Check]:
         unit="m, rad/s",
         expected=0.0,
         bound=0.0,
-        why="nothing pushes it aside or turns it",
+        why="no force acts sideways and no torque acts",
     )
 
 
 def pendulum(engine: type[Engine]) -> Iterator[Check]:
-    """Swing an arm about a level hinge; its period and its energy."""
+    """Swing an arm about a horizontal hinge; check its period and energy."""
     mass, length, own = 0.2, 0.1, 1e-4
     body = rigs.arm(axis=(0.0, 1.0, 0.0), mass_kg=mass, com_m=(0, 0, -length), inertia_kgm2=own)
     spec = rigs.rig([body])
@@ -82,7 +82,7 @@ def pendulum(engine: type[Engine]) -> Iterator[Check]:
         unit="s",
         expected=period,
         bound=period * square / 24 + DT_S * lost,
-        why="elliptic integral; semi-implicit Euler is short by (w dt)^2 / 24",
+        why="elliptic integral; with semi-implicit Euler it is shorter by (w dt)^2 / 24",
     )
     energy = inertia * speed**2 / 2 + moment * (1 - np.cos(angle))
     shadow = energy - DT_S / 2 * moment * np.sin(angle) * speed
@@ -92,12 +92,12 @@ def pendulum(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=0.0,
         bound=square + lost,
-        why="the energy that semi-implicit Euler keeps, H - dt/2 H_q q', is constant to (w dt)^2",
+        why="semi-implicit Euler conserves H - dt/2 H_q q' up to (w dt)^2",
     )
 
 
 def hand_energy(engine: type[Engine]) -> Iterator[Check]:
-    """Let the undriven hand swing under gravity aside: energy errs in proportion to the step."""
+    """Let the undriven hand swing under sideways gravity; its energy error is of first order."""
     errors = []
     for dt_s in (DT_S, DT_S / 2):
         spec = rigs.under(rigs.loose(rigs.hand(dt_s=dt_s)), np.array([0.0, G_M_S2, 0.0]))
@@ -111,7 +111,7 @@ def hand_energy(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=2.0,
         bound=0.1,
-        why="first order; damping or a wrong inertia leaves an error that does not halve",
+        why="first order of dt; damping or a wrong inertia gives an error that does not halve",
     )
 
 

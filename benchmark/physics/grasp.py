@@ -1,4 +1,4 @@
-"""The three-finger grasp in one engine: is it in balance, and does Coulomb's law hold the stick."""
+"""The three-finger grasp in one engine: force balance, and friction by Coulomb's law."""
 
 import dataclasses
 import math
@@ -20,12 +20,12 @@ CREEP_M_S, FALL_M_S = 2e-3, 0.1
 
 
 def grasp(specs: Sequence[Spec]) -> InitialState:
-    """The nominal grasp, fingers touching, the stick upright."""
+    """The nominal grasp: fingers touch, the stick is upright."""
     return sample_initial_states(specs, np.random.default_rng(0), 0.0)
 
 
 def squeeze(engine: type[Engine], specs: Sequence[Spec], time_s: float) -> State:
-    """The states under the grasp's preload."""
+    """The states while the grasp's preload acts."""
     start = grasp(specs)
     preload = np.array([spec.hand.preload_rad for spec in specs])
     periods = round(time_s / specs[0].timing.policy_s)
@@ -33,7 +33,7 @@ def squeeze(engine: type[Engine], specs: Sequence[Spec], time_s: float) -> State
 
 
 def balance(engine: type[Engine]) -> Iterator[Check]:
-    """Press for 1 s: the forces that the motors' torques ask for against those reported."""
+    """Press for 1 s and compare reported forces with those that follow from the torques."""
     spec = rigs.frictionless(rigs.hand())
     state = squeeze(engine, [spec], 1.0)
     forces = tip_forces(spec, state)
@@ -48,7 +48,7 @@ def balance(engine: type[Engine]) -> Iterator[Check]:
         unit="N",
         expected=0.0,
         bound=1e-3,
-        why=f"balance of a stick at rest under {sizes.sum():.1f} N; what still moves after 1 s",
+        why=f"force balance of a stick at rest under {sizes.sum():.1f} N; some motion after 1 s",
     )
     yield Check(
         name="grasp, reported normal forces over those from the torques",
@@ -56,7 +56,7 @@ def balance(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0,
         bound=2e-3,
-        why="lever rule at the reported points, which lie up to 0.1 mm deep in soft contacts",
+        why="lever rule at the reported points, which are up to 0.1 mm deep in soft contacts",
     )
     yield Check(
         name="grasp, largest friction over normal force",
@@ -86,7 +86,7 @@ def tip_forces(spec: Spec, path: State) -> Array:
 
 
 def slip(engine: type[Engine]) -> Iterator[Check]:
-    """Hold ever heavier sticks in the hand as built; the worlds differ in the stick's mass."""
+    """Hold sticks of growing mass in the hand as built; the worlds differ only in that mass."""
     slippery = dataclasses.replace(STICK, friction=SLIPPERY)
     built = dataclasses.replace(rigs.hand("built"), stick=slippery)
     grip_n = SLIPPERY * _squeeze_n(engine, built)
@@ -101,13 +101,13 @@ def slip(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0,
         bound=0.05,
-        why="Coulomb; after 0.5 s sticks creep at under 2 mm/s or fall at over 100 mm/s, and the "
-        "squeeze changes a little under a heavy stick",
+        why="Coulomb's law; after 0.5 s a stick creeps at under 2 mm/s or falls at over 100 mm/s; "
+        "the squeeze changes slightly under a heavy stick",
     )
 
 
 def carry(engine: type[Engine]) -> Iterator[Check]:
-    """Carry a stick of 0.4 times the squeeze at friction 0.8, and fail to at an eighth of it."""
+    """Carry a stick that weighs 0.4 times the squeeze at friction 0.8; drop it at 0.1."""
     probe = rigs.frictionless(rigs.hand())
     mass_kg = HELD_SHARE * _squeeze_n(engine, probe) / G_M_S2
     specs = [
@@ -139,7 +139,7 @@ def carry(engine: type[Engine]) -> Iterator[Check]:
 
 
 def steady(engine: type[Engine]) -> Iterator[Check]:
-    """Hold the stick for 2 s in the hand as built, after 0.2 s in which it settles."""
+    """Hold the stick for 2 s in the hand as built; the first 0.2 s do not count."""
     path = squeeze(engine, [rigs.hand("built")], 2.0).stick_pos_m[:, 0]
     yield Check(
         name="held stick, moved in 1.8 s",

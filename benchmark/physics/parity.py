@@ -1,8 +1,8 @@
-"""One engine beside the reference: the same targets in free space, in the grasp, and open loop.
+"""One engine against the reference: the same targets in free space, in the grasp, open loop.
 
-In free space engines solve the same equations, and a difference is a bug. In the grasp they differ
-in their contacts; what that is worth is measured against what each engine does to itself when its
-start is moved or its time step halved.
+In free space all engines solve the same equations, so a difference is a bug. In the grasp their
+contacts differ. That difference is compared with the change of one engine when its start is shifted
+or its time step halved.
 """
 
 import dataclasses
@@ -24,13 +24,13 @@ MOTIONS, MOTION_S, SWAY_RAD = 4, 4.0, 0.12
 SHIFTS_M = {"1 um": 1e-6, "0.1 mm": 1e-4}
 LOWER_END_M = -STICK.length_m / 2
 PINCHED_M = LOWER_END_M + STICK.grip_to_lower_end_m
-"""Where points of the stick lie on its axis, from its centre."""
+"""Positions of two points on the stick's axis, from its centre."""
 TOLERANCE_MM = 10.0
 """Distance to the reference path within which a task counts the stick as tracked."""
 
 
 def response(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
-    """Follow restless targets, the stick aside: the ideal hand, and the built one on its teeth."""
+    """Follow fast targets without the stick: the ideal hand, and the built one on its teeth."""
     ideal = rigs.hand()
     leaning = rigs.under(rigs.hand("built"), np.array([0.0, 10 * G_M_S2, 0.0]))
     for name, spec in (("ideal hand", ideal), ("hand as built, ten g aside", leaning)):
@@ -44,13 +44,13 @@ def response(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
             expected=0.0,
             bound=RESPONSE_RAD,
             why="same drive law, same semi-implicit Euler; 32-bit joints round at 1e-6 rad"
-            + ("" if spec is ideal else "; ten g press the teeth, or play would make chaos"),
+            + ("" if spec is ideal else "; ten g press the teeth, else play would be chaotic"),
         )
-    yield _adrift(engine, reference)
+    yield _in_play(engine, reference)
 
 
-def _adrift(engine: type[Engine], reference: type[Engine]) -> Check:
-    """The built hand without gravity on its hinges: joints drift between their teeth."""
+def _in_play(engine: type[Engine], reference: type[Engine]) -> Check:
+    """The built hand without gravity on its hinges, where joints drift within their play."""
     spec = rigs.hand("built")
     offsets = np.repeat([[1.0], [-1.5]], 25, axis=0) * [0.1, -0.2, 0.15, 0.1, -0.1, 0.2]
     theirs = _follow(reference, spec, offsets)
@@ -61,13 +61,13 @@ def _adrift(engine: type[Engine], reference: type[Engine]) -> Check:
         unit="rad",
         expected=0.0,
         bound=1e-2,
-        why="joints drift between their teeth, which multiplies rounding: a start 1e-7 rad off "
-        f"ends {moved:.1g} rad off in the reference itself",
+        why="joints drift within their play, which amplifies rounding: in the reference itself, a "
+        f"start that is 1e-7 rad off ends {moved:.1g} rad off",
     )
 
 
 def _follow(engine: type[Engine], spec: Spec, offsets_rad: Array, shift_rad: float = 0.0) -> Array:
-    """Joint angles (T, J) of the free hand whose targets leave the grasp by offsets (T, J)."""
+    """Joint angles (T, J) of the free hand; targets are the grasp plus offsets (T, J)."""
     rest = np.array(spec.hand.grasp_rad)
     start = rollout.at_rest([spec], rest + shift_rad)
     return rollout.record(engine, [spec], start, (rest + offsets_rad)[:, None]).joint_rad[:, 0]
@@ -83,25 +83,25 @@ def hold(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
     apart = ours.stick_pos_m[-1, 0] - theirs.stick_pos_m[-1, 0]
     forces = [np.linalg.norm(s.contact_force_n[-1, 0], axis=-1) for s in (ours, theirs)]
     yield Check(
-        name="held stick, apart",
+        name="held stick, distance from the reference",
         figure=1e3 * float(np.linalg.norm(apart)),
         unit="mm",
         expected=0.0,
         bound=1.0,
-        why="the skin's compliance: contacts sink by 0 to 0.2 mm, and creep",
+        why="compliance of the skin: contacts sink by 0 to 0.2 mm, and creep",
     )
     yield Check(
-        name="held stick, squeeze of a tip over the reference's",
+        name="held stick, squeeze of a tip over that of the reference",
         figure=float((forces[0] / forces[1])[np.argmax(np.abs(forces[0] / forces[1] - 1))]),
         unit="1",
         expected=1.0,
         bound=0.1,
-        why="kp times the preload of 70 to 140 mrad, of which 0.1 mm of sinking takes 2 mrad",
+        why="kp times the preload of 70 to 140 mrad; sinking by 0.1 mm takes 2 mrad of it",
     )
 
 
 def floor(engine: type[Engine]) -> Iterator[Check]:
-    """Repeat open-loop motions in one engine from moved starts and at half the time step."""
+    """Repeat open-loop motions in one engine from shifted starts and at half the time step."""
     way = sway_m(engine)
     finer = _apart_mm(sway_m(engine, dt_s=DT_S / 2), way, LOWER_END_M)
     yield Check(
@@ -110,7 +110,7 @@ def floor(engine: type[Engine]) -> Iterator[Check]:
         unit="mm",
         expected=0.0,
         bound=TOLERANCE_MM / 2,
-        why="the error of the step is about twice this and has to stay within what tasks tolerate",
+        why="the error of the time step is about twice this and must stay within the tasks' bounds",
     )
     for name, shift in SHIFTS_M.items():
         yield Check(
@@ -119,12 +119,12 @@ def floor(engine: type[Engine]) -> Iterator[Check]:
             unit="mm",
             expected=0.0,
             bound=1.1e3 * shift + 2 * finer,
-            why="noise floor: no more than the shift and the error of the step",
+            why="noise floor: at most the shift and the error of the time step",
         )
 
 
 def motion(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
-    """Play the same open-loop motions in both and compare the way of the stick."""
+    """Play the same open-loop motions in both engines and compare the paths of the stick."""
     ours, theirs = sway_m(engine), sway_m(reference)
     finer = [sway_m(e, dt_s=DT_S / 2) for e in (engine, reference)]
     moved = sway_m(engine, shift_m=SHIFTS_M["1 um"])
@@ -135,13 +135,13 @@ def motion(engine: type[Engine], reference: type[Engine]) -> Iterator[Check]:
         noise, spin = _apart_mm(moved, ours, point_m), _apart_mm(turning, theirs, point_m)
         way = _apart_mm(ours, ours[0], point_m)
         yield Check(
-            name=f"open-loop grasp, {name} apart",
+            name=f"open-loop grasp, distance of the {name}",
             figure=_apart_mm(ours, theirs, point_m),
             unit="mm",
             expected=0.0,
             bound=sum(step) + noise + spin,
-            why=f"errors of the step {step[0]:.1f} and {step[1]:.2f}, noise {noise:.1f}, worth of "
-            f"spin friction where it is not exact {spin:.1f}; ways of {way:.0f}",
+            why=f"errors of the time step {step[0]:.1f} and {step[1]:.2f}, noise {noise:.1f}, "
+            f"inexact spin friction {spin:.1f}; the paths are {way:.0f} long",
         )
 
 
@@ -173,8 +173,9 @@ def sway_m(
 def sway_rad(spec: Spec) -> Array:
     """Smooth offsets of the targets (T, MOTIONS, J) that sway the stick and keep it squeezed.
 
-    Both joints of all fingers sway together, the thumb against the others, and the others' first
-    joints against one another, which tilts the stick; each from zero at a random pace.
+    Both joints of all fingers sway together, the thumb opposite to the others. The first joints of
+    the other two also sway against each other, which tilts the stick. Each wave starts at zero with
+    a random frequency.
     """
     t = spec.timing.policy_s * np.arange(1, round(MOTION_S / spec.timing.policy_s) + 1)
     rng = np.random.default_rng(0)

@@ -1,6 +1,6 @@
 """A stick pinched by two fingertips with a known force: slip, spin and swing.
 
-Thresholds are read off a row of worlds that differ in gravity alone.
+Thresholds are read from a row of worlds that differ only in gravity.
 """
 
 import dataclasses
@@ -20,16 +20,17 @@ from benchmark.physics.rigs import DT_S, G_M_S2, LEVER_M, STICK
 
 SQUEEZE_N, FRICTION = 4.0, 0.3
 GRIP_N = 2 * FRICTION * SQUEEZE_N
-"""What two contacts hold by Coulomb's law."""
+"""The force that two contacts hold by Coulomb's law [N]."""
 SETTLE_S, PULL_S = 0.1, 0.1
 SHARES = 1 + 0.02 * (np.arange(12) - 5.5)
-"""Pulls over the expected threshold; none is the threshold itself."""
+"""Pulls over the expected threshold; none equals the threshold."""
 STEP = 0.02
 MOVES = STEP / 4
-"""What moves has gained more than this share of the momentum that the pull alone would give; the
-least pull beyond a threshold, STEP / 2 too much, gives twice that, and creep next to nothing."""
+"""A stick has moved if it gained more than this share of the momentum that the pull alone would
+give. The smallest pull beyond the threshold (by STEP / 2) gives twice this; creep gives almost
+nothing."""
 DIRECTIONS = {"along the stick": 0.0, "across it": math.pi / 2, "on the diagonal": math.pi / 4}
-"""Directions of the pull in the tangent plane, from the stick's axis."""
+"""Angles of the pull in the tangent plane, from the stick's axis."""
 
 
 def slip(engine: type[Engine]) -> Iterator[Check]:
@@ -55,7 +56,7 @@ def slip(engine: type[Engine]) -> Iterator[Check]:
 
 
 def _sliding(path: State, pull_m_s2: float) -> Check:
-    """Friction on the stick that is pulled most, by its momentum."""
+    """Friction on the stick with the largest pull, from its momentum."""
     steps = round(PULL_S / DT_S)
     kept = STICK.mass_kg * (pull_m_s2 * PULL_S + path.stick_vel_m_s[-1, -1, 2])
     pressed = np.linalg.norm(path.contact_force_n[-steps:, -1], axis=-1).sum() * DT_S
@@ -65,12 +66,12 @@ def _sliding(path: State, pull_m_s2: float) -> Check:
         unit="1",
         expected=1.0,
         bound=0.01,
-        why="Coulomb, over the impulses of 0.1 s: soft contacts bounce while they slide",
+        why="Coulomb's law, over impulses of 0.1 s: soft contacts bounce while they slide",
     )
 
 
 def spin(engine: type[Engine]) -> Iterator[Check]:
-    """Turn the stick about the line through its contacts by its own weight, off its centre."""
+    """Turn the stick about the line through its contacts by its own weight."""
     radius, arm = trx.CONTACT.torsion_radius_m, 0.03
     taken = "taken as 0" not in engine.support["contact.torsion_radius_m"]
     shares = SHARES if taken else SHARES - SHARES[0] + STEP / 2
@@ -86,12 +87,12 @@ def spin(engine: type[Engine]) -> Iterator[Check]:
         unit="1",
         expected=1.0 if taken else 0.0,
         bound=STEP,
-        why="spin friction, as the engine answers for contact.torsion_radius_m",
+        why="spin friction, as the engine supports contact.torsion_radius_m",
     )
 
 
 def swing(engine: type[Engine]) -> Iterator[Check]:
-    """Let the stick swing about its pinched point, without spin friction: its inertia."""
+    """Let the stick swing about its pinched point without spin friction; check its inertia."""
     offset, amplitude, time_s = 0.06, 0.2, 2.0
     stick = dataclasses.replace(STICK, friction=1.0)
     spec = rigs.pinch(stick=stick, torsion_radius_m=0.0, weightless_s=SETTLE_S)
@@ -115,7 +116,7 @@ def swing(engine: type[Engine]) -> Iterator[Check]:
 
 
 def _pulled(gravity_m_s2: Array) -> Spec:
-    """The pinch with this gravity, which acts once the squeeze has settled."""
+    """The pinch with this gravity, which acts after the squeeze has settled."""
     stick = dataclasses.replace(STICK, friction=FRICTION)
     return rigs.under(rigs.pinch(stick=stick, weightless_s=SETTLE_S), gravity_m_s2)
 
@@ -128,7 +129,7 @@ def _pinched(engine: type[Engine], specs: list[Spec], rise_m: float = 0.0) -> St
 
 
 def _threshold(gained: Array) -> float:
-    """The share between the last pull that holds and the first that moves; NaN without either."""
+    """The share between the last pull that holds and the first that moves, else NaN."""
     moves = gained > MOVES
     first = int(np.argmax(moves))
     return float(SHARES[first] - STEP / 2) if first > 0 and moves[first:].all() else math.nan

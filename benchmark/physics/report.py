@@ -1,4 +1,4 @@
-"""What the physics checks found: as plain data, as tables on a terminal, as Markdown."""
+"""The results of the physics checks: as plain data, as tables on a terminal, as Markdown."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from benchmark.provenance import provenance
 
 _BEHIND = ("mujoco", "pybullet", "sapien", "numpy", "numba")
 """Packages that can change a figure."""
-_HEAD = ("check", "figure", "expected", "off by at most", "unit", "result")
+_HEAD = ("check", "figure", "expected", "largest error", "unit", "result")
 
 
 def as_data(found: Sequence[Findings]) -> dict:

@@ -1,8 +1,8 @@
 """Kinematics, masses and gravity torques of the hand, engine by engine, against one closed form.
 
-An engine reports no link poses, so its fingertips are felt with the stick; and no mass matrix, so
-single joints are pushed and the speeds after one step are read: from rest, M q' = torque dt.
-Engines that agree with the closed form agree with one another.
+An engine reports no link poses, so its fingertips are probed with the stick. It reports no mass
+matrix, so single joints are pushed and the speeds after one step are read: from rest, M q' = torque
+dt. Engines that agree with the closed form agree with each other.
 """
 
 import dataclasses
@@ -21,19 +21,19 @@ from benchmark.physics.rigs import DT_S, G_M_S2, TOUCHING_M
 
 POSES, SWING_S = 8, 0.3
 OVERLAP_M = 2e-5
-"""How deep the probing stick lies in the skin; some engines let 0.01 mm pass without a force."""
+"""Depth of the probing stick in the skin; some engines give no force for the first 0.01 mm."""
 
 
 def tips(engine: type[Engine]) -> Iterator[Check]:
     """Touch every fingertip from its side and its front in random poses."""
     offsets = [_probe(engine, tip) for tip in trx.HAND.fingertips]
     yield Check(
-        name="fingertips felt beside where kinematics has them",
+        name="fingertips by touch, distance from the kinematics",
         figure=float(np.max(offsets)),
         unit="m",
         expected=0.0,
         bound=1e-6,
-        why=f"contact points of {3 * POSES} poses, touched from two sides, across the push",
+        why=f"contact points in {3 * POSES} poses, touched from two sides, across the push",
     )
 
 
@@ -51,14 +51,14 @@ def _probe(engine: type[Engine], tip: Fingertip) -> Array:
     start = _touching(rng, joint, middle, normal, rotation[:, :, 0])
     path = rollout.record(engine, specs, start, joint[None], _biases(specs, joint))
     touched = np.linalg.norm(path.contact_force_n[0, :, 0], axis=1, keepdims=True) > 0.0
-    felt = np.where(touched, path.contact_point_m[0, :, 0], np.nan)
-    return np.linalg.norm(np.cross(felt - middle, normal), axis=1)
+    seen = np.where(touched, path.contact_point_m[0, :, 0], np.nan)
+    return np.linalg.norm(np.cross(seen - middle, normal), axis=1)
 
 
 def _spots(rng: np.random.Generator, tip: Fingertip) -> tuple[Array, Array]:
-    """Outward normals in the tip's frame and how far back from the front's centre they start [m].
+    """Outward normals in the tip's frame, and their distance behind the front's centre [m].
 
-    By turns on the cylinder's inner side and on the front hemisphere.
+    They alternate between the cylinder's inner side and the front hemisphere.
     """
     n = 2 * POSES
     front = np.tile([0.0, 1.0], POSES)
@@ -71,7 +71,7 @@ def _spots(rng: np.random.Generator, tip: Fingertip) -> tuple[Array, Array]:
 def _touching(
     rng: np.random.Generator, joint_rad: Array, middle_m: Array, normal: Array, forward: Array
 ) -> InitialState:
-    """Sticks across the fingers that touch them on the normals from `middle_m`."""
+    """Sticks across the fingers that touch them along the normals from `middle_m`."""
     axis = np.cross(normal, forward)
     axis /= np.linalg.norm(axis, axis=1, keepdims=True)
     slide = rng.uniform(-0.05, 0.05, (len(axis), 1))
@@ -98,13 +98,13 @@ def masses(engine: type[Engine]) -> Iterator[Check]:
             unit="of its largest",
             expected=0.0,
             bound=max(1e-6, rounding(engine) * float(np.max(spread))),
-            why="one step from rest, M q' = torque dt; 1e-6, in 32 bits rounding times the "
+            why="one step from rest, M q' = torque dt; bound: 1e-6, in 32 bits rounding times the "
             f"condition number {np.max(spread):.0f} of the mass matrix",
         )
 
 
 def gravity(engine: type[Engine]) -> Iterator[Check]:
-    """Turn gravity about at random and hold the joints with the torques that should balance it."""
+    """Point gravity in random directions and hold the joints with the torques that balance it."""
     rng = np.random.default_rng(1)
     for name, level in _hands():
         joint = np.array(_poses(level))
@@ -120,12 +120,12 @@ def gravity(engine: type[Engine]) -> Iterator[Check]:
             unit="of the largest",
             expected=0.0,
             bound=1e-6,
-            why="what is left of them after one step under the opposite torques",
+            why="the residual torque after one step under the opposite torques",
         )
 
 
 def swing(engine: type[Engine]) -> Iterator[Check]:
-    """Let the random tree fall about its axes: what turning links do to one another."""
+    """Let the random tree swing freely: the coupling of moving links."""
     spec = rigs.tree(np.random.default_rng(0))
     rest, steps = _poses(spec)[0], round(SWING_S / DT_S)
     path = rollout.record(
@@ -139,8 +139,8 @@ def swing(engine: type[Engine]) -> Iterator[Check]:
         unit="rad",
         expected=0.0,
         bound=float(steps * rounding(engine) * condition * np.abs(speed).max() * SWING_S),
-        why=f"Newton-Euler equations, semi-implicit Euler; joints turn at up to "
-        f"{np.abs(speed).max():.0f} rad/s, a rounding per step times the condition number",
+        why=f"Newton-Euler equations, semi-implicit Euler; joints reach "
+        f"{np.abs(speed).max():.0f} rad/s; bound: one rounding per step times the condition number",
     )
 
 

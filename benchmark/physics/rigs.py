@@ -1,6 +1,6 @@
 """Small worlds with a closed form, as specs: an arm, a shelf, a pinch, a tree.
 
-The fingertips, taxels and contacts are the real hand's, so what is measured is what is used.
+Fingertips, taxels and contacts are those of the hand, so the checks measure what tasks use.
 """
 
 import dataclasses
@@ -30,11 +30,11 @@ NO_DRIVE = Drive(
     play_rad=0.0,
     lock_nm=0.0,
 )
-"""A motor that is not geared to its joint, so the external torque is all that the joint feels."""
+"""A motor without a gear to its joint, so that only the external torque acts on the joint."""
 LEVER_M = 0.1
-"""Distance from the pinching arm's hinge to where it presses."""
+"""Distance from the pinching arm's hinge to the point where it presses."""
 TOUCHING_M = trx.TIP_RADIUS_M + STICK.radius_m
-"""Distance between the axes of a fingertip and the stick where they touch."""
+"""Distance between the axes of fingertip and stick when they touch."""
 
 
 def rig(
@@ -121,8 +121,8 @@ def pinch(
 ) -> Spec:
     """A stick between a fixed fingertip and one on an arm, crossed, at (LEVER_M, 0, 0).
 
-    The arm's hinge lies in the tangent plane of its contact, so no friction force loads the hinge
-    and a torque of -N * LEVER_M presses with N whatever the stick does.
+    The arm's hinge lies in the tangent plane of its contact, so friction does not load the hinge. A
+    torque of -N * LEVER_M presses with N, whatever the stick does.
     """
     tips = (
         tip("post", (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
@@ -152,7 +152,7 @@ def shelf(left_m: float, right_m: float) -> Spec:
 
 
 def tree(rng: np.random.Generator, joints: int = 5) -> Spec:
-    """Links of random size on random axes, branching once: no number in it is zero or special."""
+    """Links of random size on random axes with one branch; no number in it is zero or special."""
     bodies: list[Body] = []
     for i in range(joints):
         axis = rng.normal(size=3)

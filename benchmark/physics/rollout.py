@@ -1,4 +1,4 @@
-"""How checks run worlds: from rest, under given targets and loads, with every state kept."""
+"""Run worlds for checks: from rest, under given targets and loads, with every state stored."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ def at_rest(
     stick_m: Array | Vec3 = (1.0, 0.0, 0.0),
     stick_axis: Array | Vec3 = UP,
 ) -> InitialState:
-    """Joints and sticks placed alike in every world, or by row; by default the stick is far off."""
+    """Initial joints and sticks, alike in all worlds or by row; the stick is far off by default."""
     n, joints = len(specs), len(specs[0].hand.joint_names)
     axes = np.broadcast_to(np.array(stick_axis, dtype=float), (n, 3))
     return InitialState(

@@ -1,4 +1,4 @@
-"""Taxels under a known press, against the distances of plane geometry."""
+"""Taxels under a known press, compared with distances from plane geometry."""
 
 import dataclasses
 import math
@@ -17,12 +17,12 @@ from benchmark.physics.rigs import DT_S, LEVER_M, STICK, TOUCHING_M
 
 LIGHT_N, FIRM_N = 0.5, 4.0
 LEAN_RAD, OFFSET_M = 0.3, 0.003
-"""How the stick lies on the two pads: leaning, and off their middle."""
+"""Position of the stick on the two pads: tilted, and away from their middle."""
 SLACK_M = THRESHOLD_M / 4
 
 
 def taxels(engine: type[Engine]) -> Iterator[Check]:
-    """Press the skin with a stick at a known place, lightly and firmly."""
+    """Press a stick on the skin at a known place, lightly and firmly."""
     spec = rigs.pinch(weightless_s=1.0)
     light, firm = (Skin([spec]).feel(_pressed(engine, spec, n)) for n in (LIGHT_N, FIRM_N))
     depth = np.stack([_depth_m(tip) for tip in spec.hand.fingertips])
@@ -34,7 +34,7 @@ def taxels(engine: type[Engine]) -> Iterator[Check]:
         unit="of 256",
         expected=0.0,
         bound=0.0,
-        why="distances from the stick's axis; those within 0.05 mm of their edge are left out",
+        why="distances from the stick's axis; taxels within 0.05 mm of the edge are left out",
     )
     yield Check(
         name="taxels at 0.5 N, contact centre",
@@ -42,15 +42,15 @@ def taxels(engine: type[Engine]) -> Iterator[Check]:
         unit="mm off",
         expected=0.0,
         bound=1e3 * _row_m() / 2,
-        why="mean of the taxels that should be active; half a row where one is at its edge",
+        why="mean of the taxels that should be active; bound: half a row, for a taxel at the edge",
     )
     for force, sinking, bound, why in (
-        (LIGHT_N, sunk[0], SLACK_M, "a quarter of the depth at which a taxel counts as pressed"),
+        (LIGHT_N, sunk[0], SLACK_M, "bound: a quarter of the depth at which a taxel is active"),
         (
             FIRM_N,
             sunk[1],
             spec.hand.taxels.reach_m,
-            "deeper, taxels could not tell it from overlap",
+            "bound: deeper sinking would look like overlap",
         ),
     ):
         yield Check(
@@ -59,7 +59,7 @@ def taxels(engine: type[Engine]) -> Iterator[Check]:
             unit="mm",
             expected=0.0,
             bound=1e3 * bound,
-            why=f"contacts are hard or nearly so; {why}",
+            why=f"contacts are hard, or nearly hard; {why}",
         )
 
 
@@ -81,7 +81,7 @@ def _axis() -> Array:
 
 
 def _depth_m(tip: Fingertip) -> Array:
-    """How far the stick's surface is nearer than the skin's reach to each taxel [m], shape (T,)."""
+    """Depth of the stick's surface in the skin's reach at each taxel [m], shape (T,)."""
     grid, _ = taxel_grid(tip, trx.HAND.taxels)
     frame = np.array([tip.forward, tip.inward, np.cross(tip.forward, tip.inward)])
     center = np.array([OFFSET_M - tip.length_m / 2, TOUCHING_M, 0.0])

@@ -1,4 +1,4 @@
-"""All physics checks: those of an engine by itself, and those beside the reference engine."""
+"""All physics checks: of one engine alone, and against the reference engine."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -40,12 +40,12 @@ BESIDE: tuple[Compare, ...] = (parity.response, parity.hold, parity.motion)
 
 @dataclass(frozen=True, kw_only=True)
 class Findings:
-    """What the checks found of one engine."""
+    """The results of the checks of one engine."""
 
     engine: str
     checks: tuple[Check, ...]
     trouble: str | None = None
-    """Why the engine could not be checked."""
+    """The reason why the engine could not be checked."""
 
     @property
     def passed(self) -> bool:
@@ -54,7 +54,7 @@ class Findings:
 
 
 def examine(names: Sequence[str], progress: Callable[[int, str], None]) -> list[Findings]:
-    """Run all checks on the engines of these names; tells how many of `steps` are through."""
+    """Run all checks on these engines; `progress` gets the number of finished `steps`."""
     reference: type[Engine] = registry.load("backend", REFERENCE)
     found, done = [], 0
     for name in names:
@@ -75,7 +75,7 @@ def examine(names: Sequence[str], progress: Callable[[int, str], None]) -> list[
 
 
 def steps(names: Sequence[str]) -> int:
-    """How many steps `examine` takes."""
+    """Number of steps that `examine` takes."""
     return sum(len(ALONE) + (name != REFERENCE) * len(BESIDE) for name in names)
 
 

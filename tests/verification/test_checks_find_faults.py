@@ -56,7 +56,7 @@ def scaled(part: str, field: str, by: float) -> Change:
         (scaled("spec", "gravity_m_s2", 1 + 1e-9), free.fall, "free fall, distance"),
         (scaled("timing", "weightless_s", 0.98), free.fall, "mass of the stick"),
         (scaled("body", "inertia_kgm2", 1.001), free.pendulum, "pendulum, period"),
-        (scaled("body", "origin_m", 1.0001), rigid.tips, "fingertips felt"),
+        (scaled("body", "origin_m", 1.0001), rigid.tips, "fingertips by touch"),
         (scaled("body", "mass_kg", 1 + 1e-5), rigid.masses, "masses and inertias of the hand"),
         (scaled("body", "com_m", 1 + 1e-5), rigid.gravity, "gravity torques of the hand"),
         (scaled("body", "com_m", 1 + 1e-9), rigid.swing, "free swing"),
