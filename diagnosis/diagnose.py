@@ -61,7 +61,7 @@ ALONE = "lost packets, touch, stick and contact: diagnose each log by itself"
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """One limb's verdict, the effects that it names, and what cannot be told from it."""
+    """One limb's verdict, the effects that it names, and what cannot be distinguished from it."""
 
     verdict: LimbVerdict
     found: tuple[Magnitude, ...]
@@ -85,9 +85,8 @@ def diagnose(
 ) -> Diagnosis:
     """The diagnosis of `log` against the nominal world; limbs are judged by `side_by_side`.
 
-    Stick and contact are judged where `simulate` puts worlds on the nominal engine. `sound` is what
-    every limb leaves while nothing is wrong, see `healthy`. Raises LogError where nothing can be
-    said.
+    Stick and contact are judged where `simulate` puts worlds on the nominal engine. The residuals
+    of healthy logs are given by `healthy`. Raises LogError where nothing can be said.
     """
     began_s = _cpu_s()
     whole, found = _gathered(log, nominal, catalogue)
@@ -154,8 +153,8 @@ def diagnose_settings(
     """The diagnosis of one mechanism's logs under several settings, each with its nominal world.
 
     Limbs are fitted on some logs and judged on those numbered in `judging`. Lost packets, touch,
-    stick and contact are a matter of one log. For `sound` see `diagnose`. Raises LogError where
-    nothing can be said.
+    stick and contact are a matter of one log. Healthy logs are as in `diagnose`. Raises LogError
+    where nothing can be said.
     """
     began_s = _cpu_s()
     logs = [_gathered(log, nominal, catalogue) for log, nominal in settings]

@@ -23,7 +23,7 @@ class Leading:
     share: Share
     """Of the squared gap above the floor that the refit of nominal parameters leaves."""
     tied: tuple[str, ...] = ()
-    """An effect that it is not told apart from."""
+    """An effect that cannot be distinguished from it."""
 
 
 def leading(limbs: Iterable[LimbVerdict]) -> tuple[Leading, ...]:

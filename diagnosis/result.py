@@ -40,7 +40,7 @@ class Diagnosis:
     gaps: Mapping[str, Share]
     """The gaps before, nominal and after with their intervals."""
     beside: tuple[Finding, ...]
-    """What is told without replays of free air: sensors, lost packets, touch, stick, contact."""
+    """Findings without replays of free air: sensors, lost packets, touch, stick, contact."""
     spots: tuple[Spot, ...]
     """What touch and stick show at every finger."""
     missing: tuple[str, ...]

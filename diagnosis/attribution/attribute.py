@@ -34,7 +34,7 @@ HOLLOW = 60.0
 REAL = 2
 """Candidates beside these that really fit best, where linear costs are no guide."""
 STRAINED = 1.0
-"""Nats per nominal parameter beyond which their refit is bent to explain something else."""
+"""Nats per nominal parameter beyond which their refit makes up for something else."""
 HOPELESS = 0.05
 """Finalists that are behind the best by more than this share of the cost are fitted no further."""
 SEEN = 0.7
@@ -56,11 +56,11 @@ class Ranked:
     plain: Array
     """Squared residuals on held-out samples, of the fit to the others, shape (n,)."""
     surprise: float
-    """How far what is new in them is from white, see `whiten.surprise`."""
+    """Whiteness z-score of the innovations, see `whiten`."""
     spread: float
     """Variance of block means of these over that of white ones, see `whiten.alike`."""
     unrest: float
-    """See `Evidence.unrest`."""
+    """How chaotic the replay is, see `Evidence`."""
 
     @property
     def joints(self) -> tuple[str | None, ...]:
@@ -105,7 +105,7 @@ class Attribution:
         self.singles[:1] = [self.slopeless(one) for one in self.singles[:1]]
 
     def slopeless(self, one: Ranked, settled: float = 1.0) -> Ranked:
-        """A candidate; searched without slopes where it is restless and leaves more than that.
+        """A candidate; searched without slopes where it is chaotic and leaves more than that.
 
         Where it leaves nearly all that there is, it is no dip near by that it has missed.
         """
@@ -157,7 +157,7 @@ class Attribution:
         return self._noted(self._rank(pair.names[1:], around, PARTNERS, COUPLES))
 
     def instead(self, pair: Ranked, anything: bool = False) -> list[Ranked]:
-        """Pairs with what a pair bends beyond belief, see `_suspects`, in place of either effect.
+        """Pairs with a parameter beyond its prior limit in place of either effect.
 
         Or with anything. The other one may have been its stand-in.
         """
@@ -192,7 +192,7 @@ class Attribution:
         return pairs
 
     def forgiving(self, one: Ranked) -> Evidence:
-        """The evidence with residuals counted in what a candidate cannot foretell."""
+        """The evidence with residuals counted in the prediction spread of a candidate."""
         return self.whole.forgiving(one.fit)
 
     def _trained(self, fit: Fit) -> Fit:

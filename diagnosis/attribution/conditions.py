@@ -60,7 +60,7 @@ class Conditions(Evidence):
     def forgiving(
         self, effects: Sequence[Effect], moved: Sequence[Sequence[Effect]]
     ) -> "Conditions":
-        """See `Evidence.forgiving`: each setting by itself."""
+        """The evidence of each setting with its prediction spread."""
         return replace(self, parts=tuple(part.forgiving(effects, moved) for part in self.parts))
 
     def _with(self, judged: bool | None) -> list[Evidence]:
@@ -70,7 +70,7 @@ class Conditions(Evidence):
         return [p for p in self.parts if any((r.judged == judged).any() for r in p.recordings)]
 
     def unrest(self, effects: Sequence[Effect], moved: Sequence[Effect]) -> float:
-        """See `Evidence.unrest`: root mean square over the settings that judge."""
+        """How chaotic replays are: root mean square over the settings that judge."""
         apart = [part.unrest(effects, moved) for part in self._with(True)]
         return float(np.sqrt(np.mean(np.square(apart))))
 

@@ -60,7 +60,7 @@ class Trace:
     left: Array
     """Residuals, shape (C, T, J); NaN where none were logged."""
     weight: Array
-    """What they are multiplied by already where a joint is astray, shape (C, T, J)."""
+    """Factor by which they are weighted already for the prediction spread, shape (C, T, J)."""
     judged: Array
     """Samples on which candidates are judged, shape (T,), bool."""
 
@@ -78,7 +78,7 @@ class Evidence:
     size: Array
     """What counts as a radian on each joint, shape (J,): 1, or on a slide how far it moved [m]."""
     stride: int = 1
-    """Every so-manieth sample is compared."""
+    """Every n-th sample is compared, n being this."""
     astray: tuple[Array, ...] = ()
     """How far a joint in its play may be from any replay, in `sigma`: per recording (C, T, J)."""
     sound: Sound | None = None
@@ -117,7 +117,7 @@ class Evidence:
     def innovations(
         self, effects: Sequence[Effect], judged: bool | None = None, compress: bool = True
     ) -> Array:
-        """What is new in each residual, see `whiten`: white where the candidate is right.
+        """The innovations of each residual, see `whiten`: white where the candidate is right.
 
         In the order of `residual`.
         """
@@ -141,7 +141,7 @@ class Evidence:
         return np.repeat(np.array(names), self._counts[judged])
 
     def whitened(self, left: Array) -> Array:
-        """What is new in residuals (C, T, J) of samples that are compared."""
+        """Innovations of residuals (C, T, J) of samples that are compared."""
         return innovations(left, self._white, self.floor[:, 0], self.sample_s)
 
     @cached_property
@@ -166,7 +166,7 @@ class Evidence:
         """The evidence with white errors as large as what a candidate leaves, where that is more.
 
         An explanation of a real log leaves more than a floor allows, and what is slow in it is not
-        known: least squares as they are then go less astray.
+        known: least squares are then less biased.
         """
         left = np.concatenate(self._left(effects, None), axis=1)
         with warnings.catch_warnings():
@@ -250,7 +250,7 @@ class Evidence:
         return np.clip(flat, -FAR, FAR, out=flat)
 
     def unrest(self, effects: Sequence[Effect], moved: Sequence[Effect]) -> float:
-        """How far a candidate strays from itself as `moved`, and started by `NUDGE_RAD` elsewhere.
+        """How chaotic a candidate is: its distance from itself as `moved` and nudged at the start.
 
         Root mean square on the samples for judging, compressed like residuals. Play rattles: from
         starts that no sensor tells apart, a joint takes other ways, so no world fits better.
@@ -261,7 +261,7 @@ class Evidence:
         return float(np.sqrt(np.mean(compressed(here - there) ** 2)))
 
     def forgiving(self, effects: Sequence[Effect], moved: Sequence[Sequence[Effect]]) -> "Evidence":
-        """The evidence with residuals counted in what a candidate cannot foretell, where more.
+        """The evidence with residuals counted in the prediction spread, where that is more.
 
         A joint in its play goes its own way after the smallest change, so replays of the candidate
         as each of `moved`, nudged at the start, are spread at every sample as the truth is around

@@ -13,11 +13,11 @@ from diagnosis.attribution.rules import Rules
 def explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
     """Whether what a candidate leaves is white, or little of what there is beyond noise.
 
-    Of a law that is a model: little of what there is beyond the floor, and most of it taken. With
-    nominal parameters that are as they may be: one that is bent beyond belief is a stand-in for
-    what no effect explains, as is an effect as large as it can be. A pair can bend to much, so it
-    must take most of the gap even so. And what is left follows no other law: none in the motion,
-    and within the floor none of one protocol.
+    Of a law that is a model: little of what there is beyond the floor, and most of it taken.
+    Nominal parameters must stay within their prior limit: one beyond it is a stand-in for what no
+    effect explains, as is an effect as large as it can be. A pair can adapt to much, so it must
+    take most of the gap even so. And what is left follows no other law: none in the motion, and
+    within the floor none of one protocol.
     """
     if candidate.bent > belief(candidate, rule) and not _is_restless(found, candidate):
         return False
@@ -33,7 +33,7 @@ def explains(found: Attribution, candidate: Ranked, rule: Rules) -> bool:
 
 
 def is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether a fit leaves nothing to explain: what is new is noise.
+    """Whether a fit leaves nothing to explain: its innovations are noise.
 
     It is white, follows no law, and no more than a few samples are out of all proportion.
     """
@@ -46,7 +46,7 @@ def is_plain(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
 
 
 def is_white(found: Attribution, ranked: Ranked, rule: Rules) -> bool:
-    """Whether what is new is white: on held-out samples, or in every protocol once all are fitted.
+    """Whether the innovations are white: on held-out samples, or in every protocol of a full fit.
 
     Half of the samples may not tell every parameter, and what they leave open shows on the others.
     """

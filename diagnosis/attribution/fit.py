@@ -16,9 +16,9 @@ FARTHEST = 5.0
 NUDGE = 2e-3
 """A change of a magnitude that should change next to nothing, relative."""
 CALM = 0.06
-"""Unrest from which a fit is restless, see `Evidence.unrest`."""
+"""Value from which a fit counts as chaotic."""
 SWAY, SWAYS = 0.01, 6
-"""How far off magnitudes may be when a fit foretells a joint in its play, and worlds tried."""
+"""How far off magnitudes may be when a fit predicts a joint in its play, and worlds tried."""
 KEPT = 0.7
 """A step that does this share of what it promises is taken as it is."""
 DAMPINGS = (0.0, 0.3, 10.0)
@@ -79,13 +79,13 @@ class Fitter:
         return self.evidence.innovations(self.effects(fit), True)
 
     def unrest(self, fit: Fit) -> float:
-        """See `Evidence.unrest`: with magnitudes that are larger by `NUDGE`."""
+        """How chaotic a fit is, with magnitudes that are larger by `NUDGE`."""
         moved = [grown(effect, 1 + NUDGE) for effect in fit.effects]
         both = (self._all(effects, fit.deviations) for effects in (fit.effects, moved))
         return self.evidence.unrest(*both)
 
     def forgiving(self, fit: Fit) -> Evidence:
-        """`Evidence.forgiving` of a fit, with magnitudes that are up to `SWAY` off."""
+        """The evidence with a fit's prediction spread, magnitudes being up to `SWAY` off."""
         sways = 1 + SWAY * np.linspace(-1, 1, SWAYS)
         moved = [self._all([grown(e, s) for e in fit.effects], fit.deviations) for s in sways]
         return self.evidence.forgiving(self.effects(fit), moved)
@@ -137,7 +137,7 @@ class Fitter:
         return self.refit(self.at((), np.zeros(len(self.nuisances))))
 
     def refit(self, fit: Fit, rounds: Sequence[float] = POLISH) -> Fit:
-        """Everything free, around a fit: slopes anew, then each magnitude searched, in rounds."""
+        """Everything free, around a fit: new slopes, then each magnitude searched, in rounds."""
         for reach in rounds:
             profile, before = self.profile(fit), fit.cost
             fit = self._stepped(fit, profile)

@@ -34,7 +34,7 @@ SHIFT = 0.2
 LATE = (command_delay.Effect, sensor_delay.Effect)
 """What such a time is late in."""
 RESTLESS = 10.0
-"""Weight of the squared unrest: it is of a change that is smaller than any interval."""
+"""Weight of the squared chaos: it is of a change that is smaller than any interval."""
 LEAST = 0.25
 """Dispersion is taken as no smaller: no log shows that a model has no error at all."""
 ROUGH, FAR = 0.5, 3.0
@@ -46,7 +46,7 @@ COARSE = 2.0
 def settled(fitter: Fitter, fit: Fit) -> tuple[Fitter, Fit]:
     """A fit and its fitter; where it leaves more than the model allows, both with errors as large.
 
-    Intervals then come from how much what is left resembles its neighbours. A restless fit is left
+    Intervals then come from how much what is left resembles its neighbours. A chaotic fit is left
     as it is: nothing follows such a log for long.
     """
     new = fitter.innovations(fit.effects, fit.deviations)
@@ -66,7 +66,7 @@ def intervals(
     is as large as the model's error is in this log: the dispersion (McCullagh and Nelder, 1989) of
     the block means of innovations. Not so what a loop of another rate does, which fits take up
     whole: see `_by_little_time` and `_own_time`. The cost rises by more where the candidate is
-    restless: then they tell less. `other_law`: what is left says that laws are others here, so
+    chaotic: then residuals say less. `other_law`: what is left says that laws are others here, so
     numbers of those that are models mean nearly the same at best.
     """
     profile, new = Profile(fitter, fit), fitter.innovations(fit.effects, fit.deviations)

@@ -1,8 +1,8 @@
-"""What a fit leaves: whether it follows the motion that it foretells, or one protocol most.
+"""Residual structure of a fit: whether it follows the motion, or one protocol most.
 
 Who stands in for another law leaves residuals that follow the motion: small enough to pass for the
 model's own error, and yet the same wherever it comes again. Regressors that a right law has no use
-for (Ramsey, J. Royal Statistical Society B 31, 1969) foretell them: coefficients from the samples
+for (Ramsey, J. Royal Statistical Society B 31, 1969) predict them: coefficients from the samples
 for fitting then help on those for judging, and the other way round.
 """
 
@@ -40,7 +40,7 @@ class Leftover:
 
     @cached_property
     def lack_of_fit(self) -> float:
-        """What two regressors foretell of it, on the channel and joint that is worst [nats].
+        """Cross-validated gain of two regressors, on the channel and joint that is worst [nats].
 
         Some nats where the effects are right.
         """
@@ -56,7 +56,7 @@ class Leftover:
 
     @cached_property
     def unevenness(self) -> float:
-        """How far from white it is in the worst protocol, see `surprise`.
+        """Whiteness z-score in the worst protocol.
 
         What shows in one protocol alone is lost among all of them.
         """

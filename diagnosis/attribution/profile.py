@@ -28,8 +28,8 @@ LOOSE = 1e-4
 SEARCHES = 7
 """Magnitudes tried in one search."""
 FORETOLD, SMALL = 0.05, 3.0
-"""Slopes that foretell a change but for this share of its square are kept; or but for so much of
-it, which is 1.5 nats."""
+"""Slopes that predict a change but for this share of its square are kept; or but for so much of it,
+which is 1.5 nats."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +85,7 @@ class Profile:
     def moved(self, fit: Fit) -> "Profile | None":
         """The profile around another fit of these effects; None where its slopes are others.
 
-        What the slopes did not foretell goes into them (Broyden, 1965), to each parameter by what
+        What the slopes did not predict goes into them (Broyden, 1965), to each parameter by what
         its part of the step weighs.
         """
         pairs = zip(fit.effects, self._around.effects, strict=True)

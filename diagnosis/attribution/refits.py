@@ -14,7 +14,7 @@ from diagnosis.attribution.timing import AngleLate, Late, late_s
 BELIEVED = 8.0
 """A fit without suspects is taken where it costs no more than this beside the best [nats]."""
 HARD = 2.0
-"""Mean square of innovations from which a search may have gone astray, and starts once more."""
+"""Mean square of innovations from which a search may have failed, and starts once more."""
 HELPED = 0.9
 """A new start that leaves a larger share of the cost is the last one."""
 NEAR_NATS = 30.0
@@ -44,19 +44,19 @@ class Refits:
         self._samples = len(evidence.tracks(False))
 
     def is_hard(self, fit: Fit) -> bool:
-        """Whether a fit leaves so much that its search may have gone astray."""
+        """Whether a fit leaves so much that its search may have failed."""
         return fit.cost > HARD * self._samples / 2
 
     def anew(self, fit: Fit, tried: Fit) -> Fit:
-        """A fit, or one from nominal parameters that nothing has bent yet, if that is better."""
+        """A fit, or one from nominal parameters at their priors, if that is better."""
         start = self.fitter.at(tried.effects, 0.0 * tried.deviations)
         return min(fit, self.fitter.refit(start, POLISH[:2]), key=_cost)
 
     def again(self, fit: Fit) -> tuple[Fit, Fit]:
         """Fits of these effects to the samples for fitting, and to all, from dip to dip.
 
-        From unbent nominal parameters, and from magnitudes to either side. Where a joint sticks and
-        slips, or plays, costs have many dips, and a delay makes some, too.
+        From nominal parameters at their priors, and from magnitudes to either side. Where a joint
+        sticks and slips, or plays, costs have many dips, and a delay makes some, too.
         """
         fitter, whole = self.fitter, self.whole
         trained = _hopping(fitter, fitter.at(fit.effects, fit.deviations))
@@ -66,7 +66,7 @@ class Refits:
         return min((trained, other), key=_cost), best
 
     def elsewhere(self, fit: Fit, sizes: Sequence[Sequence[float]]) -> Fit:
-        """A fit, or a better one from other magnitudes of either effect, with nothing bent yet.
+        """A fit, or a better one from other magnitudes and parameters at their priors.
 
         Of a law with thresholds costs have a dip for each event that a magnitude does not reach.
         """
@@ -81,7 +81,7 @@ class Refits:
         return min([fit, *map(self.fitter.refit, near)], key=_cost)
 
     def unbent(self, fit: Fit) -> Fit:
-        """A fit begun anew from its magnitudes as long as that helps a lot, where it fits badly.
+        """A fit restarted from its magnitudes as long as that helps a lot, where it fits badly.
 
         While a magnitude is far off, nominal parameters bend to make up for it, and hold it there.
         """
@@ -119,7 +119,7 @@ class Refits:
         return min([fit, *tries], key=_cost)
 
     def believed(self, fit: Fit, spread: float) -> Fit:
-        """A fit with no parameter bent beyond belief, where the log does not insist on one.
+        """A fit with no parameter beyond its prior limit, where the log does not insist on one.
 
         Of effects alone: a log that bends a parameter of the nominal world may have another cause.
         """

@@ -18,7 +18,7 @@ NUMBERS = 2_000_000
 
 
 class Replayed:
-    """What worlds with effects show when they are told what was told in the recordings."""
+    """What worlds with effects show under the commands of the recordings."""
 
     def __init__(self, nominal: Spec, commands: Sequence[Commands]) -> None:
         self._nominal, self._commands = nominal, tuple(commands)

@@ -37,19 +37,20 @@ class Rules(BaseModel):
     pair_nats: float
     """A second effect must lower the cost of the first by this, where the pair leaves noise."""
     firm_nats: float
-    """Or else by this, and so must what is named beside lost packets or a much bent parameter."""
+    """Or else by this, and so must what is named beside lost packets or a parameter far from its
+    prior."""
     pair_share: float
     """It must then also explain this share of what the first left over the floor, if anything."""
     white_sd: float
-    """What is new in an explained log is no further from white than this: in held-out residuals,
-    or in every protocol once all are fitted."""
+    """The innovations of an explained log are no further from white than this: in held-out
+    residuals, or in every protocol once all are fitted."""
     wild_sd: float
-    """What is new in a sample is out of all proportion from so many deviations on."""
+    """An innovation is an outlier from so many deviations on."""
     wild_count: int
     """So many such samples are no noise: lost packets alone look white."""
     law_nats: float
-    """Two regressors foretell no more of what an explained log leaves, see `leftover`. Beyond
-    `settled_gap` a tenth of what effects take beside: 1 - `explained_share`."""
+    """Two regressors predict no more of what an explained log leaves. Beyond `settled_gap` a tenth
+    of what effects take beside: 1 - `explained_share`."""
     uneven_sd: float
     """Where it leaves no more than the floor, no protocol is further from white than this."""
     uneven_share: float
@@ -75,13 +76,13 @@ class Rules(BaseModel):
     """A nominal parameter is accused beyond so many of its standard deviations."""
     sound_more: float
     """A log may leave so many times what the worst log of a sound mechanism does, and an effect be
-    so many times as large as there, see `Sound`: what is little differs by that from log to log."""
+    so many times as large as there: what is little differs by that from log to log."""
     sound_nats: float
     """An effect is there where it lowers the cost of the nominal refit by this."""
     sound_gap: float
     """Held-out gap beyond which a log is none of a sound mechanism: it would excuse any effect."""
     tie_nats: float
-    """Effects whose cost is this near the best are not told apart."""
+    """Effects whose cost is this near the best are not distinguished."""
     right: Right
     """What confidence is for a verdict that is far ahead, see `confidence`."""
 

@@ -1,4 +1,4 @@
-"""A search without slopes, for joints in their play: what these do next to no slope foretells."""
+"""A search without slopes, for joints in their play, whose motion no slope predicts."""
 
 import numpy as np
 from scipy.optimize import minimize

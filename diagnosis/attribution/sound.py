@@ -16,11 +16,11 @@ class Sound:
     """The most that the nominal refit leaves of one limb in any log of a sound mechanism."""
 
     surprise: float = 0.0
-    """How far what is new is from white, see `whiten.surprise`."""
+    """Whiteness z-score of the innovations."""
     unevenness: float = 0.0
-    """The same in the worst protocol, see `Leftover.unevenness`."""
+    """The same in the worst protocol."""
     lack_of_fit: float = 0.0
-    """What follows the motion [nats], see `Leftover.lack_of_fit`."""
+    """Cross-validated gain of what follows the motion [nats]."""
     bent: float = 0.0
     """How far the nominal parameter that is farthest off is, in its standard deviations."""
     sizes: Mapping[str, float] = field(default_factory=dict)
@@ -33,7 +33,7 @@ class Sound:
     def excused(self, rule: Rules) -> Rules:
         """The rules, so much wider that none of these logs would be of an unknown effect.
 
-        Beliefs in nominal parameters widen together, by what the most bent of them asks.
+        Prior limits of nominal parameters widen together, by what the farthest of them asks.
         """
         wider = max(1.0, self.bent / rule.alone_stds)
         return rule.model_copy(

@@ -108,7 +108,7 @@ def residual(
 ) -> Array:
     """What measurements (3, T, J) of position, motor angle and torque are beyond a replay.
 
-    The replay (4, T, J) is read `late` (3,) [s] later, and every so-manieth sample is taken.
+    The replay (4, T, J) is read `late` (3,) [s] later, and every n-th sample is taken.
     """
     by_sample = shown.transpose(1, 0, 2)  # as it was written: one layout, compiled once
     return _residual(measured, by_sample, time_s, late, at.age_s, at.scale, at.at_motor, every)

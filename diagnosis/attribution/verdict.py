@@ -96,10 +96,10 @@ class LimbVerdict:
 def judge(
     evidence: Evidence, catalogue: Mapping[str, type[Effect]], uncertainty: float
 ) -> LimbVerdict:
-    """The verdict on one limb; once more by what can be foretold, where a joint plays.
+    """The verdict on one limb; once more with the prediction spread, where a joint plays.
 
-    A world with play foretells a log for a moment only, so what it leaves says little, whoever is
-    right. Its replays' spread says how much, and all are judged anew by that. A verdict that held
+    A world with play predicts a log for a moment only, so what it leaves says little, whoever is
+    right. Its replays' spread says how much, and all are judged again by that. A verdict that held
     without keeps its effects, but for a second one that is not needed then. And what is unknown is
     judged once more beside the little play that every mechanism has.
     """
@@ -170,7 +170,7 @@ def unaccused(limb: LimbVerdict) -> LimbVerdict:
 def most_of(limb: LimbVerdict) -> LimbVerdict | None:
     """The verdict on the effect that takes most of an unknown gap, where the rest has a cause.
 
-    It must be ahead of all others by `firm_nats`, with nothing bent beyond belief.
+    It must be ahead of all others by `firm_nats`, with no parameter beyond its prior limit.
     """
     found, rule = limb.attribution, limb.attribution.rule
     best = next((one for one in found.singles if _beyond_nominal(found, one, rule)), None)

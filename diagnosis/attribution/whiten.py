@@ -1,8 +1,8 @@
-"""What is new in each residual: noise is white, a model's own error comes slowly and stays a while.
+"""Innovations of residuals: noise is white, a model's own error comes slowly and stays a while.
 
 The model's error is taken as an Ornstein-Uhlenbeck process beside white noise. A Kalman filter
-foretells each residual from the ones before; what it did not foretell is white, so its squares add
-up to a likelihood, whatever the rate of a log (Anderson and Moore, Optimal Filtering, 1979).
+predicts each residual from the ones before; what it did not predict is white, so its squares add up
+to a likelihood, whatever the rate of a log (Anderson and Moore, Optimal Filtering, 1979).
 """
 
 import numba
@@ -58,7 +58,7 @@ def _news(left, white, slow, keep, told, flat):
 
 
 def news(left: Array, white: Array, slow: Array, sample_s: float, told: Array, flat: Array) -> None:
-    """Write `innovations` of residuals that are `told`, (C, J, T) bool, at the end of `flat`."""
+    """Write `innovations` of the logged residuals, (C, J, T) bool, at the end of `flat`."""
     _news(left, white, slow, np.exp(-sample_s / MEMORY_S), told, flat)
 
 

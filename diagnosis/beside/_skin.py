@@ -25,13 +25,13 @@ EXACT_M, SHARP = 1e-5, 5e-3
 """Numerical error of depths: the blur of a taxel that nothing is near. That of an answer is a share
 of its level: what drifts half as far as half of it answers at the same time."""
 NEAR = 4.0
-"""Blurs within which it may be felt or not."""
+"""Blurs within which a press may be read or not."""
 CLEARLY = 1.0
 """Blurs that a drift must be over what one is where the taxel is silent."""
 WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far off a wild depth may be."""
 MISSED = 0.02
-"""Share of wrong answers that is no gap, beside those that the blur foretells."""
+"""Share of wrong answers that is no gap, beside those that the blur predicts."""
 NEVER = 1e-9
 """A chance under this is none."""
 ALIKE = 2.5

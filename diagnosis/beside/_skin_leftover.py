@@ -26,7 +26,7 @@ RIDGE = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Left:
-    """Answers beside what a skin foretells of them, n in all."""
+    """Answers beside what a skin predicts of them, n in all."""
 
     binary: bool
     shown: Array

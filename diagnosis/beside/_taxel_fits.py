@@ -95,7 +95,7 @@ class Fitting:
         return self.guess(effect, _without(effect, start, faults))
 
     def alone(self, effect: str, start: Faults, faults: Faults) -> Faults:
-        """The skin with one of its faults fitted anew, or without it where there is none."""
+        """The skin with one of its faults fitted again, or without it where there is none."""
         guess = self.beside(effect, start, faults)
         return guess.faults if guess is not None else _without(effect, start, faults)
 
@@ -104,7 +104,7 @@ class Fitting:
         return float(nats(self._data, faults, self._near(faults)).sum())
 
     def foretold(self, other: "Fitting", faults: Faults) -> float:
-        """What these samples foretell of what a skin with faults leaves of others [nats]."""
+        """Cross-validated gain of these samples on the residuals of others [nats]."""
         mine, theirs = (left(f._data, faults, f._apart, f._near(faults)) for f in (self, other))
         return theirs.gain(mine.taught())
 
@@ -127,7 +127,7 @@ class Fitting:
             value=best,
             interval=(low, high),
             faults=replace(faults, threshold_m=best),
-            evidence=f"taxels answer from {1e3 * (THRESHOLD_M + best):.2f} mm of press on",
+            evidence=f"taxels respond from {1e3 * (THRESHOLD_M + best):.2f} mm of press on",
             extreme=best < THRESHOLDS_M[0] + NEXT_M / 10,
         )
 
@@ -151,7 +151,7 @@ class Fitting:
             value=(low + high) / 2,
             interval=(low, high),
             faults=tries[best],
-            evidence=f"taxels answer within {1e3 * middles[best]:.1f} mm of a pressed one",
+            evidence=f"taxels respond within {1e3 * middles[best]:.1f} mm of a pressed one",
         )
 
     def _drift(self, faults: Faults) -> Guess | None:
@@ -252,7 +252,7 @@ class Fitting:
             value=best,
             interval=(max(low, 0.0), min(high, 1.0)),
             faults=replace(faults, dead=silent, dead_share=best),
-            evidence=f"{int(silent.sum())} of {known} taxels that should answer never do",
+            evidence=f"{int(silent.sum())} of {known} taxels that should respond never do",
         )
 
 

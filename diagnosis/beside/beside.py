@@ -1,4 +1,4 @@
-"""What is told without replays of free air: sensors, lost packets, touch, stick and contact.
+"""Findings without replays of free air: sensors, lost packets, touch, stick and contact.
 
 A diagnosis calls `sensed` before it judges limbs, `lost` and `beside` afterwards.
 """

@@ -1,4 +1,4 @@
-"""What is wrong with a skin: threshold, drift, dead taxels, a halo; told without any dynamics.
+"""Faults of a skin: threshold, drift, dead taxels, a halo; identified without any dynamics.
 
 Where stick and joints are known, geometry says what every taxel should answer. Faults are added one
 after the other, each the one that samples held out bear out most, and two are fitted together.
@@ -46,7 +46,7 @@ let go, unless it is further inside than this."""
 SURE, MEDIAN = 3.0, 1.25
 """Standard deviations that noise may add, and that of a median over that of a mean."""
 MOST = 2
-"""Faults that are told at once: more of them imitate any other."""
+"""Faults that are named at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
 """A fault must raise the likelihood of the judging samples by this, and what is unknown as well."""
 SETTLED_GAP = 1.5
@@ -54,7 +54,7 @@ SETTLED_GAP = 1.5
 BLUR_M = 1e-5
 """The geometry is at least so uncertain."""
 ASKEW = 1.12
-"""Taxels beside the nearest point are inclined, and feel half of the noise along them as well."""
+"""Taxels beside the nearest point are inclined, and get half of the noise along them as well."""
 MOVED_M = 5e-5
 """Blur while a misplaced tip is moved."""
 GRASP = "not identifiable from this log: record --protocol grasp with the channels {}"
@@ -227,7 +227,7 @@ class Skins:
     def lead(self, effect: str, start: Faults, faults: Faults, first: str | None = None) -> float:
         """How much better an effect fitted to one half explains the other one [nats].
 
-        Beside the fault that is there `first`, which is fitted anew with it, and without.
+        Beside the fault that is there `first`, which is fitted again with it, and without.
         """
         gain = 0.0
         for fit, judge in (self._fits, self._fits[::-1]):
@@ -244,7 +244,7 @@ class Skins:
         first: str | None = None,
         fit: Fitting | None = None,
     ) -> Faults:
-        """The skin with an effect, and with the first one anew where there is one; to all samples.
+        """The skin with an effect, and with the first one refitted, to all samples.
 
         Or to those of `fit`. A lone effect may explain what a small offset seems to.
         """
@@ -256,7 +256,7 @@ class Skins:
         return max((faults, *(g.faults for g in guesses if g is not None)), key=fit.nats)
 
     def foretold(self, faults: Faults) -> float:
-        """What each half foretells of what faults leave of the other one [nats]."""
+        """Cross-validated gain of each half on what faults leave of the other one [nats]."""
         one, other = self._fits
         return one.foretold(other, faults) + other.foretold(one, faults)
 
@@ -320,5 +320,5 @@ def _unknown(before: float, after: float, left: float) -> Finding:
         gap_before=before,
         gap_after=after,
         lead_nats=max(after**2 - 1, left),
-        evidence="taxels answer elsewhere than where stick and joints say that they are pressed",
+        evidence="the taxels that respond are not those that stick and joints press",
     )

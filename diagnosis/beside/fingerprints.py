@@ -1,7 +1,7 @@
 """Fingerprints of random effects, which no replay shows: noise, encoder steps, lost packets.
 
 Noise is what third differences leave where the motion is quiet: it is there at rest as well, unlike
-anything that moves. Steps put every reading on a comb. Lost packets are decoded (`losses`).
+anything that moves. Steps quantise every reading. Lost packets are decoded (`losses`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,12 +21,12 @@ from diagnosis.beside.slow import is_slow
 from diagnosis.replay.replay import replay as play
 
 LEAST_STEP_RAD = 1e-5
-"""Finer combs are how numbers are stored, not how an encoder reads."""
+"""Finer steps are how numbers are stored, not how an encoder reads."""
 SAME_RAD = 1e-7
 """Readings this near are one: 32-bit floats."""
 LEAST_LEVELS, ON_COMB = 6, 0.02
-"""A comb has so many teeth; each lies within this share of a step of its place. By chance six do
-with probability 3e-6."""
+"""A quantised signal has so many levels; each lies within this share of a step of its place. By
+chance six do with probability 3e-6."""
 WINDOW = 24
 """Samples in a window of which the noise is taken."""
 QUIET = 0.25
@@ -42,7 +42,7 @@ RESAMPLES = 200
 
 @dataclass(frozen=True, kw_only=True)
 class Comb:
-    """A comb of readings."""
+    """Quantised readings."""
 
     step_rad: float
     half_width_rad: float
@@ -106,7 +106,7 @@ def widened(part: Evidence, found: Sequence[Finding]) -> Evidence:
 
 
 def comb(readings: Array) -> Comb | None:
-    """The comb that readings (n,) [rad] lie on, at any offset; None where there is none."""
+    """The quantisation of readings (n,) [rad], at any offset; None where there is none."""
     values = np.unique(readings)
     levels = values[np.diff(values, prepend=-np.inf) > SAME_RAD]
     if len(levels) < LEAST_LEVELS:
@@ -176,7 +176,7 @@ def _resolution(joint: str, teeth: Comb, known: Encoder, residual: Array) -> lis
             gap_before=before,
             gap_after=after,
             lead_nats=float(-np.log(2 * ON_COMB) * (teeth.levels - 2)),
-            evidence=f"all readings lie on {teeth.levels} teeth of a comb, "
+            evidence=f"all readings lie on {teeth.levels} levels, "
             f"{1e3 * teeth.step_rad:.4g} mrad apart",
         )
     ]
@@ -208,7 +208,7 @@ def _noise(
             gap_before=before,
             gap_after=after,
             lead_nats=found.lead_nats,
-            evidence=f"readings are white with {1e3 * std:.3g} mrad where nothing moves",
+            evidence=f"readings have white noise of {1e3 * std:.3g} mrad where nothing moves",
         )
     ]
 
@@ -232,7 +232,7 @@ def _louder(joint: str, residuals: Sequence[Array], known: Encoder) -> list[Find
             gap_before=left,
             gap_after=left,
             lead_nats=found.lead_nats,
-            evidence=f"readings are white with {1e3 * found.std_rad:.3g} mrad, more than the "
+            evidence=f"readings have white noise of {1e3 * found.std_rad:.3g} mrad, more than the "
             f"sensor's {1e3 * expected:.3g} mrad",
         )
     ]

@@ -1,7 +1,7 @@
-"""What a limb heard: lost packets, and the world that explains best what it did with the others.
+"""Lost packets of a limb, and the world that explains best what it did with the others.
 
-A world that is fitted to all that was told bends to make up for what did not arrive, and in a bent
-world few losses show. So packets are decoded and the world is refitted to those that arrived, in
+A world that is fitted to all commands adapts to make up for those that did not arrive, and in such
+a world few losses show. So packets are decoded and the world is refitted to those that arrived, in
 turn, as segmental k-means does (Juang and Rabiner, IEEE Trans. Acoustics, Speech and Signal
 Processing 38, 1990).
 """
@@ -48,7 +48,7 @@ class Heard:
     """Cost of the fit, and of saying which packets were lost."""
 
     def surprise(self) -> float:
-        """How far what is new in held-out samples is from white, of a fit to the others."""
+        """Whiteness z-score of held-out samples, of a fit to the others."""
         trained = Fitter(self.evidence, self.fitter.nuisances)
         fit = trained.refit(trained.at(self.fit.effects, self.fit.deviations))
         return surprise(trained.new(fit), self.evidence.tracks(True))

@@ -23,7 +23,7 @@ POINTS = 64
 LOST_M, LEAST_S = 5e-3, 1.0
 """A stick further from all tips is lost; what was before is used if it is as long as this."""
 AWAY_M = 1e-3
-"""How far from a skin distances are told."""
+"""Largest distance from a skin that is computed."""
 SMOOTH, CUBIC = 21, 3
 """Samples and degree of the cubics that noise is smoothed by."""
 CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
@@ -119,7 +119,7 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
 def pressed_m(spec: Spec, part: Held) -> Array:
     """Depth [m] to which every taxel is pressed where its finger is touched, shape (T, F, K).
 
-    Negative is the distance to what it would feel, up to `AWAY_M`.
+    Negative is the distance to what would press it, up to `AWAY_M`.
     """
     count, tips = len(part.time_s), len(spec.hand.fingertips)
     reach_m = spec.hand.taxels.reach_m + AWAY_M

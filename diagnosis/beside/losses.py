@@ -28,7 +28,7 @@ ACCUSE_NATS = 30.0
 LEAST_LOST, EXPLAINED = 5, 0.5
 """So many decisive losses explain at least this share of what no losses leave over the noise, and
 fewer `exact_share`, or else they leave what is white. Beside an effect fewer losses of any kind are
-moments that its world does not foretell, as are those of a share below `LEAST_SHARE`."""
+moments that its world does not predict, as are those of a share below `LEAST_SHARE`."""
 LEAST_SHARE = 0.01
 """Share of the packets that could show it, of which fewer losses are none beside an effect."""
 CHANCE = 1e-3
@@ -39,7 +39,7 @@ AGREED = 0.5
 
 @dataclass(frozen=True, kw_only=True)
 class Listener:
-    """A limb, and what is heard in it."""
+    """A limb, and the losses that are detected in it."""
 
     fitter: Fitter
     told: Fit

@@ -3,7 +3,7 @@
 Every packet that brings a new target may have arrived or been lost; each loss has to pay for being
 named, so that losses do not soak up whatever else is unexplained. Errors of a model are smooth in
 time and a lost packet is abrupt, so what counts are innovations: what a residual has that the last
-one did not foretell. Their scale comes from the log, so a badly explained one accuses less.
+one did not predict. Their scale comes from the log, so a badly explained one accuses less.
 """
 
 from collections.abc import Sequence

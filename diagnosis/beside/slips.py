@@ -1,13 +1,13 @@
 """Friction and mass of the stick, from episodes in which it is pulled out of the grip.
 
-The stick slips where pull and weight outdo friction, and falls by Newton's law from there,
+The stick slips where pull and weight exceed friction, and falls by Newton's law from there,
 
     m x'' = F(t) + m g - mu sum(N),   x: how far it has slipped towards its lower end
 
 whatever engine or robot it is. So the pull at which it slips tells mu, given the forces of a
 replay, and how fast it goes then tells m. Contacts that creep, as an engine's may, slip otherwise:
 replays of other masses on the nominal engine are tried as well, and what fits the slips better is
-believed.
+used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -45,7 +45,7 @@ LAWFUL, ODD = 1.25, 1.8
 """Newton's law that leaves less than the one holds, however soft contacts are. A slip of which the
 better model leaves more than the other is of another kind."""
 NEARLY = 0.05
-"""Where it holds it is believed though replays leave less by this: it is any engine's."""
+"""Where it holds it is used though replays leave less by this: it is any engine's."""
 SURE_Z, Z90 = 3.0, 1.645
 HEAVY_Z = 2.2
 """A heavy stick is asked for less: no contact makes one look so."""
@@ -165,7 +165,7 @@ def corrected(world: Spec, told: Told) -> Spec:
 def told(world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = False) -> Told | None:
     """What some episodes tell of friction and mass; None where no stick slips.
 
-    Where contacts are `soft`, replays creep otherwise than a log: Newton's law is believed first.
+    Where contacts are `soft`, replays creep otherwise than a log: Newton's law is tried first.
     """
     slips = [slip(part, world.gravity_m_s2) for part in parts]
     pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slipping < len(s.time_s)]

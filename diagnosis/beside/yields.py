@@ -8,8 +8,8 @@ thicker, whatever engine or robot it is:
 where `gap` is the distance between the surfaces of tip and nominal stick, and forces are those of a
 replay. Fingers bear unequal loads, which tells the two apart. Contacts of the nominal engine yield
 somewhat by themselves, which those of another engine or robot may not: both are tried, and the one
-that needs fewer effects is believed. Where a replay of one moves as the log does, the log is from
-the nominal engine: that decides where they need as many, and what of a softness is its own.
+that needs fewer effects is used. Where a replay of one moves as the log does, the log is from the
+nominal engine: that decides where they need as many, and what of a softness is its own.
 """
 
 from collections.abc import Mapping, Sequence
@@ -92,7 +92,7 @@ class Shapes:
 
     world: Spec
     soft: bool = False
-    """Whether contacts are softer than they are told to be."""
+    """Whether contacts are softer than given."""
     findings: tuple[Finding, ...] = ()
     spots: tuple[Spot, ...] = ()
     missing: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""What reaches the drives, foretold: a command path depends on commands alone, not on the motion.
+"""Precompute what reaches the drives: it depends on the commands alone, not on the motion.
 
 A path asked tick by tick costs several times what the motion does. Asked beforehand, the time
 between samples falls into spans in which no target changes, and these a limb takes at full speed.
@@ -13,7 +13,7 @@ import numpy as np
 def arrivals(ticks, target, path, late, dt):
     """Spans of constant targets: their ticks (M,), samples (M,), targets (M, J), and ends.
 
-    `ticks` (n,) are the drive periods up to each sample and `target` (n, J) what is told then;
+    `ticks` (n,) are the drive periods up to each sample and `target` (n, J) the commands there;
     `path` (J, 3) as in `backends.command`, of which nothing is lost. A span ends wherever sensors
     that are `late` (J,) [s] look back to; after so many ticks the span `ends` of that has ended.
     """

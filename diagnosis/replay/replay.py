@@ -60,7 +60,7 @@ class Told:
 
     @classmethod
     def of(cls, episodes: Sequence[Commands]) -> "Told":
-        """What was told in one or more episodes."""
+        """The commands of one or more episodes."""
         ticks, target, load = (
             np.concatenate(parts) for parts in zip(*map(_until, episodes), strict=True)
         )

@@ -2,7 +2,7 @@
 
     minimise |w (y - f(u))|^2 / 2 + |(u - centre) / sd|^2 / 2,   low <= u <= high
 
-Weights w are of the residuals as they are (`evidence.gap`), anew at each step.
+Weights w are of the residuals as they are (`evidence.gap`), computed again at each step.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ from diagnosis.search.problem import Problem, is_column
 from diagnosis.search.quadratic import lowest
 
 STEPS, AGAIN = 7, 2
-"""Steps of a fit; at the step AGAIN the slopes of the tolerances are taken anew."""
+"""Steps of a fit; at the step AGAIN the slopes of the tolerances are computed again."""
 DAMPINGS = (1.0, 0.4, 0.12)
 """Shares of a step that are tried."""
 DONE, DONE_SHARE = 0.02, 0.003

@@ -149,7 +149,7 @@ def _gap_before(fitter: Fitter) -> float:
 
 
 def _experiment(fitter: Fitter) -> str:
-    """What would tell tied causes apart: what this log lacks."""
+    """The experiment that would distinguish tied causes: something that this log lacks."""
     evidence = fitter.evidence
     if not evidence.logged[:, 2].any():
         return "log the torques that the drives ask for"

@@ -1,4 +1,4 @@
-"""What is said of a limb in words: causes with their shares, what is left, and what would help."""
+"""The sentences about a limb: causes with their shares, what is left, and what would help."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,11 +6,11 @@ from dataclasses import replace
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult
 
 BORDER = 0.7
-"""A gap of more than this share of an ordinary one is near the border."""
+"""A gap of more than this share of an ordinary one is called near the limit."""
 FROM = {
-    "robot": "where sound robots leave up to",
-    "simulator": "where this simulator leaves up to",
-    "healthy logs": "where its own healthy logs leave up to",
+    "robot": "healthy robots leave up to",
+    "simulator": "a simulator with this drive law leaves up to",
+    "healthy logs": "the healthy logs of this robot leave up to",
 }
 
 
@@ -22,30 +22,34 @@ def sentences(result: LimbResult) -> LimbResult:
 def _sentences(result: LimbResult) -> Iterator[str]:
     limit = f"{FROM[result.ordinary_from]} {result.ordinary:.1f}"
     if result.verdict == (NONE,):
-        yield f"Nothing is wrong that this log shows: {result.gap_after:.1f} floors, {limit}."
+        yield f"This log shows no fault: the gap is {_floors(result.gap_after)}; {limit}."
         if result.gap_after > BORDER * result.ordinary:
-            yield "That is near the border; healthy logs of this robot would say more."
+            yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):
-        yield f"{result.gap_nominal:.1f} floors, {limit}: no effect explains it."
+        gap = _floors(result.gap_nominal)
+        yield f"The gap is {gap}, and no effect explains it; {limit}."
         for cause in result.leading:
-            yield f"{_cause(cause)} would take {100 * cause.share:.0f} % of the gap."
+            yield f"{_cause(cause)} would explain {100 * cause.share:.0f} % of the gap."
     else:
         yield f"{' and '.join(map(_cause, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
-        yield f"Beside it: {_cause(cause)}."
+        yield f"In addition, a sensor shows {_cause(cause)}."
     if result.tied:
-        others = ", ".join("+".join(names) for names in result.tied)
-        yield f"This log cannot tell it from {others}; {result.experiment} to tell them apart."
+        others = " or ".join(" with ".join(names) for names in result.tied)
+        yield f"This log cannot distinguish it from {others}; to do so, {result.experiment}."
 
 
 def _takes(result: LimbResult, limit: str) -> str:
-    """What causes take, and whether what is left is ordinary."""
-    verb = "takes" if len(result.causes) == 1 else "take"
+    """What the causes explain, and whether the rest is ordinary."""
+    verb = "explains" if len(result.causes) == 1 else "explain"
     took = f"{verb} {100 * result.share:.0f} % of the gap"
     if result.left <= result.ordinary:
-        return f"{took}; what is left ({result.left:.1f} floors) is ordinary"
-    kept = f"{100 * (1 - result.share):.0f} % is left, {result.left:.1f} floors, {limit}"
-    return f"{took}; {kept}"
+        return f"{took}; the rest, {_floors(result.left)}, is ordinary"
+    return f"{took}; {_floors(result.left)} are left, but {limit}"
+
+
+def _floors(gap: float) -> str:
+    return f"{gap:.1f} times the noise floor"
 
 
 def _cause(cause: Cause) -> str:
