@@ -1,4 +1,4 @@
-"""What a calibration says in words and effects: the calibrated world, its spread, a table."""
+"""The texts of a calibration: the calibrated world, its spread, and a table."""
 
 from collections.abc import Iterator
 
@@ -14,20 +14,20 @@ from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
 from diagnosis.calibration.spread import Confusion
 from diagnosis.calibration.tactile import Skin
 
-SET_ANEW = ("backlash", "self-lock", "kp-scale", "kd-scale", "taxel-dropout", "taxel-drift")
-"""Effects that a calibration says itself, whatever the nominal world has."""
+CALIBRATED = ("backlash", "self-lock", "kp-scale", "kd-scale", "taxel-dropout", "taxel-drift")
+"""Effects that a calibration sets itself; those of the nominal world are replaced."""
 _GAINS = ("kp-scale", "kd-scale")
 
 
 def effects_text(found: Calibration, ideal: Spec, nominal_effects: str) -> str:
     """The calibrated world as effects on the ideal hand."""
-    kept = [item for item in _items(nominal_effects) if _name(item) not in SET_ANEW]
+    kept = [item for item in _items(nominal_effects) if _name(item) not in CALIBRATED]
     joints = [item for name in ideal.hand.joint_names for item in _joint(found, ideal, name)]
     return ",".join([*kept, *joints, *_skin(found)]) or "none"
 
 
 def spread_text(found: Calibration) -> str:
-    """Domain randomisation: gains as sure as they are, all else as in the paper."""
+    """Domain randomisation: gains by their standard deviations, the rest as in the paper."""
     paper = dict(item.split("=") for item in PAPER_SPREAD.split(","))
     items = []
     for name, joint in found.joints.items():
@@ -40,17 +40,17 @@ def spread_text(found: Calibration) -> str:
 
 
 def confusion_text(found: Confusion) -> str:
-    """What gains are confounded with, and by how much."""
+    """An effect that is confounded with gains, and by how much."""
     size = UNITS[found.effect.unit][1]
     kp, kd = 100 * found.reads_as
     return (
         f"{effect_name(found.effect)}: {found.effect.magnitude / size:g} {found.effect.unit} "
-        f"would read as kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * found.share:.1f} % alike)"
+        f"would look like kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * found.share:.1f} % of it)"
     )
 
 
 def table(content: CalibrationFile) -> Table:
-    """A row per joint: gains, errors, play; below, what is confounded, and the skin."""
+    """A row per joint with gains, errors and play; below it confounded effects and touch."""
     below = Text("\n".join([*_confounded(content), *_touch(content)]))
     shown = Table(header_style="bold", caption=below, caption_justify="left")
     for column in (
@@ -85,23 +85,25 @@ def table(content: CalibrationFile) -> Table:
 def _confounded(content: CalibrationFile) -> Iterator[str]:
     for name, joint in content.joints.items():
         if isinstance(joint.gains, Gains):
-            yield from (f"{name} cannot tell {what}" for what in joint.gains.confounded)
+            yield from (
+                f"{name}, cannot be distinguished: {what}" for what in joint.gains.confounded
+            )
 
 
 def _touch(content: CalibrationFile) -> Iterator[str]:
     if isinstance(content.tactile, str):
-        yield f"skin: {content.tactile}"
+        yield f"touch: {content.tactile}"
         return
     for finger, skin in content.tactile.items():
         yield (
             f"{finger}: threshold {skin.threshold:.3g}, {100 * skin.false_share:.2g} % of the "
-            f"readings at rest above it, fastest drift {skin.fastest_drift_s:.3g}/s, "
-            f"dead {len(skin.dead)} of {skin.touched} touched"
+            f"readings without contact above it, fastest drift {skin.fastest_drift_s:.3g}/s, "
+            f"{len(skin.dead)} of {skin.touched} touched taxels dead"
         )
 
 
 def _items(text: str) -> list[str]:
-    """The effects in a text, each by itself."""
+    """The single effects of a text."""
     if text in ("none", ""):
         return []
     items = [item.strip() for item in text.split(",")]
@@ -113,7 +115,7 @@ def _name(item: str) -> str:
 
 
 def _joint(found: Calibration, ideal: Spec, name: str) -> Iterator[str]:
-    """Effects of one joint, where it differs from the ideal one."""
+    """The effects of one joint, where it differs from the ideal one."""
     j = ideal.hand.joint_names.index(name)
     drive, plain = found.calibrated.drives[j], ideal.drives[j]
     if drive.play_rad > 0:

@@ -1,4 +1,4 @@
-"""Learning curves of one or several runs; runs that differ in the seed alone become one band."""
+"""Learning curves of one or several runs; runs that differ only in the seed become one band."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from benchmark.run_spec import RunSpec
 from leaderboard.curves import Band, band, thin
 
 POINTS = 100
-"""Points of a curve."""
+"""Number of points of a curve."""
 PANELS = (
     ("reward", "mean reward per step"),
     ("p_err_cm", "error of the lower end [cm]"),
@@ -22,14 +22,14 @@ PANELS = (
 
 
 def read_curves(folders: Sequence[Path]) -> dict[RunSpec, list[dict[str, np.ndarray]]]:
-    """Learning curves by settings without the seed; raises UsageError for a run without one."""
+    """Learning curves, grouped by all settings but the seed; UsageError for a run without one."""
     curves: dict[RunSpec, dict[int, dict]] = {}
     for folder in folders:
         run = run_folder.read_run(folder)
         spec = run_folder.run_spec(run)
         progress = run_folder.RunFolder(folder, spec).progress(up_to_steps=spec.steps * 2)
         if not progress:
-            raise UsageError(f"{folder} has no learning curve: {spec.algo} has not trained there")
+            raise UsageError(f"{folder} has no learning curve: {spec.algo} was not trained there")
         columns = {name: [row[name] for row in progress] for name in progress[0]}
         seeds = curves.setdefault(dataclasses.replace(spec, seed=0), {})
         seeds[spec.seed] = thin(columns, POINTS)
@@ -37,7 +37,7 @@ def read_curves(folders: Sequence[Path]) -> dict[RunSpec, list[dict[str, np.ndar
 
 
 def draw_curves(curves: dict[RunSpec, list[dict[str, np.ndarray]]], title: str) -> Figure:
-    """Mean over seeds, and the range from least to most."""
+    """Draw the mean over seeds, and the range from lowest to highest."""
     figure = Figure(figsize=(12, 4.2), layout="constrained")
     labels = _labels(list(curves))
     for axes, (signal, name) in zip(figure.subplots(1, len(PANELS)), PANELS, strict=True):
@@ -61,7 +61,7 @@ def _draw(axes, found: Band, label: str) -> None:
 
 
 def _labels(specs: Sequence[RunSpec]) -> list[str]:
-    """What tells the runs apart: the settings in which they differ; of one alone its names."""
+    """Labels of the runs: the settings in which they differ; for a single run its names."""
     fields = [dataclasses.asdict(spec) for spec in specs]
     named = ("backend", "task", "algo", "observation")
     told = [name for name in fields[0] if len({f[name] for f in fields}) > 1] or list(named)

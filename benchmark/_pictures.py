@@ -1,4 +1,4 @@
-"""Pictures and videos on disk: small files, each of which says what it shows and what made it."""
+"""Write small pictures and videos; each contains its caption and the command that made it."""
 
 import io
 import os
@@ -12,14 +12,14 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 PALETTE = 128
-"""Colours of a PNG or GIF."""
+"""Number of colours of a PNG or GIF."""
 SAMPLED = 4
 """Frames of a GIF that its colours are taken from."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Caption:
-    """What a picture carries with it."""
+    """The texts that are stored in a picture."""
 
     title: str
     """What it shows."""
@@ -28,14 +28,14 @@ class Caption:
 
 
 def write_figure(figure: Figure, caption: Caption, out: Path) -> None:
-    """A plot as PNG."""
+    """Write a plot as PNG."""
     drawn = io.BytesIO()
     figure.savefig(drawn, format="png", dpi=130)
     write_png(Image.open(drawn), caption, out)
 
 
 def write_png(image: Image.Image, caption: Caption, out: Path) -> None:
-    """A picture as PNG with few colours."""
+    """Write a picture as PNG with few colours."""
     about = PngInfo()
     about.add_text("Title", caption.title)
     about.add_text("Source", caption.source)
@@ -44,7 +44,7 @@ def write_png(image: Image.Image, caption: Caption, out: Path) -> None:
 
 
 def write_mp4(frames: Iterable[np.ndarray], size: tuple[int, int], rate: float, out: Path) -> None:
-    """Frames (height, width, 3) uint8 as H.264, so many a second."""
+    """Write frames (height, width, 3) uint8 as H.264 video."""
     import imageio_ffmpeg
 
     def write(path: Path) -> None:
@@ -61,7 +61,7 @@ def write_mp4(frames: Iterable[np.ndarray], size: tuple[int, int], rate: float, 
 
 
 def write_gif(frames: Iterable[np.ndarray], rate: float, out: Path) -> None:
-    """Frames (height, width, 3) uint8 as an endless GIF, so many a second.
+    """Write frames (height, width, 3) uint8 as an endless GIF.
 
     All have one palette and nothing is dithered, so that what stands still is stored once.
     """

@@ -1,4 +1,4 @@
-"""The paper's figures of one run: drawn paths, joints over a lap, touch over time."""
+"""The paper's figures for one run: drawn paths, joints over a lap, touch over time."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -9,12 +9,12 @@ from benchmark._replay import Recording
 
 ACTUAL, REFERENCE = "tab:blue", "tab:red"
 MAPS = 3
-"""Moments at which the taxels are shown."""
+"""Number of moments at which the taxels are shown."""
 _TAXELS = ListedColormap(["#e8ecf2", "#d62728"])
 
 
 def draw_figure(recording: Recording, title: str) -> Figure:
-    """Lower end and reference in the X-Y plane [cm], from the grip; a fall is marked."""
+    """Draw lower end and reference in the X-Y plane [cm], from the grip; falls are marked."""
     figure = Figure(figsize=(6.4, 6.8), layout="constrained")
     axes = figure.add_subplot()
     half = 1.12 * draw_paths(axes, recording)
@@ -45,7 +45,7 @@ def add_legend(axes: Axes) -> None:
 
 
 def draw_joints(recording: Recording, title: str) -> Figure:
-    """Target and measured position of every driven joint over one lap, a finger per row [deg]."""
+    """Draw target and measured position of every joint over one lap [deg], a finger per row."""
     lap = _drawn(recording, recording.lap)
     time_s = recording.time_s[lap]
     target_deg = np.degrees(recording.target_rad[lap])
@@ -69,7 +69,7 @@ def draw_joints(recording: Recording, title: str) -> Figure:
 
 
 def draw_touch(recording: Recording, title: str) -> Figure:
-    """Contact position on every fingertip over time [mm], and its active taxels at moments."""
+    """Draw contact positions on the fingertips over time [mm], and maps of active taxels."""
     touch, hand = recording.touch, recording.spec.hand
     part, lap = _drawn(recording, len(recording.time_s)), _drawn(recording, recording.lap)
     moments = np.linspace(lap.start, lap.stop, MAPS, endpoint=False).astype(int)
@@ -95,7 +95,7 @@ def draw_touch(recording: Recording, title: str) -> Figure:
 
 
 def _drawn(recording: Recording, most: int) -> slice:
-    """At most so many steps of episode 0 from where the figure is drawn; all held ones if fewer."""
+    """Up to `most` steps of episode 0 from the start of the figure, while the stick is held."""
     steps_held = int(recording.held[:, 0].sum())
     if steps_held < recording.first + recording.lap:
         return slice(0, max(steps_held, 1))
@@ -103,7 +103,7 @@ def _drawn(recording: Recording, most: int) -> slice:
 
 
 def _draw_path(axes: Axes, path_cm: np.ndarray, first: int, steps_held: int) -> float:
-    """One episode's path (T, 2) [cm] until its fall; its farthest drawn coordinate [cm]."""
+    """Draw one episode's path (T, 2) [cm] until its fall; returns its largest coordinate [cm]."""
     line = path_cm[first:steps_held]
     axes.plot(*line.T, color=ACTUAL, lw=0.9, alpha=0.75, label="actual")
     if steps_held < len(path_cm):
@@ -113,7 +113,7 @@ def _draw_path(axes: Axes, path_cm: np.ndarray, first: int, steps_held: int) -> 
 
 
 def _draw_taxels(axes: Axes, grid: np.ndarray, title: str) -> None:
-    """Active taxels, shape (rows, columns), rows from rear (left) to front (right)."""
+    """Draw active taxels, shape (rows, columns), rows from rear (left) to front (right)."""
     axes.pcolormesh(grid.T, cmap=_TAXELS, vmin=0, vmax=1, edgecolors="white", lw=0.6)
     axes.set(aspect="equal", xticks=[], yticks=[])
     axes.set_title(title, fontsize=8)

@@ -1,7 +1,7 @@
-"""Any engine's run, drawn off-screen in a child process, frame by frame.
+"""Draw the run of any engine off-screen in a child process, frame by frame.
 
-OpenGL's platform is chosen once per process, so each is tried in a child of its own: first EGL,
-then OSMesa.
+The OpenGL platform is chosen once per process, so each one is tried in its own child process: first
+EGL, then OSMesa.
 """
 
 import os
@@ -20,14 +20,14 @@ from backends.state import Array, State
 from benchmark.errors import CommandError
 
 LIMIT_S = 300
-"""A child that draws longer than this on one frame hangs [s]."""
+"""A child that takes longer than this for one frame counts as hanging [s]."""
 PLATFORMS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 """OpenGL's platforms by MuJoCo's names, and Debian's packages of each."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is drawn: T steps of one episode, and which of them."""
+    """What is drawn: T steps of one episode, and the numbers of the frames."""
 
     spec: Spec
     states: State
@@ -47,7 +47,7 @@ class Scene:
 
 
 class _DrawingError(CommandError):
-    """The child gave no frame."""
+    """The child process gave no frame."""
 
 
 def render(scene: Scene) -> Iterator[Array]:
@@ -67,7 +67,9 @@ def render(scene: Scene) -> Iterator[Array]:
         yield from drawn
         return
     packages = " or ".join(f"apt-get install {name}" for name in PLATFORMS.values())
-    raise CommandError(f"cannot draw off-screen ({'; '.join(reasons)}); on Debian: {packages}")
+    raise CommandError(
+        f"cannot draw off-screen ({'; '.join(reasons)}); on Debian install a package: {packages}"
+    )
 
 
 def _in_child(scene: Scene, platform: str) -> Iterator[Array]:
@@ -92,7 +94,7 @@ def _in_child(scene: Scene, platform: str) -> Iterator[Array]:
 
 
 def _frames(scene: Scene, child: subprocess.Popen) -> Iterator[Array]:
-    """What the child draws; raises EOFError or BrokenPipeError when it ends early."""
+    """The frames of the child process; raises EOFError or BrokenPipeError if it ends early."""
     assert child.stdin is not None and child.stdout is not None
     pickle.dump(scene, child.stdin)
     child.stdin.flush()

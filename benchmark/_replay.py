@@ -1,4 +1,4 @@
-"""A policy replayed in its fixed evaluation episodes, and what pictures need of them kept."""
+"""Replay a policy in its fixed evaluation episodes and keep the data for pictures."""
 
 import dataclasses
 import math
@@ -19,14 +19,14 @@ from tasks.task import EPISODE_S, RATE_RAD_S
 
 @dataclass(frozen=True, kw_only=True)
 class Recording:
-    """T policy steps of E episodes; joints and touch of the first one alone."""
+    """T policy steps of E episodes; joints and touch are kept for the first one only."""
 
     spec: Spec
     """The world that was simulated."""
     first: int
-    """Step from which the figure is drawn."""
+    """First step of the drawn figure."""
     lap: int
-    """Steps of one lap; of the whole episode where the figure does not repeat."""
+    """Steps of one lap, or of the whole episode if the figure does not repeat."""
     period: int
     """Steps in which the figure's phase goes round."""
     time_s: Array
@@ -40,15 +40,15 @@ class Recording:
     target_rad: Array
     """Commanded joint angles of episode 0 [rad], shape (T, J)."""
     states: State
-    """Episode 0, a step in the place of a world: arrays (T, ...)."""
+    """Episode 0, with steps in place of worlds: arrays (T, ...)."""
     touch: Touch
-    """What the skin felt in episode 0: arrays (T, ...)."""
+    """Touch readings of episode 0: arrays (T, ...)."""
     scores: dict[str, float]
     """Means over these episodes, and their count."""
 
 
 class _Recorder:
-    """Copies what a recording holds, step by step."""
+    """Copies the data of a recording, step by step."""
 
     def __init__(self) -> None:
         self.states: list[State] = []
@@ -68,9 +68,9 @@ class _Recorder:
 
 
 def replay(run: RunSpec, policy: Path, episodes: int, workers: int) -> Recording:
-    """Evaluate the policy in a folder.
+    """Replay and evaluate the policy in a folder.
 
-    Raises UsageError when the policy does not fit, CommandError when the simulation stops.
+    Raises UsageError if the policy does not fit, CommandError if the simulation stops.
     """
     recorder = _Recorder()
     played = deploy(run, policy, workers, episodes=episodes, watch=recorder)
@@ -93,7 +93,7 @@ def replay(run: RunSpec, policy: Path, episodes: int, workers: int) -> Recording
 def _laps(run: RunSpec) -> tuple[int, int, int]:
     """Steps before the drawn part, steps of a lap, and steps in which the phase goes round.
 
-    Leaves out the first lap of a figure that repeats, as the paper does, where two fit.
+    As in the paper, the first lap of a repeating figure is left out if there are two.
     """
     policy_s = run.world().timing.policy_s
     lap_s = 2 * math.pi / (run.speed * RATE_RAD_S)

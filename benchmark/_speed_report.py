@@ -1,4 +1,4 @@
-"""What `bench speed` leaves behind: files, a picture and a table."""
+"""The output of `bench speed`: files, a picture and a table."""
 
 import csv
 import json
@@ -18,11 +18,11 @@ _COLUMNS = {
     "over fewest cores": "x {gain:.2f}",
     "MB": "{memory_mb:,.0f}",
 }
-"""What the table shows of a row."""
+"""The columns of the table."""
 
 
 def write(result: dict, rows: list[dict], out: Path) -> None:
-    """Write the result as speed.json, its rows as speed.csv and a picture of them as speed.png."""
+    """Write speed.json (the result), speed.csv (its rows) and speed.png (a picture)."""
     out.mkdir(parents=True, exist_ok=True)
     run_folder.write_atomically(out / "speed.json", json.dumps(result, indent=2) + "\n")
     flat = [{k: v for k, v in row.items() if not isinstance(v, dict | list)} for row in rows]
@@ -34,7 +34,7 @@ def write(result: dict, rows: list[dict], out: Path) -> None:
 
 
 def _plot(rows: list[dict], path: Path) -> None:
-    """Time per environment step over the number of worlds, the bare engine's dashed."""
+    """Plot the time per environment step over the number of worlds; dashed: the bare engine."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import LogLocator, ScalarFormatter
 
@@ -60,7 +60,7 @@ def _plot(rows: list[dict], path: Path) -> None:
 
 
 def table(result: dict) -> Table:
-    """The rows, a block per engine, and a line on every engine and on what was skipped."""
+    """The rows, a block per engine, then a line per engine and per skipped cell."""
     shown = Table(header_style="bold")
     for column in ("engine", *_COLUMNS):
         shown.add_column(column, overflow="fold", justify="left" if column == "engine" else "right")

@@ -1,7 +1,7 @@
-"""How long a step of an environment takes, and how long its engine alone: blocks of both in turn.
+"""Time a step of an environment and a step of its bare engine, in alternating blocks.
 
-Both step the same worlds with the stick in the same grasp, so a block holds what was slow or fast
-on the machine in that moment, and the ratio within a block does not.
+Both step the same worlds with the stick in the same grasp. A block depends on how fast the machine
+was at that moment, but the ratio within a block does not.
 """
 
 import time
@@ -16,41 +16,41 @@ from tasks.batch import BatchEnv
 SETTLE_STEPS = 20
 """Environment steps from the start of an episode until the grasp is at rest: 0.4 s."""
 ENV_STEPS = 4
-"""Environment steps in a block. They also mend the grasp, which slips away within 0.1 s under
-constant torques; the one period of these in a block moves joints by 0.1 mrad."""
+"""Environment steps in a block. They also restore the grasp, which slips within 0.1 s under
+constant torques. The single period with constant torques in a block moves joints by 0.1 mrad."""
 EPISODE_BLOCKS = 45
 """Blocks until new episodes begin, each of six periods: 290 of 300 steps."""
 MIN_BLOCKS = 6
 RESTARTS = 3
-"""Restarts that are timed after each episode."""
+"""Number of restarts that are timed after each episode."""
 Clock = Callable[[], float]
-"""Seconds, of the processor or of the wall."""
+"""A clock in seconds: CPU time or wall time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Times of one policy period of all worlds [s], medians over the blocks."""
+    """Times for one policy period of all worlds [s], medians over the blocks."""
 
     step_s: float
     """An environment step: drives, engine, touch, observation, reward."""
     wall_s: float
-    """The same by the clock on the wall, whatever the others are measured by."""
+    """The same in wall time, whichever clock the others use."""
     advance_s: float
-    """Of that, drives and engine with its reading of joints, stick and contacts."""
+    """The part of drives and engine, with reading joints, stick and contacts."""
     raw_s: float
-    """The engine alone under constant torques."""
+    """The bare engine under constant torques."""
     restart_s: float
-    """New episodes, per step, when each world begins one every 300 steps."""
+    """Restarts, per step, if each world begins an episode every 300 steps."""
     overhead: tuple[float, float, float]
     """Quartiles over the blocks of (step + restart) / raw - 1, the median in the middle."""
     pressing: float
-    """Share of fingertips that pressed the stick, looked at in every block."""
+    """Share of fingertips that pressed the stick, checked in every block."""
     blocks: int
 
 
 @dataclass(kw_only=True)
 class _Blocks:
-    """What was measured, block by block [s]."""
+    """The measurements, block by block [s]."""
 
     step_s: list[float] = field(default_factory=list)
     wall_s: list[float] = field(default_factory=list)
@@ -63,7 +63,7 @@ class _Blocks:
 def measure(
     env: BatchEnv, coast: Callable[[int], None], seconds: float, clock: Clock = time.perf_counter
 ) -> Timing:
-    """Time an environment and, with `coast`, its engine alone, for about `seconds`."""
+    """Time an environment and, with `coast`, its bare engine, for about `seconds`."""
     blocks, still = _Blocks(), np.zeros((env.worlds, env.action_width))
     began = time.perf_counter()
     while not blocks.raw_s or time.perf_counter() - began < seconds:
@@ -85,7 +85,7 @@ def _block(
     blocks: _Blocks,
     clock: Clock,
 ) -> None:
-    """Time single periods: on a shared machine a longer one is interrupted more often."""
+    """Time single periods, because longer ones are interrupted more often on a shared machine."""
     began = time.perf_counter()
     steps = [_seconds(lambda: env.step(still), clock) for _ in range(ENV_STEPS)]
     blocks.wall_s.append((time.perf_counter() - began) / ENV_STEPS)

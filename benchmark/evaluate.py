@@ -11,7 +11,7 @@ from tasks.initial_states import sample_initial_states
 
 EPISODES, SMOKE_EPISODES = 100, 8
 EVALUATION_SEED = 20260101
-"""Decides initial states and headings of the evaluation; training seeds are spread by hashing."""
+"""Seed of initial states and headings in the evaluation; training seeds are hashed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,10 +39,10 @@ def evaluate(
     on_step: Callable[[BatchEnv, Step], None] = lambda env, step: None,
     seed: int = EVALUATION_SEED,
 ) -> Episodes:
-    """One episode per world of `env`, from the fixed initial states, acting with `act`.
+    """Run one episode per world of `env` from the fixed initial states, with the actions of `act`.
 
-    Another `seed` gives another list of initial states and headings. A world whose stick has
-    fallen steps on to keep the batch together, and counts no more.
+    Another `seed` gives other initial states and headings. A world whose stick has fallen is still
+    stepped to keep the batch together, but no longer counts.
     """
     rng = np.random.default_rng(seed)
     start = sample_initial_states(env.simulator.specs, rng)

@@ -1,4 +1,4 @@
-"""Finished runs into the repository: their rows, and their policies with a model card each."""
+"""Keep finished runs in the repository: their rows, and their policies with a model card."""
 
 import json
 import shutil
@@ -17,7 +17,7 @@ CARD_FILE = "README.md"
 
 
 def keep_rows(sources: Iterable[Path], results: Path) -> None:
-    """Copy the row of every finished, real run with its details into the folder of kept rows."""
+    """Copy the row of every finished run that is no smoke run into the folder of kept rows."""
     results.mkdir(parents=True, exist_ok=True)
     for folder, row in _finished(sources):
         try:
@@ -29,7 +29,7 @@ def keep_rows(sources: Iterable[Path], results: Path) -> None:
 
 
 def keep_policies(sources: Iterable[Path], policies: Path) -> list[str]:
-    """Copy every finished, trained policy with contract, episodes and model card; their names."""
+    """Copy every finished policy with contract, episodes and model card; returns the names."""
     names = []
     for folder, row in _finished(sources):
         if row["policy_sha256"] is None:
@@ -47,7 +47,7 @@ def keep_policies(sources: Iterable[Path], policies: Path) -> list[str]:
 
 
 def _finished(sources: Iterable[Path]) -> Iterator[tuple[Path, dict]]:
-    """Folders of finished, real runs and what is in their run.json, without where they lay."""
+    """Folders of finished runs, no smoke runs, and their run.json without its location."""
     for source in sources:
         for file in sorted(source.rglob(RUN_FILE)):
             row = run_folder.read_run(file.parent)

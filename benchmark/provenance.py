@@ -1,4 +1,4 @@
-"""Where a result comes from: command, versions, CPU, commit."""
+"""Provenance of a result: command, versions, CPU, commit."""
 
 import os
 import platform
@@ -26,7 +26,7 @@ _ROOT = Path(__file__).resolve().parent.parent
 
 
 def version(package: str) -> str | None:
-    """Installed version of a package, else None; imports nothing."""
+    """Installed version of a package, or None; imports nothing."""
     try:
         return metadata.version(package)
     except metadata.PackageNotFoundError:
@@ -34,7 +34,7 @@ def version(package: str) -> str | None:
 
 
 def provenance() -> dict:
-    """What a result row says of its making."""
+    """The provenance that a result row contains."""
     return {
         "command": shlex.join(["bench", *sys.argv[1:]]),
         "versions": {p: v for p in PACKAGES if (v := version(p)) is not None},
