@@ -1,4 +1,4 @@
-"""What an unknown gap is mostly like: an effect that leads, though it is no explanation."""
+"""The effect that is closest to an unknown gap, although it does not explain the gap."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from diagnosis.shrinkage import Share, shrinkage
 
 @dataclass(frozen=True, kw_only=True)
 class Leading:
-    """The effect that takes most of an unknown gap."""
+    """The effect that explains most of an unknown gap."""
 
     effect: str
     joint: str | None
@@ -21,7 +21,7 @@ class Leading:
     """In `unit`."""
     unit: str
     share: Share
-    """Of the squared gap above the floor that the refit of nominal parameters leaves."""
+    """Share of the squared gap above the noise floor that the nominal refit leaves."""
     tied: tuple[str, ...] = ()
     """An effect that cannot be distinguished from it."""
 

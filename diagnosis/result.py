@@ -1,4 +1,4 @@
-"""What a diagnosis says of a log, as an object and as plain data."""
+"""The result of a diagnosis, as an object and as plain data."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -13,45 +13,45 @@ from diagnosis.shrinkage import Share
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
-    """What a log says. Gaps are root mean squares over the noise, on held-out samples."""
+    """The result of a diagnosis. Gaps are root mean squares over the noise, on held-out samples."""
 
     verdict: tuple[str, ...]
     joints: tuple[str, ...]
     magnitudes: tuple[Magnitude, ...]
     confidence: float
     ranking: tuple[dict, ...]
-    """Per limb, what was tried: effects, joints, magnitudes, cost in nats and held-out gap."""
+    """Per limb, the candidates: effects, joints, magnitudes, cost in nats and held-out gap."""
     indistinguishable: tuple[dict, ...]
-    """Effects that this log cannot tell apart, and the experiment that would."""
+    """Effects that this log cannot distinguish, and the experiment that would."""
     leading: tuple[Leading, ...]
-    """What unknown gaps are mostly like; no part of the verdict."""
+    """The effects that are closest to unknown gaps; not part of the verdict."""
     unseen: tuple[str, ...]
-    """Joints of which this log tells nothing."""
+    """Joints about which this log says nothing."""
     where: tuple[Place, ...]
     gap_before: float
     gap_nominal: float
-    """With the nominal parameters alone refitted: what a calibration reaches."""
+    """The gap with only the nominal parameters refitted, as a calibration would."""
     gap_after: float
     noise_floor: float
     shrinkage: Share
-    """Of the squared gap above the floor, by the verdict."""
+    """Share of the squared gap above the noise floor that the verdict removes."""
     shrinkage_nominal: Share
-    """The same by the refit of nominal parameters alone."""
+    """The same for the refit of the nominal parameters alone."""
     gaps: Mapping[str, Share]
-    """The gaps before, nominal and after with their intervals."""
+    """The gaps before, nominal and after, with their intervals."""
     beside: tuple[Finding, ...]
     """Findings without replays of free air: sensors, lost packets, touch, stick, contact."""
     spots: tuple[Spot, ...]
-    """What touch and stick show at every finger."""
+    """Gaps of touch and stick at every finger."""
     missing: tuple[str, ...]
-    """Effects that could not be looked for, why, and what to record for them."""
+    """Effects that could not be judged, the reason, and what to record for them."""
     cpu_s: float
-    """Of this process and those that it waited for [s]."""
+    """CPU time of this process and its child processes [s]."""
     limbs: tuple[LimbVerdict, ...] = field(repr=False)
-    """The verdicts behind, per limb, with everything that was fitted."""
+    """The verdicts per limb with all their fits."""
 
     def row(self) -> dict:
-        """As plain data, without the fits."""
+        """The result as plain data, without the fits."""
         said = {name: getattr(self, name) for name in self.__dataclass_fields__ if name != "limbs"}
         return said | {
             "verdict": list(self.verdict),

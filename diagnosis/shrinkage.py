@@ -21,7 +21,7 @@ class Share:
 
 
 def shrinkage(before: Array, after: Array, seed: int = 0) -> Share:
-    """How much of the squared gap above the noise is gone, from squared held-out residuals."""
+    """Share of the squared gap above the noise that is gone, from squared held-out residuals."""
     return _resampled(_gone, (before, after), seed)
 
 

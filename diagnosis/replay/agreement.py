@@ -1,7 +1,7 @@
-"""How far the compiled replay of a world is from an engine's, on a log's own commands.
+"""Compare the compiled replay of a world with an engine, on a log's own commands.
 
-A diagnosis replays worlds thousands of times, so it does it in compiled numpy; this holds the
-nominal world against the engine that it stands for.
+A diagnosis replays worlds thousands of times, so it uses a compiled replay. This module checks that
+replay against the engine in the nominal world.
 """
 
 import dataclasses
@@ -16,16 +16,15 @@ from diagnosis.logs.log import Log
 from diagnosis.replay.replay import CHANNELS, Commands, limbs, replay
 
 HORIZON_S = 2.0
-"""How much of an episode is compared [s]: a joint rattling in its play makes rounding grow tenfold
-in a quarter of a second, whoever simulates it."""
+"""Duration of an episode that is compared [s]. Rounding errors of a joint that rattles in its play
+grow tenfold in a quarter of a second, in every simulation."""
 
 
 def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
-    """Largest difference of a position between the two as free-air episodes begin [rad].
+    """Largest difference of a position at the beginning of free-air episodes [rad].
 
-    Without what is random, which a replay leaves out: noise, the steps of an encoder, lost targets.
-    Zero where there is no such episode. Raises ValueError where the engine refuses a number of the
-    world.
+    Random parts, which a replay leaves out, are switched off: noise, encoder steps, lost targets.
+    Zero if there is no such episode. Raises ValueError if the engine refuses a number of the world.
     """
     spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
     names, drive_s = spec.hand.joint_names, spec.timing.drive_s

@@ -1,8 +1,8 @@
 """Precompute what reaches the drives: it depends on the commands alone, not on the motion.
 
-A path asked tick by tick costs several times what the motion does. Asked beforehand, the time
-between samples falls into spans in which no target changes, and these a limb takes at full speed.
-What late sensors show is the motion at the end of more spans.
+Computing the path tick by tick costs several times as much as the motion. So it is computed before
+the replay: the time is split into spans with constant targets, which a limb is stepped through at
+full speed. Late sensors need additional spans, because they show the motion at earlier times.
 """
 
 import numba

@@ -2,8 +2,8 @@
 
     M(q) q'' + bias(q, q') = tau
 
-Engines simulate the same equations, and the parity tests hold them to it; this code does nothing
-but joints, so a candidate world costs a microsecond a tick, and thousands can be tried.
+Engines simulate the same equations, and parity tests check that. This code handles only joints, so
+a candidate world costs a microsecond per tick and thousands can be tried.
 
 M = sum of m Jv' Jv + Jw' I Jw over the bodies; the bias comes from the recursive Newton-Euler
 algorithm at zero acceleration (Featherstone, Rigid Body Dynamics Algorithms, 2008). All vectors are
@@ -50,12 +50,12 @@ class Chain:
 
     @cached_property
     def numbers(self) -> tuple[Array, ...]:
-        """All of it, in field order, as the compiled code takes it."""
+        """All fields in order, for compiled code."""
         return tuple(getattr(self, field.name) for field in fields(self))
 
 
 def chain(spec: Spec) -> Chain:
-    """The bodies of a spec's hand; what is fixed to the world only shifts what it carries."""
+    """The bodies of a spec's hand; a body fixed to the world only shifts those it carries."""
     offset: dict[str | None, tuple[float, ...]] = {None: (0.0, 0.0, 0.0)}
     bodies: list[Body] = []
     for body in spec.hand.bodies:
@@ -82,7 +82,7 @@ def chain(spec: Spec) -> Chain:
 
 @lru_cache(maxsize=256)
 def _chain(rows: tuple[tuple, ...], gravity_m_s2: tuple[float, ...]) -> Chain:
-    """A row per body. Most candidate worlds differ in drives, and their bodies are the same."""
+    """A row per body. It is cached, because most candidate worlds differ only in their drives."""
     parent, kind, column, origin, axis, mass, com, inertia = zip(*rows, strict=True)
     return Chain(
         parent=np.array(parent),
@@ -218,7 +218,7 @@ def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
 
 @numba.njit(cache=True)
 def _resist(body, turn, mass_kg, com, inertia, gravity):
-    """Write the force and moment that a body's motion and weight ask for, at its centre."""
+    """Write the force and moment at a body's centre that its motion and weight require."""
     _turn(turn, com, body[_ARM])
     _cross(body[_OMEGA], body[_ARM], body[_TEMP])
     _cross(body[_OMEGA], body[_TEMP], body[_FORCE])
@@ -239,7 +239,7 @@ def _resist(body, turn, mass_kg, com, inertia, gravity):
 
 @numba.njit(cache=True)
 def _column(body, carrier, turn, kind, column):
-    """How a joint moves a body: velocity of its centre, turn, and turn in its own frame."""
+    """Effect of a joint on a body: velocity of its centre, and rotation in both frames."""
     if kind == 1:
         column[0], column[1] = carrier[_AXIS], 0.0
     else:

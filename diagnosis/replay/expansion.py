@@ -15,7 +15,7 @@ from diagnosis.replay.chain import SLIDE, dynamics, workspace
 _POINTS = 5
 """Angles at which a polynomial of degree two is sampled."""
 SMALL_RAD = 0.03
-"""Moves up to here leave less than rounding in `turned_a_little`: at 1 kHz up to 30 rad/s."""
+"""Up to this move, the error of `turned_a_little` is below rounding: at 1 kHz up to 30 rad/s."""
 
 
 @numba.njit(cache=True)
@@ -71,7 +71,7 @@ def wave(q):
 def turned(own, q, move):
     """Cosine and sine `own` of an angle once it has moved to `q`.
 
-    Of a small move by `turned_a_little`: cosines would take a sixth of a tick's time.
+    Small moves use `turned_a_little`, because cosines would take a sixth of a tick's time.
     """
     return wave(q) if abs(move) > SMALL_RAD else turned_a_little(own, move)
 

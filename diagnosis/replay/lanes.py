@@ -1,8 +1,8 @@
-"""Limbs of one or two joints in closed form, several at a time in the lanes of SIMD instructions.
+"""Replay limbs of one or two joints in closed form, several at a time by SIMD instructions.
 
-A tick waits for the one before, but the ticks of other worlds and episodes do not: four of them
-take little longer than one. Lanes share nothing, and each does to the last digit what
-`replay.limb` does with a limb alone.
+A tick depends on the previous one, but not on the ticks of other worlds and episodes. Four of them
+take little longer than one. Lanes share nothing, and each gives exactly the result of `replay.limb`
+for a single limb.
 """
 
 import numba
@@ -19,9 +19,9 @@ from diagnosis.replay.expansion import (
 )
 
 LANES = 8
-"""As many lanes at most."""
+"""Largest number of lanes."""
 REGISTER = 8 if get_host_cpu_features().get("avx512f") else 4
-"""Lanes are taken by as many doubles as fill this processor's registers: fewer go one by one."""
+"""Number of doubles in this processor's registers; a smaller rest is computed one by one."""
 _ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB, _DRIVE = (
     LANES * row for row in range(11)
 )
@@ -33,7 +33,7 @@ _JOINT = _DRIVE + LANES * len(COLUMNS)
 _CLOSED, _SIZE = 2 * _JOINT, 2 * _JOINT + 33 * LANES
 """Behind two joints are the coefficients of `expand`."""
 _FOREVER = 2**62
-"""Ticks that are left to a lane that has no episode."""
+"""Remaining ticks of a lane that has no episode."""
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -98,7 +98,7 @@ def _begin(x, w, start, drive, closed):
 
 @numba.njit(cache=True, error_model="numpy")
 def _rest(x, w):
-    """A lane in which nothing moves and no number is so small that a processor takes long."""
+    """An idle lane: nothing moves, and no number is small enough to slow the processor."""
     x[w::LANES] = 0.0
     x[_INERTIA + w] = x[_JOINT + _INERTIA + w] = 1.0
     x[_CLOSED + w] = x[_CLOSED + 10 * LANES + w] = 1.0

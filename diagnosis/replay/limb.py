@@ -1,8 +1,8 @@
-"""A limb in motion, compiled: worlds of it side by side, from sample to sample.
+"""Replay a limb in compiled code: several worlds at once, from sample to sample.
 
-What replays and the decoding of lost packets share. The worlds have equal numbers and differ in the
-targets that reached them. Nothing here is random: lost packets, noise and the steps of an encoder
-are left out.
+Replays and the decoding of lost packets share this module. The worlds have equal numbers and differ
+in the targets that reached them. Nothing here is random: lost packets, noise and encoder steps are
+left out.
 """
 
 from functools import lru_cache
@@ -19,7 +19,8 @@ from diagnosis.replay.chain import Chain, chain, dynamics, solve, workspace
 from diagnosis.replay.expansion import accelerate_one, accelerate_two, expand, turned, wave
 
 CHANNELS = ("position", "motor", "torque", "velocity")
-"""What a limb shows, in this order: positions as its sensors read them, torques of the PD law."""
+"""Outputs of a limb, in order. Positions are those that its sensors read, torques those of the PD
+law."""
 JOINT, SPEED, MOTOR, MOTOR_SPEED, TORQUE, KEPT, WANTED = range(7)
 """Rows of a world's state: angles and speeds of joints and motors, the last PD torques, and the
 targets that its command path has kept and let through."""
@@ -47,7 +48,7 @@ def _closed(bodies: Chain) -> Array:
 
 
 def memory(limb: tuple) -> tuple:
-    """What late commands and late readings need to remember, each (W, J, ticks)."""
+    """Memory of late commands and late readings, each (W, J, ticks)."""
     path, encoder, dt_s = limb[3], limb[4], limb[6]
     late_s = path[..., 0], encoder[..., 4]
     return tuple(np.zeros((*delay.shape, ring_ticks(delay, dt_s))) for delay in late_s)
@@ -72,7 +73,7 @@ def is_closed(limb):
 
 @numba.njit(cache=True, error_model="numpy")
 def run(ticks, target, load, alive, limb, rings, state, age, out):
-    """Take the worlds that are alive (W,) through n samples and write what each of them shows.
+    """Step the worlds that are alive (W,) through n samples and write the outputs of each.
 
     `ticks` (n,), targets (n, W, J) and `load` (n, J) are of the time up to each sample; `age` (W,)
     counts ticks; `out` is (n, W, 4, J). One long loop: handing on an array costs as much as a third

@@ -1,4 +1,4 @@
-"""The nominal world of a user's robot: what its MJCF and drive settings say it should do."""
+"""The nominal world of a user's robot, from its MJCF and drive settings."""
 
 from collections.abc import Mapping
 
@@ -9,7 +9,7 @@ from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 
 FREE_LIMIT = 2.0
-"""A drive without a limit gets so many times the torque that the log's largest error asks for."""
+"""A drive without a limit gets this multiple of the torque at the log's largest error."""
 OWN_BOUNDS = {
     "torque": ("torque_limit_nm", 0.8),
     "damping": ("kd_nms_rad", 0.9),
@@ -19,7 +19,7 @@ OWN_BOUNDS = {
 
 
 def mjcf_world(log: Log) -> Spec:
-    """The nominal world of a log of an MJCF mechanism; raises LogError where it cannot be had."""
+    """The nominal world of a log with an MJCF mechanism; raises LogError if it cannot be built."""
     from backends.mjcf import MjcfError, mechanism
 
     xml, settings = _parts(log)
@@ -39,7 +39,7 @@ def mjcf_world(log: Log) -> Spec:
 
 
 def left_out(log: Log) -> tuple[str, ...]:
-    """What the log's MJCF has and its nominal world has not, in words; raises LogError."""
+    """What the log's MJCF has and the nominal world lacks, in words; raises LogError."""
     from backends.mjcf import MjcfError, left_out
 
     xml, settings = _parts(log)
@@ -50,9 +50,10 @@ def left_out(log: Log) -> tuple[str, ...]:
 
 
 def own_catalogue(catalogue: Mapping[str, type[Effect]], nominal: Spec) -> dict[str, type[Effect]]:
-    """The catalogue with bounds that let an effect be as large on this mechanism as on a hand.
+    """The catalogue with bounds scaled to this mechanism.
 
-    Bounds are never narrowed; shares, times and angles mean the same on every mechanism.
+    An effect may be as large relative to this mechanism as to a hand. Bounds are never narrowed.
+    Shares, times and angles mean the same on every mechanism.
     """
     largest = {
         dimension: share * max(getattr(drive, number) for drive in nominal.drives)
@@ -77,7 +78,7 @@ def _parts(log: Log) -> tuple[str, MjcfMechanism]:
 
 
 def _ample(log: Log, joint: str, kp: float) -> float:
-    """A limit that the log never reaches; at least a torque of 1e-6."""
+    """A limit that the log never reaches; at least 1e-6 Nm."""
     error = log.samples[log.column("command", joint)] - log.samples[log.column("position", joint)]
     return max(FREE_LIMIT * kp * float(np.abs(error).max()), 1e-6)
 

@@ -1,7 +1,7 @@
-"""Replay: what a mechanism does with a log's commands and pushes, in compiled numpy.
+"""Replay: simulate a mechanism under a log's commands and pushes, in compiled code.
 
-The same drive law, command path and position sensors as in every engine, on the rigid dynamics of
-`chain`. What is random is not replayed, it is recognised from a log by itself.
+Drive law, command path and position sensors are those of every engine; the rigid dynamics are those
+of `chain`. Random effects are not replayed; they are detected directly in a log.
 """
 
 import dataclasses
@@ -22,7 +22,7 @@ from diagnosis.replay.limb import CHANNELS, DELAY, is_closed, memory, numbers, r
 
 @dataclass(frozen=True, kw_only=True)
 class Commands:
-    """What was asked of J joints in one episode, a row per sample."""
+    """The commands of J joints in one episode, a row per sample."""
 
     ticks: Array
     """Drive periods from the start to each sample, shape (T,)."""
@@ -45,7 +45,7 @@ class Commands:
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """E episodes end to end, as the compiled code takes them; N samples together."""
+    """The commands of E episodes end to end, for compiled code; N samples in total."""
 
     begin: Array
     """Where episodes begin, and the end, shape (E + 1,)."""
@@ -82,7 +82,7 @@ def _until(one: Commands) -> tuple[Array, Array, Array]:
 
 
 def replay(spec: Spec, commands: Commands) -> Array:
-    """What the mechanism of `spec` would have shown: shape (4, T, J), `limb.CHANNELS` first."""
+    """The readings of the mechanism of `spec`, shape (4, T, J) with `limb.CHANNELS` first."""
     return replays(spec, Told.of((commands,)))[0]
 
 
@@ -155,7 +155,7 @@ def _late(episodes, angle, limb, shown):
 
 
 def link_inertias_kgm2(spec: Spec) -> Array:
-    """What each joint turns beside its rotor, stretched out [kg m2, on a slide kg], shape (J,)."""
+    """Inertia that each joint moves besides its rotor, arm stretched [kg m2, slides kg], (J,)."""
     numbers, joints = chain(spec).numbers, len(spec.drives)
     mass, bias, still = np.zeros((joints, joints)), np.zeros(joints), np.zeros(joints)
     dynamics(still, still, numbers, workspace(len(numbers[0]), joints), mass, bias)
