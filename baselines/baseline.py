@@ -4,6 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -15,6 +16,7 @@ class Scripted(ABC):
     """Base class of a baseline that acts without learning; its subclass is named `Baseline`."""
 
     trains = False
+    hyperparameters: ClassVar[type | None] = None
 
     def __init__(self, action_width: int, seed: int) -> None:
         self.action_width = action_width
@@ -50,15 +52,21 @@ class Learner(ABC):
     """
 
     trains = True
+    hyperparameters: ClassVar[type]
+    """A frozen dataclass with defaults; its fields can be set on the command line."""
 
     @abstractmethod
-    def __init__(self, env: BatchEnv, seed: int) -> None:
-        """A new learner for this environment; `seed` sets the initial weights."""
+    def __init__(self, env: BatchEnv, seed: int, settings: Any) -> None:
+        """A new learner with these hyperparameters; `seed` sets the initial weights."""
 
     @staticmethod
     @abstractmethod
-    def steps_per_iteration(worlds: int) -> int:
+    def steps_per_iteration(worlds: int, settings: Any) -> int:
         """Environment steps between two updates, all worlds together."""
+
+    @abstractmethod
+    def start_from(self, policy: Path) -> None:
+        """Begin with a saved policy's network and normalisation; raises PolicyError."""
 
     @abstractmethod
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:

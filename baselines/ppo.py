@@ -9,36 +9,48 @@ import random
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 import onnx
 import torch
+from onnx import numpy_helper
+from pydantic import Field
+
+from baselines.saved import PolicyError
 
 REWARD_SCALE = 0.1
 """Rewards are scaled by a tenth, because rsl-rl clips changes of the value at an absolute 0.2."""
+
+
+Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1)]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PpoSettings:
     """Hyperparameters of PPO, the same for every library, engine and task."""
 
-    steps_per_world: int = 64
-    epochs: int = 5
-    minibatches: int = 4
-    discount: float = 0.99
-    gae_lambda: float = 0.95
-    clip: float = 0.2
-    learning_rate: float = 5e-4
-    desired_kl: float = 0.01
+    rollout_steps: Count = 64
+    """Steps of every world between two updates."""
+    epochs: Count = 5
+    minibatches: Count = 4
+    gamma: Share = 0.99
+    gae_lambda: Share = 0.95
+    clip: Positive = 0.2
+    lr: Positive = 5e-4
+    """Learning rate to begin with."""
+    target_kl: Positive = 0.01
     """Target of the KL divergence of an update; the learning rate adapts to it."""
-    value_weight: float = 1.0
-    entropy_weight: float = 0.0
-    max_gradient: float = 1.0
-    hidden: tuple[int, ...] = (128, 128)
-    initial_std: float = 0.4
-
-
-SETTINGS = PpoSettings()
+    value_coef: NotNegative = 1.0
+    entropy_coef: NotNegative = 0.0
+    max_grad_norm: Positive = 1.0
+    hidden: Annotated[tuple[Count, ...], Field(min_length=1, max_length=8)] = (128, 128)
+    """Widths of the networks' hidden layers."""
+    init_std: Positive = 0.4
+    """Standard deviation of the actions to begin with."""
 
 
 def seed_everything(seed: int) -> None:
@@ -86,6 +98,54 @@ def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
             verbose=False,
         )
     _anonymize(path)
+
+
+SEEN = 1_000_000
+"""Observations that the normalisation of a policy to start from is taken to rest on."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Trained:
+    """What a saved policy holds."""
+
+    mean: torch.Tensor
+    std: torch.Tensor
+    """Of the observations, shape (1, W)."""
+    layers: tuple[tuple[torch.Tensor, torch.Tensor], ...]
+    """Weights (out, in) and biases (out,) of the network, first to last."""
+
+    def copy_into(self, network: torch.nn.Module, std: torch.Tensor) -> None:
+        """Give a network that normalises by `std` these layers, so that it acts as this one does.
+
+        Raises PolicyError where it has other layers.
+        """
+        linear = [part for part in network.modules() if isinstance(part, torch.nn.Linear)]
+        shapes = [tuple(part.weight.shape) for part in linear]
+        given = [tuple(weight.shape) for weight, _ in self.layers]
+        if shapes != given:
+            widths = ",".join(str(rows) for rows, _ in given[:-1])
+            raise PolicyError(
+                f"the policy to start from has layers {given}, this learner {shapes}; use the "
+                f"observation it was trained on, and --set hidden={widths},"
+            )
+        with torch.no_grad():
+            for part, (weight, bias) in zip(linear, self.layers, strict=True):
+                part.weight.copy_(weight)
+                part.bias.copy_(bias)
+            linear[0].weight.mul_(std.reshape(1, -1) / self.std)
+
+
+def read_trained(path: Path) -> Trained:
+    """The normalisation and the network of a policy that `export_onnx` wrote; PolicyError."""
+    try:
+        graph = onnx.load(path).graph
+        values = {t.name: torch.tensor(numpy_helper.to_array(t)) for t in graph.initializer}
+        steps = [node for node in graph.node if node.op_type == "Gemm"]
+        layers = tuple((values[node.input[1]], values[node.input[2]]) for node in steps)
+        mean, std = values["mean"], values["std"]
+    except Exception as error:  # noqa: BLE001 - onnx raises many classes for a strange file
+        raise PolicyError(f"{path} is no policy that a learner here exported: {error}") from error
+    return Trained(mean=mean, std=std, layers=layers)
 
 
 def _anonymize(path: Path) -> None:

@@ -12,7 +12,15 @@ from tensordict import TensorDict
 
 from backends.state import Array
 from baselines.baseline import Learner, Monitor, Progress
-from baselines.ppo import REWARD_SCALE, SETTINGS, Deterministic, export_onnx, seed_everything
+from baselines.ppo import (
+    REWARD_SCALE,
+    SEEN,
+    Deterministic,
+    PpoSettings,
+    export_onnx,
+    read_trained,
+    seed_everything,
+)
 from tasks.batch import BatchEnv
 
 
@@ -45,37 +53,37 @@ class RslEnv(VecEnv):
         return TensorDict({"policy": torch.from_numpy(observation)}, batch_size=[self.num_envs])
 
 
-def _config() -> dict:
+def _config(settings: PpoSettings) -> dict:
     network = {
         "class_name": "MLPModel",
-        "hidden_dims": list(SETTINGS.hidden),
+        "hidden_dims": list(settings.hidden),
         "activation": "elu",
         "obs_normalization": True,
     }
     gaussian = {
         "class_name": "GaussianDistribution",
-        "init_std": SETTINGS.initial_std,
+        "init_std": settings.init_std,
         "std_type": "log",
     }
     return {
-        "num_steps_per_env": SETTINGS.steps_per_world,
+        "num_steps_per_env": settings.rollout_steps,
         "save_interval": 10**9,
         "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
         "actor": {**network, "distribution_cfg": gaussian},
         "critic": network,
         "algorithm": {
             "class_name": "PPO",
-            "num_learning_epochs": SETTINGS.epochs,
-            "num_mini_batches": SETTINGS.minibatches,
-            "clip_param": SETTINGS.clip,
-            "gamma": SETTINGS.discount,
-            "lam": SETTINGS.gae_lambda,
-            "value_loss_coef": SETTINGS.value_weight,
-            "entropy_coef": SETTINGS.entropy_weight,
-            "learning_rate": SETTINGS.learning_rate,
-            "max_grad_norm": SETTINGS.max_gradient,
+            "num_learning_epochs": settings.epochs,
+            "num_mini_batches": settings.minibatches,
+            "clip_param": settings.clip,
+            "gamma": settings.gamma,
+            "lam": settings.gae_lambda,
+            "value_loss_coef": settings.value_coef,
+            "entropy_coef": settings.entropy_coef,
+            "learning_rate": settings.lr,
+            "max_grad_norm": settings.max_grad_norm,
             "schedule": "adaptive",
-            "desired_kl": SETTINGS.desired_kl,
+            "desired_kl": settings.target_kl,
         },
     }
 
@@ -83,16 +91,31 @@ def _config() -> dict:
 class Baseline(Learner):
     """rsl-rl PPO with the shared hyperparameters; its learning rate adapts per minibatch."""
 
-    def __init__(self, env: BatchEnv, seed: int) -> None:
+    hyperparameters = PpoSettings
+
+    def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:
         seed_everything(seed)
         self._env, self._monitor = env, Monitor()
         with contextlib.redirect_stdout(None):
-            self._runner = OnPolicyRunner(RslEnv(env, self._monitor), copy.deepcopy(_config()))
+            self._runner = OnPolicyRunner(
+                RslEnv(env, self._monitor), copy.deepcopy(_config(settings))
+            )
 
     @staticmethod
-    def steps_per_iteration(worlds: int) -> int:
+    def steps_per_iteration(worlds: int, settings: PpoSettings) -> int:
         """See `Learner.steps_per_iteration`."""
-        return SETTINGS.steps_per_world * worlds
+        return settings.rollout_steps * worlds
+
+    def start_from(self, policy: Path) -> None:
+        """See `Learner.start_from`."""
+        trained, actor = read_trained(policy), self._runner.alg.get_policy()
+        std = torch.clamp(trained.std - actor.obs_normalizer.eps, min=0.0)
+        trained.copy_into(actor.mlp, std + actor.obs_normalizer.eps)
+        for normal in (actor.obs_normalizer, self._runner.alg.critic.obs_normalizer):
+            normal._mean.copy_(trained.mean)
+            normal._std.copy_(std)
+            normal._var.copy_(normal._std**2)
+            normal.count.fill_(SEEN)
 
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""

@@ -16,7 +16,15 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from backends.state import Array
 from baselines.baseline import Learner, Monitor, Progress
-from baselines.ppo import REWARD_SCALE, SETTINGS, Deterministic, export_onnx, seed_everything
+from baselines.ppo import (
+    REWARD_SCALE,
+    SEEN,
+    Deterministic,
+    PpoSettings,
+    export_onnx,
+    read_trained,
+    seed_everything,
+)
 from tasks.batch import BatchEnv
 
 _RATE_RANGE, _RATE_FACTOR = (1e-5, 1e-2), 1.5
@@ -82,9 +90,11 @@ class Sb3Env(VecEnv):
 class _Report(BaseCallback):
     """Reports, and adapts the learning rate to the last update's KL divergence, as rsl-rl does."""
 
-    def __init__(self, monitor: Monitor, report: Callable[[Progress], None]) -> None:
+    def __init__(
+        self, monitor: Monitor, report: Callable[[Progress], None], target_kl: float
+    ) -> None:
         super().__init__()
-        self._monitor, self._report = monitor, report
+        self._monitor, self._report, self._target_kl = monitor, report, target_kl
 
     def _on_step(self) -> bool:
         return True
@@ -92,17 +102,17 @@ class _Report(BaseCallback):
     def _on_rollout_start(self) -> None:
         kl = self.logger.name_to_value.get("train/approx_kl")
         if kl is not None:
-            _adapt(self.model, float(kl))
+            _adapt(self.model, float(kl), self._target_kl)
 
     def _on_rollout_end(self) -> None:
         self._report(self._monitor.drain())
 
 
-def _adapt(model: Any, kl: float) -> None:
+def _adapt(model: Any, kl: float, target_kl: float) -> None:
     rate = model.policy.optimizer.param_groups[0]["lr"]
-    if kl > 2 * SETTINGS.desired_kl:
+    if kl > 2 * target_kl:
         rate = max(_RATE_RANGE[0], rate / _RATE_FACTOR)
-    elif 0 < kl < SETTINGS.desired_kl / 2:
+    elif 0 < kl < target_kl / 2:
         rate = min(_RATE_RANGE[1], rate * _RATE_FACTOR)
     _set_rate(model, rate)
 
@@ -117,38 +127,40 @@ def _set_rate(model: Any, rate: float) -> None:
 class Baseline(Learner):
     """Stable-Baselines3 PPO with the shared hyperparameters; its rate adapts per update."""
 
-    def __init__(self, env: BatchEnv, seed: int) -> None:
+    hyperparameters = PpoSettings
+
+    def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:
         seed_everything(seed)
-        self._env, self._monitor = env, Monitor()
+        self._env, self._monitor, self._settings = env, Monitor(), settings
         self._vec = VecNormalize(
             Sb3Env(env, self._monitor), norm_reward=False, clip_obs=_CLIP_OBSERVATION
         )
         self._model = PPO(
             "MlpPolicy",
             self._vec,
-            n_steps=SETTINGS.steps_per_world,
-            batch_size=SETTINGS.steps_per_world * env.worlds // SETTINGS.minibatches,
-            n_epochs=SETTINGS.epochs,
-            gamma=SETTINGS.discount,
-            gae_lambda=SETTINGS.gae_lambda,
-            clip_range=SETTINGS.clip,
-            learning_rate=SETTINGS.learning_rate,
-            vf_coef=SETTINGS.value_weight,
-            ent_coef=SETTINGS.entropy_weight,
-            max_grad_norm=SETTINGS.max_gradient,
+            n_steps=settings.rollout_steps,
+            batch_size=settings.rollout_steps * env.worlds // settings.minibatches,
+            n_epochs=settings.epochs,
+            gamma=settings.gamma,
+            gae_lambda=settings.gae_lambda,
+            clip_range=settings.clip,
+            learning_rate=settings.lr,
+            vf_coef=settings.value_coef,
+            ent_coef=settings.entropy_coef,
+            max_grad_norm=settings.max_grad_norm,
             policy_kwargs={
-                "net_arch": list(SETTINGS.hidden),
+                "net_arch": list(settings.hidden),
                 "activation_fn": torch.nn.ELU,
-                "log_std_init": math.log(SETTINGS.initial_std),
+                "log_std_init": math.log(settings.init_std),
             },
             device="cpu",
             seed=seed % 2**32,
         )
 
     @staticmethod
-    def steps_per_iteration(worlds: int) -> int:
+    def steps_per_iteration(worlds: int, settings: PpoSettings) -> int:
         """See `Learner.steps_per_iteration`."""
-        return SETTINGS.steps_per_world * worlds
+        return settings.rollout_steps * worlds
 
     @property
     def _moments(self) -> RunningMeanStd:
@@ -156,14 +168,24 @@ class Baseline(Learner):
         assert isinstance(moments, RunningMeanStd)
         return moments
 
+    def start_from(self, policy: Path) -> None:
+        """See `Learner.start_from`."""
+        trained, actor = read_trained(policy), self._model.policy
+        network = torch.nn.ModuleList([actor.mlp_extractor.policy_net, actor.action_net])
+        trained.copy_into(network, trained.std)
+        moments = self._moments
+        moments.mean = trained.mean.numpy().ravel().astype(float)
+        moments.var = trained.std.numpy().ravel().astype(float) ** 2 - self._vec.epsilon
+        moments.count = SEEN
+
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
-        steps = iterations * self.steps_per_iteration(self._env.worlds)
+        steps = iterations * self.steps_per_iteration(self._env.worlds, self._settings)
         self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder
-        self._model.learn(steps, callback=_Report(self._monitor, report))
+        self._model.learn(steps, callback=_Report(self._monitor, report, self._settings.target_kl))
         kl = self._model.logger.name_to_value.get("train/approx_kl")
         if kl is not None:
-            _adapt(self._model, float(kl))
+            _adapt(self._model, float(kl), self._settings.target_kl)
 
     def save(self, path: Path) -> None:
         """See `Learner.save`."""

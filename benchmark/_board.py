@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark._cell import Cell, Outcome, finished
-from benchmark.console import ERR, Bar
+from benchmark.console import Bar, say
 from benchmark.run_folder import write_atomically
 
 TABLE_FILE = "sweep.csv"
@@ -67,7 +67,7 @@ class Board:
             self._running.pop(outcome.name, None)
             self.outcomes[outcome.name] = outcome
             tracked = f"tracked {outcome.row['tracked']:.3f}" if outcome.row else outcome.reason
-            ERR.print(f"{outcome.state}: {outcome.name}, {tracked}", markup=False)
+            say(f"{outcome.state}: {outcome.name}, {tracked}")
             self._show()
             self.write_table()
 

@@ -31,7 +31,7 @@ GOOD = ("done", "was done")
 _INTERRUPTED = 130
 _BENCH = (
     "import ctypes, signal; ctypes.CDLL(None).prctl(1, signal.SIGTERM); "
-    "from benchmark.cli import main; main()"
+    "from benchmark.cli.app import main; main()"
 )
 """`bench`, stopped by Linux (PR_SET_PDEATHSIG is 1) when the sweep that started it dies."""
 _SHARE = re.compile(rb"(\w+) [^\n]* (\d+)/(\d+) [^\n]*\n?\Z")
@@ -62,10 +62,13 @@ class Cell:
         """The arguments of `bench` that run or continue this cell."""
         words = ["run"]
         for name, value in self.options.items():
+            flag = f"--{name.replace('_', '-')}"
             if isinstance(value, bool):
-                words += [f"--{name}"] if value else [f"--no-{name}"] if name != "smoke" else []
+                words += [flag] if value else [f"--no{flag[1:]}"] if name != "smoke" else []
+            elif isinstance(value, dict):
+                words += [word for pair in value.items() for word in (flag, "{}={}".format(*pair))]
             else:
-                words += [f"--{name}", str(value)]
+                words += [flag, str(value)]
         return [*words, "--out", str(self.path), "--workers", str(cores), "--resume", "--json"]
 
     def progress(self) -> str:

@@ -11,7 +11,8 @@ from benchmark._cell import Cell
 from benchmark.errors import CommandError
 from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.run_folder import RunFolder
-from benchmark.run_spec import RunSpec, make_env, training_worlds
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env, training_worlds
 from tasks.batch import BatchEnv, Step
 from tasks.task import EPISODE_S
 
@@ -83,12 +84,14 @@ def _learning_s(spec: RunSpec) -> float:
     """Wall time of one training iteration outside the environment, per environment step [s]."""
     env = make_env(spec, training_worlds(spec, 0), seed=0, workers=1)
     try:
-        learner = registry.load("algorithm", spec.algo)(env, 0)
+        kind = registry.load("algorithm", spec.algo)
+        settings = kind.hyperparameters(**spec.overrides)
+        learner = kind(env, 0, settings)
         simulated = _time_steps(env)
         began = time.monotonic()
         learner.learn(1, lambda progress: None)
         wall_s = time.monotonic() - began
-        return (wall_s - sum(simulated)) / learner.steps_per_iteration(spec.worlds)
+        return (wall_s - sum(simulated)) / learner.steps_per_iteration(spec.worlds, settings)
     finally:
         env.close()
 

@@ -5,31 +5,22 @@ A cell is given by the options of `bench run`, written as they are typed there.
 
 import difflib
 import itertools
+import math
 import reprlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 
-from benchmark import commands, quantities
+from benchmark import quantities
 from benchmark.errors import CommandError, UsageError
-from benchmark.run_spec import RunSpec
-
-
-def _text(value: object) -> object:
-    """A number as text, for options that are typed as text."""
-    return str(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
-
-
-def _path(value: object) -> object:
-    return Path(value) if isinstance(value, str) and value else value
-
+from benchmark.run_request import requested
+from benchmark.run_spec import SETTINGS, RunSpec
 
 Text = Annotated[str, Field(min_length=1)]
-Typed = Annotated[str, BeforeValidator(_text)]
-File = Annotated[Path, BeforeValidator(_path)]
+Plain = str | int | float | bool
 
 
 class _Part(BaseModel):
@@ -38,27 +29,14 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class Settings(_Part):
-    """Options of `bench run`; what is not given has the default it has there."""
-
-    backend: Text | None = None
-    task: Text | None = None
-    observation: Text | None = None
-    algo: Text | None = None
-    stick: Text | None = None
-    effects: Text | None = None
-    calibration: File | None = None
-    """A file that stands for effects and spread."""
-    radius: Typed | None = None
-    """A length, such as 3cm."""
-    speed: float | None = None
-    steps: Typed | None = None
-    """Training budget in environment steps, such as 2e6."""
-    seed: int | None = None
-    randomize: bool | None = None
-    spread: Text | None = None
-    start_spread: float | None = None
-    smoke: bool | None = None
+Settings: Any = create_model(
+    "Settings",
+    __base__=_Part,
+    **{name.replace("-", "_"): (Plain | None, None) for name in SETTINGS},  # type: ignore
+    calibration=(Text | None, None),
+    set=(dict[str, Any] | None, None),
+)
+"""Options of `bench run`; what is not given has the default it has there."""
 
 
 class Slurm(_Part):
@@ -132,9 +110,16 @@ def read_grid(path: Path) -> Grid:
         once.setdefault(choice.spec.digest, choice)
     return Grid(
         choices=tuple(once.values()),
-        time_limit_s=quantities.duration_s(file.time_limit, f"{path}: time_limit"),
+        time_limit_s=_time_limit_s(file, path),
         slurm=file.slurm,
     )
+
+
+def _time_limit_s(file: _File, path: Path) -> float:
+    limit_s = quantities.quantity(file.time_limit, f"{path}: time_limit", "h")
+    if not (math.isfinite(limit_s) and limit_s > 0):
+        raise UsageError(f"{path}: time_limit is {file.time_limit}; allowed: a time above 0")
+    return limit_s
 
 
 def _choice(path: Path, options: dict[str, Any]) -> Choice:
@@ -142,9 +127,10 @@ def _choice(path: Path, options: dict[str, Any]) -> Choice:
     for name in ("backend", "task"):
         if name not in options:
             raise UsageError(f"{path}, cell ({typed}): {name} is missing (required)")
+    given = {name.replace("_", "-"): value for name, value in options.items()}
+    calibration, overrides = given.pop("calibration", None), given.pop("set", None)
     try:
-        defaults = {"algo": RunSpec.algo, "smoke": RunSpec.smoke}
-        spec = commands.settings(**{**defaults, **options})
+        spec = requested(given, Path(calibration) if calibration else None, overrides)
     except UsageError as error:
         raise UsageError(f"{path}, cell ({typed}): {error}") from error
     return Choice(options=options, spec=spec)

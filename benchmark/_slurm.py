@@ -20,7 +20,7 @@ from submitit.core.utils import FailedJobError, FailedSubmissionError, Uncomplet
 from benchmark._board import Board
 from benchmark._cell import LOGS, Cell, Outcome, run_cell
 from benchmark._grid import Slurm
-from benchmark.console import ERR
+from benchmark.console import say
 from benchmark.errors import CommandError
 from benchmark.run_folder import write_atomically
 
@@ -53,7 +53,7 @@ def run_on_slurm(board: Board, limit_s: float, jobs: int | None, slurm: Slurm) -
     waiting = _earlier(board.open, folder)
     queued = [item.cell for item in waiting]
     if waiting:
-        ERR.print(f"waiting for {len(waiting)} jobs of an earlier call", markup=False)
+        say(f"waiting for {len(waiting)} jobs of an earlier call")
     new = [cell for cell in board.open if cell not in queued]
     if new:
         waiting += _submit(new, folder, limit_s, jobs or len(new), slurm)
@@ -61,7 +61,7 @@ def run_on_slurm(board: Board, limit_s: float, jobs: int | None, slurm: Slurm) -
         _wait(board, waiting)
     except KeyboardInterrupt:
         ids = " ".join(sorted({item.job.job_id.split("_")[0] for item in waiting}))
-        ERR.print(f"the jobs stay queued: this command again waits for them, scancel {ids} ends")
+        say(f"the jobs stay queued: this command again waits for them, scancel {ids} ends")
         raise
 
 
@@ -90,7 +90,7 @@ def _submit(
     for cell, job in zip(cells, given, strict=True):
         write_atomically(_number_file(cell, folder), job.job_id + "\n")
     ids = " ".join(sorted({job.job_id.split("_")[0] for job in given}))
-    ERR.print(f"submitted {len(given)} cells as job {ids}", markup=False)
+    say(f"submitted {len(given)} cells as job {ids}")
     return [_Job(cell=cell, job=job) for cell, job in zip(cells, given, strict=True)]
 
 

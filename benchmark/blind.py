@@ -17,8 +17,9 @@ from backends.spec import Spec
 from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.provenance import usable_cores
+from benchmark.quantities import within
 from benchmark.run_folder import write_atomically
-from benchmark.run_spec import within
 from diagnosis.attribution.sound import Sound
 from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
@@ -56,17 +57,17 @@ def settings(
 ) -> draw.Settings:
     """What options ask for; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
-    within("--healthy", healthy, 0, MOST_HEALTHY)
+    within("--healthy-logs", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
     holding = places[0] in rigs.HOLDING
     every = draw.HELD_EFFECTS if holding else draw.EFFECTS
     named = (*every, *draw.EFFECTS) if holding else every
     chosen = every if effects == "all" else _words("effect", effects, named)
     if len(chosen) < fewest:
-        raise UsageError(f"--effects names {len(chosen)}; allowed: {fewest} or more, 'all'")
+        raise UsageError(f"--hidden-effects names {len(chosen)}; allowed: {fewest} or more, 'all'")
     moved = _words("protocol", protocols, (*motion.PROTOCOLS, *tuple(HOLDS) * holding))
     if holding and GRASP not in moved:
-        raise UsageError(f"--protocols has no '{GRASP}', in which the stick is held; add it")
+        raise UsageError(f"--protocol has no '{GRASP}', in which the stick is held; add it")
     return draw.Settings(
         cases=cases,
         reals=_reals(real, holding),
@@ -107,7 +108,7 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
 
 
 def make(
-    wanted: draw.Settings, seed: int | None, out: Path, answers: Path, jobs: int
+    wanted: draw.Settings, seed: int | None, out: Path, answers: Path, workers: int | None
 ) -> dict[str, Any]:
     """Draw the cases, write their logs to `out` and what is hidden to `answers`."""
     _check_places(out, answers)
@@ -120,13 +121,13 @@ def make(
     blind = BlindSet(path=out)
     sound = draw.sound(wanted, cases, seed)
     makes = {make: number for number, make in enumerate(sound) if wanted.healthy}
-    _each("make", _make_one, [(blind, case, seed, makes.get(case.make)) for case in cases], jobs)
+    _each("make", _make_one, [(blind, case, seed, makes.get(case.make)) for case in cases], workers)
     logs = [
         (blind.healthy(makes[make]) / str(case.number), case, seed)
         for make, some in sound.items()
         for case in some
     ]
-    _each("sound", _sound_one, logs, jobs)
+    _each("sound", _sound_one, logs, workers)
     text = files.seal(wanted, seed, cases)
     answers.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(answers, text)
@@ -155,7 +156,7 @@ def _load_real(name: str) -> None:
         ) from error
 
 
-def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
+def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
     """Solve the cases that this solver has not solved yet; what became of them."""
     blind = BlindSet(path=folder)
     promised = _told(blind.commitment)
@@ -169,9 +170,9 @@ def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
     solver = frozen.solver()
     blind.note_try(**solver)
     unheard = [make for make in blind.makes if not _is_told(blind, make, solver)]
-    _each("healthy", _hear_one, [(blind, make, solver) for make in unheard], jobs)
+    _each("healthy", _hear_one, [(blind, make, solver) for make in unheard], workers)
     waiting = [n for n in blind.numbers if not _is_done(blind, n, solver)]
-    _each("solve", _solve_one, [(blind, number, solver) for number in waiting], jobs)
+    _each("solve", _solve_one, [(blind, number, solver) for number in waiting], workers)
     said = {f"{n:03d}": blind.read_result(n) or {} for n in blind.numbers}
     refused = {number: one["refused"] for number, one in said.items() if one.get("refused")}
     return {
@@ -186,14 +187,14 @@ def run(folder: Path, jobs: int, anyway: bool) -> dict[str, Any]:
     }
 
 
-def run_rival(folder: Path, name: str, jobs: int) -> dict[str, Any]:
+def run_rival(folder: Path, name: str, workers: int | None) -> dict[str, Any]:
     """Let a rival name the cause of every case that it was not asked about yet."""
     if name not in RIVALS:
         raise unknown("rival", name, RIVALS)
     blind = BlindSet(path=folder)
     cases = _told(lambda: blind.numbers)
     waiting = [n for n in cases if not blind.rival(name, n).exists()]
-    _told(lambda: _each("rival", _ask_one, [(blind, name, n) for n in waiting], jobs))
+    _told(lambda: _each("rival", _ask_one, [(blind, name, n) for n in waiting], workers))
     return {
         "status": "done",
         "dir": str(folder),
@@ -204,7 +205,7 @@ def run_rival(folder: Path, name: str, jobs: int) -> dict[str, Any]:
     }
 
 
-def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dict, Table]:
+def score(folder: Path, answers: Path, out: Path | None, workers: int | None) -> tuple[dict, Table]:
     """Open the answers and score; writes the tables to `out` if it is given."""
     from diagnosis.blind import score as scoring
 
@@ -212,7 +213,7 @@ def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dic
 
     def consult(opened: files.Answers) -> list:
         tasks = [(blind, case, opened.seed) for case in opened.cases]
-        return _each("oracle", _consult_one, tasks, jobs)
+        return _each("oracle", _consult_one, tasks, workers)
 
     found = _told(lambda: scoring.score(blind, answers, _catalogue(), consult))
     written = scoring.write(found, out) if out is not None else []
@@ -225,7 +226,7 @@ def score(folder: Path, answers: Path, out: Path | None, jobs: int) -> tuple[dic
 
 
 def detectable(
-    wanted: draw.Settings, draws: int, seed: int, out: Path, jobs: int
+    wanted: draw.Settings, draws: int, seed: int, out: Path, workers: int | None
 ) -> tuple[dict[str, Any], Table]:
     """Search the smallest detectable magnitudes and write them to `out`, as CSV and Markdown."""
     from diagnosis.blind import detectable as searching
@@ -233,7 +234,7 @@ def detectable(
     held = not set(rigs.HOLDING).isdisjoint(wanted.rigs)
     if wrong := [e for e in wanted.effects if held and e not in draw.HELD_EFFECTS]:
         raise UsageError(
-            f"--effects {','.join(wrong)}: no grasp is asked for these; say --rig "
+            f"--hidden-effects {','.join(wrong)}: no grasp is asked for these; say --rig "
             f"{' or '.join(rigs.FREE)}, or name of {', '.join(draw.HELD_EFFECTS)}"
         )
     searches = [
@@ -252,7 +253,7 @@ def detectable(
         for protocol in (_held(effect) if held else wanted.protocols)
         for channels in _searched(effect)
     ]
-    rows = _each("search", _search_one, [(one,) for one in searches], jobs)
+    rows = _each("search", _search_one, [(one,) for one in searches], workers)
     written = searching.write(rows, out)
     shown = searching.table(rows)
     table = Table(*map(str, shown.columns), header_style="bold")
@@ -358,11 +359,11 @@ def _catalogue() -> dict[str, type[Effect]]:
     return {name: registry.load("effect", name) for name in registry.names("effect")}
 
 
-def _each(what: str, work: Callable, tasks: Sequence[tuple], jobs: int) -> list:
+def _each(what: str, work: Callable, tasks: Sequence[tuple], workers: int | None) -> list:
     """The work's results in order, one core per task; tasks that were done stay done."""
     if not tasks:
         return []
-    parallel = joblib.Parallel(n_jobs=jobs, return_as="generator")
+    parallel = joblib.Parallel(n_jobs=workers or usable_cores(), return_as="generator")
     found = []
     with Bar(what, len(tasks)) as bar:
         results: Iterable = parallel(joblib.delayed(work)(*task) for task in tasks)

@@ -13,12 +13,14 @@ from backends.shard import WorkerError, simulate
 from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark import _calibration_texts as texts
-from benchmark import quantities, registry
+from benchmark import registry
 from benchmark.console import Bar
 from benchmark.effects import parse_effects, parse_spread
 from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import usable_cores
-from benchmark.run_spec import HANDS, refuse, within
+from benchmark.quantities import quantity, within
+from benchmark.run_spec import HANDS
+from benchmark.worlds import refuse
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
 from diagnosis.calibration.result import (
@@ -45,8 +47,9 @@ class Settings:
 
     path: Path
     """Folder of the log."""
-    backend: str
-    nominal_effects: str | None
+    nominal: str
+    """Engine of the nominal world."""
+    known_effects: str | None
     """Effects of the nominal world; None: those that the log's mechanism names."""
     threshold: str | None
     """Of the taxels, as pressed depth; None: from their noise."""
@@ -61,12 +64,12 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
     """
     within("--seed", settings.seed, 0, 2**32 - 1)
     given = settings.threshold
-    threshold_m = None if given is None else quantities.length_m(given, "--threshold")
+    threshold_m = None if given is None else quantity(given, "--threshold", "mm")
     if threshold_m is not None:
-        within("--threshold in mm", 1e3 * threshold_m, 0, THRESHOLD_MM)
+        within("--threshold", threshold_m, 0, THRESHOLD_MM, "mm")
     folder = out or OUT / settings.path.resolve().name
     _refuse_taken(folder, force)
-    engine = registry.load("backend", settings.backend)
+    engine = registry.load("backend", settings.nominal)
     cores = settings.workers or usable_cores()
 
     def start(specs: Sequence[Spec]) -> Simulator:
@@ -74,8 +77,8 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
 
     try:
         log = read_log(settings.path)
-        ideal, effects = _ideal(log, settings.backend), _nominal_effects(log, settings)
-        nominal = _nominal(ideal, effects, settings.backend)
+        ideal, effects = _ideal(log, settings.nominal), _known_effects(log, settings)
+        nominal = _nominal(ideal, effects, settings.nominal)
         with Bar(f"calibrate {settings.path.name}", TOTAL) as bar:
             found = calibrate(
                 start,
@@ -92,7 +95,7 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
     except LogError as error:
         raise UsageError(str(error)) from error
     except WorkerError as error:
-        raise CommandError(f"the simulation on {settings.backend} stopped: {error}") from error
+        raise CommandError(f"the simulation on {settings.nominal} stopped: {error}") from error
     result = {
         "status": "done",
         "dir": str(folder),
@@ -141,9 +144,9 @@ def _ideal(log: Log, backend: str) -> Spec:
     return HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
 
 
-def _nominal_effects(log: Log, settings: Settings) -> str:
-    if settings.nominal_effects is not None:
-        return settings.nominal_effects
+def _known_effects(log: Log, settings: Settings) -> str:
+    if settings.known_effects is not None:
+        return settings.known_effects
     mechanism = log.meta.mechanism
     return mechanism.effects if isinstance(mechanism, HandMechanism) else "none"
 
@@ -167,7 +170,7 @@ def _content(
         schema=SCHEMA,
         log=str(settings.path),
         source=log.meta.source,
-        backend=settings.backend,
+        backend=settings.nominal,
         hand=ideal.hand.name,
         stick=ideal.stick.name,
         nominal_effects=effects,

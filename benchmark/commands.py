@@ -4,62 +4,48 @@ import dataclasses
 import json
 import statistics
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-from benchmark import quantities, run_folder
-from benchmark.errors import CommandError, UsageError
+from benchmark import run_folder
+from benchmark.errors import CommandError
 from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.provenance import provenance, usable_cores
-from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, make_env
+from benchmark.quantities import within
+from benchmark.run_request import read_pairs, requested
+from benchmark.run_spec import RunSpec, read_settings
+from benchmark.worlds import make_env
 
 RUNS, LEADERBOARD, POLICIES = Path("runs"), Path("leaderboard"), "policies"
-_SCRIPTED = ("hold-still", "random")
+EPISODES_RANGE = (1, EPISODES)
 _PROBE_STEPS = 15
 
 
-def changes(**options: object) -> dict:
-    """Fields of a RunSpec from the options that were given."""
-    given = {key: value for key, value in options.items() if value is not None}
-    if "radius" in given:
-        given["radius_m"] = quantities.length_m(str(given.pop("radius")), "--radius")
-    if "steps" in given:
-        given["steps"] = quantities.count(str(given["steps"]), "--steps")
-    return given
-
-
-def settings(**options: object) -> RunSpec:
+def settings(
+    given: Mapping[str, Any],
+    calibration: Path | None,
+    pairs: Sequence[str],
+    config: Path | None,
+    start: Path | None,
+) -> RunSpec:
     """The RunSpec that the options of `bench run` ask for; raises UsageError."""
-    given = changes(**options)
-    if "calibration" in given:
-        given |= _calibrated(given)
-    if given.get("steps") == 0 and given["algo"] not in _SCRIPTED:
-        raise UsageError("--steps is 0; allowed: from 1, or --algo hold-still or random")
-    if given["algo"] in _SCRIPTED:
-        given |= {"steps": 0, "randomize": False}
-    if given["smoke"]:
-        given["worlds"] = SMOKE_WORLDS
-        given["steps"] = min(given.get("steps", SMOKE_STEPS), SMOKE_STEPS)
-    return RunSpec(**given)
+    return requested(given, calibration, read_pairs(pairs), config, start)
 
 
-def _calibrated(given: dict) -> dict:
-    """Effects and spread of the calibration that is given; raises UsageError."""
-    from benchmark.calibrate import world_of
-
-    path = given.pop("calibration")
-    for option in ("effects", "spread"):
-        if option in given:
-            raise UsageError(f"--calibration and --{option} both say which worlds; leave one out")
-    return world_of(path, RunSpec.hand)
-
-
-def run(spec: RunSpec, out: Path | None, workers: int | None, resume: bool, force: bool) -> dict:
-    """Run or continue `spec`; the row."""
+def run(
+    spec: RunSpec,
+    start: Path | None,
+    out: Path | None,
+    workers: int | None,
+    resume: bool,
+    force: bool,
+) -> dict:
+    """Run or continue `spec`, from the policy of the run `start` if there is one; the row."""
     from benchmark.run import row, run
 
     path = out or RUNS / spec.name
-    return row(run(spec, path, workers or usable_cores(), resume, force), path)
+    return row(run(spec, path, workers or usable_cores(), resume, force, start), path)
 
 
 def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
@@ -95,20 +81,25 @@ def typical_s(call: Callable[[], object]) -> float:
     return statistics.median(took)
 
 
-def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None) -> dict:
+def evaluate(
+    folder: Path,
+    given: Mapping[str, Any],
+    episodes: int | None,
+    out: Path | None,
+    workers: int | None,
+) -> dict:
     """Evaluate a finished run's policy under changed settings; the row."""
     from benchmark import run
 
-    source = run_folder.read_run(folder)
-    run_folder.check_policy(folder, source)
-    if source["status"] != "done":
-        raise UsageError(f"{folder} is {source['status']}: {source['reason']}; finish it first")
-    spec = dataclasses.replace(run_folder.run_spec(source), **changed)
-    episodes = run.deploy(spec, folder, workers or usable_cores())
+    if episodes is not None:
+        within("--episodes", episodes, *EPISODES_RANGE)
+    source = run_folder.finished_run(folder)
+    spec = dataclasses.replace(run_folder.run_spec(source), **read_settings(given))
+    found = run.deploy(spec, folder, workers or usable_cores(), episodes=episodes)
     row = {
         "status": "done",
         **{k: getattr(spec, k) for k in ("backend", "task", "algo", "observation", "effects")},
-        **episodes.scores(),
+        **found.scores(),
         "stick": spec.stick,
         "radius_m": spec.radius_m,
         "speed": spec.speed,
@@ -119,13 +110,18 @@ def evaluate(folder: Path, changed: dict, out: Path | None, workers: int | None)
     }
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
-        run.write_episodes(episodes, out / run_folder.EPISODES_FILE)
+        run.write_episodes(found, out / run_folder.EPISODES_FILE)
         run_folder.write_atomically(out / "eval.json", json.dumps(row, indent=2) + "\n")
     return row
 
 
 def leaderboard(
-    sources: list[Path], out: Path | None, add: bool, policies: bool, html: bool
+    sources: list[Path],
+    out: Path | None,
+    add: bool,
+    policies: bool,
+    html: bool,
+    include_smoke: bool,
 ) -> dict:
     """Write the leaderboard's files; what was written and what could not be read.
 
@@ -142,12 +138,24 @@ def leaderboard(
     given = sources or ([] if kept_rows and not (add or policies) else [RUNS])
     sources = given + kept_rows
     rows, problems = read_rows(sources)
+    smoke = [row for row in rows if row.spec.smoke]
+    if not include_smoke:
+        rows = [row for row in rows if not row.spec.smoke]
     if not rows:
-        found = "; ".join(problems) or "no run.json was found"
+        left = f"{len(smoke)} smoke runs, which --include-smoke takes" if smoke else ""
+        found = "; ".join(filter(None, [left, *problems])) or "no run.json was found"
         where = ", ".join(map(str, sources))
         raise CommandError(f"nothing to rank in {where}: {found}")
     if add:
         keep_rows(given, results)
     kept = keep_policies(given, out / POLICIES) if policies else []
-    files = [str(file) for file in write(board(rows, problems), out, html)]
-    return {"rows": len(rows), "policies": len(kept), "written": files, "problems": problems}
+    made = board(rows, problems, smoke=include_smoke)
+    files = [str(file) for file in write(made, out, html)]
+    return {
+        "status": "done",
+        "rows": len(rows),
+        "smoke_left_out": 0 if include_smoke else len(smoke),
+        "policies": len(kept),
+        "written": files,
+        "problems": problems,
+    }

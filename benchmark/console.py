@@ -1,6 +1,7 @@
 """What people and programs read: one JSON object or a table on stdout, all else on stderr."""
 
 import json
+import logging
 import os
 import sys
 from types import TracebackType
@@ -15,6 +16,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 from rich.table import Table
+from rich.text import Text
 
 ERR = Console(stderr=True, highlight=False, soft_wrap=True)
 UNKNOWN_WIDTH = 160
@@ -22,6 +24,26 @@ UNKNOWN_WIDTH = 160
 ROW_WIDTH = 140
 """Columns that a row with its folder needs."""
 _real_stdout: int | None = None
+_level = logging.WARNING
+
+
+def set_level(verbose: bool, quiet: bool) -> None:
+    """How much is said on standard error beside errors: everything, or no progress."""
+    global _level
+    _level = logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING
+    logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s", force=True)
+    logging.getLogger().setLevel(logging.INFO if verbose else _level)
+
+
+def is_verbose() -> bool:
+    """Whether the user wants to see everything."""
+    return _level == logging.DEBUG
+
+
+def say(text: str) -> None:
+    """Say how a command gets on, unless the user wants it quiet."""
+    if _level < logging.ERROR:
+        ERR.print(text, markup=False)
 
 
 def divert_stdout() -> None:
@@ -41,11 +63,17 @@ def emit(result: dict, as_json: bool, table: RenderableType | None = None) -> No
             out.write(json.dumps(result, allow_nan=False) + "\n")
             return
         console = Console(file=out, width=_width(), highlight=False)
-        if table is not None:
-            console.print(table)
-        else:
-            for key, value in result.items():
-                console.print(f"{key}: {value}", markup=False)
+        console.print(_listed(result) if table is None else table)
+
+
+def _listed(result: dict) -> Table:
+    """A result's keys and values, what is nested under its own name."""
+    table = Table("what", "value", header_style="bold")
+    for key, value in result.items():
+        inner = value.items() if isinstance(value, dict) else [("", value)]
+        for name, one in inner:
+            table.add_row(f"{key} {name}".strip(), Text(_cell(one)))
+    return table
 
 
 def _width() -> int:
@@ -67,8 +95,10 @@ def row_table(row: dict, columns: list[str]) -> Table:
 
 
 def _cell(value: object) -> str:
-    if value is None:
+    if value is None or value == [] or value == {}:
         return "-"
+    if isinstance(value, list | tuple):
+        return "\n".join(map(_cell, value))
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
@@ -85,7 +115,7 @@ class Bar:
             TextColumn("left"),
             TextColumn("{task.fields[note]}"),
             console=ERR,
-            disable=not ERR.is_terminal,
+            disable=not ERR.is_terminal or _level == logging.ERROR,
         )
         self._task: TaskID = self._bar.add_task(what, total=total, note="")
 
@@ -107,4 +137,4 @@ class Bar:
         part = 20 * done // max(self._total, 1)
         if not ERR.is_terminal and part > self._said:
             self._said = part
-            ERR.print(f"{self._what} {done}/{self._total} {note}", markup=False)
+            say(f"{self._what} {done}/{self._total} {note}")

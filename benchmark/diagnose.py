@@ -61,7 +61,7 @@ class Settings:
     fits."""
     nominal: str
     """Engine that the compiled replay of the nominal world is compared with."""
-    effects_known: str | None
+    known_effects: str | None
     """Effects that the nominal world is known to have; None: those named in the log."""
     workers: int | None
     healthy: tuple[Path, ...] = ()
@@ -218,7 +218,7 @@ def _world(log: Log, settings: Settings) -> World:
         named = mechanism.effects
     else:
         ideal, named = mjcf_world(log), NONE
-    known = named if settings.effects_known is None else settings.effects_known
+    known = named if settings.known_effects is None else settings.known_effects
     spec = with_effects(ideal, parse_effects(known, ideal.hand))
     return World(spec=spec, ideal=ideal, known=known)
 

@@ -26,7 +26,7 @@ _SYSTEM = {"libX11": "libx11-6", "libGL": "libgl1", "libEGL": "libegl1", "libvul
 _PIP = "pip install -c constraints.txt -e ."
 _PROBES = {
     "backend": (
-        "import sys; from benchmark.run_spec import RunSpec, make_env;"
+        "import sys; from benchmark.run_spec import RunSpec; from benchmark.worlds import make_env;"
         "run = RunSpec(backend=sys.argv[1], task='line', worlds=1);"
         "env = make_env(run, [run.world()], 0, 1); env.reset();"
         "env.step([[0.0] * env.action_width]); env.close()"
@@ -46,11 +46,11 @@ def examine() -> tuple[dict, Table]:
     return {"ok": all(row["state"] == "works" for row in rows), "parts": rows}, table
 
 
-def examine_physics(backend: str | None, out: Path | None) -> tuple[dict, Group]:
+def examine_physics(backend: str, out: Path | None) -> tuple[dict, Group]:
     """Run the physics checks on one engine or all; writes them to `out` as Markdown."""
     from benchmark.physics import report, suite
 
-    names = registry.names("backend") if backend is None else [registry.check("backend", backend)]
+    names = registry.chosen("backend", backend)
     if out is not None:
         out.parent.mkdir(parents=True, exist_ok=True)
         out.open("a").close()  # refuses what cannot be written before a minute is spent

@@ -16,6 +16,19 @@ class UsageError(CommandError):
     exit_code = 2
 
 
+class Interrupted(CommandError):
+    """The user stopped the command."""
+
+    exit_code = 130
+
+
+def was_interrupt(error: BaseException | None) -> bool:
+    """Whether an error began as an interrupt: compiled code makes others of it."""
+    if error is None or isinstance(error, KeyboardInterrupt):
+        return error is not None
+    return was_interrupt(error.__cause__)
+
+
 def unknown(kind: str, given: str, known: Iterable[str]) -> UsageError:
     """No such name: what was given, what is known, and the near one."""
     names = sorted(known)

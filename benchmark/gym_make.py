@@ -3,7 +3,8 @@
 from functools import partial
 from typing import Any
 
-from benchmark.run_spec import RunSpec, make_env
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env
 from tasks.batch import BatchEnv
 from tasks.gym_env import StickEnv, StickVectorEnv
 

@@ -2,14 +2,22 @@
 
 from rich.table import Table
 
+from backends.effect import UNITS, Effect
 from backends.spec import field_names
 from backends.sticks import STICKS
 from benchmark import registry
-from benchmark.errors import CommandError
+from benchmark.errors import CommandError, unknown
 
 
-def parts() -> tuple[dict, Table]:
-    """Every plug-in and stick with a line about it; imports no engine."""
+def parts(kind: str | None = None) -> tuple[dict, Table]:
+    """Every plug-in and stick with a line about it, of one kind or all; imports no engine.
+
+    Of effects alone, their units and bounds, too. Raises UsageError for no kind.
+    """
+    if kind is not None and kind not in (*registry.KINDS, "stick"):
+        raise unknown("kind", kind, (*registry.KINDS, "stick"))
+    if kind == "effect":
+        return _effects()
     found = {
         kind: {name: registry.summary(kind, name) for name in registry.names(kind)}
         for kind in registry.KINDS
@@ -18,11 +26,26 @@ def parts() -> tuple[dict, Table]:
         s.name: f"{s.shape}, {2e3 * s.radius_m:g} mm, {1e3 * s.mass_kg:g} g, mu {s.friction:g}"
         for s in STICKS.values()
     }
+    found = {name: lines for name, lines in found.items() if kind in (None, name)}
     table = Table("kind", "name", "what it is", header_style="bold")
     for kind, names in found.items():
         for name, line in names.items():
             table.add_row(kind, name, line)
     return found, table
+
+
+def _effects() -> tuple[dict, Table]:
+    """Every effect with its unit, its bounds in that unit, and whether it acts on joints."""
+    table = Table("effect", "unit", "allowed", "joints", "what it is", header_style="bold")
+    found = {}
+    for name in registry.names("effect"):
+        one: type[Effect] = registry.load("effect", name)
+        low, high = (bound / UNITS[one.unit][1] for bound in one.bounds)
+        line = registry.summary("effect", name)
+        found[name] = {"unit": one.unit, "bounds": [low, high], "per_joint": one.per_joint}
+        joints = "all, or one by @JOINT" if one.per_joint else "-"
+        table.add_row(name, one.unit, f"{low:g} to {high:g}", joints, line)
+    return {"effect": found}, table
 
 
 def support() -> tuple[dict, Table]:

@@ -10,8 +10,9 @@ import pandas as pd
 from backends.effect import UNITS
 from benchmark import registry
 from benchmark.errors import UsageError
+from benchmark.quantities import measured, within
 from benchmark.run_folder import write_atomically
-from benchmark.run_spec import HANDS, within
+from benchmark.run_spec import HANDS
 from diagnosis.logs.log import LogError, check_target, name_of, write_log
 from diagnosis.recording.excitation import FREE, Excitation, Joints, hand_joints
 
@@ -23,7 +24,7 @@ _HOW = (
     "play each episode from rest at this rate and log a row per sample: episode, t_s, the command "
     "columns, position columns named like them, and torque, velocity, motor and push where known; "
     "where push is not zero, load the joint with about that torque and log what it was; "
-    "docs/logs.md shows the eight lines of log.yaml that go with the CSV"
+    "docs/reference/log-format.md shows the eight lines of log.yaml that go with the CSV"
 )
 
 
@@ -32,18 +33,19 @@ def excite(
     protocol: str,
     joints: str | None,
     ranges: str | None,
-    limit: float | None,
+    limit: str | None,
     rate_hz: float,
     seed: int,
     one_at_a_time: bool,
+    force: bool = False,
 ) -> dict:
     """Write commands as CSV; what was written. Raises UsageError."""
-    within("--rate", rate_hz, *RATES_HZ)
+    within("--rate", rate_hz, *RATES_HZ, "Hz")
     within("--seed", seed, 0, 2**32 - 1)
     if out.suffix.lower() != ".csv":
         raise UsageError(f"--out is {out}; allowed: a file name that ends in .csv")
-    if out.exists():
-        raise UsageError(f"{out} exists; choose another file or remove it first")
+    if out.exists() and not force:
+        raise UsageError(f"{out} exists; choose another --out, or --force to replace it")
     described, linear = _joints(joints, ranges, limit)
     episodes = [FREE[p](described, rate_hz, seed) for p in _protocols(protocol, limit, joints)]
     if one_at_a_time:
@@ -63,7 +65,7 @@ def excite(
     }
 
 
-def _joints(joints: str | None, ranges: str | None, limit: float | None) -> tuple[Joints, bool]:
+def _joints(joints: str | None, ranges: str | None, limit: str | None) -> tuple[Joints, bool]:
     """The joints to move, and whether they are linear: the user's, or those of our hand."""
     if joints is None:
         if ranges is not None or limit is not None:
@@ -80,15 +82,28 @@ def _joints(joints: str | None, ranges: str | None, limit: float | None) -> tupl
     read = [_range(part) for part in parts] * (len(names) // len(parts))
     if len({linear for _, linear in read}) > 1:
         raise UsageError("--range mixes angles and lengths; write a file for each kind of joint")
-    if limit is not None and not (math.isfinite(limit) and limit > 0):
-        raise UsageError(f"--limit is {limit:g}; allowed: a torque in Nm (a force in N) above 0")
     ends = np.array([pair for pair, _ in read])
     return Joints(
         names=names,
         center_rad=ends.mean(axis=1),
         range_rad=ends,
-        limit_nm=np.full(len(names), limit or 0.0),
+        limit_nm=_limits(limit, names, read[0][1]),
     ), read[0][1]
+
+
+def _limits(text: str | None, names: tuple[str, ...], linear: bool) -> np.ndarray:
+    """The largest load of each joint [Nm or N]; zeros where none is given."""
+    if text is None:
+        return np.zeros(len(names))
+    parts = [part.strip() for part in text.split(",")]
+    if len(parts) not in (1, len(names)):
+        raise UsageError(f"--limit has {len(parts)} entries for {len(names)} joints; give 1 or all")
+    wanted = "force" if linear else "torque"
+    found = [measured(part, "--limit", "N" if linear else "Nm") for part in parts]
+    for part, (value, dimension) in zip(parts, found, strict=True):
+        if dimension != wanted or not (math.isfinite(value) and value > 0):
+            raise UsageError(f"--limit is '{part}'; allowed: a {wanted} above 0")
+    return np.full(len(names), [value for value, _ in found])
 
 
 def _range(text: str) -> tuple[tuple[float, float], bool]:
@@ -104,7 +119,7 @@ def _range(text: str) -> tuple[tuple[float, float], bool]:
     return (low * size, high * size), dimension == "length"
 
 
-def _protocols(text: str, limit: float | None, joints: str | None) -> list[str]:
+def _protocols(text: str, limit: str | None, joints: str | None) -> list[str]:
     """Protocols to write; without a limit, all but the push."""
     pushes = joints is None or limit is not None
     if text == "all":
@@ -128,7 +143,7 @@ def _frame(excitation: Excitation, names: tuple[str, ...], linear: bool) -> pd.D
     return pd.DataFrame(columns)
 
 
-def import_logs(kind: str, path: Path, out: Path, form: str) -> dict:
+def import_logs(kind: str, path: Path, out: Path, form: str, force: bool = False) -> dict:
     """Write the logs in a recording of a known kind; one to `out`, several to folders in it.
 
     Raises UsageError.
@@ -138,9 +153,9 @@ def import_logs(kind: str, path: Path, out: Path, form: str) -> dict:
         logs = importer.read(path)
         folders = {name: out if len(logs) == 1 else out / name for name in logs}
         for folder in folders.values():
-            check_target(folder, form)
+            check_target(folder, form, force)
         for name, log in logs.items():
-            write_log(log, folders[name], form)
+            write_log(log, folders[name], form, force=force)
     except LogError as error:
         raise UsageError(str(error)) from error
     written = [

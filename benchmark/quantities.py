@@ -5,34 +5,56 @@ import re
 
 from benchmark.errors import UsageError
 
-_LENGTHS_M = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
-_TIMES_S = {"s": 1.0, "min": 60.0, "h": 3600.0}
+_UNITS = {
+    "length": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
+    "angle": {"rad": 1.0, "mrad": 1e-3, "deg": math.pi / 180},
+    "time": {"ms": 1e-3, "s": 1.0, "min": 60.0, "h": 3600.0},
+    "rate": {"Hz": 1.0, "kHz": 1e3},
+    "torque": {"Nm": 1.0, "mNm": 1e-3},
+    "force": {"N": 1.0},
+}
+"""Sizes of units in SI, by dimension."""
 _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)"
 
 
-def length_m(text: str, flag: str) -> float:
-    """A length such as '3cm' in metres; raises UsageError otherwise."""
-    match = re.fullmatch(_NUMBER + r"\s*(m|cm|mm)", text.strip(), re.IGNORECASE)
-    if match is None:
-        raise UsageError(f"{flag} is '{text}'; allowed: a length with m, cm or mm, such as 3cm")
-    return float(match.group(1)) * _LENGTHS_M[match.group(2).lower()]
+def size(unit: str) -> float:
+    """A unit in SI units."""
+    return next(units[unit] for units in _UNITS.values() if unit in units)
+
+
+def measured(text: str, flag: str, *units: str) -> tuple[float, str]:
+    """A number with one of the units or another of their dimensions: in SI, and the dimension.
+
+    Raises UsageError where the unit is missing or of another dimension.
+    """
+    dimensions = {name: sizes for name, sizes in _UNITS.items() if set(units) & set(sizes)}
+    match = re.fullmatch(_NUMBER + r"\s*([A-Za-z]+)", text.strip())
+    if match is not None:
+        for name, sizes in dimensions.items():
+            if match.group(2) in sizes:
+                return float(match.group(1)) * sizes[match.group(2)], name
+    known = ", ".join(unit for sizes in dimensions.values() for unit in sizes)
+    raise UsageError(f"{flag} is '{text}'; allowed: a number with its unit ({known})")
+
+
+def quantity(text: str, flag: str, unit: str) -> float:
+    """A number with a unit of the same dimension as `unit`, in SI units; raises UsageError."""
+    return measured(text, flag, unit)[0]
+
+
+def within(flag: str, value: float, low: float, high: float, unit: str = "") -> None:
+    """Raise UsageError unless a number, in SI units, is finite and in its range, in `unit`."""
+    shown = value / size(unit) if unit else value
+    if not (math.isfinite(shown) and low <= shown <= high):
+        tail = f" {unit}" if unit else ""
+        raise UsageError(f"{flag} is {shown:g}{tail}; allowed: {low:g} to {high:g}{tail}")
 
 
 def number(text: str, flag: str) -> float:
-    """A finite number such as '0.5'; raises UsageError otherwise."""
-    match = re.fullmatch(_NUMBER, text.strip())
-    if match is None or not math.isfinite(float(text)):
+    """A number such as '0.5', finite or not; raises UsageError otherwise."""
+    if re.fullmatch(_NUMBER, text.strip()) is None:
         raise UsageError(f"{flag} is '{text}'; allowed: a number such as 0.5")
     return float(text)
-
-
-def duration_s(text: str, flag: str) -> float:
-    """A time above 0 such as '90min' in seconds; raises UsageError otherwise."""
-    match = re.fullmatch(_NUMBER + r"\s*(s|min|h)", text.strip(), re.IGNORECASE)
-    value = float(match.group(1)) * _TIMES_S[match.group(2).lower()] if match else math.nan
-    if not (math.isfinite(value) and value > 0):
-        raise UsageError(f"{flag} is '{text}'; allowed: a time above 0 in s, min or h, such as 2h")
-    return value
 
 
 def count(text: str, flag: str) -> int:

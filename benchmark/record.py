@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from backends.engine import Simulator
 from backends.shard import WorkerError, simulate
@@ -10,10 +11,12 @@ from backends.spec import Spec
 from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy
 from benchmark import registry, run_folder
 from benchmark.console import Bar
-from benchmark.effects import effect_name, parse_effects
+from benchmark.effects import parse_effects
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
-from benchmark.run_spec import RunSpec, within
+from benchmark.quantities import within
+from benchmark.run_spec import RunSpec, read_settings
+from benchmark.worlds import refuse
 from diagnosis.logs.log import Log, LogError, check_target, write_log
 from diagnosis.recording import record as recording
 from diagnosis.recording.excitation import OPEN_LOOP
@@ -38,24 +41,15 @@ class World:
 
 
 def world(
-    backend: str,
-    effects: str | None,
-    known_effects: str,
-    stick: str | None,
-    policy: Path | None,
-    workers: int | None,
+    given: Mapping[str, Any], known_effects: str, policy: Path | None, workers: int | None
 ) -> World:
-    """The world that options ask for; raises UsageError."""
-    settings: dict = {"backend": backend, "task": "line", "randomize": False}
+    """The world that settings ask for; raises UsageError."""
+    settings: dict = {"task": "line", "randomize": False}
     if policy is not None:
-        source = run_folder.read_run(policy)
-        run_folder.check_policy(policy, source)
-        if source["status"] != "done":
-            raise UsageError(f"{policy} is {source['status']}: {source['reason']}; finish it first")
+        source = run_folder.finished_run(policy)
         kept = ("task", "observation", "algo", "hand", "radius_m", "speed", "seed")
         settings |= {key: source["spec"][key] for key in kept}
-    settings |= {k: v for k, v in {"effects": effects, "stick": stick}.items() if v is not None}
-    run = RunSpec(**settings)
+    run = RunSpec(**settings, **read_settings(given))
     parse_effects(known_effects, run.world().hand)
     return World(run=run, policy=policy, known_effects=known_effects, workers=workers)
 
@@ -71,7 +65,7 @@ def plan(
 ) -> Plan:
     """The plan that options ask for; 'all' stands for all that can be. Raises UsageError."""
     within("--seed", seed, 0, 2**32 - 1)
-    within("--rate", rate_hz, 1, 1000)
+    within("--rate", rate_hz, 1, 1000, "Hz")
     everything = (*OPEN_LOOP, *(["policy"] if world.policy else []))
     protocols = everything if protocol == "all" else _words(protocol)
     if world.policy is not None and "policy" not in protocols:
@@ -87,15 +81,15 @@ def plan(
     )
 
 
-def record(world: World, plan: Plan, out: Path, form: str) -> dict:
-    """Record a log into the folder `out`; what was recorded.
+def record(world: World, plan: Plan, out: Path, form: str, force: bool = False) -> dict:
+    """Record a log into the folder `out`, in place of an earlier one with `force`.
 
     Raises UsageError for whatever cannot be recorded, CommandError when the simulation stops.
     """
     try:
-        check_target(out, form)
+        check_target(out, form, force)
         log = _record(world, plan)
-        write_log(log, out, form, _provenance(world, plan))
+        write_log(log, out, form, _provenance(world, plan), force)
     except (LogError, PolicyError) as error:
         raise UsageError(str(error)) from error
     except (SimulationDivergedError, WorkerError) as error:
@@ -118,7 +112,7 @@ def record(world: World, plan: Plan, out: Path, form: str) -> dict:
 def _record(world: World, plan: Plan) -> Log:
     engine = registry.load("backend", world.run.backend)
     spec = world.run.world()
-    _refuse(world.run, engine.support, spec)
+    refuse(parse_effects(world.run.effects, spec.hand), engine.support, world.run.backend)
     workers = world.workers or usable_cores()
 
     def start(specs: Sequence[Spec]) -> Simulator:
@@ -151,14 +145,6 @@ def _policy(world: World, spec: Spec) -> Policy:
     else:
         act = registry.load("algorithm", run.algo)(len(spec.hand.driven), run.seed)
     return Policy(task=task, observation=observation, act=act)
-
-
-def _refuse(run: RunSpec, support: Mapping[str, str], spec: Spec) -> None:
-    """Raise UsageError for an effect that the engine cannot have."""
-    for effect in parse_effects(run.effects, spec.hand):
-        for field in effect.spec_fields():
-            if effect.magnitude != 0.0 and support[field].startswith("refused"):
-                raise UsageError(f"{effect_name(effect)} is {support[field]} ({run.backend})")
 
 
 def _words(text: str) -> tuple[str, ...]:

@@ -49,6 +49,13 @@ def check(kind: str, name: str) -> str:
     return name
 
 
+def chosen(kind: str, text: str) -> tuple[str, ...]:
+    """The names between commas, each once, 'all' being all; raises UsageError for an unknown."""
+    if text == "all":
+        return names(kind)
+    return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
+
+
 def load(kind: str, name: str) -> Any:
     """The class of a plug-in; raises when it is unknown or its library is missing."""
     folder, class_name = _KINDS[kind]

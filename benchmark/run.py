@@ -3,6 +3,7 @@
 import shutil
 import time
 from collections.abc import Callable
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,27 @@ from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import EPISODES, EVALUATION_SEED, SMOKE_EPISODES, Episodes, evaluate
-from benchmark.run_folder import EPISODES_FILE, RunFolder
-from benchmark.run_spec import RunSpec, make_env
+from benchmark.run_folder import EPISODES_FILE, START_FILE, RunFolder
+from benchmark.run_spec import RunSpec
 from benchmark.train import Training
+from benchmark.worlds import make_env
 from tasks.batch import BatchEnv, SimulationDivergedError, Step
 
 FREE_BYTES = 50_000_000
 """A run is refused when the disk of its folder has less than this left."""
 
 
-def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> dict:
+def run(
+    spec: RunSpec,
+    path: Path,
+    workers: int,
+    resume: bool = False,
+    force: bool = False,
+    start: Path | None = None,
+) -> dict:
     """Do what `spec` says in the folder `path`, or continue it; its run.json.
+
+    `start` is the folder of the policy that training starts from, where the spec has one.
 
     A run that diverged or cannot be done here is written down as such before the error is raised.
     """
@@ -35,6 +46,8 @@ def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> d
     if finished is not None:
         return finished
     _refuse_full_disk(path)
+    if start is not None and not (path / START_FILE).exists():
+        _copy_start(start, path)
     try:
         registry.load("backend", spec.backend)
         baseline = registry.load("algorithm", spec.algo)
@@ -43,6 +56,9 @@ def run(spec: RunSpec, path: Path, workers: int, resume: bool, force: bool) -> d
         raise
     try:
         return _train_and_evaluate(spec, folder, baseline, workers)
+    except PolicyError as error:
+        folder.write_run("skipped", str(error))
+        raise UsageError(str(error)) from error
     except SimulationDivergedError as error:
         reason = f"{spec.backend}: {error}"
         folder.write_run("diverged", reason)
@@ -77,6 +93,7 @@ def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers
         wall_s=round(wall_s + time.monotonic() - began, 2),
         env_steps_per_s=round(rate, 1),
         policy_sha256=file_sha256(policy) if policy.exists() else None,
+        hyperparameters=_hyperparameters(spec, baseline),
     )
     folder.drop_checkpoints()
     return finished
@@ -157,6 +174,18 @@ def row(run_json: dict, path: Path) -> dict:
         "digest": run_json["digest"],
         "spec_digest": run_json["spec_digest"],
     }
+
+
+def _hyperparameters(spec: RunSpec, baseline: Any) -> dict[str, Any] | None:
+    """All that the learner was set to; None where nothing is learned."""
+    return asdict(baseline.hyperparameters(**spec.overrides)) if baseline.trains else None
+
+
+def _copy_start(run: Path, path: Path) -> None:
+    """Keep the policy that training starts from in the folder, whatever becomes of its own."""
+    temporary = path / f".{START_FILE}.tmp"
+    shutil.copyfile(run / POLICY_FILE, temporary)
+    temporary.replace(path / START_FILE)
 
 
 def _refuse_full_disk(path: Path) -> None:

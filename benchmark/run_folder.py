@@ -18,6 +18,8 @@ from benchmark.provenance import provenance
 from benchmark.run_spec import RunSpec, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
+START_FILE = "start.onnx"
+"""The policy that training starts from."""
 SCHEMA = 1
 _CHECKPOINT = re.compile(r"checkpoint-(\d+)\.pt")
 _COLUMNS = ("steps", "reward", "p_err_cm", "q_err_deg", "dropped", "wall_s")
@@ -52,6 +54,15 @@ def read_run(folder: Path) -> dict:
         raise CommandError(
             f"{path} has status {run.get('status')!r}; allowed: {', '.join(STATUSES)}"
         )
+    return run
+
+
+def finished_run(folder: Path) -> dict:
+    """The run.json of a finished run whose policy is whole; raises CommandError otherwise."""
+    run = read_run(folder)
+    check_policy(folder, run)
+    if run["status"] != "done":
+        raise UsageError(f"{folder} is {run['status']}: {run['reason']}; finish it first")
     return run
 
 
@@ -111,7 +122,8 @@ class RunFolder:
     def _clear(self) -> None:
         """Remove what a run has written, and nothing else."""
         self.drop_checkpoints()
-        for name in (RUN_FILE, PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE):
+        written = (RUN_FILE, PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE, START_FILE)
+        for name in written:
             (self.path / name).unlink(missing_ok=True)
 
     def write_run(self, status: str, reason: str = "", **fields: object) -> dict:
@@ -128,6 +140,7 @@ class RunFolder:
             "wall_s": 0.0,
             "env_steps_per_s": 0.0,
             "policy_sha256": None,
+            "hyperparameters": None,
             "provenance": provenance(),
             **fields,
         }

@@ -19,10 +19,12 @@ from benchmark._stopwatch import Timing, measure
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
-from benchmark.run_spec import RunSpec, make_env, training_worlds, within
+from benchmark.quantities import within
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env, training_worlds
 from tasks.batch import SimulationDivergedError
 
-SECONDS_RANGE = (0.1, 600.0)
+DURATION_RANGE_S = (0.1, 600.0)
 MAX_WORLDS = 100_000
 PRESSING = 0.9
 """Share of fingertips on the stick below which the two did not step the same grasp."""
@@ -37,7 +39,7 @@ class Plan:
     backends: tuple[str, ...]
     worlds: tuple[int, ...]
     workers: tuple[int, ...]
-    seconds: float
+    duration_s: float
     """Time for each measurement [s]."""
     seed: int
     """Decides the worlds, which are drawn as for training."""
@@ -49,16 +51,16 @@ class Plan:
                 yield from ((backend, cores, n) for n in self.worlds if n >= cores)
 
 
-def plan(backend: str | None, worlds: str, workers: str | None, seconds: float, seed: int) -> Plan:
+def plan(backend: str, worlds: str, workers: str | None, duration_s: float, seed: int) -> Plan:
     """What the options ask for; raises UsageError."""
-    known, cores = registry.names("backend"), usable_cores()
-    within("--seconds", seconds, *SECONDS_RANGE)
+    cores = usable_cores()
+    within("--duration", duration_s, *DURATION_RANGE_S, "s")
     within("--seed", seed, 0, 2**32 - 1)
     made = Plan(
-        backends=known if backend is None else (registry.check("backend", backend),),
+        backends=registry.chosen("backend", backend),
         worlds=_counts(worlds, "--worlds", MAX_WORLDS),
         workers=_counts(workers or f"1,{min(2, cores)}", "--workers", cores),
-        seconds=seconds,
+        duration_s=duration_s,
         seed=seed,
     )
     if not list(made):
@@ -119,7 +121,7 @@ def _measure(asked: Plan, backend: str, cores: int, worlds: int) -> dict:
     try:
         assert isinstance(env.simulator, Engine | Sharded)
         clock = time.process_time if cores == 1 else time.perf_counter
-        timing = measure(env, env.simulator.coast, asked.seconds, clock)
+        timing = measure(env, env.simulator.coast, asked.duration_s, clock)
         memory_mb = _memory.held_mb()
         substeps = env.simulator.specs[0].timing.substeps
     finally:

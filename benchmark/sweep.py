@@ -14,7 +14,7 @@ from benchmark._cell import POLL_S, Cell, run_cell
 from benchmark._estimate import makespan, measure
 from benchmark._grid import Grid, read_grid
 from benchmark.commands import RUNS
-from benchmark.console import ERR
+from benchmark.console import say
 from benchmark.errors import UsageError
 from benchmark.provenance import usable_cores
 
@@ -96,7 +96,7 @@ def _run_here(board: Board, limit_s: float, jobs: int) -> None:
     try:
         parallel(joblib.delayed(work)(cell) for cell in board.open)
     except KeyboardInterrupt:
-        ERR.print("stopping the cells; the same command goes on from here")
+        say("stopping the cells; the same command goes on from here")
         raise
     finally:  # however it ends, no cell is left running
         board.stopped.set()

@@ -12,8 +12,9 @@ from baselines.baseline import Learner, Progress
 from baselines.saved import POLICY_FILE, write_contract
 from benchmark import registry
 from benchmark.errors import CommandError
-from benchmark.run_folder import RunFolder, progress_row
-from benchmark.run_spec import RunSpec, make_env, training_worlds
+from benchmark.run_folder import START_FILE, RunFolder, progress_row
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env, training_worlds
 
 SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
 """Iterations between two checkpoints."""
@@ -36,7 +37,10 @@ class Training:
     ) -> None:
         self._run, self._folder, self._workers, self._report = run, folder, workers, report
         self._learner_class = registry.load("algorithm", run.algo)
-        self._per_iteration: int = self._learner_class.steps_per_iteration(run.worlds)
+        self._settings = self._learner_class.hyperparameters(**run.overrides)
+        self._per_iteration: int = self._learner_class.steps_per_iteration(
+            run.worlds, self._settings
+        )
         self._per_segment = SMOKE_SEGMENT_ITERATIONS if run.smoke else SEGMENT_ITERATIONS
         self._iterations, self._checkpoint = folder.checkpoint()
         self._rows = folder.progress(self._iterations * self._per_iteration)
@@ -68,9 +72,11 @@ class Training:
         seed = segment_seed(self._run, index)
         env = make_env(self._run, training_worlds(self._run, index), seed, self._workers)
         try:
-            learner: Learner = self._learner_class(env, seed)
+            learner: Learner = self._learner_class(env, seed, self._settings)
             if self._checkpoint is not None:
                 _load(learner, self._checkpoint)
+            elif self._run.start_sha256 is not None:
+                learner.start_from(self._folder.path / START_FILE)
             learner.learn(iterations, self._note)
             self._save(learner, self._iterations + iterations)
             if self._iterations >= total:

@@ -14,14 +14,14 @@ from typing import Any
 import pandas as pd
 from rich.table import Table
 
-from benchmark import quantities, registry, run, run_folder
-from benchmark.commands import changes
-from benchmark.console import ERR
+from benchmark import registry, run, run_folder
+from benchmark.console import say
 from benchmark.effects import parse_effects
 from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import EVALUATION_SEED
 from benchmark.provenance import provenance, usable_cores
-from benchmark.run_spec import HANDS, RunSpec, within
+from benchmark.quantities import within
+from benchmark.run_spec import DEPLOYED, HANDS, RunSpec, read_settings
 from leaderboard.transfer import COLUMNS, IDENTITY, agreement, matrix
 from leaderboard.transfer_files import write_transfer
 from leaderboard.transfer_text import FLOOR, interval, title
@@ -30,7 +30,7 @@ REFERENCE = ("mujoco", "built")
 """The stand-in for reality: its engine and effects."""
 FLOOR_SEED = EVALUATION_SEED + 1
 """Decides the other initial states and headings that the noise floor starts from."""
-SETTINGS = ("task", "radius", "speed", "stick")
+SETTINGS = tuple(name for name in DEPLOYED if name not in ("backend", "effects"))
 """What may differ between a policy's training and a deployment, beside engine and effects."""
 EPISODES_RANGE = (2, 10_000)
 EVALUATIONS = "evaluations"
@@ -83,12 +83,12 @@ class Evaluation:
 
 def transfer(
     sources: Sequence[Path],
-    deploy: str,
+    backends: str,
     effects: Sequence[str],
     settings: Sequence[str],
     out: Path,
     episodes: int,
-    smoke_too: bool,
+    include_smoke: bool,
     workers: int | None,
 ) -> tuple[dict, Table]:
     """Evaluate every policy in every world and write the matrix; what was found.
@@ -96,8 +96,8 @@ def transfer(
     Evaluations that `out` holds already are read. One that fails leaves a gap and a reason.
     """
     within("--episodes", episodes, *EPISODES_RANGE)
-    worlds = _worlds(deploy, effects, settings)
-    policies, left_out = _policies(sources, smoke_too)
+    worlds = _worlds(backends, effects, settings)
+    policies, left_out = _policies(sources, include_smoke)
     plan = [item for policy in policies for item in _evaluations(policy, worlds, episodes)]
     frames, problems = [], []
     for number, item in enumerate(plan, 1):
@@ -105,7 +105,7 @@ def transfer(
             frames.append(_scores(item, out, workers or usable_cores(), f"{number}/{len(plan)}"))
         except CommandError as error:
             problems.append(f"{item.policy.spec.name} in {item.deploy}: {error}")
-            ERR.print(f"{number}/{len(plan)} {problems[-1]}", markup=False)
+            say(f"{number}/{len(plan)} {problems[-1]}")
     if all(frame["floor"].all() for frame in frames):
         raise CommandError(f"no policy could be evaluated: {'; '.join(dict.fromkeys(problems))}")
     scores = pd.concat(frames, ignore_index=True)
@@ -115,20 +115,19 @@ def transfer(
     return result, table
 
 
-def _worlds(deploy: str, effects: Sequence[str], settings: Sequence[str]) -> Worlds:
+def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> Worlds:
     """The worlds to deploy in: engines x effects, as they are and in every setting.
 
     Raises UsageError for whatever is no engine, no effect or no setting.
     """
-    backends = [registry.check("backend", name.strip()) for name in deploy.split(",")]
-    sets = [text for given in effects for text in _sets(given)]
-    for text in sets:
+    backends = registry.chosen("backend", engines)
+    for text in effects:
         parse_effects(text, HANDS[RunSpec.hand].HAND)
     changed = {"": {}, **{f" {text}": _setting(text) for text in settings}}
     return {
         f"{backend} {text}{name}": {"backend": backend, "effects": text, **fields}
         for name, fields in changed.items()
-        for text in sets
+        for text in effects
         for backend in backends
     }
 
@@ -140,27 +139,16 @@ def _setting(text: str) -> dict[str, Any]:
         if name not in SETTINGS or not value:
             allowed = ", ".join(f"{name}=..." for name in SETTINGS)
             raise UsageError(f"--setting is '{text}'; allowed: {allowed}, several between commas")
-    given: dict[str, Any] = {name: value for name, _, value in pairs}
-    if "speed" in given:
-        given["speed"] = quantities.number(given["speed"], "--setting speed")
-    fields = changes(**given)
-    RunSpec(**{"backend": REFERENCE[0], "task": "circle", **fields})
-    return fields
+    return read_settings({name: value for name, _, value in pairs})
 
 
-def _sets(text: str) -> list[str]:
-    """The sets of effects in one option: 'built,none' names two, all else is one."""
-    items = [item.strip() for item in text.split(",")]
-    return items if set(items) <= {"built", "none"} else [text]
-
-
-def _policies(sources: Sequence[Path], smoke_too: bool) -> tuple[list[Policy], list[str]]:
+def _policies(sources: Sequence[Path], include_smoke: bool) -> tuple[list[Policy], list[str]]:
     """The policies in the sources, each once, and why others are left out."""
     found: dict[str, Policy] = {}
     left_out = []
     for folder in _folders(sources):
         try:
-            policy = _policy(folder, smoke_too)
+            policy = _policy(folder, include_smoke)
             found.setdefault(policy.spec.digest, policy)
         except CommandError as error:
             left_out.append(str(error))
@@ -175,15 +163,15 @@ def _folders(sources: Sequence[Path]) -> Iterator[Path]:
         yield from found or [source]
 
 
-def _policy(folder: Path, smoke_too: bool) -> Policy:
+def _policy(folder: Path, include_smoke: bool) -> Policy:
     """The policy in a run folder; raises CommandError where there is none to be used."""
     found = run_folder.read_run(folder)
     if found["status"] != "done":
         raise UsageError(f"{folder} is {found['status']}: {found['reason']}")
     run_folder.check_policy(folder, found)
     spec = run_folder.run_spec(found)
-    if spec.smoke and not smoke_too:
-        raise UsageError(f"{folder} is a smoke run; --smoke-too takes it")
+    if spec.smoke and not include_smoke:
+        raise UsageError(f"{folder} is a smoke run; --include-smoke takes it")
     return Policy(folder=folder, spec=spec, sha256=found["policy_sha256"] or "")
 
 
@@ -222,12 +210,12 @@ def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFr
     path = out / EVALUATIONS / item.file
     if not path.exists():
         floor = ", other initial states" if item.floor else ""
-        ERR.print(f"{number} {item.policy.spec.name} in {item.deploy}{floor}", markup=False)
+        say(f"{number} {item.policy.spec.name} in {item.deploy}{floor}")
         options = {"episodes": item.episodes, "seed": item.seed}
         found = run.deploy(item.spec, item.policy.folder, workers, **options)
         path.parent.mkdir(parents=True, exist_ok=True)
         run.write_episodes(found, path)
-    spec = asdict(item.policy.spec)
+    spec = asdict(item.policy.spec) | {"algo": item.policy.spec.learner}
     shared = {name: spec[name] for name in (*IDENTITY, "seed")}
     shared |= {"policy": item.policy.spec.name, "train": item.train}
     shared |= {"deploy": item.deploy, "floor": item.floor}

@@ -22,7 +22,8 @@ from benchmark.console import Bar
 from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
-from benchmark.run_spec import RunSpec, within
+from benchmark.quantities import within
+from benchmark.run_spec import RunSpec
 from tasks.task import EPISODE_S, RADIUS_M
 
 SHOWN_EPISODES = 10
@@ -67,14 +68,10 @@ def view(
     if kind == "curve":
         return _view_curves(folders, out)
     (folder,) = folders
-    source = run_folder.read_run(folder)
-    run_folder.check_policy(folder, source)
-    if source["status"] != "done":
-        raise UsageError(f"{folder} is {source['status']}: {source['reason']}; finish it first")
-    trained = run_folder.run_spec(source)
+    trained = run_folder.run_spec(run_folder.finished_run(folder))
     run = dataclasses.replace(trained, **changed)
     if time_s is not None:
-        within("--time", time_s, run.world().timing.policy_s, EPISODE_S)
+        within("--time", time_s, run.world().timing.policy_s, EPISODE_S, "s")
     count = episodes or (SHOWN_EPISODES if kind == "figure" else 1)
     recording = replay(run, folder, count, workers or usable_cores())
     title = _title(run, trained, recording)
@@ -86,7 +83,8 @@ def view(
         shown |= _photograph(recording, SHOWN_S if time_s is None else time_s, caption, out)
     else:
         _pictures.write_figure(_PLOTS[kind](recording, title), caption, out)
-    return {"written": str(out), "kind": kind, **shown, **recording.scores, "policy": str(folder)}
+    drawn = {"status": "done", "written": str(out), "kind": kind}
+    return {**drawn, **shown, **recording.scores, "run": str(folder)}
 
 
 def _view_curves(folders: Sequence[Path], out: Path) -> dict:
@@ -95,7 +93,13 @@ def _view_curves(folders: Sequence[Path], out: Path) -> dict:
     names = " ".join(folder.resolve().name for folder in folders)
     caption = Caption(title=title, source=f"bench view {names} --kind curve --out {out.name}")
     _pictures.write_figure(draw_curves(curves, title), caption, out)
-    return {"written": str(out), "kind": "curve", "runs": len(folders), "curves": len(curves)}
+    return {
+        "status": "done",
+        "written": str(out),
+        "kind": "curve",
+        "runs": len(folders),
+        "curves": len(curves),
+    }
 
 
 def _photograph(recording: Recording, time_s: float, caption: Caption, out: Path) -> dict:
@@ -213,7 +217,7 @@ def _check(
     if out.is_dir():
         raise UsageError(f"--out is {out}, a folder; name a file in it")
     if time_s is not None and (kind != "hand" or out.suffix.lower() in EVERY):
-        raise UsageError(f"--time is {time_s:g}; give it with --kind hand and a .png only")
+        raise UsageError(f"--time is {time_s:g} s; give it with --kind hand and a .png only")
     if kind == "curve" and (changed or episodes):
         raise UsageError(
             "--kind curve replays nothing; leave out what changes the world, and --episodes"

@@ -6,7 +6,7 @@ task or a learner, so that a row of a plug-in nobody here has heard of still rea
 
 import math
 import re
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 
@@ -56,6 +56,17 @@ class RunIdentity(_Part):
     """Width of the initial states that training draws; 0: a single one."""
     worlds: Count
     smoke: bool
+    overrides: dict[str, Any] = {}
+    """Hyperparameters of the learner that differ from its defaults."""
+    start_sha256: str | None = None
+    """The policy that training started from; None: a fresh one."""
+
+    @property
+    def learner(self) -> str:
+        """The algorithm with what is not its default, such as 'sb3-ppo lr=0.0003'."""
+        changed = [f"{name}={value}" for name, value in self.overrides.items()]
+        start = [] if self.start_sha256 is None else [f"from {self.start_sha256[:8]}"]
+        return " ".join([self.algo, *changed, *start])
 
 
 class Scores(_Part):

@@ -109,11 +109,15 @@ def _identity(row: Row) -> str:
 def _cells(rows: list[Row]) -> dict[str, Any]:
     first, seeds = rows[0], len({row.spec.seed for row in rows})
     cells: dict[str, Any] = {name: getattr(first.spec, name) for name in IDENTITY}
+    cells["algo"] = first.spec.learner
     for score in SCORES:
         figures = _figures(rows, score, seeds)
         cells |= {f"{score}{part}": figures.get(part, float("nan")) for part in PARTS}
     for name in ("wall_s", "env_steps_per_s"):
         cells[name] = statistics.fmean(getattr(row, name) for row in rows)
+    unlike = "smoke run" if first.spec.smoke else ""
+    if first.spec.start_sha256 is not None:
+        unlike = "starts from a trained policy"
     few = f"{seeds} of at least {MIN_SEEDS} seeds" if seeds < MIN_SEEDS else ""
     return cells | {
         "seeds": seeds,
@@ -121,7 +125,7 @@ def _cells(rows: list[Row]) -> dict[str, Any]:
         "spec_digest": first.spec_digest,
         "versions": _versions(rows),
         "command": first.provenance.command,
-        "unranked": "smoke run" if first.spec.smoke else few,
+        "unranked": unlike or few,
     }
 
 

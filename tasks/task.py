@@ -6,7 +6,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from backends.state import Array
+Array = np.ndarray
 
 RADIUS_M = 0.02
 """Radius of the figure in training [m]."""

@@ -46,11 +46,15 @@ def write(
     mjcf_xml: str | None,
     form: str,
     provenance: dict | None,
+    force: bool = False,
 ) -> None:
-    """Write a new folder under a temporary name, then rename it; raises LogError if it is taken."""
-    check_target(folder, form)
+    """Write a folder under a temporary name, then rename it; raises LogError if it is taken.
+
+    With `force` it takes the place of an earlier log.
+    """
+    check_target(folder, form, force)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary = folder.with_name(f".{folder.name}.tmp")
+    temporary, old = (folder.with_name(f".{folder.name}.{end}") for end in ("tmp", "old"))
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()
     try:
@@ -64,17 +68,34 @@ def write(
             _write_csv(samples, temporary / CSV_FILE)
         else:
             _write_parquet(samples, temporary / PARQUET_FILE)
+        if folder.exists():
+            os.rename(folder, old)
         os.rename(temporary, folder)
+        shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def check_target(folder: Path, form: str) -> None:
-    """Raise LogError unless a log can be written to `folder` in this format."""
+def check_target(folder: Path, form: str, force: bool = False) -> None:
+    """Raise LogError unless a log may be written to `folder` in a form.
+
+    The folder must be new or empty, or with `force` hold a log and nothing else.
+    """
     if form not in FORMS:
         raise LogError(f"no form of samples '{form}'; known: {', '.join(FORMS)}")
-    if folder.exists() and not (folder.is_dir() and not any(folder.iterdir())):
-        raise LogError(f"{folder} exists; choose another folder or remove it first")
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    if not force:
+        raise LogError(f"{folder} exists; choose another --out, or --force to replace it")
+    if not (folder / META_FILE).is_file():
+        raise LogError(f"{folder} is no log ({META_FILE} is missing), so --force leaves it alone")
+    known = {META_FILE, PARQUET_FILE, CSV_FILE, PROVENANCE_FILE}
+    for file in sorted(folder.iterdir()):
+        if file.name not in known and file.suffix.lower() != ".xml":
+            raise LogError(
+                f"{folder} holds {file.name}, which no log does, so --force leaves it alone; "
+                "choose another --out"
+            )
 
 
 def _yaml(path: Path) -> object:

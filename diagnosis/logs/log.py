@@ -166,11 +166,19 @@ def read_log(path: Path) -> Log:
     return dataclasses.replace(log, warnings=(*odd, *log.warnings, *unlikely))
 
 
-def write_log(log: Log, path: Path, form: str = "parquet", provenance: dict | None = None) -> None:
-    """Write a log as a new folder, completely or not at all; `form` is 'parquet' or 'csv'.
+def write_log(
+    log: Log,
+    path: Path,
+    form: str = "parquet",
+    provenance: dict | None = None,
+    force: bool = False,
+) -> None:
+    """Write a log as a folder, whole or not at all; `form` is 'parquet' or 'csv'.
+
+    The folder must be new, or with `force` may hold an earlier log, which is replaced.
 
     `provenance` goes to its own file, which `read_log` does not read. Raises LogError if the log is
     invalid or the folder exists.
     """
     log = make_log(log.meta, log.samples, log.mjcf_xml)
-    _log_files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance)
+    _log_files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance, force)

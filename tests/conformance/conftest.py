@@ -8,7 +8,8 @@ import pytest
 from backends.engine import Engine
 from benchmark import registry
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec, make_env
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env
 from tasks.batch import BatchEnv
 
 MakeEnv = Callable[..., BatchEnv]

@@ -18,7 +18,8 @@ from backends.spec import Spec, field_names
 from benchmark import registry
 from benchmark.effects import BUILT, effect_name, parse_effects
 from benchmark.errors import UsageError
-from benchmark.run_spec import RunSpec, make_env
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env
 
 SPEC = trx.spec(sticks.STICKS["reference"])
 JOINTS = SPEC.hand.joint_names

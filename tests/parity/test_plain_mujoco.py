@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmark import cli
+from benchmark.cli import app as cli
 
 ELBOW = """
 <body name="lower" pos="{at} 0 0">
@@ -80,14 +80,14 @@ def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, c
     folder, commands, joints = tmp_path / "arm", tmp_path / "commands.csv", names.split(",")
     folder.mkdir()
     asked = ["excite", "--joints", names, "--range=-60:60deg", "--limit", "6"]
-    assert cli._run([*asked, "--out", str(commands)]) == 0
+    assert cli.call([*asked, "--out", str(commands)]) == 0
     xml = f"<mujoco><worldbody>{ARMS[names]}</worldbody></mujoco>"
     (folder / "arm.xml").write_text(xml)
     (folder / "log.yaml").write_text(log(joints))
     simulated(xml, joints, pd.read_csv(commands)).to_csv(folder / "samples.csv", index=False)
     capfd.readouterr()
     words = ["diagnose", str(folder), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
-    assert cli._run(words) == 0
+    assert cli.call(words) == 0
     found = json.loads(capfd.readouterr().out)
     assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}
     size = {one["effect"]: one for one in found["magnitudes"]}

@@ -9,7 +9,8 @@ import pytest
 
 from backends.shard import simulate
 from backends.spec import Spec
-from benchmark import cli, registry
+from benchmark import registry
+from benchmark.cli import app as cli
 from benchmark.effects import parse_effects
 from diagnosis.calibration import worlds
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
@@ -47,7 +48,7 @@ def hand_log(path: Path, effects: str, protocol: str, channels: str = "push") ->
     """A log of the hand in MuJoCo, as `bench record` writes it."""
     options = {"effects": effects, "protocol": protocol, "channels": channels, "workers": "1"}
     words = [word for name, value in options.items() for word in (f"--{name}", value)]
-    assert cli._run(["record", "--backend", "mujoco", "--out", str(path), *words]) == 0
+    assert cli.call(["record", "--backend", "mujoco", "--out", str(path), *words]) == 0
     return path
 
 

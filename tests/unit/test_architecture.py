@@ -24,8 +24,7 @@ HOMES = {
     "rsl_rl": {"baselines/rsl_ppo.py"},
     "tensordict": {"baselines/rsl_ppo.py"},
     "torch": {"baselines/"},
-    "typer": {"benchmark/cli.py", "benchmark/_options.py"}
-    | {f"benchmark/{part}_cli.py" for part in ("run", "grid", "log", "gap", "check", "blind")},
+    "typer": {"benchmark/cli/"},
 }
 """Where a library may be imported; the picture of the hand is drawn by one engine's renderer."""
 

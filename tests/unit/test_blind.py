@@ -13,7 +13,8 @@ import pytest
 
 from backends.shard import simulate
 from backends.spec import Encoder, Spec
-from benchmark import blind, cli, registry
+from benchmark import blind, registry
+from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 from diagnosis.blind import detectable, draw, files, frozen, make, motion, rigs
 from diagnosis.blind.files import BlindSet
@@ -112,7 +113,7 @@ def test_score_counts_every_case(scored):
 def test_score_prints_one_object(solved, capfd):
     """Print one JSON object with plain figures."""
     folder, answers = solved
-    assert cli._run(["blind", "score", str(folder), "--answers", str(answers), "--json"]) == 0
+    assert cli.call(["blind", "score", str(folder), "--answers", str(answers), "--json"]) == 0
     printed = json.loads(capfd.readouterr().out)
     named = "top1 top3 joint_right none_false_alarm unknown_recall pairs_exact spurious_second "
     named += "magnitude_error_median interval_coverage shrinkage_vs_oracle cpu_s_median"
@@ -162,7 +163,7 @@ def test_a_rival_is_scored_where_it_was_asked(solved, scored):
     with pytest.raises(UsageError, match="no rival named 'sysid'"):
         blind.run_rival(folder, "sysid", 1)
     words = ["blind", "run", str(folder), "--rival", "mujoco-sysid", "--json"]
-    command = [sys.executable, "-c", "from benchmark.cli import main; main()", *words]
+    command = [sys.executable, "-c", "from benchmark.cli.app import main; main()", *words]
     for known in ("solved", "was_done"):  # in processes of its own: absl's log closes pytest's
         told = subprocess.run(command, capture_output=True, text=True, check=True)
         assert json.loads(told.stdout)[known] == 8
@@ -177,7 +178,7 @@ def test_small_magnitudes_are_searched(tmp_path, capfd):
     effects = "encoder-scale,self-lock,encoder-noise"
     words = ["blind", "detectable", "--effects", effects, "--draws", "2"]
     words += ["--real", "mujoco", "--protocols", "multisine", "--out", str(tmp_path), "--json"]
-    assert cli._run(words) == 0
+    assert cli.call(words) == 0
     found = {row["effect"]: row for row in json.loads(capfd.readouterr().out)["rows"]}
     scale = found["encoder-scale"]
     assert 0.01 < scale["smallest"] < 10.0 and scale["bound"] == "" and scale["unit"] == "%"
@@ -455,7 +456,7 @@ def test_a_real_side_without_its_package_is_refused(
     monkeypatch.delitem(sys.modules, f"diagnosis.blind.{module}", raising=False)
     monkeypatch.setitem(sys.modules, package, None)
     words = ["blind", "make", "--out", str(tmp_path / "set"), "--answers", str(tmp_path / "a")]
-    assert cli._run([*words, "--real", name, "--cases", "1"]) == 1
+    assert cli.call([*words, "--real", name, "--cases", "1"]) == 1
     err = capfd.readouterr().err
     assert f"real side '{name}' cannot be loaded" in err and "Traceback" not in err
     assert not list(tmp_path.iterdir())
@@ -558,13 +559,13 @@ def test_medians_lie_between_order_statistics():
 def test_wrong_options_are_refused(options, text, tmp_path, capfd):
     """Refuse options that cannot be drawn, saying what may be."""
     places = ["--out", str(tmp_path / "o"), "--answers", str(tmp_path / "a.json")]
-    assert cli._run(["blind", "make", *places, *options]) == 2
+    assert cli.call(["blind", "make", *places, *options]) == 2
     assert text in " ".join(capfd.readouterr().err.split())
     assert not (tmp_path / "a.json").exists()
 
 
 def test_folders_that_are_no_set_are_refused(tmp_path, capfd):
     """Refuse to run or score what `bench blind make` did not finish."""
-    assert cli._run(["blind", "run", str(tmp_path)]) == 2
-    assert cli._run(["blind", "score", str(tmp_path), "--answers", str(tmp_path / "a")]) == 2
+    assert cli.call(["blind", "run", str(tmp_path)]) == 2
+    assert cli.call(["blind", "score", str(tmp_path), "--answers", str(tmp_path / "a")]) == 2
     assert "no commitment.json" in capfd.readouterr().err

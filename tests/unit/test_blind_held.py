@@ -5,7 +5,8 @@ import json
 
 import pytest
 
-from benchmark import blind, cli, registry
+from benchmark import blind, registry
+from benchmark.cli import app as cli
 from diagnosis.blind import draw
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.grasp import GRASP, PULL
@@ -94,17 +95,17 @@ def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):
     """Find how small a threshold still shows in answers, at no level in depths; refuse a play."""
     words = ["blind", "detectable", "--rig", "held", "--real", "mujoco", "--draws", "1"]
     words += ["--effects", "taxel-threshold", "--out", str(tmp_path), "--json"]
-    assert cli._run(words) == 0
+    assert cli.call(words) == 0
     contact, touch = json.loads(capfd.readouterr().out)["rows"]
     assert contact["bound"] == "" and 0.001 < contact["smallest"] < 0.4 and contact["unit"] == "mm"
     assert touch["bound"] == ">" and touch["channels"].endswith("touch")
     table = (tmp_path / "detectable.md").read_text()
     assert "mujoco, grasp, contact" in table and "> 0.4" in table
     words[words.index("taxel-threshold")] = "contact-friction"
-    assert cli._run(words) == 0
+    assert cli.call(words) == 0
     grasp, pull = json.loads(capfd.readouterr().out)["rows"]
     assert (grasp["protocol"], pull["protocol"]) == (GRASP, PULL)
     assert pull["smallest"] < 10 < grasp["smallest"]
     words[words.index("contact-friction")] = "backlash"
-    assert cli._run(words) == 2
+    assert cli.call(words) == 2
     assert "no grasp is asked for these" in capfd.readouterr().err

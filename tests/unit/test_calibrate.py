@@ -11,8 +11,9 @@ import yaml
 from backends.shard import simulate
 from backends.touch import THRESHOLD_M
 from benchmark import _calibration_texts as texts
-from benchmark import cli, commands, registry
+from benchmark import commands, registry
 from benchmark.calibrate import FILE
+from benchmark.cli import app as cli
 from benchmark.effects import PAPER_SPREAD, parse_spread
 from benchmark.run_spec import RunSpec
 from diagnosis.calibration import backlash, gains, refine, spread, tactile
@@ -433,9 +434,9 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
     """Refuse two worlds at once, and a file that is none."""
     written(tmp_path / FILE)
     both = [*RUN, "--calibration", str(tmp_path / FILE), "--effects", "none"]
-    assert cli._run(both) == 2
+    assert cli.call(both) == 2
     assert "both say which worlds; leave one out" in capfd.readouterr().err
-    assert cli._run([*RUN, "--calibration", str(tmp_path / "absent.yaml")]) == 2
+    assert cli.call([*RUN, "--calibration", str(tmp_path / "absent.yaml")]) == 2
     assert "no calibration at" in capfd.readouterr().err
 
 
@@ -456,7 +457,7 @@ def test_a_bad_calibration_names_field_value_and_rule(tmp_path, change, words, c
     written(path)
     data = {**yaml.safe_load(path.read_text()), **change}
     path.write_text(yaml.safe_dump(data))
-    assert cli._run([*RUN, "--calibration", str(path)]) == 2
+    assert cli.call([*RUN, "--calibration", str(path)]) == 2
     err = capfd.readouterr().err
     assert words in err
     assert "Traceback" not in err
@@ -511,7 +512,7 @@ def test_bad_logs_give_one_message_and_exit_code_2(tmp_path, mechanism, rows, wo
     """Refuse a log that cannot be used and say what is wrong with it."""
     folder = csv_log(tmp_path / "log", mechanism, rows)
     (folder / "arm.xml").write_text(SLIDE)
-    assert cli._run(["calibrate", str(folder), "--out", str(tmp_path / "out")]) == 2
+    assert cli.call(["calibrate", str(folder), "--out", str(tmp_path / "out")]) == 2
     out, err = capfd.readouterr()
     assert words in err
     assert "Traceback" not in err and out == ""
@@ -531,7 +532,7 @@ def test_other_units_are_refused(pushed, tmp_path, kinds, factor, words, capfd):
     for column in [c for c in samples.columns if c.split(".")[0] in kinds]:
         samples[column] *= factor
     write_log(dataclasses.replace(pushed, samples=samples), tmp_path / "log")
-    assert cli._run(["calibrate", str(tmp_path / "log"), "--out", str(tmp_path / "out")]) == 2
+    assert cli.call(["calibrate", str(tmp_path / "log"), "--out", str(tmp_path / "out")]) == 2
     out, err = capfd.readouterr()
     assert words in err and "Traceback" not in err and out == ""
 
@@ -554,7 +555,7 @@ def test_bad_options_give_one_message_and_exit_code_2(tmp_path, options, words, 
     rows = [f"{0.005 * k:.3f}" + ",0.0" * 12 for k in range(30)]
     places = {"LOG": str(csv_log(tmp_path / "log", TRX, [header, *rows])), "TAKEN": str(tmp_path)}
     written(tmp_path / FILE)
-    assert cli._run(["calibrate", *(places.get(o, o) for o in options)]) == 2
+    assert cli.call(["calibrate", *(places.get(o, o) for o in options)]) == 2
     out, err = capfd.readouterr()
     assert words in err
     assert "Traceback" not in err and out == ""
@@ -566,7 +567,7 @@ def test_a_log_at_rest_gives_reasons_and_no_numbers(tmp_path, capfd):
     rows = [f"{0.005 * k:.3f}" + ",0.0" * 12 for k in range(300)]
     folder = csv_log(tmp_path / "log", {**TRX, "effects": "built"}, [header, *rows])
     out = tmp_path / "out"
-    assert cli._run(["calibrate", str(folder), "--out", str(out), "--json"]) == 0
+    assert cli.call(["calibrate", str(folder), "--out", str(out), "--json"]) == 0
     result = json.loads(capfd.readouterr().out)
     for joint in result["joints"].values():
         assert joint["gains"].startswith("not identifiable from this log: it moves by 0 deg")
@@ -584,7 +585,7 @@ def test_a_robot_without_motor_encoders_is_calibrated(tmp_path, backend, capfd):
     log = without_motor(take(backend, HIDDEN, "steps", "triangle", "multisine", "push"))
     write_log(log, tmp_path / "log")
     arguments = ["calibrate", str(tmp_path / "log"), "--out", str(tmp_path / "out"), "--json"]
-    assert cli._run(arguments) == 0
+    assert cli.call(arguments) == 0
     result = json.loads(capfd.readouterr().out)
     for joint, found in result["joints"].items():
         assert found["backlash"]["half_deg"] == pytest.approx(PLAY_DEG[joint], abs=PLAY_ERROR_DEG)

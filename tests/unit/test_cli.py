@@ -7,7 +7,8 @@ import time
 
 import pytest
 
-from benchmark import cli, quantities
+from benchmark import quantities
+from benchmark.cli import app as cli
 from benchmark.commands import typical_s
 from benchmark.errors import UsageError
 
@@ -30,7 +31,7 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
         ([*RUN, "--effects", "backlash=1deg,backlash=2deg"], "given twice"),
         ([*RUN, "--radius", "-1cm"], "allowed: 0.1 to 5"),
         ([*RUN, "--radius", "nancm"], "allowed: 0.1 to 5"),
-        ([*RUN, "--radius", "3"], "a length with m, cm or mm"),
+        ([*RUN, "--radius", "3"], "a number with its unit (m, cm, mm)"),
         ([*RUN, "--start-spread", "2"], "allowed: 0 to 1"),
         ([*RUN, "--spread", "contact-friction=-20%"], "is negative; allowed: from 0"),
         ([*RUN, "--speed", "nan"], "allowed: 0.05 to 5"),
@@ -47,7 +48,7 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
 )
 def test_bad_input_gives_one_message_and_exit_code_2(arguments, words, capfd):
     """Refuse what cannot be, say what is allowed, print no traceback."""
-    assert cli._run(arguments) == 2
+    assert cli.call(arguments) == 2
     out, err = capfd.readouterr()
     assert words in err
     assert "Traceback" not in err
@@ -56,19 +57,19 @@ def test_bad_input_gives_one_message_and_exit_code_2(arguments, words, capfd):
 
 def test_json_mode_reports_errors_as_one_object(capfd):
     """Print one JSON object on standard output even when refusing."""
-    assert cli._run([*RUN, "--steps", "nan", "--json"]) == 2
+    assert cli.call([*RUN, "--steps", "nan", "--json"]) == 2
     assert json.loads(capfd.readouterr().out)["status"] == "error"
 
 
 def test_nothing_to_rank_exits_1(tmp_path, capfd):
     """Fail with exit code 1 when there is no result to rank."""
-    assert cli._run(["leaderboard", str(tmp_path), "--out", str(tmp_path / "board")]) == 1
+    assert cli.call(["leaderboard", str(tmp_path), "--out", str(tmp_path / "board")]) == 1
     assert "nothing to rank" in capfd.readouterr().err
 
 
 def test_unwritable_folder_gives_one_message(capfd):
     """Name the folder that cannot be written, without a traceback."""
-    assert cli._run([*RUN, "--algo", "hold-still", "--out", "/proc/stickbench/run"]) == 1
+    assert cli.call([*RUN, "--algo", "hold-still", "--out", "/proc/stickbench/run"]) == 1
     assert "/proc/stickbench" in capfd.readouterr().err
 
 
@@ -77,8 +78,8 @@ def test_help_and_list_load_no_engine_and_no_learner(arguments):
     """Answer from file names alone."""
     heavy = "mujoco,pybullet,sapien,torch,stable_baselines3,rsl_rl,pandas,numba"
     code = (
-        "import sys; from benchmark import cli\n"
-        "try: cli._run(sys.argv[1:])\n"
+        "import sys; from benchmark.cli import app\n"
+        "try: app.call(sys.argv[1:])\n"
         "except SystemExit: pass\n"
         f"sys.exit(' '.join(m for m in '{heavy}'.split(',') if m in sys.modules))"
     )
@@ -92,7 +93,7 @@ def test_missing_engine_names_the_install_command(tmp_path):
     """Say which package is missing and how to install it, and record the run as skipped."""
     code = (
         "import sys; sys.modules['pybullet'] = None\n"
-        "from benchmark import cli; sys.exit(cli._run(sys.argv[1:]))"
+        "from benchmark.cli import app; sys.exit(app.call(sys.argv[1:]))"
     )
     arguments = ["run", "--backend", "bullet", "--task", "line", "--algo", "hold-still"]
     done = subprocess.run(
@@ -116,7 +117,7 @@ def test_an_estimate_leaves_out_compilation():
 def test_dry_run_writes_nothing(tmp_path, capfd):
     """Say what would be run and for how long, and leave the disk alone."""
     out = tmp_path / "run"
-    assert cli._run([*RUN, "--dry-run", "--json", "--out", str(out), "--workers", "1"]) == 0
+    assert cli.call([*RUN, "--dry-run", "--json", "--out", str(out), "--workers", "1"]) == 0
     plan = json.loads(capfd.readouterr().out)
     assert plan["would_run"]["task"] == "line"
     assert plan["simulation_minutes"] > 0
@@ -128,7 +129,7 @@ def test_dry_run_writes_nothing(tmp_path, capfd):
 )
 def test_lengths_are_read_with_their_unit(text, value):
     """Convert to metres."""
-    assert quantities.length_m(text, "--radius") == pytest.approx(value)
+    assert quantities.quantity(text, "--radius", "cm") == pytest.approx(value)
 
 
 def test_counts_are_whole_numbers():
@@ -154,7 +155,7 @@ def test_an_interrupt_within_compiled_code_is_one(first, code, monkeypatch, capf
     monkeypatch.setattr(cli, "app", command)
     if code is None:
         with pytest.raises(SystemError):
-            cli._run(["list"])
+            cli.call(["list"])
     else:
-        assert cli._run(["list"]) == code
+        assert cli.call(["list"]) == code
         assert "interrupted; what was written is kept" in capfd.readouterr().err

@@ -17,8 +17,9 @@ from diagnosis_logs import arm_log, hand_log
 
 from backends import trx
 from backends.sticks import STICKS
-from benchmark import cli, diagnose, registry
+from benchmark import diagnose, registry
 from benchmark._diagnosis_texts import effects_text
+from benchmark.cli import app as cli
 from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
 from diagnosis.attribution.experiments import told_of
@@ -70,7 +71,9 @@ def told(log) -> tuple[dict, Path, str]:
     out = log.parent / "out"
     words = ["diagnose", str(log), "--out", str(out), "--workers", "1", "--json"]
     words += ["--nominal", "bullet"]
-    code = "import sys; from benchmark.cli import main; sys.argv[1:] = " + repr(words) + "; main()"
+    code = (
+        "import sys; from benchmark.cli.app import main; sys.argv[1:] = " + repr(words) + "; main()"
+    )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return json.loads(done.stdout), out, done.stderr
 
@@ -115,7 +118,7 @@ def test_the_next_policy_trains_in_the_nominal_engine(told):
 def test_what_is_known_is_not_found_again(log, tmp_path, capfd):
     """Say none where the nominal world has the effect."""
     words = ["diagnose", str(log), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
-    assert cli._run([*words, "--effects-known", "backlash=1deg@J3"]) == 0
+    assert cli.call([*words, "--effects-known", "backlash=1deg@J3"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["none"]
     assert found["effects"] is None and found["magnitudes"] == []
@@ -125,7 +128,7 @@ def test_a_users_own_arm(tmp_path, capfd):
     """Diagnose an MJCF mechanism, and offer no command that takes a hand alone."""
     write_log(arm_log("coulomb-friction=100mNm@elbow"), tmp_path / "arm", "csv")
     words = ["diagnose", str(tmp_path / "arm"), "--out", str(tmp_path / "out"), "--workers", "1"]
-    assert cli._run([*words, "--json"]) == 0
+    assert cli.call([*words, "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["coulomb-friction"] and found["joints"] == ["elbow"]
     low, high = found["magnitudes"][0]["interval"]
@@ -148,7 +151,7 @@ def gains(tmp_path_factory) -> list[str]:
 def test_settings_judge_each_other(gains, tmp_path, capfd):
     """Fit under one gain, judge under another, and name the friction of both."""
     words = ["diagnose", *gains, "--judge", gains[1], "--workers", "1"]
-    assert cli._run([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["coulomb-friction"] and found["joints"] == ["elbow"]
     assert found["magnitudes"][0]["value"] == pytest.approx(100, rel=0.02)
@@ -168,7 +171,7 @@ def test_settings_that_cannot_judge_are_refused(gains, log, tmp_path, capfd):
         ([one, one, "--judge", one], "is given twice"),
         ([one, str(log), "--judge", one], "of different joints"),
     ):
-        assert cli._run(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
+        assert cli.call(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         err = " ".join(capfd.readouterr().err.split())
         assert said in err and "Traceback" not in err
 
@@ -291,7 +294,7 @@ def test_bad_logs_give_one_message(log, tmp_path, capfd, case):
     """Refuse what says nothing: the reason, what to do, exit code 2, nothing written."""
     change, words = BAD[case]
     bad = changed(log, tmp_path / case, **change)
-    assert cli._run(["diagnose", str(bad), "--out", str(tmp_path / "out"), "--workers", "1"]) == 2
+    assert cli.call(["diagnose", str(bad), "--out", str(tmp_path / "out"), "--workers", "1"]) == 2
     out, err = capfd.readouterr()
     assert words in err
     assert "Traceback" not in err and "WARNING" not in err and out == ""
@@ -309,7 +312,7 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
         ([str(log), "--nominal", "mujoc"], "Did you mean 'mujoco'?"),
         ([str(log), "--effects-known", "backlash=99deg"], "out of range: 0 to 10 deg"),
     ):
-        assert cli._run(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
+        assert cli.call(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         assert said in capfd.readouterr().err
 
 
@@ -321,7 +324,7 @@ def test_shares_of_no_gap_are_numbers():
 
 def test_a_diagnosis_is_not_replaced_unasked(told, log, capfd):
     """Keep what a folder holds unless --force is given."""
-    assert cli._run(["diagnose", str(log), "--out", str(told[1])]) == 2
+    assert cli.call(["diagnose", str(log), "--out", str(told[1])]) == 2
     assert "--force to replace it" in capfd.readouterr().err
 
 

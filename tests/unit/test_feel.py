@@ -8,7 +8,8 @@ import pytest
 
 from backends.shard import simulate
 from backends.touch import taxel_grid
-from benchmark import cli, registry
+from benchmark import registry
+from benchmark.cli import app as cli
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
 from diagnosis.attribution.rules import rules
@@ -261,7 +262,7 @@ def test_a_finger_that_lets_go_accuses_nobody(tmp_path):
     policy = min((ROOT / "leaderboard/policies").glob("mujoco-circle-*-s0-*"))
     made = ["record", "--backend", "mujoco", "--policy", str(policy), "--protocol", "policy"]
     options = ["--channels", "touch,stick", "--workers", "1", "--out", str(tmp_path / "log")]
-    assert cli._run([*made, *options]) == 0
+    assert cli.call([*made, *options]) == 0
     playing = read_log(tmp_path / "log")
     readings = held(playing, NOMINAL)[0].touch
     assert not readings.any(axis=2).all()

@@ -8,7 +8,8 @@ import pytest
 from diagnosis_logs import arm_log, hand_log
 
 from backends.spec import Spec
-from benchmark import blind, cli, registry
+from benchmark import blind, registry
+from benchmark.cli import app as cli
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.sound import Sound, worst
 from diagnosis.blind import draw, make, rigs
@@ -136,7 +137,7 @@ def test_healthy_logs_on_the_command_line(tmp_path, capfd):
     write_log(arm_log("none"), fine, "csv")
     write_log(arm_log("coulomb-friction=100mNm@elbow"), today, "csv")
     words = ["diagnose", str(today), "--healthy", str(fine), "--out", str(tmp_path / "out")]
-    assert cli._run([*words, "--workers", "1", "--json"]) == 0
+    assert cli.call([*words, "--workers", "1", "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
     told = found["healthy"]
     assert found["verdict"] == ["coulomb-friction"] and f"--healthy {fine}" in found["log"]
@@ -159,6 +160,6 @@ def test_healthy_logs_that_cannot_be_held_against_are_refused(tmp_path, capfd):
         (hand, "has the joints J0, J1, J3, J4, J6, J7, and the log that is diagnosed has shoulder"),
         (tmp_path / "none", "no log"),
     ):
-        assert cli._run(["diagnose", str(log), "--healthy", str(other), "--workers", "1"]) == 2
+        assert cli.call(["diagnose", str(log), "--healthy", str(other), "--workers", "1"]) == 2
         err = " ".join(capfd.readouterr().err.split())
         assert said in err and "Traceback" not in err

@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from benchmark import cli, registry
+from benchmark import registry
+from benchmark.cli import app as cli
 from diagnosis.logs.log import Log, LogError, read_log, write_log
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -181,7 +182,7 @@ def test_real_recordings_come_in_clean(tmp_path, capfd, kind, folder, logs, samp
     if not path.is_dir():
         pytest.skip(f"no real recordings at {path}")
     out = tmp_path / "log"
-    assert cli._run(["import", kind, str(path), "--out", str(out), "--json"]) == 0
+    assert cli.call(["import", kind, str(path), "--out", str(out), "--json"]) == 0
     written = json.loads(capfd.readouterr().out)["written"]
     assert len(written) == logs
     assert sum(row["samples"] for row in written) == samples
@@ -243,7 +244,7 @@ EXCITE = ["excite", "--joints", "a,b"]
 def test_bad_usage_exits_2_and_writes_nothing(tmp_path, capfd, arguments, words):
     """Refuse with one message and no traceback."""
     out = tmp_path / ("commands.csv" if arguments[0] == "excite" else "log")
-    assert cli._run([*arguments, "--out", str(out)]) == 2
+    assert cli.call([*arguments, "--out", str(out)]) == 2
     said = capfd.readouterr()
     assert words in said.err and "Traceback" not in said.err
     assert said.out == "" and not list(tmp_path.iterdir())
@@ -253,7 +254,7 @@ def test_excite_writes_what_a_log_can_be_made_of(tmp_path, capfd):
     """Write commands in the log's own column names: with positions beside them they are a log."""
     out = tmp_path / "commands.csv"
     asked = [*EXCITE, "--range=-60:60deg", "--limit", "3", "--out", str(out), "--json"]
-    assert cli._run(asked) == 0
+    assert cli.call(asked) == 0
     result = json.loads(capfd.readouterr().out)
     table = pd.read_csv(out)
     assert result["episodes"] == ["steps", "triangle", "multisine", "push"]
@@ -272,7 +273,7 @@ def test_excite_replaces_no_file(tmp_path, capfd):
     """Leave what is there as it is: it may be a log."""
     out = tmp_path / "samples.csv"
     out.write_text("mine")
-    assert cli._run([*EXCITE, "--range=0:1m", "--protocol", "steps", "--out", str(out)]) == 2
+    assert cli.call([*EXCITE, "--range=0:1m", "--protocol", "steps", "--out", str(out)]) == 2
     assert "samples.csv exists; choose another file" in capfd.readouterr().err
     assert out.read_text() == "mine"
 
@@ -281,7 +282,7 @@ def test_excite_moves_linear_joints_one_at_a_time(tmp_path):
     """Name metres and newtons, and give every joint its own episode."""
     out = tmp_path / "commands.csv"
     asked = [*EXCITE, "--range=0:20mm,-5:5mm", "--limit", "9", "--one-at-a-time"]
-    assert cli._run([*asked, "--protocol", "push", "--out", str(out)]) == 0
+    assert cli.call([*asked, "--protocol", "push", "--out", str(out)]) == 0
     table = pd.read_csv(out)
     for moved, held, number in (("a", "b", 0), ("b", "a", 1)):
         part = table[table["episode"] == number]

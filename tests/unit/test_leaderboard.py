@@ -14,7 +14,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 from result_rows import detailed, page, rendered, rows, run, save, seeds, table
 
-from benchmark import cli
+from benchmark.cli import app as cli
 from benchmark.run_folder import RunFolder
 from benchmark.run_spec import RunSpec
 from leaderboard.files import PICTURES, TRANSFERS, write
@@ -257,7 +257,7 @@ def test_command_keeps_rows_and_writes_files(tmp_path, capfd):
     pd.DataFrame(item["episodes"]).to_parquet(folder.path / "episodes.parquet")
     out = tmp_path / "board"
     command = ["leaderboard", str(folder.path), "--out", str(out), "--add", "--json"]
-    assert cli._run(command) == 0
+    assert cli.call(command) == 0
     assert json.loads(capfd.readouterr().out)["rows"] == 1
     (kept,) = read_rows([out / "results"])[0]
     assert kept.episodes is not None and kept.episodes.tracked == item["episodes"]["tracked"]
@@ -265,14 +265,14 @@ def test_command_keeps_rows_and_writes_files(tmp_path, capfd):
     assert sorted(written) == ["leaderboard.csv", "leaderboard.html", "leaderboard.md"]
     shutil.rmtree(folder.path)
     (out / "leaderboard.html").unlink()
-    assert cli._run(["leaderboard", "--out", str(out), "--no-html"]) == 0
+    assert cli.call(["leaderboard", "--out", str(out), "--no-html"]) == 0
     del written["leaderboard.html"]
     assert {file.name: file.read_bytes() for file in out.glob("leaderboard.*")} == written
 
 
 def test_command_refuses_an_empty_place(tmp_path, capfd):
     """Exit with 1 and name the place where nothing was found, and write nothing."""
-    assert cli._run(["leaderboard", str(tmp_path / "no"), "--out", str(tmp_path / "board")]) == 1
+    assert cli.call(["leaderboard", str(tmp_path / "no"), "--out", str(tmp_path / "board")]) == 1
     assert f"nothing to rank in {tmp_path / 'no'}" in capfd.readouterr().err
     assert not (tmp_path / "board").exists()
 

@@ -20,7 +20,8 @@ from backends.drive import drive_table, motor_tick
 from backends.mjcf import MjcfError, left_out, mechanism
 from backends.spec import Spec
 from backends.state import Array
-from benchmark import cli, registry
+from benchmark import registry
+from benchmark.cli import app as cli
 from benchmark.effects import effect_name
 from diagnosis.logs.log import (
     DriveSettings,
@@ -432,7 +433,7 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     samples["command_m.x"], samples["position_m.x"] = target, shown
     write_log(make_log(bare.meta, samples, xml), tmp_path / "rail")
     words = ["diagnose", str(tmp_path / "rail"), "--out", str(tmp_path / "out"), "--json"]
-    assert cli._run([*words, "--workers", "1"]) == 0
+    assert cli.call([*words, "--workers", "1"]) == 0
     found = json.loads(capfd.readouterr().out)
     sizes = {m["effect"]: m["value"] for m in found["magnitudes"]}
     assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}

@@ -12,7 +12,8 @@ import pandas as pd
 import pytest
 
 from backends.shard import simulate
-from benchmark import cli, registry
+from benchmark import registry
+from benchmark.cli import app as cli
 from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
 from diagnosis.logs.log import Log, LogError, read_log, write_log
@@ -285,7 +286,7 @@ RECORD = ["record", "--backend", "mujoco", "--workers", "1"]
 def test_bad_usage_exits_2_and_writes_nothing(tmp_path, capfd, arguments, words):
     """Refuse before anything is simulated, without a traceback."""
     out = tmp_path / "log"
-    assert cli._run([*RECORD, "--out", str(out), *arguments]) == 2
+    assert cli.call([*RECORD, "--out", str(out), *arguments]) == 2
     said = capfd.readouterr()
     assert words in said.err and "Traceback" not in said.err
     assert said.out == "" and not list(tmp_path.iterdir())
@@ -295,11 +296,11 @@ def test_record_writes_a_log_and_one_json_object(tmp_path, capfd):
     """Record with a run's policy, say what was recorded, keep the effects in the provenance."""
     run = tmp_path / "run"
     train = ["run", "--backend", "mujoco", "--task", "eight", "--algo", "hold-still", "--smoke"]
-    assert cli._run([*train, "--workers", "1", "--out", str(run)]) == 0
+    assert cli.call([*train, "--workers", "1", "--out", str(run)]) == 0
     capfd.readouterr()
     out = tmp_path / "log"
     asked = ["--protocol", "push,policy", "--policy", str(run), "--effects", "backlash=1deg@J3"]
-    assert cli._run([*RECORD, *asked, "--out", str(out), "--json"]) == 0
+    assert cli.call([*RECORD, *asked, "--out", str(out), "--json"]) == 0
     result = json.loads(capfd.readouterr().out)
     assert result["status"] == "done" and result["protocols"] == ["push", "policy"]
     log = read_log(out)
@@ -307,7 +308,7 @@ def test_record_writes_a_log_and_one_json_object(tmp_path, capfd):
     assert [e.protocol for e in log.episodes] == ["push", "policy"]
     assert "backlash" not in (out / "log.yaml").read_text()
     assert json.loads((out / "provenance.json").read_text())["effects"] == "backlash=1deg@J3"
-    assert cli._run([*RECORD, "--out", str(out)]) == 2
+    assert cli.call([*RECORD, "--out", str(out)]) == 2
     assert "exists; choose another" in capfd.readouterr().err
 
 
@@ -315,7 +316,7 @@ def test_a_killed_recording_leaves_no_log(tmp_path):
     """Leave no folder behind when stopped on the way, and exit with 130."""
     out = tmp_path / "log"
     asked = [*RECORD, "--repeats", "50", "--out", str(out)]
-    code = "import sys; from benchmark.cli import main; main()"
+    code = "import sys; from benchmark.cli.app import main; main()"
     arguments = [sys.executable, "-c", code, *asked]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     with subprocess.Popen(

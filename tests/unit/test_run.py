@@ -13,14 +13,14 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-from benchmark import cli
+from benchmark.cli import app as cli
 from benchmark.registry import ROOT
 from benchmark.run_folder import RunFolder
 from benchmark.run_spec import RunSpec
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
 SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "2"]
-BENCH = [sys.executable, "-c", "from benchmark.cli import main; main()"]
+BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 
 
 def bench(*arguments: str, check: int = 0) -> dict:
@@ -85,7 +85,7 @@ def test_a_segment_leaves_no_logs_elsewhere(finished):
 def test_a_finished_run_is_not_run_again(finished, capfd):
     """Print the row of a finished run without touching its folder."""
     before = {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
-    assert cli._run([*SMOKE, "--backend", "mujoco", "--out", str(finished)]) == 0
+    assert cli.call([*SMOKE, "--backend", "mujoco", "--out", str(finished)]) == 0
     assert json.loads(capfd.readouterr().out)["status"] == "done"
     assert before == {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
 
@@ -147,7 +147,7 @@ def test_interrupt_exits_130_and_keeps_the_folder(tmp_path):
 
 def test_eval_reproduces_the_row_and_needs_no_torch(finished):
     """Give the run's own scores again, from ONNX alone."""
-    code = "import sys; sys.modules['torch'] = None\nfrom benchmark.cli import main; main()"
+    code = "import sys; sys.modules['torch'] = None\nfrom benchmark.cli.app import main; main()"
     done = subprocess.run(
         [sys.executable, "-c", code, "eval", str(finished), "--json"],
         capture_output=True,
@@ -163,7 +163,7 @@ def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
     out = tmp_path / "eval"
     options = ["--task", "eight", "--radius", "3cm", "--speed", "1.5", "--stick", "fabric"]
     options += ["--effects", "backlash=2deg", "--backend", "bullet", "--workers", "1"]
-    assert cli._run(["eval", str(finished), *options, "--json", "--out", str(out)]) == 0
+    assert cli.call(["eval", str(finished), *options, "--json", "--out", str(out)]) == 0
     row = json.loads(capfd.readouterr().out)
     assert (row["backend"], row["task"], row["stick"]) == ("bullet", "eight", "fabric")
     assert row["radius_m"] == pytest.approx(0.03)
@@ -172,7 +172,7 @@ def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
 
 def test_policy_and_observation_that_do_not_fit_are_refused(finished, capfd):
     """Name both layouts when a policy is asked to act on another observation."""
-    assert cli._run(["eval", str(finished), "--observation", "pose"]) == 2
+    assert cli.call(["eval", str(finished), "--observation", "pose"]) == 2
     err = capfd.readouterr().err
     assert "contact_center (9)" in err
     assert "stick_axis (3)" in err
@@ -198,7 +198,7 @@ def test_damaged_folders_are_refused_and_left_alone(run_copy, file, damage, word
     else:
         path.write_bytes(damage(path.read_bytes()))
     before = {f.name: f.read_bytes() for f in run_copy.iterdir()}
-    assert cli._run(["eval", str(run_copy)]) in (1, 2)
+    assert cli.call(["eval", str(run_copy)]) in (1, 2)
     err = capfd.readouterr().err
     assert words in err
     assert "Traceback" not in err
@@ -208,7 +208,7 @@ def test_damaged_folders_are_refused_and_left_alone(run_copy, file, damage, word
 def test_another_run_in_the_folder_is_not_overwritten(run_copy, capfd):
     """Refuse a folder that holds another run."""
     arguments = [*SMOKE, "--backend", "mujoco", "--seed", "7", "--out", str(run_copy)]
-    assert cli._run(arguments) == 2
+    assert cli.call(arguments) == 2
     assert "holds another run" in capfd.readouterr().err
     assert json.loads((run_copy / "run.json").read_text())["spec"]["seed"] == 0
 
@@ -217,7 +217,7 @@ def test_a_foreign_folder_is_not_overwritten(tmp_path, capfd):
     """Refuse a folder with other files in it, even with --force."""
     (tmp_path / "thesis.tex").write_text("years of work")
     arguments = [*SMOKE, "--backend", "mujoco", "--force", "--out", str(tmp_path)]
-    assert cli._run(arguments) == 2
+    assert cli.call(arguments) == 2
     assert "not a run folder" in capfd.readouterr().err
     assert (tmp_path / "thesis.tex").exists()
 
@@ -228,7 +228,7 @@ def test_a_damaged_checkpoint_is_refused(run_copy, capfd):
     (run_copy / "run.json").write_text(json.dumps(run | {"status": "interrupted"}))
     (run_copy / "checkpoint-2.pt").write_bytes(b"half a file")
     arguments = [*SMOKE, "--backend", "mujoco", "--resume", "--out", str(run_copy)]
-    assert cli._run(arguments) == 1
+    assert cli.call(arguments) == 1
     assert "checkpoint-2.pt cannot be read" in capfd.readouterr().err
     assert (run_copy / "checkpoint-2.pt").read_bytes() == b"half a file"
 
@@ -237,12 +237,12 @@ def test_leaderboard_lists_finished_runs(tmp_path, capfd):
     """Put a scripted baseline's row on the board, from its run folder alone."""
     run = tmp_path / "runs/still"
     arguments = ["run", "--backend", "mujoco", "--task", "circle", "--algo", "hold-still"]
-    assert cli._run([*arguments, "--json", "--out", str(run)]) == 0
+    assert cli.call([*arguments, "--json", "--out", str(run)]) == 0
     row = json.loads(capfd.readouterr().out)
     assert row["held"] > 0.98
     assert row["tracked"] < 0.2
     board = tmp_path / "board"
-    assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--add"]) == 0
+    assert cli.call(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--add"]) == 0
     frame = pd.read_csv(board / "leaderboard.csv")
     assert frame["tracked"].iloc[0] == pytest.approx(row["tracked"])
     assert "hold-still" in (board / "leaderboard.md").read_text()
@@ -254,7 +254,7 @@ def test_leaderboard_counts_runs_that_are_not_done(tmp_path, capfd):
     spec = RunSpec(backend="mujoco", task="line")
     assert RunFolder(tmp_path / "runs/late", spec).claim(resume=False, force=False) is None
     board = tmp_path / "board"
-    assert cli._run(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--json"]) == 0
+    assert cli.call(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["problems"] == []
     assert "1 interrupted" in (board / "leaderboard.md").read_text()
 

@@ -14,9 +14,11 @@ from backends.engine import Engine
 from backends.shard import simulate
 from backends.spec import Drive, Spec
 from backends.state import State
-from benchmark import _stopwatch, cli, registry, speed
+from benchmark import _stopwatch, registry, speed
+from benchmark.cli import app as cli
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec, make_env, training_worlds
+from benchmark.run_spec import RunSpec
+from benchmark.worlds import make_env, training_worlds
 from tasks.initial_states import sample_initial_states
 
 SIGNALS = tuple(f.name for f in dataclasses.fields(State))
@@ -149,7 +151,8 @@ def test_two_cores_need_no_guarded_script(engine: type[Engine], tmp_path) -> Non
     """Start processes from a script without a main guard, and run the script once."""
     script = tmp_path / "script.py"
     script.write_text(
-        "from benchmark.run_spec import RunSpec, make_env\n"
+        "from benchmark.run_spec import RunSpec\n"
+        "from benchmark.worlds import make_env\n"
         f"run = RunSpec(backend='{engine.__module__.split('.')[-1]}', task='line', worlds=2)\n"
         "env = make_env(run, [run.world()] * 2, 0, 2)\n"
         "print(len(env.reset())); env.close()\n"
@@ -223,7 +226,8 @@ def test_stripped_library_is_refused(tmp_path) -> None:
 def test_a_world_takes_under_a_megabyte() -> None:
     """Grow by less than 1 MB per drawn MuJoCo world, measured in a process of its own."""
     code = (
-        "from benchmark import _memory; from benchmark.run_spec import *\n"
+        "from benchmark import _memory; from benchmark.run_spec import *; "
+        "from benchmark.worlds import *\n"
         "held = []\n"
         "for n in (16, 272):\n"
         "    run = RunSpec(backend='mujoco', task='circle', worlds=n)\n"
@@ -242,7 +246,7 @@ def measured(*arguments: str) -> list[str]:
 
 def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
     """Print one JSON object with the headline of the best row, and write the rows and a picture."""
-    assert cli._run(measured("--worlds", "4,2", "--json", "--out", str(tmp_path))) == 0
+    assert cli.call(measured("--worlds", "4,2", "--json", "--out", str(tmp_path))) == 0
     result = json.loads(capfd.readouterr().out)
     rows = result["rows"]
     assert [row["envs"] for row in rows] == [2, 4]
@@ -289,7 +293,7 @@ def test_dropped_stick_is_no_measurement(monkeypatch, capfd) -> None:
     monkeypatch.setattr(speed, "training_worlds", lambda run, segment: [slippery] * run.worlds)
     arguments = measured("--worlds", "2")
     arguments[arguments.index("0.1")] = "1"
-    assert cli._run(arguments) == 1
+    assert cli.call(arguments) == 1
     assert "of the fingertips held the stick" in capfd.readouterr().err
 
 
@@ -314,7 +318,7 @@ def test_more_than_the_memory_is_refused() -> None:
 )
 def test_what_cannot_be_measured_is_refused(arguments, words, capfd) -> None:
     """Refuse bad options with one message and exit code 2."""
-    assert cli._run(["speed", *arguments]) == 2
+    assert cli.call(["speed", *arguments]) == 2
     err = capfd.readouterr().err
     assert words in err
     assert "Traceback" not in err

@@ -14,14 +14,15 @@ from pathlib import Path
 
 import pytest
 
-from benchmark import _cell, cli, quantities
+from benchmark import _cell, quantities
 from benchmark._cell import Cell, finished, run_cell
 from benchmark._estimate import START_S, Rates, makespan
 from benchmark._grid import Settings, read_grid
+from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 from benchmark.run_spec import RunSpec
 
-BENCH = [sys.executable, "-c", "from benchmark.cli import main; main()"]
+BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 SHIPPED = sorted((Path(__file__).parents[2] / "sweeps").glob("*.yaml"))
 STILL = "{task: line, algo: hold-still, smoke: true}"
 ENDLESS = "{task: line, steps: 1e9}"
@@ -138,7 +139,7 @@ def test_shipped_grids_are_valid(file):
 def test_bad_grids_are_refused(tmp_path, text, words, capfd):
     """Name field, value and what is allowed, with exit code 2, and run nothing."""
     out = tmp_path / "out"
-    assert cli._run(["sweep", str(write(tmp_path, text)), "--out", str(out)]) == 2
+    assert cli.call(["sweep", str(write(tmp_path, text)), "--out", str(out)]) == 2
     err = capfd.readouterr().err
     assert words in err
     assert "Traceback" not in err
@@ -147,10 +148,10 @@ def test_bad_grids_are_refused(tmp_path, text, words, capfd):
 
 def test_absent_grid_and_stray_partition_are_refused(tmp_path, capfd):
     """Refuse a file that is not there, and a partition without a cluster."""
-    assert cli._run(["sweep", str(tmp_path / "absent.yaml")]) == 2
+    assert cli.call(["sweep", str(tmp_path / "absent.yaml")]) == 2
     assert "no sweep file at" in capfd.readouterr().err
     file = write(tmp_path, "cells: [{backend: mujoco, task: line}]")
-    assert cli._run(["sweep", str(file), "--partition", "main"]) == 2
+    assert cli.call(["sweep", str(file), "--partition", "main"]) == 2
     assert "without --slurm" in capfd.readouterr().err
 
 
@@ -294,7 +295,7 @@ def test_dry_run_names_cells_and_their_time(tmp_path, capfd):
     """Measure and estimate, and leave the disk alone."""
     text = "defaults: {backend: mujoco, task: line}\ngrid: {steps: [1e6, 2e6]}"
     arguments = ["--out", str(tmp_path / "runs"), "--dry-run", "--json", "-j", "2"]
-    assert cli._run(["sweep", str(write(tmp_path, text)), *arguments]) == 0
+    assert cli.call(["sweep", str(write(tmp_path, text)), *arguments]) == 0
     plan = json.loads(capfd.readouterr().out)
     first, second = (row["minutes"] for row in plan["cells"])
     assert 0 < first < second == plan["minutes"]
@@ -322,7 +323,7 @@ def test_slurm_is_refused_where_there_is_none(tmp_path, capfd, monkeypatch):
     """Say what is missing on a machine without Slurm."""
     monkeypatch.setenv("PATH", "")
     file = write(tmp_path, "cells: [{backend: mujoco, task: line}]")
-    assert cli._run(["sweep", str(file), "--slurm", "--out", str(tmp_path / "runs")]) == 1
+    assert cli.call(["sweep", str(file), "--slurm", "--out", str(tmp_path / "runs")]) == 1
     assert "sbatch, which is not on this machine" in capfd.readouterr().err
 
 
@@ -376,5 +377,5 @@ def test_slurm_refusals_are_passed_on(slurm, tmp_path, capfd):
     """Print what sbatch says of a partition that does not exist."""
     file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{STILL}]")
     arguments = ["--out", str(tmp_path / "runs"), "--slurm", "--partition", "nowhere"]
-    assert cli._run(["sweep", str(file), *arguments]) == 1
+    assert cli.call(["sweep", str(file), *arguments]) == 1
     assert "invalid partition" in capfd.readouterr().err

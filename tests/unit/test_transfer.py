@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmark import cli
+from benchmark.cli import app as cli
 from benchmark.registry import ROOT
 from leaderboard._heatmap import heatmap
 from leaderboard.files import TRANSFERS, write
@@ -189,14 +189,14 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     base = ["run", "--backend", "mujoco", "--task", "line", "--smoke", "--workers", "1"]
     for algo, seed in (("random", 0), ("random", 1), ("random", 2), ("hold-still", 0)):
         options = ["--algo", algo, "--seed", str(seed), "--out", str(folder / f"{algo}-{seed}")]
-        assert cli._run([*base, *options]) == 0
+        assert cli.call([*base, *options]) == 0
     return folder
 
 
 def test_matrix_of_real_runs(runs, tmp_path, capfd):
     """Evaluate in every world, keep every episode, and not evaluate again what is there."""
     arguments = ["transfer", str(runs), "--deploy", "mujoco", "--out", str(tmp_path), *TRANSFER]
-    assert cli._run(arguments) == 0
+    assert cli.call(arguments) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["status"] == "done" and found["reference"] == "mujoco built"
     cells = {(row["algo"], row["deploy"]): row for row in found["matrix"]}
@@ -222,14 +222,14 @@ def test_matrix_of_real_runs(runs, tmp_path, capfd):
     assert len(episodes) == 4 * 3 * 8
     pd.testing.assert_frame_equal(matrix(episodes), pd.read_parquet(tmp_path / "matrix.parquet"))
     before = {f.name: f.stat().st_mtime_ns for f in (tmp_path / "evaluations").iterdir()}
-    assert cli._run(arguments) == 0
+    assert cli.call(arguments) == 0
     assert {f.name: f.stat().st_mtime_ns for f in (tmp_path / "evaluations").iterdir()} == before
 
 
 def test_noise_floor_starts_elsewhere(runs, tmp_path, capfd):
     """Evaluate the floor in the same world from other initial states."""
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
-    assert cli._run([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
+    assert cli.call([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
     episodes = pd.read_parquet(tmp_path / "episodes.parquet")
     home, floor = (episodes[episodes["floor"] == flag]["q_err_deg"].to_numpy() for flag in (0, 1))
     assert len(home) == len(floor) == 8 and (home != floor).all()
@@ -247,7 +247,7 @@ def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
         str(tmp_path),
     ]
     effects = ["--effects", "backlash=2deg,kp-scale=-10%", "--effects", "none"]
-    assert cli._run([*arguments, *effects, *TRANSFER]) == 0
+    assert cli.call([*arguments, *effects, *TRANSFER]) == 0
     found = json.loads(capfd.readouterr().out)
     worlds = ["bullet backlash=2deg,kp-scale=-10%", "bullet none", "mujoco built"]
     assert [row["deploy"] for row in found["matrix"]] == worlds
@@ -259,7 +259,7 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
     asked = ("radius=3cm,speed=0.5", "stick=steel", "task=eight", "task=line")
     settings = [part for text in asked for part in ("--setting", text)]
-    assert cli._run([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
+    assert cli.call([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
     found = {row["deploy"]: row for row in json.loads(capfd.readouterr().out)["matrix"]}
     assert list(found) == [
         "mujoco built",
@@ -288,7 +288,7 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
 def test_what_is_no_setting_is_refused(text, said, runs, tmp_path, capfd):
     """Say what a setting may be, and write nothing."""
     arguments = ["transfer", str(runs / "hold-still-0"), "--setting", text]
-    assert cli._run([*arguments, "--out", str(tmp_path / "new")]) == 2
+    assert cli.call([*arguments, "--out", str(tmp_path / "new")]) == 2
     assert said in capfd.readouterr().err
     assert not (tmp_path / "new").exists()
 
@@ -297,7 +297,7 @@ def test_equal_worlds_have_one_name(runs, tmp_path, capfd):
     """Know the train world again when its effects are written out."""
     text = "backlash=1deg,self-lock=10Nm"
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", text]
-    assert cli._run([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
+    assert cli.call([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
     found = json.loads(capfd.readouterr().out)
     assert [row["deploy"] for row in found["matrix"]] == [f"mujoco {text}"]
 
@@ -306,7 +306,7 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
     """Write the rest of the matrix, with the reason, and exit 1 when an engine is missing."""
     code = (
         "import sys; sys.modules['pybullet'] = None\n"
-        "from benchmark import cli; sys.exit(cli._run(sys.argv[1:]))"
+        "from benchmark.cli import app; sys.exit(app.call(sys.argv[1:]))"
     )
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco,bullet"]
     arguments += ["--effects", "built", "--out", str(tmp_path), *TRANSFER]
@@ -334,7 +334,7 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
 def test_bad_input_is_refused(runs, arguments, words, tmp_path, capfd):
     """Say what is wrong and what is allowed, and write nothing."""
     given = [str(runs) if word == "RUNS" else word for word in arguments]
-    assert cli._run(["transfer", *given, "--out", str(tmp_path / "out")]) == 2
+    assert cli.call(["transfer", *given, "--out", str(tmp_path / "out")]) == 2
     err = capfd.readouterr().err
     assert words in err
     assert "Traceback" not in err
@@ -345,19 +345,19 @@ def test_a_damaged_evaluation_is_reported(runs, tmp_path, capfd):
     """Name the file that cannot be read, leave its place open, and fail where nothing is left."""
     arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco"]
     arguments += ["--out", str(tmp_path), *TRANSFER]
-    assert cli._run(arguments) == 0
+    assert cli.call(arguments) == 0
     home = pd.read_parquet(runs / "hold-still-0/episodes.parquet")
     files = {f: pd.read_parquet(f) for f in (tmp_path / "evaluations").iterdir()}
     (own,) = (file for file, found in files.items() if found.equals(home))
     own.write_bytes(own.read_bytes()[:100])
     capfd.readouterr()
-    assert cli._run(arguments) == 1
+    assert cli.call(arguments) == 1
     found = json.loads(capfd.readouterr().out)
     assert f"{own} cannot be read" in found["problems"][0]
     assert [(row["deploy"], row["retention"]) for row in found["matrix"]] == [("mujoco none", None)]
     for file in files:
         file.write_bytes(b"")
-    assert cli._run(arguments) == 1
+    assert cli.call(arguments) == 1
     assert "no policy could be evaluated" in json.loads(capfd.readouterr().out)["error"]
 
 

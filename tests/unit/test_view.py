@@ -12,10 +12,11 @@ import pytest
 from matplotlib.image import imread
 from PIL import Image
 
-from benchmark import _render, cli
+from benchmark import _render
 from benchmark._curve import draw_curves, read_curves
 from benchmark._plots import draw_joints, draw_touch
 from benchmark._replay import Recording, replay
+from benchmark.cli import app as cli
 from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import SMOKE_EPISODES
 from benchmark.run import run
@@ -99,7 +100,7 @@ def test_settings_are_drawn_and_named(folder: Path, tmp_path: Path) -> None:
     out, options = tmp_path / "paths.png", ["--radius", "1cm", "--speed", "0.5", "--stick", "thin"]
     options += ["--task", "eight"]
     words = ["view", str(folder), *options, "--episodes", "1", "--out", str(out)]
-    assert cli._run([*words, "--workers", "1"]) == 0
+    assert cli.call([*words, "--workers", "1"]) == 0
     text = Image.open(out).text
     title = " ".join(text["Title"].split())
     assert title.startswith("eight, mujoco, trained on circle, hold-still, 1 episode, thin stick")
@@ -290,7 +291,7 @@ def test_wrong_option_is_refused(
 ) -> None:
     """Exit with 2 and say what is allowed."""
     out = tmp_path / "x.png"
-    assert cli._run(["view", str(folder), "--out", str(out), *options]) == 2
+    assert cli.call(["view", str(folder), "--out", str(out), *options]) == 2
     assert says in capfd.readouterr().err
     assert not out.exists()
 
@@ -300,10 +301,10 @@ def test_missing_run_and_wrong_file_are_refused(
 ) -> None:
     """Exit with 2 for a folder that is not there, and for a file that is not a PNG."""
     missing = tmp_path / "missing"
-    assert cli._run(["view", str(missing), "--out", str(tmp_path / "x.png")]) == 2
+    assert cli.call(["view", str(missing), "--out", str(tmp_path / "x.png")]) == 2
     assert f"no run folder at {missing}" in capfd.readouterr().err
-    assert cli._run(["view", str(folder), "--out", str(tmp_path / "x.jpg")]) == 2
+    assert cli.call(["view", str(folder), "--out", str(tmp_path / "x.jpg")]) == 2
     assert "ending in .png" in capfd.readouterr().err
     film = ["view", str(folder), "--kind", "touch", "--out", str(tmp_path / "x.mp4")]
-    assert cli._run(film) == 2
+    assert cli.call(film) == 2
     assert "allowed with --kind touch: a name ending in .png" in capfd.readouterr().err

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from backends.engine import Engine
-from benchmark import cli
+from benchmark.cli import app as cli
 from benchmark.physics import free, suite
 from benchmark.physics.check import Check
 
@@ -39,7 +39,7 @@ def test_wrong_usage_exits_2(
     arguments: list[str], words: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Refuse options that do not fit, and say what does."""
-    assert cli._run(arguments) == 2
+    assert cli.call(arguments) == 2
     assert words in capfd.readouterr().err
 
 
@@ -48,7 +48,7 @@ def test_figures_are_printed_and_written(
 ) -> None:
     """Exit 0 when all pass, with JSON on standard output and tables with reasons in the file."""
     out = tmp_path / "new" / "table.md"
-    assert cli._run([*PHYSICS, "--json", "--out", str(out)]) == 0
+    assert cli.call([*PHYSICS, "--json", "--out", str(out)]) == 0
     printed = json.loads(capfd.readouterr().out)
     checks = printed["engines"]["mujoco"]["checks"]
     assert printed["ok"] and len(checks) == 4
@@ -60,10 +60,10 @@ def test_figures_are_printed_and_written(
 def test_failed_check_exits_1(quick: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     """Exit 1 when one check fails, mark it in the table, and give no figure as null in JSON."""
     quick.setattr(suite, "ALONE", (free.fall, diverged))
-    assert cli._run(PHYSICS) == 1
+    assert cli.call(PHYSICS) == 1
     printed = capfd.readouterr().out
     assert "1 of 5 failed" in printed and "FAIL" in printed
-    assert cli._run([*PHYSICS, "--json"]) == 1
+    assert cli.call([*PHYSICS, "--json"]) == 1
     printed = json.loads(capfd.readouterr().out)
     assert not printed["ok"] and printed["engines"]["mujoco"]["checks"][-1]["figure"] is None
 
@@ -72,5 +72,5 @@ def test_unwritable_file_is_refused_before_the_checks(
     quick: pytest.MonkeyPatch, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Name what cannot be written, without a traceback."""
-    assert cli._run([*PHYSICS, "--out", str(tmp_path)]) == 1
+    assert cli.call([*PHYSICS, "--out", str(tmp_path)]) == 1
     assert str(tmp_path) in capfd.readouterr().err

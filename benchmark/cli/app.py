@@ -1,0 +1,120 @@
+"""The `bench` command: its commands in the order of its help, and what it exits with.
+
+Nothing heavy is imported up here: `bench --help` and `bench list` load no engine and no learner.
+"""
+
+import os
+import signal
+import sys
+import traceback
+from collections.abc import Callable
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from benchmark import console, errors
+from benchmark.cli import blind
+from benchmark.cli.check import doctor, list_parts, measure_speed
+from benchmark.cli.gap import calibrate, diagnose
+from benchmark.cli.grid import leaderboard, sweep, transfer
+from benchmark.cli.log import excite, import_logs, record
+from benchmark.cli.run import evaluate, run, view
+from benchmark.provenance import version
+
+INTERRUPTED = errors.Interrupted.exit_code
+"""Exit code after Ctrl-C; typer gives it back as a command's result."""
+HELP = {"help_option_names": ["-h", "--help"]}
+COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "One policy": {"run": run, "eval": evaluate, "view": view},
+    "Many runs": {"sweep": sweep, "transfer": transfer, "leaderboard": leaderboard},
+    "Logs": {"record": record, "excite": excite, "import": import_logs},
+    "The gap": {"calibrate": calibrate, "diagnose": diagnose},
+    "This machine": {"speed": measure_speed, "list": list_parts, "doctor": doctor},
+}
+"""By panel of the help."""
+
+
+def _assembled() -> typer.Typer:
+    made = typer.Typer(
+        name="bench",
+        no_args_is_help=True,
+        context_settings=HELP,
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+    )
+    made.callback()(_bench)
+    for panel, commands in COMMANDS.items():
+        for name, command in commands.items():
+            made.command(name, rich_help_panel=panel, context_settings=HELP)(command)
+    made.add_typer(blind.app, name="blind", rich_help_panel="The gap", context_settings=HELP)
+    return made
+
+
+def _show_version(asked: bool) -> None:
+    if asked:
+        print(f"stickbench {version('stickbench')}")
+        raise typer.Exit
+
+
+def _bench(
+    show_version: Annotated[
+        bool,
+        typer.Option("--version", help="Print the version.", callback=_show_version, is_eager=True),
+    ] = False,
+) -> None:
+    """Stickbench: one tactile hand, one stick, the same tasks in every physics engine."""
+
+
+app = _assembled()
+
+
+def _stop(number: int, frame: FrameType | None) -> None:
+    raise KeyboardInterrupt
+
+
+def main() -> None:
+    """Entry point: run a command and turn every failure into one message and an exit code."""
+    signal.signal(signal.SIGTERM, _stop)
+    asks = {"-h", "--help", "--version", "--show-completion", "--install-completion"}
+    if len(sys.argv) > 1 and asks.isdisjoint(sys.argv) and "_BENCH_COMPLETE" not in os.environ:
+        console.divert_stdout()
+    sys.exit(call(sys.argv[1:]))
+
+
+def call(arguments: list[str]) -> int:
+    """Run a command; its exit code."""
+    as_json = "--json" in arguments
+    try:
+        code = app(arguments, prog_name="bench", standalone_mode=False)
+        if code == INTERRUPTED:
+            raise KeyboardInterrupt
+        return code if isinstance(code, int) else 0
+    except errors.CommandError as error:
+        if console.is_verbose():
+            traceback.print_exc()
+        return _fail(str(error), error.exit_code, as_json)
+    except OSError as error:
+        where = f" {error.filename}" if error.filename else ""
+        return _fail(f"cannot use{where}: {error.strerror or error}", 1, as_json)
+    except (KeyboardInterrupt, typer.Abort):
+        return _fail("interrupted", INTERRUPTED, as_json)
+    except typer.TyperException as error:
+        return _fail(_usage(error), 2, as_json)
+
+
+def _usage(error: typer.TyperException) -> str:
+    """What was wrong with the words, and where the right ones are told."""
+    context = getattr(error, "ctx", None)
+    command = context.command_path if context is not None else "bench"
+    message = error.format_message().rstrip()
+    stop = "" if message.endswith((".", "?", "!")) else "."
+    return f"{message}{stop} See `{command} --help`."
+
+
+def _fail(message: str, code: int, as_json: bool) -> int:
+    console.ERR.print(f"bench: {message}", markup=False)
+    if as_json:
+        status = "interrupted" if code == INTERRUPTED else "error"
+        console.emit({"status": status, "error": message}, True)
+    return code

@@ -1,0 +1,141 @@
+"""`bench blind make`, `run`, `detectable` and `score`: the diagnosis tested on hidden effects."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark.cli.command import command
+from benchmark.cli.options import (
+    Cases,
+    HiddenEffects,
+    NewFolder,
+    Out,
+    Protocol,
+    Real,
+    Rig,
+    Seed,
+    Workers,
+)
+
+Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
+Answers = Annotated[
+    Path,
+    typer.Option(metavar="FILE", help="File of the sealed answers, outside the set's folder."),
+]
+
+app = typer.Typer(
+    help="Test the diagnosis blind: hidden cases, sealed answers, a score.",
+    no_args_is_help=True,
+    rich_markup_mode="rich",
+)
+HELP = {"help_option_names": ["-h", "--help"]}
+
+
+@app.command(context_settings=HELP)
+@command(defaults={"seed": "secret; a small one can be guessed"})
+def make(
+    out: NewFolder,
+    answers: Answers,
+    cases: Cases = 40,
+    real: Real = "all",
+    rig: Rig = "finger",
+    modes: Annotated[
+        str, typer.Option(metavar="NAMES", help="all, or some of single,pair,none,unknown.")
+    ] = "all",
+    hidden_effects: HiddenEffects = "all",
+    protocol: Protocol = "all",
+    healthy_logs: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="Logs of sound mechanisms that the solver is given beside, 0 to 20."
+        ),
+    ] = 0,
+    seed: Annotated[
+        int | None, typer.Option(metavar="N", help="Decides every random draw.")
+    ] = None,
+    workers: Workers = None,
+) -> Any:
+    """Draw hidden cases: logs for the solver, and answers under a hash that is published first.
+
+    Example: [bold]bench blind make --out blind/a --answers sealed/a.json --cases 100[/bold]
+    """
+    from benchmark import blind
+
+    wanted = blind.settings(cases, real, rig, modes, hidden_effects, protocol, healthy=healthy_logs)
+    return blind.make(wanted, seed, out, answers, workers)
+
+
+@app.command(context_settings=HELP)
+@command(defaults={"rival": "none"}, kept="solved cases are kept; the same command goes on")
+def run(
+    folder: Folder,
+    anyway: Annotated[
+        bool,
+        typer.Option("--anyway", help="Solve although rules or code changed since the draw."),
+    ] = False,
+    rival: Annotated[
+        str | None,
+        typer.Option(
+            metavar="mujoco-sysid", help="Ask another method instead, for a line of the score."
+        ),
+    ] = None,
+    workers: Workers = None,
+) -> Any:
+    """Diagnose every case from its log alone; cases that this solver has solved are skipped.
+
+    Example: [bold]bench blind run blind/a -j 2[/bold]
+    """
+    from benchmark import blind
+
+    if rival is None:
+        return blind.run(folder, workers, anyway)
+    return blind.run_rival(folder, rival, workers)
+
+
+@app.command(context_settings=HELP)
+@command()
+def detectable(
+    out: NewFolder,
+    real: Real = "mujoco,plant",
+    rig: Rig = "joint",
+    hidden_effects: HiddenEffects = "all",
+    protocol: Protocol = "all",
+    draws: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="Nominal errors and motions; half of them must show.", min=1
+        ),
+    ] = 4,
+    seed: Seed = 0,
+    workers: Workers = None,
+) -> Any:
+    """Search the smallest magnitude of every effect that shows, each protocol by itself.
+
+    What taxels, stick and contact show in a grasp: [bold]--rig held --real mujoco[/bold].
+
+    Example: [bold]bench blind detectable --out detectable --hidden-effects backlash[/bold]
+    """
+    from benchmark import blind
+
+    wanted = blind.settings(1, real, rig, "single", hidden_effects, protocol, 1)
+    return blind.detectable(wanted, draws, seed, out, workers)
+
+
+@app.command(context_settings=HELP)
+@command(defaults={"out": "none"})
+def score(
+    folder: Folder,
+    answers: Answers,
+    out: Out = None,
+    workers: Workers = None,
+) -> Any:
+    """Check the answers against their hash, open them and score the results.
+
+    With --out, writes score.md, score.json and the tables as CSV.
+
+    Example: [bold]bench blind score blind/a --answers sealed/a.json --out blind/a-score[/bold]
+    """
+    from benchmark import blind
+
+    return blind.score(folder, answers, out, workers)

@@ -1,0 +1,86 @@
+"""`bench speed`, `list` and `doctor`: what is installed, and how good it is."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark import quantities, registry
+from benchmark.cli.command import command
+from benchmark.cli.options import Backends, Out, Seed
+from benchmark.errors import UsageError
+
+
+@command(defaults={"backend": "all", "workers": "1, and 2 where there are", "out": "none"})
+def measure_speed(
+    backend: Backends = "all",
+    worlds: Annotated[
+        str, typer.Option(metavar="NUMBERS", help="Numbers of worlds at once, between commas.")
+    ] = "16,64,256",
+    workers: Annotated[
+        str | None,
+        typer.Option(
+            "--workers", "-j", metavar="NUMBERS", help="Numbers of cores, between commas."
+        ),
+    ] = None,
+    duration: Annotated[
+        str, typer.Option(metavar="TIME", help="Time for each measurement, such as 500ms or 1min.")
+    ] = "4s",
+    seed: Seed = 0,
+    out: Out = None,
+) -> Any:
+    """Measure environment steps per second, beside the bare engine's in the same worlds.
+
+    With --out, writes speed.csv, speed.json and a picture; docs/results/speed.md says what is
+    measured.
+
+    Example: [bold]bench speed --backend mujoco --worlds 64,256 --workers 1,2[/bold]
+    """
+    from benchmark import speed as speeds
+
+    duration_s = quantities.quantity(duration, "--duration", "s")
+    return speeds.speed(speeds.plan(backend, worlds, workers, duration_s, seed), out)
+
+
+@command(defaults={"kind": "all"})
+def list_parts(
+    kind: Annotated[
+        str | None,
+        typer.Argument(metavar="[KIND]", help="One kind: " + ", ".join((*registry.KINDS, "stick"))),
+    ] = None,
+    support: Annotated[
+        bool, typer.Option("--support", help="What every engine makes of every number.")
+    ] = False,
+) -> Any:
+    """Name every backend, task, observation, algorithm, effect and stick.
+
+    Example: [bold]bench list effect[/bold], or [bold]bench list --support[/bold]
+    """
+    from benchmark import listing
+
+    if support and kind:
+        raise UsageError(f"--support lists engines; leave '{kind}' or --support out")
+    return listing.support() if support else listing.parts(kind)
+
+
+@command(defaults={"backend": "all", "out": "none"})
+def doctor(
+    physics: Annotated[
+        bool,
+        typer.Option("--physics", help="Hold engines to closed forms and to one another (1 min)."),
+    ] = False,
+    backend: Backends = "all",
+    out: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Markdown file for the tables of --physics."),
+    ] = None,
+) -> Any:
+    """Check every engine and learner: version, whether it works, and what would mend it.
+
+    Example: [bold]bench doctor[/bold], or [bold]bench doctor --physics --backend bullet[/bold]
+    """
+    from benchmark.doctor import examine, examine_physics
+
+    if not physics and (backend != "all" or out):
+        raise UsageError("--backend and --out belong to --physics: add it or leave them out")
+    return examine_physics(backend, out) if physics else examine()

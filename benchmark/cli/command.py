@@ -1,0 +1,144 @@
+"""What all commands share: their settings of a run, --json, -v and -q, and how they end.
+
+A command returns its result, alone or with a table; printing it and the exit code are done here.
+"""
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from functools import wraps
+from typing import Annotated, Any, get_args, get_type_hints
+
+import typer
+from typer.models import OptionInfo
+
+from benchmark import console
+from benchmark.cli.options import Json, Quiet, Verbose, completes
+from benchmark.errors import Interrupted, UsageError, was_interrupt
+from benchmark.run_spec import SETTINGS
+from benchmark.settings import Name, Number, Setting, Switch
+
+OF_RUN = "the run's"
+"""Default of a setting that a policy's own run has."""
+NOTHING_KEPT = "nothing was written"
+
+
+def command(
+    settings: Sequence[str] = (),
+    required: Sequence[str] = (),
+    default: str | None = None,
+    defaults: Mapping[str, str] | None = None,
+    kept: str = NOTHING_KEPT,
+) -> Callable[[Callable[..., Any]], Callable[..., None]]:
+    """Make a command of a function.
+
+    `settings` of a run come as its argument `settings`, by name, None where not given; those that
+    are `required` must be, unless a `config` is. `default` is what the help says of settings that
+    are not given, `defaults` what it says of other options; `kept` is said after an interrupt.
+    """
+
+    def declare(function: Callable[..., Any]) -> Callable[..., None]:
+        @wraps(function)
+        def call(**given: Any) -> None:
+            as_json = given.pop("as_json")
+            console.set_level(verbose=given.pop("verbose"), quiet=given.pop("quiet"))
+            if settings:
+                given["settings"] = {name: given.pop(_word(name)) for name in settings}
+                _refuse_missing(given, required)
+            try:
+                _finish(function(**given), as_json)
+            except (KeyboardInterrupt, SystemError) as error:
+                if not was_interrupt(error):
+                    raise
+                raise Interrupted(f"interrupted; {kept}") from error
+
+        parameters = _parameters(function, settings, required, default, defaults or {})
+        call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
+        call.__annotations__ = {p.name: p.annotation for p in parameters}
+        del call.__wrapped__  # type: ignore[attr-defined]
+        return call
+
+    return declare
+
+
+def _finish(result: Any, as_json: bool) -> None:
+    """Print what a command gives; exit code 1 where it says that something failed."""
+    data, table = result if isinstance(result, tuple) else (result, None)
+    console.emit(data, as_json, table)
+    if data.get("status") == "failed" or data.get("ok") is False:
+        raise typer.Exit(1)
+
+
+def _refuse_missing(given: Mapping[str, Any], required: Sequence[str]) -> None:
+    for name in required:
+        if given["settings"][name] is None and not given.get("config"):
+            raise UsageError(f"Missing option '--{name}'. Allowed: {SETTINGS[name].kind.allowed}.")
+
+
+def _parameters(
+    function: Callable[..., Any],
+    settings: Sequence[str],
+    required: Sequence[str],
+    default: str | None,
+    defaults: Mapping[str, str],
+) -> list[inspect.Parameter]:
+    """The command's own parameters, with the settings after its arguments, and the shared ones."""
+    hints = get_type_hints(function, include_extras=True)
+    own = [
+        p.replace(annotation=_shown(hints[p.name], defaults.get(p.name)))
+        for p in inspect.signature(function).parameters.values()
+        if p.name != "settings"
+    ]
+    asked = [_of_setting(SETTINGS[name], name in required, default) for name in settings]
+    shared = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
+        for name, kind in {"as_json": Json, "verbose": Verbose, "quiet": Quiet}.items()
+    ]
+    arguments = [p for p in own if not _is_option(p.annotation)]
+    options = [p for p in own if _is_option(p.annotation)]
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    return [p.replace(kind=keyword) for p in (*arguments, *asked, *options, *shared)]
+
+
+def _of_setting(one: Setting, required: bool, default: str | None) -> inspect.Parameter:
+    """The option of a setting."""
+    flags = [one.flag]
+    if isinstance(one.kind, Switch) and one.default is True:
+        flags = [f"{one.flag}/--no-{one.name}"]
+    plain = isinstance(one.kind, Switch) and one.default is False
+    between = ", " if isinstance(one.kind, Number) else ": "
+    text = between.join(filter(None, [one.help.rstrip("."), one.kind.allowed])) + "."
+    shown = None if required else default or one.shown_default
+    option = typer.Option(
+        *flags,
+        help=f"{text} [dim](required)[/dim]" if required else text,
+        metavar=one.kind.metavar or None,
+        show_default=False if plain else shown or False,
+        autocompletion=completes(one.kind.kind) if isinstance(one.kind, Name) else None,
+    )
+    value: Any = bool if isinstance(one.kind, Switch) else str
+    return inspect.Parameter(
+        _word(one.name),
+        inspect.Parameter.KEYWORD_ONLY,
+        default=None,
+        annotation=Annotated[value | None, option],
+    )
+
+
+def _shown(annotation: Any, default: str | None) -> Any:
+    """An option whose help says a default in words."""
+    if default is None:
+        return annotation
+    value, info = get_args(annotation)
+    info = copy(info)
+    info.show_default = default
+    return Annotated[value, info]
+
+
+def _is_option(annotation: Any) -> bool:
+    return any(isinstance(part, OptionInfo) for part in get_args(annotation))
+
+
+def _word(name: str) -> str:
+    """A setting's name as Python takes it."""
+    return name.replace("-", "_")

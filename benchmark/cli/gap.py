@@ -1,0 +1,119 @@
+"""`bench calibrate` and `diagnose`: what a log says of the nominal world."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark.cli.command import command
+from benchmark.cli.options import Force, KnownEffects, Log, Nominal, Out, Seed, Workers
+
+OF_LOG = "those that the log names"
+
+
+@command(
+    defaults={
+        "known_effects": OF_LOG,
+        "threshold": "from the noise",
+        "out": "calibrations/LOG",
+    }
+)
+def calibrate(
+    log: Log,
+    nominal: Nominal = "mujoco",
+    known_effects: KnownEffects = None,
+    threshold: Annotated[
+        str | None,
+        typer.Option(metavar="LENGTH", help="Pressed depth that counts as contact, such as 0.3mm."),
+    ] = None,
+    seed: Seed = 0,
+    out: Out = None,
+    force: Force = False,
+    workers: Workers = None,
+) -> Any:
+    """Calibrate the nominal world to a log: gains by CMA-ES, play by the push test, and the skin.
+
+    Writes calibration.yaml, which `bench run --calibration` takes, and a picture per joint.
+
+    Example: [bold]bench calibrate logs/one --out calibrations/one[/bold]
+    """
+    from benchmark import calibrate as calibrations
+
+    settings = calibrations.Settings(
+        path=log,
+        nominal=nominal,
+        known_effects=known_effects,
+        threshold=threshold,
+        seed=seed,
+        workers=workers,
+    )
+    return calibrations.run(settings, out, force)
+
+
+@command(
+    defaults={
+        "known_effects": OF_LOG,
+        "out": "diagnoses/LOG",
+        "judge": "none",
+        "healthy": "none",
+        "fail_on": "nothing",
+    }
+)
+def diagnose(
+    logs: Annotated[
+        list[Path],
+        typer.Argument(
+            metavar="LOG...",
+            help="Folder of the log; several of one mechanism under several settings with --judge.",
+        ),
+    ],
+    judge: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG", help="Of several logs one that judges, the others fit; repeatable."
+        ),
+    ] = None,
+    healthy: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="LOG",
+            help="Log of the same mechanism, moved alike, while nothing was wrong with it: what it "
+            "leaves is not accused; repeatable.",
+        ),
+    ] = None,
+    nominal: Nominal = "mujoco",
+    known_effects: KnownEffects = None,
+    fail_on: Annotated[
+        str | None,
+        typer.Option(
+            metavar="VERDICTS",
+            help="Exit with 1 at these verdicts, between commas: cause, unknown.",
+        ),
+    ] = None,
+    out: Out = None,
+    force: Force = False,
+    workers: Workers = None,
+) -> Any:
+    """Say where a log departs from the nominal world, which effect explains it, and how well.
+
+    Writes diagnosis.json and report.html. Replays are compiled, for any engine alike; the nominal
+    one is held against them, and a difference that matters is a warning.
+
+    Example: [bold]bench diagnose logs/one --known-effects built[/bold]
+
+    A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
+
+    Settings: [bold]bench diagnose logs/gain100 logs/gain400 --judge logs/gain400[/bold]
+    """
+    from benchmark import diagnose as diagnoses
+
+    settings = diagnoses.Settings(
+        paths=tuple(logs),
+        judging=tuple(judge or ()),
+        healthy=tuple(healthy or ()),
+        nominal=nominal,
+        known_effects=known_effects,
+        workers=workers,
+        fail_on=fail_on,
+    )
+    return diagnoses.run(settings, out, force)

@@ -1,0 +1,132 @@
+"""`bench record`, `excite` and `import`: where logs come from."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark import quantities, registry
+from benchmark.cli.command import command
+from benchmark.cli.options import (
+    Force,
+    Format,
+    KnownEffects,
+    NewFolder,
+    OutFile,
+    Policy,
+    Protocol,
+    Rate,
+    Seed,
+    Workers,
+)
+
+
+@command(
+    ("backend", "stick", "effects"),
+    required=("backend",),
+    defaults={"known_effects": "none", "policy": "none"},
+)
+def record(
+    settings: dict[str, Any],
+    out: NewFolder,
+    known_effects: KnownEffects = None,
+    protocol: Protocol = "all",
+    policy: Policy = None,
+    channels: Annotated[
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="all, or some of motor,torque,velocity,push,touch,stick, or contact for touch as "
+            "yes or no; command and position are always there.",
+        ),
+    ] = "all",
+    rate: Rate = "200Hz",
+    variants: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="Episodes per protocol, each with other phases and grips.", min=1
+        ),
+    ] = 1,
+    repeats: Annotated[
+        int,
+        typer.Option(
+            metavar="N", help="Times that each is repeated with other sensor noise.", min=1
+        ),
+    ] = 1,
+    seed: Seed = 0,
+    form: Format = "parquet",
+    force: Force = False,
+    workers: Workers = None,
+) -> Any:
+    """Put an engine through the excitation protocols and write a log as a robot's would be.
+
+    The log names hand and stick; the effects stand in its provenance.json, which nothing reads.
+
+    Example: [bold]bench record --backend mujoco --effects backlash=1.5deg@J3 --out logs/one[/bold]
+    """
+    from benchmark import record as records
+
+    world = records.world(settings, known_effects or "none", policy, workers)
+    rate_hz = quantities.quantity(rate, "--rate", "Hz")
+    plan = records.plan(world, protocol, channels, rate_hz, variants, repeats, seed)
+    return records.record(world, plan, out, form, force)
+
+
+@command(defaults={"joints": "the TRX hand's", "ranges": "the hand's", "limit": "no push"})
+def excite(
+    out: OutFile,
+    protocol: Protocol = "all",
+    joints: Annotated[
+        str | None, typer.Option(metavar="NAMES", help="Your joints, between commas.")
+    ] = None,
+    ranges: Annotated[
+        str | None,
+        typer.Option(
+            "--range",
+            metavar="RANGE",
+            help="Where they may move: -60:60deg, 0:0.2m; one, or one each between commas.",
+        ),
+    ] = None,
+    limit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LOAD",
+            help="Largest load of a push, such as 15Nm or 40N; one, or one each between commas.",
+        ),
+    ] = None,
+    rate: Rate = "200Hz",
+    one_at_a_time: Annotated[
+        bool, typer.Option("--one-at-a-time", help="An episode for each joint, the others held.")
+    ] = False,
+    seed: Seed = 0,
+    force: Force = False,
+) -> Any:
+    """Write commands that tell effects apart, as CSV, for your own robot to play and log.
+
+    Example: [bold]bench excite --joints shoulder,elbow --range=-60:60deg --out commands.csv[/bold]
+    """
+    from benchmark import logs
+
+    rate_hz = quantities.quantity(rate, "--rate", "Hz")
+    return logs.excite(out, protocol, joints, ranges, limit, rate_hz, seed, one_at_a_time, force)
+
+
+@command()
+def import_logs(
+    kind: Annotated[
+        str, typer.Argument(metavar="|".join(registry.names("importer")), help="Kind of recording.")
+    ],
+    path: Annotated[Path, typer.Argument(metavar="PATH", help="Recorded file or folder of them.")],
+    out: NewFolder,
+    form: Format = "parquet",
+    force: Force = False,
+) -> Any:
+    """Bring a known recording of real hardware into the log format, with its mechanism.
+
+    Several logs of one recording go to folders in the one that is written.
+
+    Example: [bold]bench import emps DATA_EMPS.mat --out logs/emps[/bold]
+    """
+    from benchmark import logs
+
+    return logs.import_logs(kind, path, out, form, force)

@@ -1,0 +1,126 @@
+"""Every option that is no setting of a run, declared once; defaults stand with the commands.
+
+An option of one name means the same in every command. Settings of a run (engine, task, figure,
+stick, effects, training) are declared by the fields of `RunSpec`.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from benchmark import registry
+
+
+def completes(kind: str) -> Callable[[str], list[str]]:
+    """Completes the name of a plug-in in a shell."""
+
+    def names(incomplete: str) -> list[str]:
+        return [name for name in registry.names(kind) if name.startswith(incomplete)]
+
+    return names
+
+
+# What is written, and what is in the way.
+Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
+NewFolder = Annotated[
+    Path, typer.Option("--out", metavar="DIR", help="Folder to write to; must be new.")
+]
+OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace what an earlier call wrote there.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Continue a killed run.")]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Say what would be run and how long it takes.")
+]
+IncludeSmoke = Annotated[bool, typer.Option("--include-smoke", help="Take smoke runs, too.")]
+
+# What is given.
+Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")]
+Runs = Annotated[
+    list[Path], typer.Argument(metavar="RUN...", help="Folders of finished runs, or of many.")
+]
+Log = Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")]
+Policy = Annotated[
+    Path | None,
+    typer.Option(metavar="RUN", help="Finished run whose policy plays the protocol 'policy'."),
+]
+
+# Worlds.
+Backends = Annotated[
+    str,
+    typer.Option(
+        "--backend",
+        metavar="NAMES",
+        help="Engines that simulate, between commas.",
+        autocompletion=completes("backend"),
+    ),
+]
+Nominal = Annotated[
+    str,
+    typer.Option(
+        metavar="|".join(registry.names("backend")),
+        help="Engine of the nominal world.",
+        autocompletion=completes("backend"),
+    ),
+]
+KnownEffects = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SET",
+        help="Effects that the nominal world is known to have, written as --effects is.",
+    ),
+]
+HiddenEffects = Annotated[
+    str,
+    typer.Option(
+        metavar="NAMES", help="Effects that may be hidden, between commas; all: those of the rig."
+    ),
+]
+Protocol = Annotated[
+    str,
+    typer.Option(
+        metavar="NAMES", help="Excitation protocols between commas; all: every one that fits."
+    ),
+]
+Real = Annotated[
+    str,
+    typer.Option(
+        metavar="NAMES", help="What stands for reality: engines or plants, between commas."
+    ),
+]
+Rig = Annotated[
+    str, typer.Option(metavar="NAMES", help="What is moved: some of finger,hand,joint, or held.")
+]
+
+# How much, how fast, how it is drawn.
+Episodes = Annotated[
+    int | None,
+    typer.Option(metavar="N", help="Episodes, the first of a fixed list."),
+]
+Cases = Annotated[int, typer.Option(metavar="N", help="Number of cases, 1 to 999.")]
+Rate = Annotated[str, typer.Option(metavar="RATE", help="Samples a second, such as 200Hz.")]
+Seed = Annotated[int, typer.Option(metavar="N", help="Decides every random draw.")]
+Workers = Annotated[
+    int | None,
+    typer.Option(
+        "--workers",
+        "-j",
+        metavar="N",
+        min=1,
+        help="Cores to use; changes no result.",
+        show_default="all",
+    ),
+]
+Format = Annotated[
+    str, typer.Option("--format", metavar="parquet|csv", help="Form of the log's samples.")
+]
+
+# What every command takes.
+Json = Annotated[
+    bool, typer.Option("--json", help="Print one JSON object on standard output, all else beside.")
+]
+Verbose = Annotated[
+    bool, typer.Option("--verbose", "-v", help="Say more on standard error; show tracebacks.")
+]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]

@@ -1,0 +1,128 @@
+"""`bench run`, `eval` and `view`: one policy at a time."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from benchmark.cli.command import OF_RUN, command
+from benchmark.cli.options import DryRun, Episodes, Force, Out, OutFile, Resume, Run, Workers
+from benchmark.console import row_table
+from benchmark.run_spec import DEPLOYED, SETTINGS
+
+SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
+SHOWN += ["steps", "wall_s", "env_steps_per_s", "dir"]
+
+
+@command(
+    tuple(SETTINGS),
+    required=("backend", "task"),
+    defaults={"out": "runs/NAME", "calibration": "none", "config": "none", "start": "none"},
+    kept="what was written is kept; --resume continues",
+)
+def run(
+    settings: dict[str, Any],
+    calibration: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A calibration.yaml: its world and its spread."),
+    ] = None,
+    overrides: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="KEY=VALUE",
+            help="A hyperparameter of the learner, such as lr=3e-4; repeatable.",
+        ),
+    ] = None,
+    config: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Settings to begin with: a run's run.json, or YAML as in a sweep."
+        ),
+    ] = None,
+    start: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", metavar="RUN", help="Run whose policy training starts from (fine-tuning)."
+        ),
+    ] = None,
+    out: Out = None,
+    resume: Resume = False,
+    force: Force = False,
+    dry_run: DryRun = False,
+    workers: Workers = None,
+) -> Any:
+    """Train a policy, evaluate 100 fixed episodes, write the run folder, print the row.
+
+    Example: [bold]bench run --backend bullet --task eight[/bold]
+    """
+    from benchmark import commands
+
+    asked = commands.settings(settings, calibration, overrides or [], config, start)
+    if dry_run:
+        return commands.plan(asked, out, workers)
+    row = commands.run(asked, start, out, workers, resume, force)
+    return row, row_table(row, SHOWN)
+
+
+@command(DEPLOYED, default=OF_RUN, defaults={"episodes": "100", "out": "none is written"})
+def evaluate(
+    run_folder: Run,
+    settings: dict[str, Any],
+    episodes: Episodes = None,
+    out: Out = None,
+    workers: Workers = None,
+) -> Any:
+    """Evaluate a saved policy in any world, task setting and stick.
+
+    Example: [bold]bench eval runs/NAME --backend mujoco --radius 3cm --speed 1.5[/bold]
+    """
+    from benchmark import commands
+
+    row = commands.evaluate(run_folder, settings, episodes, out, workers)
+    return row, row_table(row, SHOWN[:9])
+
+
+@command(
+    DEPLOYED,
+    default=OF_RUN,
+    defaults={
+        "kind": "figure; hand for a video",
+        "episodes": "10 for figure, else 1",
+        "time": "2s",
+    },
+)
+def view(
+    run_folders: Annotated[
+        list[Path], typer.Argument(metavar="RUN...", help="Folder of a run; curve takes several.")
+    ],
+    out: OutFile,
+    settings: dict[str, Any],
+    kind: Annotated[
+        str | None,
+        typer.Option(
+            metavar="figure|joints|touch|hand|curve",
+            help="figure: drawn paths; joints: targets and positions over a lap; touch: contact "
+            "positions and taxels; hand: the grasp; curve: learning.",
+        ),
+    ] = None,
+    episodes: Episodes = None,
+    time: Annotated[
+        str | None,
+        typer.Option(metavar="TIME", help="Moment of episode 0 that hand shows, up to 6s."),
+    ] = None,
+    workers: Workers = None,
+) -> Any:
+    """Draw a run: the paper's figures, the hand at a moment, a video or learning curves.
+
+    What is drawn follows from --kind and from the file's ending: .png, or .mp4 and .gif for videos.
+
+    Example: [bold]bench view runs/NAME --out video.mp4[/bold]
+    """
+    from benchmark import quantities
+    from benchmark.run_spec import read_settings
+    from benchmark.view import view
+
+    moment = None if time is None else quantities.quantity(time, "--time", "s")
+    changes = read_settings(settings)
+    return view(run_folders, out, kind, changes, episodes, moment, workers)

@@ -1,0 +1,144 @@
+"""From what a user asks for, as options or in a file, to the run that it means."""
+
+import ast
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import yaml
+from pydantic import TypeAdapter, ValidationError
+
+from benchmark import registry
+from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.run_spec import SETTINGS, SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
+
+SCRIPTED = ("hold-still", "random")
+MOST_BYTES = 1_000_000
+"""Largest file of settings that is read."""
+
+
+def requested(
+    given: Mapping[str, Any],
+    calibration: Path | None = None,
+    overrides: Mapping[str, Any] | None = None,
+    config: Path | None = None,
+    start: Path | None = None,
+) -> RunSpec:
+    """The run that is asked for; raises UsageError.
+
+    `given` are settings by name, None where not given; they count before those of `config`.
+    `overrides` are hyperparameters by name; `start` is the run whose policy training starts from.
+    """
+    fields, kept = _of_file(config) if config is not None else ({}, {})
+    fields |= read_settings(given)
+    if calibration is not None:
+        fields |= _of_calibration(calibration, given)
+    for name in ("backend", "task"):
+        if name not in fields:
+            raise UsageError(f"{config} has no {name}; give it there or as --{name}")
+    algo = fields.get("algo", RunSpec.algo)
+    if algo in SCRIPTED:
+        fields |= {"steps": 0, "randomize": False}
+    elif fields.get("steps") == 0:
+        raise UsageError(f"--steps is 0; allowed: from 1, or --algo {' or '.join(SCRIPTED)}")
+    if fields.get("smoke"):
+        fields["worlds"] = SMOKE_WORLDS
+        fields["steps"] = min(fields.get("steps", SMOKE_STEPS), SMOKE_STEPS)
+    fields["overrides"] = checked_overrides(algo, {**kept, **(overrides or {})})
+    if start is not None:
+        fields["start_sha256"] = _policy_sha256(start, algo)
+    return RunSpec(**fields)
+
+
+def read_pairs(pairs: Sequence[str]) -> dict[str, Any]:
+    """Hyperparameters from words such as 'lr=3e-4'; raises UsageError."""
+    found = {}
+    for pair in pairs:
+        name, equals, text = pair.partition("=")
+        if not (name and equals and text):
+            raise UsageError(f"--set is '{pair}'; allowed: KEY=VALUE, such as lr=3e-4")
+        try:
+            found[name.strip()] = ast.literal_eval(text)
+        except (ValueError, SyntaxError):
+            found[name.strip()] = text
+    return found
+
+
+def checked_overrides(algo: str, overrides: Mapping[str, Any]) -> dict[str, Any]:
+    """The hyperparameters that differ from the learner's own, as plain data; raises UsageError."""
+    if not overrides:
+        return {}
+    hyperparameters = registry.load("algorithm", algo).hyperparameters
+    if hyperparameters is None:
+        raise UsageError(f"--set gives {', '.join(overrides)}, but {algo} does not learn")
+    plain = asdict(hyperparameters())
+    for name in overrides:
+        if name not in plain:
+            raise unknown(f"hyperparameter of {algo}", name, plain)
+    try:
+        made = TypeAdapter(hyperparameters).validate_python(dict(overrides))
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        name = ".".join(map(str, first["loc"]))
+        allowed = first["msg"].removeprefix("Input should be ")
+        raise UsageError(f"--set {name} is {first['input']!r}; allowed: {allowed}") from error
+    return json.loads(json.dumps({n: v for n, v in asdict(made).items() if v != plain[n]}))
+
+
+def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Fields of a RunSpec and hyperparameters from a run.json, or from settings as YAML."""
+    data = _read(path)
+    if isinstance(data.get("spec"), dict):
+        fields = {name: v for name, v in data["spec"].items() if name != "start_sha256"}
+        kept = fields.pop("overrides", {})
+        if strange := sorted(set(fields) - set(RunSpec.__dataclass_fields__)):
+            raise UsageError(f"{path}: spec has {', '.join(strange)}, which this version lacks")
+        return fields, kept
+    names = {name.replace("_", "-"): value for name, value in data.items()}
+    kept = names.pop("set", None) or {}
+    for name in names:
+        if name not in SETTINGS:
+            raise UsageError(f"{path}: {unknown('setting', name, (*SETTINGS, 'set'))}")
+    if not isinstance(kept, dict):
+        raise UsageError(f"{path}: set is {kept!r}; allowed: hyperparameters by name")
+    return read_settings(names), kept
+
+
+def _read(path: Path) -> dict:
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise UsageError(f"{path} has over {MOST_BYTES} bytes; allowed: a file of settings")
+        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise UsageError(f"no file of settings at {path}") from None
+    except OSError as error:
+        raise CommandError(f"{path} cannot be read: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise UsageError(f"{path} is not YAML: {' '.join(str(error).split())[:200]}") from error
+    if not isinstance(data, dict):
+        raise UsageError(f"{path} holds no settings; allowed: a run.json, or NAME: VALUE lines")
+    return data
+
+
+def _of_calibration(path: Path, given: Mapping[str, Any]) -> dict[str, Any]:
+    """Effects and spread of the calibration that is given; raises UsageError."""
+    from benchmark.calibrate import world_of
+
+    for option in ("effects", "spread"):
+        if given.get(option) is not None:
+            raise UsageError(f"--calibration and --{option} both say which worlds; leave one out")
+    return world_of(path, RunSpec.hand)
+
+
+def _policy_sha256(run: Path, algo: str) -> str:
+    """What identifies the policy of a finished run; raises UsageError where it cannot be used."""
+    from benchmark.run_folder import finished_run
+
+    found = finished_run(run)
+    if found["policy_sha256"] is None or algo in SCRIPTED:
+        raise UsageError(
+            f"--from {run}: {algo} and a scripted baseline learn nothing; leave it out"
+        )
+    return found["policy_sha256"]

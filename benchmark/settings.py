@@ -1,0 +1,218 @@
+"""What kinds of values settings take: how each is read, bounded and shown, whoever gives it.
+
+A setting is declared once, as a field of `RunSpec`; command line, grid file and checks follow.
+"""
+
+import math
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, Protocol
+
+from benchmark import quantities, registry
+from benchmark.errors import UsageError, unknown
+
+
+class Kind(Protocol):
+    """A kind of value."""
+
+    @property
+    def metavar(self) -> str:
+        """What stands for a value in the help."""
+        ...
+
+    @property
+    def allowed(self) -> str:
+        """What values there are, for the help; empty where its text says it."""
+        ...
+
+    def read(self, given: object, flag: str) -> Any:
+        """The value that was given, as text or plain; raises UsageError naming `flag`."""
+        ...
+
+    def show(self, value: Any) -> str:
+        """The value as it is typed."""
+        ...
+
+
+@dataclass(frozen=True)
+class Name:
+    """The name of a plug-in."""
+
+    kind: str
+    metavar: str = "NAME"
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return ", ".join(registry.names(self.kind))
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        return registry.check(self.kind, str(given))
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of some names."""
+
+    what: str
+    known: tuple[str, ...]
+    metavar: str = "NAME"
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return ", ".join(self.known)
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        if given not in self.known:
+            raise unknown(self.what, str(given), self.known)
+        return str(given)
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Text:
+    """Text that a later step reads."""
+
+    metavar: str
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        return str(given)
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number within bounds; a whole one may be written as 2e6."""
+
+    low: float
+    high: float
+    unit: str = ""
+    """Unit of the bounds and of what is typed; none: a bare number."""
+    whole: bool = False
+
+    @property
+    def metavar(self) -> str:
+        """What stands for the number."""
+        return {"cm": "LENGTH"}.get(self.unit, "N" if self.whole else "X")
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return f"{_plain(self.low)} to {_plain(self.high)}{self._unit}"
+
+    @property
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    def read(self, given: object, flag: str) -> float:
+        """See `Kind.read`; plain numbers are in SI units."""
+        value = self._value(given, flag)
+        size = quantities.size(self.unit) if self.unit else 1.0
+        shown = value / size
+        if not (math.isfinite(shown) and self.low * (1 - 1e-12) <= shown <= self.high):
+            raise UsageError(f"{flag} is {shown:g}{self._unit}; allowed: {self.allowed}")
+        return value
+
+    def _value(self, given: object, flag: str) -> float:
+        if not isinstance(given, str):
+            if isinstance(given, bool) or not isinstance(given, int | float):
+                raise UsageError(f"{flag} is {given!r}; allowed: a number")
+            return int(given) if self.whole and given == int(given) else float(given)
+        if self.whole:
+            return quantities.count(given, flag)
+        if self.unit:
+            return quantities.quantity(given, flag, self.unit)
+        return quantities.number(given, flag)
+
+    def show(self, value: float) -> str:
+        """See `Kind.show`."""
+        size = quantities.size(self.unit) if self.unit else 1.0
+        return f"{_plain(value / size)}{self.unit}"
+
+
+def _plain(value: float) -> str:
+    """A number as it is typed: 1e6, 0.05."""
+    text = f"{value:g}" if float(f"{value:g}") == value else f"{value:.12g}"
+    return text.replace("e+0", "e").replace("e+", "e")
+
+
+@dataclass(frozen=True)
+class Switch:
+    """Yes or no; on the command line --NAME and, where it is on by default, --no-NAME."""
+
+    metavar: str = ""
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> bool:
+        """See `Kind.read`."""
+        if not isinstance(given, bool):
+            raise UsageError(f"{flag} is {given!r}; allowed: true or false")
+        return given
+
+    def show(self, value: bool) -> str:
+        """See `Kind.show`."""
+        return "yes" if value else "no"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """One setting of a run: how it is typed and which field it sets."""
+
+    name: str
+    """As typed on the command line, without its dashes."""
+    field: str
+    """Field of the spec."""
+    kind: Kind
+    help: str
+    default: Any
+    """MISSING where one must be given."""
+
+    @property
+    def flag(self) -> str:
+        """As on the command line."""
+        return f"--{self.name}"
+
+    @property
+    def shown_default(self) -> str | None:
+        """The default as it is typed; None where one must be given."""
+        return None if self.default is MISSING else self.kind.show(self.default)
+
+    def read(self, given: object) -> Any:
+        """The field's value; raises UsageError."""
+        return self.kind.read(given, self.flag)
+
+
+def setting(help: str, kind: Kind, default: Any = MISSING, option: str | None = None) -> Any:
+    """A dataclass field that is a setting; `option` where it is typed by another name."""
+    return field(default=default, metadata={"help": help, "kind": kind, "option": option})
+
+
+def settings_of(spec: type) -> dict[str, Setting]:
+    """The settings that a spec's fields declare, by name, in order."""
+    declared = (_declared(one) for one in fields(spec) if "kind" in one.metadata)
+    return {one.name: one for one in declared}
+
+
+def _declared(one: Field) -> Setting:
+    name = one.metadata["option"] or one.name.replace("_", "-")
+    return Setting(
+        name=name,
+        field=one.name,
+        kind=one.metadata["kind"],
+        help=one.metadata["help"],
+        default=one.default,
+    )
