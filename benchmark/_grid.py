@@ -12,15 +12,28 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from benchmark import quantities
 from benchmark.errors import CommandError, UsageError
 from benchmark.run_request import requested
 from benchmark.run_spec import SETTINGS, RunSpec
+from benchmark.settings import Setting
 
 Text = Annotated[str, Field(min_length=1)]
-Plain = str | int | float | bool
+
+
+def _checked_by(one: Setting) -> Any:
+    """A field of the file that a setting reads; what it cannot read is said as on its flag."""
+
+    def check(value: object) -> object:
+        try:
+            one.read(value)
+        except UsageError as error:
+            raise ValueError(str(error)) from error
+        return value
+
+    return Annotated[Any, AfterValidator(check)]
 
 
 class _Part(BaseModel):
@@ -32,7 +45,9 @@ class _Part(BaseModel):
 Settings: Any = create_model(
     "Settings",
     __base__=_Part,
-    **{name.replace("-", "_"): (Plain | None, None) for name in SETTINGS},  # type: ignore
+    **{  # type: ignore
+        name.replace("-", "_"): (_checked_by(one) | None, None) for name, one in SETTINGS.items()
+    },
     calibration=(Text | None, None),
     set=(dict[str, Any] | None, None),
 )
@@ -161,6 +176,8 @@ def _complaints(error: ValidationError) -> list[str]:
         field = ".".join(map(str, item["loc"])) or "the file"
         if item["type"] == "extra_forbidden":
             texts.append(f"{field} is no setting; allowed: {_siblings(item['loc'])}")
+        elif item["type"] == "value_error":
+            texts.append(f"{field}: {item['msg'].removeprefix('Value error, ')}")
         else:
             allowed = item["msg"].removeprefix("Input should be ")
             texts.append(f"{field} is {reprlib.repr(item['input'])}; allowed: {allowed}")

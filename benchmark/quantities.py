@@ -31,8 +31,9 @@ def measured(text: str, flag: str, *units: str) -> tuple[float, str]:
     match = re.fullmatch(_NUMBER + r"\s*([A-Za-z]+)", text.strip())
     if match is not None:
         for name, sizes in dimensions.items():
-            if match.group(2) in sizes:
-                return float(match.group(1)) * sizes[match.group(2)], name
+            for unit, unit_size in sizes.items():
+                if match.group(2).casefold() == unit.casefold():
+                    return float(match.group(1)) * unit_size, name
     known = ", ".join(unit for sizes in dimensions.values() for unit in sizes)
     raise UsageError(f"{flag} is '{text}'; allowed: a number with its unit ({known})")
 

@@ -58,7 +58,7 @@ class RunSpec:
     worlds: int = 128
     """Worlds trained on at once."""
     smoke: bool = setting("Walk the whole path in under a minute; never ranked.", Switch(), False)
-    overrides: Mapping[str, Any] = field(default_factory=dict)
+    overrides: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Hyperparameters of the learner that differ from its defaults, by name."""
     start_sha256: str | None = None
     """SHA-256 of the policy that training starts from; None: a fresh one."""

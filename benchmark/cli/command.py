@@ -55,7 +55,7 @@ def command(
         parameters = _parameters(function, settings, required, default, defaults or {})
         call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         call.__annotations__ = {p.name: p.annotation for p in parameters}
-        del call.__wrapped__  # type: ignore[attr-defined]
+        del call.__wrapped__
         return call
 
     return declare

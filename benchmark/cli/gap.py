@@ -7,7 +7,9 @@ import typer
 
 from benchmark.cli.command import command
 from benchmark.cli.options import Force, KnownEffects, Log, Nominal, Out, Seed, Workers
+from benchmark.errors import UsageError
 
+CAUSE, UNKNOWN = "cause", "unknown"
 OF_LOG = "those that the log names"
 
 
@@ -114,6 +116,21 @@ def diagnose(
         nominal=nominal,
         known_effects=known_effects,
         workers=workers,
-        fail_on=fail_on,
     )
-    return diagnoses.run(settings, out, force)
+    failing = _failing(fail_on)
+    result, summary = diagnoses.run(settings, out, force)
+    if failing:
+        result["ok"] = not failing & {_kind(result["verdict"])}
+    return result, summary
+
+
+def _failing(text: str | None) -> set[str]:
+    """The kinds of verdict that fail a command; raises UsageError."""
+    kinds = {word.strip() for word in (text or "").split(",") if word.strip()}
+    if not kinds <= {CAUSE, UNKNOWN}:
+        raise UsageError(f"--fail-on is '{text}'; allowed: {CAUSE}, {UNKNOWN}, or both")
+    return kinds
+
+
+def _kind(verdict: list[str]) -> str:
+    return verdict[0] if verdict in (["none"], [UNKNOWN]) else CAUSE

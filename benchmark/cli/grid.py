@@ -72,6 +72,7 @@ def transfer(
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
     from benchmark import transfer as transfers
+    from benchmark.evaluate import EPISODES
 
     return transfers.transfer(
         runs,
@@ -79,7 +80,7 @@ def transfer(
         effects or ["built", "none"],
         setting or [],
         out or Path("transfer"),
-        transfers.EPISODES if episodes is None else episodes,
+        EPISODES if episodes is None else episodes,
         include_smoke,
         workers,
     )

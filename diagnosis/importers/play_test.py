@@ -23,9 +23,9 @@ from diagnosis.logs.log import (
 
 RAD_PER_COUNT = 2 * np.pi / 4096
 HOME = 2047
-"""Count at which the lever is in the middle."""
-PULLERS = {"3": -1.0, "4": 1.0}
-"""Servos that pull, and the direction in which they turn the tested one."""
+"""Count at which the lever stands in the middle."""
+APART = 200
+"""Counts from HOME beyond which a servo rests that pulls; a tested one holds nearer to it."""
 PULL_NM = 0.3 * 9.80665 * 0.1
 """Torque of a fully stretched band: about 0.3 kgf at 100 mm [Nm]."""
 SLACK = 0.02
@@ -49,13 +49,16 @@ class Importer(importer.Importer):
 
 
 def _log(path: Path) -> Log:
-    table = _load(path)
-    tested = [c[5:-1] for c in table.columns if c.startswith("pos (") and c[5:-1] not in PULLERS]
-    if not tested:
+    table, servos = _load(path)
+    resting = {servo: float(table[f"target pos ({servo})"].median()) - HOME for servo in servos}
+    pullers = {servo: np.sign(rest) for servo, rest in resting.items() if abs(rest) > APART}
+    tested = [servo for servo in servos if servo not in pullers]
+    if not tested or len(pullers) != 2:
         raise LogError(
-            f"{path} has no tested servo; a play test has a column 'pos (5)' or 'pos (1)'"
+            f"{path} has {len(tested)} servos that hold and {len(pullers)} that pull; a play test "
+            f"has at least 1, within {APART} counts of {HOME}, and 2 that rest farther from it"
         )
-    pull_nm = sum(side * _stretch(table, servo) for servo, side in PULLERS.items()) * PULL_NM
+    pull_nm = sum(side * _stretch(table, servo) for servo, side in pullers.items()) * PULL_NM
     columns = {"t_s": table["t_s"]}
     for servo in tested:
         joint, target = f"servo{servo}", table[f"target pos ({servo})"]
@@ -74,15 +77,19 @@ def _log(path: Path) -> Log:
     return make_log(meta, pd.DataFrame(columns), _mjcf(names))
 
 
-def _load(path: Path) -> pd.DataFrame:
-    """The table without rows before the first reading; its times start at zero."""
+def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
+    """The table from the first reading on, its times from zero, and the servos that answered."""
     try:
         table = pd.read_csv(path)
         time = pd.to_datetime(table["timestamp"], format="ISO8601")
-        needed = [f"{what} ({s})" for s in PULLERS for what in ("target pos", "pos")]
-        known = table[[c for c in table.columns if c.startswith("pos (")]].notna().all(axis=1)
-        table = table.assign(t_s=(time - time[0]).dt.total_seconds())[known]
-        return table.astype(dict.fromkeys(needed, float)).reset_index(drop=True)
+        named = [c[5:-1] for c in table.columns if c.startswith("pos (")]
+        servos = [servo for servo in named if table[f"pos ({servo})"].notna().any()]
+        needed = [f"{what} ({s})" for s in servos for what in ("target pos", "pos")]
+        table = table.assign(t_s=(time - time[0]).dt.total_seconds()).astype(
+            dict.fromkeys(needed, float)
+        )
+        known = table[needed].notna().all(axis=1)
+        return table[known].reset_index(drop=True), servos
     except KeyError as error:
         raise LogError(f"{path} has no column {error}; is it a play test?") from None
     except (OSError, ValueError, UnicodeDecodeError) as error:

@@ -258,7 +258,6 @@ def test_workers_change_nothing(engine: type[Engine]) -> None:
     assert differing(*runs) == []
 
 
-@pytest.mark.timeout(60)
 def test_dead_worker_is_reported(engine: type[Engine]) -> None:
     """Raise WorkerError instead of hanging when a process is killed; close without complaint."""
     specs = [world()]
@@ -276,7 +275,6 @@ def test_dead_worker_is_reported(engine: type[Engine]) -> None:
     sim.close()
 
 
-@pytest.mark.timeout(60)
 def test_worker_killed_at_work_is_reported() -> None:
     """Raise WorkerError when a process dies in the middle of a policy step."""
     specs = [world()] * 8
@@ -296,7 +294,6 @@ def test_worker_killed_at_work_is_reported() -> None:
     assert not any(worker.is_alive() for worker in workers)
 
 
-@pytest.mark.timeout(60)
 def test_failing_worker_says_why(engine: type[Engine]) -> None:
     """Raise WorkerError with the worker's own error when its world cannot be built."""
     spec = world()

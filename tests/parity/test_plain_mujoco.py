@@ -79,7 +79,7 @@ def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, c
     """Name friction, where it is, and noise, though nothing of the replay made the log."""
     folder, commands, joints = tmp_path / "arm", tmp_path / "commands.csv", names.split(",")
     folder.mkdir()
-    asked = ["excite", "--joints", names, "--range=-60:60deg", "--limit", "6"]
+    asked = ["excite", "--joints", names, "--range=-60:60deg", "--limit", "6Nm"]
     assert cli.call([*asked, "--out", str(commands)]) == 0
     xml = f"<mujoco><worldbody>{ARMS[names]}</worldbody></mujoco>"
     (folder / "arm.xml").write_text(xml)

@@ -176,8 +176,8 @@ def test_a_rival_is_scored_where_it_was_asked(solved, scored):
 def test_small_magnitudes_are_searched(tmp_path, capfd):
     """Find how small a scale, a lock and noise still show, the last by what is named."""
     effects = "encoder-scale,self-lock,encoder-noise"
-    words = ["blind", "detectable", "--effects", effects, "--draws", "2"]
-    words += ["--real", "mujoco", "--protocols", "multisine", "--out", str(tmp_path), "--json"]
+    words = ["blind", "detectable", "--hidden-effects", effects, "--draws", "2"]
+    words += ["--real", "mujoco", "--protocol", "multisine", "--out", str(tmp_path), "--json"]
     assert cli.call(words) == 0
     found = {row["effect"]: row for row in json.loads(capfd.readouterr().out)["rows"]}
     scale = found["encoder-scale"]
@@ -547,13 +547,13 @@ def test_medians_lie_between_order_statistics():
         (["--real", "havok"], "no real side named 'havok'"),
         (["--rig", "fingr"], "Did you mean 'finger'?"),
         (["--modes", "double"], "no mode named 'double'"),
-        (["--effects", "backlash"], "3 or more"),
-        (["--effects", "taxel-drift,backlash,stiction"], "no effect named 'taxel-drift'"),
+        (["--hidden-effects", "backlash"], "3 or more"),
+        (["--hidden-effects", "taxel-drift,backlash,stiction"], "no effect named 'taxel-drift'"),
         (["--seed", "-1"], "--seed is -1"),
         (["--rig", "held", "--real", "mujoco,plant"], "have joints alone and no contacts"),
         (["--rig", "held,finger"], "make one set of finger, hand, joint, and another of held"),
-        (["--rig", "held", "--protocols", "steps"], "has no 'grasp'"),
-        (["--protocols", "grasp"], "no protocol named 'grasp'"),
+        (["--rig", "held", "--protocol", "steps"], "has no 'grasp'"),
+        (["--protocol", "grasp"], "no protocol named 'grasp'"),
     ],
 )
 def test_wrong_options_are_refused(options, text, tmp_path, capfd):

@@ -94,7 +94,7 @@ def test_the_oracle_tells_what_shows():
 def test_small_magnitudes_are_searched_in_grasps(tmp_path, capfd):
     """Find how small a threshold still shows in answers, at no level in depths; refuse a play."""
     words = ["blind", "detectable", "--rig", "held", "--real", "mujoco", "--draws", "1"]
-    words += ["--effects", "taxel-threshold", "--out", str(tmp_path), "--json"]
+    words += ["--hidden-effects", "taxel-threshold", "--out", str(tmp_path), "--json"]
     assert cli.call(words) == 0
     contact, touch = json.loads(capfd.readouterr().out)["rows"]
     assert contact["bound"] == "" and 0.001 < contact["smallest"] < 0.4 and contact["unit"] == "mm"

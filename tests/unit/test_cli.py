@@ -1,16 +1,21 @@
 """What the command line takes, refuses and prints."""
 
 import json
+import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
+from typing import Any
 
 import pytest
+import typer
 
 from benchmark import quantities
 from benchmark.cli import app as cli
+from benchmark.cli.command import command
 from benchmark.commands import typical_s
-from benchmark.errors import UsageError
+from benchmark.errors import Interrupted, UsageError
 
 RUN = ["run", "--backend", "mujoco", "--task", "line"]
 
@@ -39,7 +44,7 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
         ([*RUN, "--steps", "-5"], "a whole number from 0"),
         ([*RUN, "--steps", "nan"], "a whole number from 0"),
         ([*RUN, "--steps", "0"], "--steps is 0"),
-        ([*RUN, "--seed", "-1"], "--seed is -1"),
+        ([*RUN, "--seed", "-1"], "--seed is '-1'"),
         (["run", "--task", "line"], "Missing option '--backend'"),
         ([*RUN, "--workers", "0"], "--workers"),
         (["eval", "absent"], "no run folder at absent"),
@@ -139,11 +144,14 @@ def test_counts_are_whole_numbers():
         quantities.count("1.5", "--steps")
 
 
-@pytest.mark.parametrize(("first", "code"), [(KeyboardInterrupt, 130), (ValueError, None)])
-def test_an_interrupt_within_compiled_code_is_one(first, code, monkeypatch, capfd):
-    """Say that a command was stopped where compiled code made other errors of that."""
+@pytest.mark.parametrize(
+    ("first", "raised"), [(KeyboardInterrupt, Interrupted), (ValueError, SystemError)]
+)
+def test_an_interrupt_within_compiled_code_is_one(first, raised):
+    """Say that a command was stopped, and what is kept, where compiled code made other errors."""
 
-    def command(*_, **__):
+    @command(kept="the rows are kept")
+    def measure() -> dict:
         try:
             try:
                 raise first
@@ -152,10 +160,93 @@ def test_an_interrupt_within_compiled_code_is_one(first, code, monkeypatch, capf
         except SystemError as error:
             raise SystemError("dispatcher returned a result with an exception set") from error
 
-    monkeypatch.setattr(cli, "app", command)
-    if code is None:
-        with pytest.raises(SystemError):
-            cli.call(["list"])
-    else:
-        assert cli.call(["list"]) == code
-        assert "interrupted; what was written is kept" in capfd.readouterr().err
+    with pytest.raises(raised) as stopped:
+        measure(as_json=False, verbose=False, quiet=False)
+    if raised is Interrupted:
+        assert str(stopped.value) == "interrupted; the rows are kept"
+
+
+COMMANDS = typer.main.get_command(cli.app)
+
+
+ALIKE = {"NAMES": "NAME", "NUMBERS": "N", "FILE": "PATH", "DIR": "PATH"}
+"""Values of one kind: several between commas, a file or a folder."""
+
+
+def declared() -> Iterator[tuple[str, Any]]:
+    """Every command with each of its options."""
+    groups = {"bench": COMMANDS, "bench blind": COMMANDS.commands["blind"]}
+    for path, group in groups.items():
+        for name, one in group.commands.items():
+            yield from ((f"{path} {name}", p) for p in one.params if p.opts[0].startswith("--"))
+
+
+def test_an_option_means_the_same_everywhere():
+    """Give options of one name one kind of value, the same short form, and no other name."""
+    kinds: dict[str, set] = {}
+    for _, option in declared():
+        value = ALIKE.get(option.metavar, option.metavar)
+        kinds.setdefault(option.opts[0], set()).add((value, option.is_flag, tuple(option.opts)))
+    assert not {name: found for name, found in kinds.items() if len(found) > 1}
+
+
+def test_every_command_takes_the_shared_options():
+    """Have --json, -v and -q everywhere, and a help text for every option."""
+    for name in {name for name, _ in declared()}:
+        flags = {flag for other, option in declared() if other == name for flag in option.opts}
+        assert {"--json", "-v", "-q"} <= flags, name
+    assert not [(name, option.opts) for name, option in declared() if not option.help]
+
+
+@pytest.mark.parametrize("words", [["--version"], ["-h"], ["run", "-h"], ["blind", "make", "-h"]])
+def test_help_and_version_answer(words, capfd):
+    """Answer on standard output, with exit code 0."""
+    assert cli.call(words) == 0
+    assert capfd.readouterr().out.strip()
+
+
+def test_python_m_benchmark_is_bench():
+    """Run as a module, too."""
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmark", "--version"], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.startswith("stickbench ")
+
+
+def test_a_shell_completes_names():
+    """Complete the names of plug-ins."""
+    asks = {
+        "_BENCH_COMPLETE": "complete_bash",
+        "COMP_WORDS": "bench run --task ei",
+        "COMP_CWORD": "3",
+    }
+    done = subprocess.run(
+        [sys.executable, "-m", "benchmark"],
+        capture_output=True,
+        text=True,
+        check=False,
+        env={**os.environ, **asks},
+    )
+    assert done.stdout.split() == ["eight"]
+
+
+def test_quiet_says_nothing_on_the_way(tmp_path, capfd):
+    """Print the result alone with -q."""
+    words = ["run", "--backend", "mujoco", "--task", "line", "--algo", "hold-still", "--smoke"]
+    assert cli.call([*words, "--out", str(tmp_path / "run"), "--json", "-q"]) == 0
+    assert capfd.readouterr().err == ""
+
+
+def test_a_usage_error_names_the_command_that_helps(capfd):
+    """Point to the help of the command that was given, in whole sentences."""
+    assert cli.call(["run", "--bogus"]) == 2
+    assert capfd.readouterr().err.endswith(". See `bench run --help`.\n")
+
+
+@pytest.mark.parametrize(("kind", "word"), [("effect", "bounds"), ("task", "eight")])
+def test_list_takes_a_kind(kind, word, capfd):
+    """List one kind of part; effects with unit and bounds."""
+    assert cli.call(["list", kind, "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert list(found) == [kind]
+    assert word in json.dumps(found)

@@ -118,7 +118,7 @@ def test_the_next_policy_trains_in_the_nominal_engine(told):
 def test_what_is_known_is_not_found_again(log, tmp_path, capfd):
     """Say none where the nominal world has the effect."""
     words = ["diagnose", str(log), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
-    assert cli.call([*words, "--effects-known", "backlash=1deg@J3"]) == 0
+    assert cli.call([*words, "--known-effects", "backlash=1deg@J3"]) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["none"]
     assert found["effects"] is None and found["magnitudes"] == []
@@ -310,7 +310,7 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
         ([str(tmp_path / "absent")], "no log folder"),
         ([str(cut)], "is incomplete"),
         ([str(log), "--nominal", "mujoc"], "Did you mean 'mujoco'?"),
-        ([str(log), "--effects-known", "backlash=99deg"], "out of range: 0 to 10 deg"),
+        ([str(log), "--known-effects", "backlash=99deg"], "out of range: 0 to 10 deg"),
     ):
         assert cli.call(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         assert said in capfd.readouterr().err

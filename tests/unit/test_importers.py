@@ -56,22 +56,22 @@ def bam(folder: Path, gain: int = 400, name: str = "a", **changes: object) -> Pa
     return path
 
 
-def play_test(folder: Path) -> Path:
-    """Two coupled servos, the second facing the first; puller 3 pulls, then puller 4."""
+def play_test(folder: Path, tested: tuple[str, str] = ("1", "2")) -> Path:
+    """Two coupled servos, the second facing the first; one puller pulls, then the other."""
     rows = 60
-    stretch = {"3": np.zeros(rows), "4": np.zeros(rows)}
-    stretch["3"][20:30], stretch["4"][40:50] = 1.0, 0.5
-    start, end = {"3": 1747, "4": 2347}, {"3": 2147, "4": 1947}
+    below, above = np.zeros(rows), np.zeros(rows)
+    below[20:30], above[40:50] = 1.0, 0.5
     turn = np.r_[-100 * np.ones(5), np.zeros(rows - 5)]
     stamps = pd.Timestamp("2025-11-12T09:53:06.000Z") + pd.to_timedelta(0.1 * np.arange(rows), "s")
     table = {"timestamp": [s.isoformat().replace("+00:00", "Z") for s in stamps]}
-    for servo, facing in (("1", 1), ("2", -1)):
+    for servo, facing in zip(tested, (1, -1), strict=True):
         table[f"target pos ({servo})"] = 2047 + facing * turn
-        table[f"pos ({servo})"] = 2047 + facing * (0.9 * turn + 5 * stretch["4"])
-    for servo, share in stretch.items():
-        way = end[servo] - start[servo]
-        table[f"target pos ({servo})"] = start[servo] + way * (share > 0)
-        table[f"pos ({servo})"] = start[servo] + way * share
+        table[f"pos ({servo})"] = 2047 + facing * (0.9 * turn + 5 * above)
+    pullers = [servo for servo in "1234" if servo not in tested]
+    ways = ((1747, 400, below), (2347, -400, above))
+    for servo, (rest, way, share) in zip(pullers, ways, strict=True):
+        table[f"target pos ({servo})"] = rest + way * (share > 0)
+        table[f"pos ({servo})"] = rest + way * share
     table = pd.DataFrame(table)
     table.loc[0, [c for c in table if c.startswith("pos")]] = np.nan
     path = folder / "test.csv"
@@ -132,6 +132,16 @@ def test_play_test_pushes_both_servos_alike(tmp_path):
     assert log.dt_s(0) == pytest.approx(0.1)
 
 
+def test_any_servo_may_pull(tmp_path):
+    """Know the servos that pull by where they rest, and leave out one that never answered."""
+    table = pd.read_csv(play_test(tmp_path, tested=("3", "4")))
+    table["target pos (5)"], table["pos (5)"] = np.nan, np.nan
+    table.to_csv(tmp_path / "test.csv", index=False)
+    (log,) = load("play-test", tmp_path).values()
+    assert log.joints == ("servo3", "servo4")
+    assert log.signal("push", 0)[19:29, 0] == pytest.approx(-0.3 * 9.80665 * 0.1 / 2)
+
+
 @pytest.mark.parametrize(("kind", "make"), [("emps", emps), ("bam", bam), ("play-test", play_test)])
 def test_mechanisms_compile_and_name_their_joints(tmp_path, kind, make):
     """Give a model that an engine takes, with the logged joints and one drive each."""
@@ -174,7 +184,11 @@ def test_garbled_entries_are_refused(tmp_path):
 
 @pytest.mark.parametrize(
     ("kind", "folder", "logs", "samples"),
-    [("emps", "emps", 1, 24841), ("bam", "bam_xl330", 4, 14910), ("play-test", "robonine", 2, 546)],
+    [
+        ("emps", "emps", 1, 24841),
+        ("bam", "bam_xl330", 4, 14910),
+        ("play-test", "robonine", 5, 1665),
+    ],
 )
 def test_real_recordings_come_in_clean(tmp_path, capfd, kind, folder, logs, samples):
     """Import what was recorded on hardware, without a warning."""
@@ -232,9 +246,9 @@ EXCITE = ["excite", "--joints", "a,b"]
         ([*EXCITE, "--range=0:1m,0:1rad"], "mixes angles and lengths"),
         ([*EXCITE, "--range=0:1m,0:1m,0:1m"], "3 entries for 2 joints"),
         ([*EXCITE, "--range=0:1m", "--protocol", "push"], "needs --limit"),
-        ([*EXCITE, "--range=0:1m", "--limit", "-1"], "--limit is -1"),
+        ([*EXCITE, "--range=0:1m", "--limit", "-1N"], "--limit is '-1N'"),
         ([*EXCITE, "--range=0:1m", "--protocol", "grasp"], "some of steps, triangle"),
-        ([*EXCITE, "--range=0:1m", "--rate", "5"], "--rate is 5; allowed: 20 to 1000"),
+        ([*EXCITE, "--range=0:1m", "--rate", "5Hz"], "--rate is 5 Hz; allowed: 20 to 1000"),
         (["excite", "--joints", "a,a", "--range=0:1m"], "different names"),
         (["excite", "--range=0:1m"], "without --joints"),
         (["import", "emp", "x"], "Did you mean 'emps'?"),
@@ -253,7 +267,7 @@ def test_bad_usage_exits_2_and_writes_nothing(tmp_path, capfd, arguments, words)
 def test_excite_writes_what_a_log_can_be_made_of(tmp_path, capfd):
     """Write commands in the log's own column names: with positions beside them they are a log."""
     out = tmp_path / "commands.csv"
-    asked = [*EXCITE, "--range=-60:60deg", "--limit", "3", "--out", str(out), "--json"]
+    asked = [*EXCITE, "--range=-60:60deg", "--limit", "3Nm", "--out", str(out), "--json"]
     assert cli.call(asked) == 0
     result = json.loads(capfd.readouterr().out)
     table = pd.read_csv(out)
@@ -274,14 +288,14 @@ def test_excite_replaces_no_file(tmp_path, capfd):
     out = tmp_path / "samples.csv"
     out.write_text("mine")
     assert cli.call([*EXCITE, "--range=0:1m", "--protocol", "steps", "--out", str(out)]) == 2
-    assert "samples.csv exists; choose another file" in capfd.readouterr().err
+    assert "samples.csv exists; choose another --out" in capfd.readouterr().err
     assert out.read_text() == "mine"
 
 
 def test_excite_moves_linear_joints_one_at_a_time(tmp_path):
     """Name metres and newtons, and give every joint its own episode."""
     out = tmp_path / "commands.csv"
-    asked = [*EXCITE, "--range=0:20mm,-5:5mm", "--limit", "9", "--one-at-a-time"]
+    asked = [*EXCITE, "--range=0:20mm,-5:5mm", "--limit", "9N", "--one-at-a-time"]
     assert cli.call([*asked, "--protocol", "push", "--out", str(out)]) == 0
     table = pd.read_csv(out)
     for moved, held, number in (("a", "b", 0), ("b", "a", 1)):

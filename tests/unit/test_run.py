@@ -13,6 +13,9 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
+from backends import trx
+from baselines.saved import PolicyError, SavedPolicy
+from benchmark import registry
 from benchmark.cli import app as cli
 from benchmark.registry import ROOT
 from benchmark.run_folder import RunFolder
@@ -170,12 +173,77 @@ def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
     assert json.loads((out / "eval.json").read_text())["tracked"] == row["tracked"]
 
 
-def test_policy_and_observation_that_do_not_fit_are_refused(finished, capfd):
+def test_eval_takes_fewer_episodes(finished, capfd):
+    """Evaluate the first of the fixed episodes alone."""
+    assert cli.call(["eval", str(finished), "--episodes", "2", "--json"]) == 0
+    assert json.loads(capfd.readouterr().out)["episodes"] == 2
+
+
+@pytest.mark.parametrize("algo", ["sb3-ppo", "rsl-ppo"])
+def test_training_starts_from_a_saved_policy(finished, algo, tmp_path, capfd):
+    """Begin with the policy's own actions; a learning rate of almost nothing leaves them so."""
+    words = [*SMOKE, "--backend", "mujoco", "--algo", algo, "--from", str(finished)]
+    words += ["--set", "lr=1e-12", "--set", "target_kl=1e9", "--steps", "512"]
+    assert cli.call([*words, "--out", str(tmp_path / "tuned")]) == 0
+    row = json.loads(capfd.readouterr().out)
+    before = json.loads((finished / "run.json").read_text())["scores"]
+    assert row["tracked"] == pytest.approx(before["tracked"], abs=0.03)
+    assert row["p_err_cm"] == pytest.approx(before["p_err_cm"], abs=0.1)
+    kept = json.loads((tmp_path / "tuned/run.json").read_text())
+    assert kept["spec"]["overrides"] == {"lr": 1e-12, "target_kl": 1e9}
+    assert kept["hyperparameters"]["lr"] == 1e-12
+    assert kept["hyperparameters"]["gamma"] == 0.99
+    assert kept["spec"]["start_sha256"] is not None
+
+
+def test_a_run_file_is_a_configuration(finished, tmp_path, capfd):
+    """Repeat a run from its own run.json, and change one setting on the command line."""
+    words = ["run", "--config", str(finished / "run.json"), "--workers", "2", "--json"]
+    assert cli.call([*words, "--out", str(finished)]) == 0
+    first = json.loads(capfd.readouterr().out)
+    assert cli.call([*words, "--out", str(tmp_path / "other"), "--seed", "5", "--dry-run"]) == 0
+    plan = json.loads(capfd.readouterr().out)["would_run"]
+    assert plan["seed"] == 5
+    assert {**plan, "seed": 0} == json.loads((finished / "run.json").read_text())["spec"]
+    assert first["status"] == "done"
+
+
+def test_settings_stand_in_a_yaml_file(tmp_path, capfd):
+    """Read settings as they are typed, hyperparameters among them."""
+    file = tmp_path / "run.yaml"
+    file.write_text("backend: mujoco\ntask: line\nradius: 3cm\nset: {lr: 0.001}\n")
+    words = ["run", "--config", str(file), "--dry-run", "--json", "--workers", "1"]
+    assert cli.call(words) == 0
+    plan = json.loads(capfd.readouterr().out)["would_run"]
+    assert plan["radius_m"] == pytest.approx(0.03)
+    assert plan["overrides"] == {"lr": 0.001}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--set", "lr"], "allowed: KEY=VALUE"),
+        (["--set", "lrr=1"], "Did you mean 'lr'?"),
+        (["--set", "lr=-1"], "--set lr is -1; allowed: greater than 0"),
+        (["--set", "lr=quick"], "--set lr is 'quick'"),
+        (["--set", "lr=1", "--algo", "random"], "random does not learn"),
+        (["--from", "absent"], "no run folder at absent"),
+        (["--config", "absent.yaml"], "no file of settings at absent.yaml"),
+    ],
+)
+def test_bad_learner_settings_are_refused(words, said, capfd):
+    """Name the hyperparameter, the value and what is allowed."""
+    assert cli.call(["run", "--backend", "mujoco", "--task", "line", *words]) == 2
+    assert said in capfd.readouterr().err
+
+
+def test_policy_and_observation_that_do_not_fit_are_refused(finished):
     """Name both layouts when a policy is asked to act on another observation."""
-    assert cli.call(["eval", str(finished), "--observation", "pose"]) == 2
-    err = capfd.readouterr().err
-    assert "contact_center (9)" in err
-    assert "stick_axis (3)" in err
+    pose = registry.load("observation", "pose")(trx.HAND)
+    with pytest.raises(PolicyError) as refused:
+        SavedPolicy(finished, pose)
+    assert "contact_center (9)" in str(refused.value)
+    assert "stick_axis (3)" in str(refused.value)
 
 
 @pytest.mark.parametrize(

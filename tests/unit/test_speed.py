@@ -241,7 +241,7 @@ def test_a_world_takes_under_a_megabyte() -> None:
 
 def measured(*arguments: str) -> list[str]:
     """Arguments of a short measurement."""
-    return ["speed", "--backend", "mujoco", "--workers", "1", "--seconds", "0.1", *arguments]
+    return ["speed", "--backend", "mujoco", "--workers", "1", "--duration", "100ms", *arguments]
 
 
 def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
@@ -292,7 +292,7 @@ def test_dropped_stick_is_no_measurement(monkeypatch, capfd) -> None:
     slippery = dataclasses.replace(spec, stick=dataclasses.replace(spec.stick, friction=0.01))
     monkeypatch.setattr(speed, "training_worlds", lambda run, segment: [slippery] * run.worlds)
     arguments = measured("--worlds", "2")
-    arguments[arguments.index("0.1")] = "1"
+    arguments[arguments.index("100ms")] = "1s"
     assert cli.call(arguments) == 1
     assert "of the fingertips held the stick" in capfd.readouterr().err
 
@@ -312,7 +312,7 @@ def test_more_than_the_memory_is_refused() -> None:
         (["--worlds", "0"], "--worlds is 0; allowed: 1 to"),
         (["--worlds", "4,x"], "--worlds is 'x'"),
         (["--workers", "100000"], "--workers is 100000; allowed: 1 to"),
-        (["--seconds", "nan"], "allowed: 0.1 to 600"),
+        (["--duration", "nans"], "allowed: 0.1 to 600"),
         (["--seed", "-1"], "--seed is -1"),
     ],
 )

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark import _cell, quantities
+from benchmark import _cell
 from benchmark._cell import Cell, finished, run_cell
 from benchmark._estimate import START_S, Rates, makespan
 from benchmark._grid import Settings, read_grid
@@ -85,9 +85,10 @@ def states(found: dict) -> dict[str, str]:
 
 def test_cells_take_the_options_of_bench_run():
     """Offer every option of `bench run` that decides its result, and no other."""
-    elsewhere = {"out", "resume", "force", "dry_run", "workers", "as_json"}
-    options = inspect.signature(cli.run).parameters.keys() - elsewhere
-    assert Settings.model_fields.keys() == options
+    elsewhere = {"out", "resume", "force", "dry_run", "workers", "config", "start"}
+    shared = {"as_json", "verbose", "quiet"}
+    options = inspect.signature(cli.run).parameters.keys() - elsewhere - shared
+    assert Settings.model_fields.keys() == options - {"overrides"} | {"set"}
 
 
 def test_a_grid_is_the_product_of_its_lists(tmp_path):
@@ -121,15 +122,21 @@ def test_shipped_grids_are_valid(file):
         ("gird: {seed: [0]}", "Did you mean 'grid'?"),
         ("grid: {sed: [0]}", "Did you mean 'seed'?"),
         ("grid: {seed: []}", "grid.seed is []; allowed: "),
-        ("grid: {seed: [0, x]}", "grid.seed.1 is 'x'; allowed: a valid integer"),
+        ("grid: {seed: [0, x]}", "grid.seed.1: --seed is 'x'; allowed: a whole"),
         ("cells: [{backend: mujoco, task: line, calibration: absent.yaml}]", "absent.yaml"),
         ("grid: {calibration: [3]}", "grid.calibration.0 is 3; allowed: "),
-        ("grid: {smoke: [yes, 2]}", "grid.smoke.1 is 2; allowed: a valid boolean"),
-        ("defaults: {speed: .nan}\ncells: [{}]", "defaults.speed is nan; allowed: "),
+        ("grid: {smoke: [yes, 2]}", "grid.smoke.1: --smoke is 2; allowed: true or false"),
+        (
+            "defaults: {speed: .nan}\ncells: [{}]",
+            "defaults.speed: --speed is nan; allowed: 0.05 to 5",
+        ),
         ("cells: [{backend: mujoco}]", "task is missing (required)"),
         ("cells: [{backend: bulet, task: line}]", "Did you mean 'bullet'?"),
         ("cells: [{backend: mujoco, task: line, steps: x}]", "--steps is 'x'; allowed: a whole"),
-        ("cells: [{backend: mujoco, task: line, radius: 9cm}]", "--radius is 9; allowed: 0.1 to 5"),
+        (
+            "cells: [{backend: mujoco, task: line, radius: 9cm}]",
+            "--radius is 9 cm; allowed: 0.1 to 5",
+        ),
         ("cells: [{backend: mujoco, task: line}]\ntime_limit: 3", "time_limit is 3; allowed: "),
         ("cells: [{backend: mujoco, task: line}]\ntime_limit: 0s", "allowed: a time above 0"),
         ("cells: [{backend: mujoco, task: line}]\nslurm: {cpus: 0}", "slurm.cpus is 0; allowed: "),
@@ -156,12 +163,23 @@ def test_absent_grid_and_stray_partition_are_refused(tmp_path, capfd):
 
 
 @pytest.mark.parametrize(("text", "value"), [("2h", 7200), ("1.5min", 90), ("3 S", 3)])
-def test_times_are_read_with_their_unit(text, value):
+def test_times_are_read_with_their_unit(tmp_path, text, value):
     """Convert to seconds, and refuse what is no time above 0."""
-    assert quantities.duration_s(text, "time") == value
+    cells = "cells: [{backend: mujoco, task: line}]\ntime_limit: "
+    assert read_grid(write(tmp_path, cells + text)).time_limit_s == value
     for bad in (text + "x", "-" + text, "0s", "nans", "infh"):
-        with pytest.raises(UsageError, match="a time above 0"):
-            quantities.duration_s(bad, "time")
+        with pytest.raises(UsageError, match="time_limit is"):
+            read_grid(write(tmp_path, cells + bad))
+
+
+def test_a_cell_takes_hyperparameters(tmp_path):
+    """Give a cell's settings of the learner to its run, one word each."""
+    text = "cells: [{backend: mujoco, task: line, start_spread: 0.5, set: {lr: 0.001, gamma: 0.9}}]"
+    (choice,) = read_grid(write(tmp_path, text)).choices
+    assert choice.spec.overrides == {"lr": 0.001, "gamma": 0.9}
+    words = _cell.Cell(options=choice.options, spec=choice.spec, out=tmp_path).command(1)
+    assert words[words.index("--start-spread") + 1] == "0.5"
+    assert [w for w in words if w.startswith(("lr=", "gamma="))] == ["lr=0.001", "gamma=0.9"]
 
 
 @pytest.fixture(scope="module")

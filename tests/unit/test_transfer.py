@@ -33,7 +33,7 @@ SHARED = {
     },
     **{"hand": "trx", "smoke": False, "held": 1.0, "p_err_cm": 1.0, "q_err_deg": 2.0},
 }
-TRANSFER = ["--smoke-too", "--episodes", "8", "--workers", "1", "--json"]
+TRANSFER = ["--include-smoke", "--episodes", "8", "--workers", "1", "--json"]
 
 
 def scores(tracked, policy: str, deploy: str, floor: bool = False, train: str = HOME):
@@ -195,7 +195,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_matrix_of_real_runs(runs, tmp_path, capfd):
     """Evaluate in every world, keep every episode, and not evaluate again what is there."""
-    arguments = ["transfer", str(runs), "--deploy", "mujoco", "--out", str(tmp_path), *TRANSFER]
+    arguments = ["transfer", str(runs), "--backend", "mujoco", "--out", str(tmp_path), *TRANSFER]
     assert cli.call(arguments) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["status"] == "done" and found["reference"] == "mujoco built"
@@ -228,7 +228,14 @@ def test_matrix_of_real_runs(runs, tmp_path, capfd):
 
 def test_noise_floor_starts_elsewhere(runs, tmp_path, capfd):
     """Evaluate the floor in the same world from other initial states."""
-    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
+    arguments = [
+        "transfer",
+        str(runs / "hold-still-0"),
+        "--backend",
+        "mujoco",
+        "--effects",
+        "built",
+    ]
     assert cli.call([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
     episodes = pd.read_parquet(tmp_path / "episodes.parquet")
     home, floor = (episodes[episodes["floor"] == flag]["q_err_deg"].to_numpy() for flag in (0, 1))
@@ -241,7 +248,7 @@ def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
     arguments = [
         "transfer",
         str(runs / "hold-still-0"),
-        "--deploy",
+        "--backend",
         "bullet",
         "--out",
         str(tmp_path),
@@ -256,7 +263,14 @@ def test_worlds_may_be_any_engine_and_effects(runs, tmp_path, capfd):
 
 def test_settings_are_worlds_too(runs, tmp_path, capfd):
     """Deploy a policy under other paces, sizes and figures, beside the one it knows."""
-    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", "built"]
+    arguments = [
+        "transfer",
+        str(runs / "hold-still-0"),
+        "--backend",
+        "mujoco",
+        "--effects",
+        "built",
+    ]
     asked = ("radius=3cm,speed=0.5", "stick=steel", "task=eight", "task=line")
     settings = [part for text in asked for part in ("--setting", text)]
     assert cli.call([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
@@ -280,7 +294,7 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
         ("speed", "allowed: task=..., radius=..."),
         ("speed=fast", "'fast'; allowed: a number such as 0.5"),
         ("speed=99", "allowed"),
-        ("radius=3", "allowed: a length"),
+        ("radius=3", "allowed: a number with its unit"),
         ("stick=stele", "no stick named 'stele'"),
         ("task=cirle", "no task named 'cirle'"),
     ],
@@ -296,7 +310,7 @@ def test_what_is_no_setting_is_refused(text, said, runs, tmp_path, capfd):
 def test_equal_worlds_have_one_name(runs, tmp_path, capfd):
     """Know the train world again when its effects are written out."""
     text = "backlash=1deg,self-lock=10Nm"
-    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco", "--effects", text]
+    arguments = ["transfer", str(runs / "hold-still-0"), "--backend", "mujoco", "--effects", text]
     assert cli.call([*arguments, "--out", str(tmp_path), *TRANSFER]) == 0
     found = json.loads(capfd.readouterr().out)
     assert [row["deploy"] for row in found["matrix"]] == [f"mujoco {text}"]
@@ -308,7 +322,7 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
         "import sys; sys.modules['pybullet'] = None\n"
         "from benchmark.cli import app; sys.exit(app.call(sys.argv[1:]))"
     )
-    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco,bullet"]
+    arguments = ["transfer", str(runs / "hold-still-0"), "--backend", "mujoco,bullet"]
     arguments += ["--effects", "built", "--out", str(tmp_path), *TRANSFER]
     done = subprocess.run(
         [sys.executable, "-c", code, *arguments], capture_output=True, text=True, check=False
@@ -324,8 +338,8 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
     ("arguments", "words"),
     [
         (["absent"], "no run folder at absent"),
-        (["RUNS"], "is a smoke run; --smoke-too takes it"),
-        (["RUNS", "--deploy", "mujoco,bulet"], "Did you mean 'bullet'?"),
+        (["RUNS"], "is a smoke run; --include-smoke takes it"),
+        (["RUNS", "--backend", "mujoco,bulet"], "Did you mean 'bullet'?"),
         (["RUNS", "--effects", "built,nome"], "Did you mean 'none'?"),
         (["RUNS", "--effects", "none,backlash=1deg"], "'none' stands beside other effects"),
         (["RUNS", "--episodes", "1"], "--episodes is 1; allowed: 2 to 10000"),
@@ -343,7 +357,7 @@ def test_bad_input_is_refused(runs, arguments, words, tmp_path, capfd):
 
 def test_a_damaged_evaluation_is_reported(runs, tmp_path, capfd):
     """Name the file that cannot be read, leave its place open, and fail where nothing is left."""
-    arguments = ["transfer", str(runs / "hold-still-0"), "--deploy", "mujoco"]
+    arguments = ["transfer", str(runs / "hold-still-0"), "--backend", "mujoco"]
     arguments += ["--out", str(tmp_path), *TRANSFER]
     assert cli.call(arguments) == 0
     home = pd.read_parquet(runs / "hold-still-0/episodes.parquet")

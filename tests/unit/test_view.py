@@ -279,9 +279,9 @@ def test_several_runs_make_curves_only(folder: Path, tmp_path: Path) -> None:
     ("options", "says"),
     [
         (["--kind", "hnad"], "no kind of picture named 'hnad'; known: curve, figure, hand,"),
-        (["--time", "1"], "--kind hand"),
+        (["--time", "1s"], "--kind hand"),
         (["--kind", "curve", "--episodes", "2"], "--kind curve replays nothing"),
-        (["--kind", "hand", "--time", "7"], "allowed: 0.02 to 6"),
+        (["--kind", "hand", "--time", "7s"], "allowed: 0.02 to 6"),
         (["--episodes", "0"], "allowed: 1 to 100"),
         (["--backend", "mujco"], "Did you mean 'mujoco'?"),
     ],
