@@ -396,7 +396,7 @@ def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
     """Commands that use the effects of the corrected world, and what each does."""
     if text is None:
         return {}
-    further = {f"bench diagnose {settings.words} --effects-known {text}": "diagnose what is left"}
+    further = {f"bench diagnose {settings.words} --known-effects {text}": "diagnose what is left"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
     train = f"bench run --backend {settings.nominal} --task circle --effects {text}"

@@ -203,7 +203,7 @@ def healthy(
                 f"healthy log {k // limbs + 1} of {len(logs)} leaves {gap_there:.1f} times the "
                 f"noise floor on {', '.join(every[k].joints)} with the nominal parameters "
                 f"refitted; allowed: up to {rules().sound_gap:g}. What excuses that excuses "
-                "any effect: diagnose that log first, and name what it finds with --effects-known"
+                "any effect: diagnose that log first, and name what it finds with --known-effects"
             )
     sounds = [one.sound or Sound() for one in found]
     return tuple(worst(sounds[k::limbs]) for k in range(limbs))

@@ -83,6 +83,8 @@ def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
         table = pd.read_csv(path)
         time = pd.to_datetime(table["timestamp"], format="ISO8601")
         named = [c[5:-1] for c in table.columns if c.startswith("pos (")]
+        if not named:
+            raise KeyError("pos (1)")
         servos = [servo for servo in named if table[f"pos ({servo})"].notna().any()]
         needed = [f"{what} ({s})" for s in servos for what in ("target pos", "pos")]
         table = table.assign(t_s=(time - time[0]).dt.total_seconds()).astype(

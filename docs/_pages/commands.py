@@ -21,9 +21,8 @@ def pages() -> dict[str, str]:
 
 
 def _app() -> Any:
-    """The program's app, whether it stands in `benchmark.cli` or in its module `app`."""
-    app = importlib.import_module("benchmark.cli").app
-    return getattr(app, "app", app)
+    """The program's app."""
+    return importlib.import_module("benchmark.cli.app").app
 
 
 def _commands(group: Any, words: tuple[str, ...], panel: str = "") -> Iterator[tuple]:

@@ -22,7 +22,7 @@ PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests
 KINDS = ("effect", "task", "observation", "learner", "backend")
 MOST_LINES = 10
 """Of code, without docstrings and comments."""
-_BENCH = "from benchmark.cli import main; main()"
+_BENCH = "from benchmark.cli.app import main; main()"
 _BLOCK = re.compile(r"^```(?:python|xml|yaml)\n(?:# |<!-- )(\S+)[^\n]*\n(.*?)^```$", re.M | re.S)
 _COMMAND = re.compile(r"^    ((?:bench|pytest) .*)$", re.M)
 
