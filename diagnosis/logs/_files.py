@@ -16,7 +16,14 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import yaml
 
-from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, dump_meta, parse_meta
+from diagnosis.logs._meta import (
+    EpisodeMeta,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    dump_meta,
+    parse_meta,
+)
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
@@ -36,6 +43,7 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
         raise LogError(f"{folder} has {has}; allowed: exactly one of them")
     odd: list[str] = []
     samples = _parquet(found[0]) if found[0].name == PARQUET_FILE else _csv(found[0], odd)
+    meta, samples = _with_protocols(meta, samples)
     return meta, samples, _mjcf(folder, meta), tuple(odd)
 
 
@@ -74,6 +82,33 @@ def write(
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame]:
+    """Episodes from the samples' own column `protocol`, as `bench excite` writes it.
+
+    Raises LogError where an episode has several protocols, or another in log.yaml.
+    """
+    if "protocol" not in samples.columns:
+        return meta, samples
+    numbers = samples["episode"] if "episode" in samples.columns else pd.Series(0, samples.index)
+    declared = {one.episode: one for one in meta.episodes}
+    for number, names in samples["protocol"].groupby(numbers):
+        said = {str(name) for name in names.unique()}
+        given = declared.get(int(str(number)))
+        if given is not None and given.protocol != "free":
+            said.add(given.protocol)
+        if len(said) > 1:
+            raise LogError(
+                f"episode {number} has the protocols {', '.join(sorted(said))}; name one of them, "
+                "in the column 'protocol' or in log.yaml"
+            )
+        note = None if given is None else given.note
+        declared[int(str(number))] = EpisodeMeta(
+            episode=int(str(number)), protocol=said.pop(), note=note
+        )
+    episodes = tuple(declared[number] for number in sorted(declared))
+    return meta.model_copy(update={"episodes": episodes}), samples.drop(columns="protocol")
 
 
 def check_target(folder: Path, form: str, force: bool = False) -> None:

@@ -94,6 +94,23 @@ def test_what_is_written_comes_back(tmp_path, form):
     assert back.stick(3).shape == (300, 7)
 
 
+def test_the_protocol_may_stand_in_the_samples(write):
+    """Take the protocol of each episode from the column that `bench excite` writes."""
+    samples = pd.concat([table(), table()], ignore_index=True)
+    samples["episode"] = np.repeat([0, 1], len(table()))
+    samples["protocol"] = np.repeat(["steps", "multisine"], len(table()))
+    log = read_log(write(samples))
+    assert [(e.episode, e.protocol) for e in log.episodes] == [(0, "steps"), (1, "multisine")]
+    assert "protocol" not in log.samples
+
+
+def test_an_episode_has_one_protocol(write):
+    """Refuse an episode whose samples name another protocol than log.yaml does."""
+    samples = table().assign(protocol="steps")
+    with pytest.raises(LogError, match="episode 0 has the protocols push, steps; name one"):
+        read_log(write(samples, episodes=[{"episode": 0, "protocol": "push"}]))
+
+
 def test_forms_hold_the_same(tmp_path):
     """Write a log that was read from CSV as the same parquet file."""
     write_log(full_log(), tmp_path / "a")
