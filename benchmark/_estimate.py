@@ -54,7 +54,7 @@ def measure(specs: Sequence[RunSpec]) -> Rates:
         except CommandError as error:
             problems[spec.backend] = str(error)
     fast = sorted(
-        (s for s in specs if s.backend in rates and registry.load("algorithm", s.algo).trains),
+        (s for s in specs if s.backend in rates and registry.load("algo", s.algo).trains),
         key=lambda spec: -rates[spec.backend],
     )
     learning = {
@@ -84,7 +84,7 @@ def _learning_s(spec: RunSpec) -> float:
     """Wall time of one training iteration outside the environment, per environment step [s]."""
     env = make_env(spec, training_worlds(spec, 0), seed=0, workers=1)
     try:
-        kind = registry.load("algorithm", spec.algo)
+        kind = registry.load("algo", spec.algo)
         settings = kind.hyperparameters(**spec.overrides)
         learner = kind(env, 0, settings)
         simulated = _time_steps(env)

@@ -31,9 +31,7 @@ _PROBES = {
         "env = make_env(run, [run.world()], 0, 1); env.reset();"
         "env.step([[0.0] * env.action_width]); env.close()"
     ),
-    "algorithm": (
-        "import sys; from benchmark import registry; registry.load('algorithm', sys.argv[1])"
-    ),
+    "algo": ("import sys; from benchmark import registry; registry.load('algo', sys.argv[1])"),
 }
 
 

@@ -143,7 +143,7 @@ def _policy(world: World, spec: Spec) -> Policy:
     if (folder / POLICY_FILE).exists():
         act = SavedPolicy(folder, observation)
     else:
-        act = registry.load("algorithm", run.algo)(len(spec.hand.driven), run.seed)
+        act = registry.load("algo", run.algo)(len(spec.hand.driven), run.seed)
     return Policy(task=task, observation=observation, act=act)
 
 

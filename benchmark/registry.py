@@ -16,7 +16,7 @@ _KINDS = {
     "backend": ("backends", "Backend"),
     "task": ("tasks", "Task"),
     "observation": ("tasks/observations", "Observation"),
-    "algorithm": ("baselines", "Baseline"),
+    "algo": ("baselines", "Baseline"),
     "effect": ("backends/effects", "Effect"),
     "importer": ("diagnosis/importers", "Importer"),
 }

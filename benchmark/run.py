@@ -50,7 +50,7 @@ def run(
         _copy_start(start, path)
     try:
         registry.load("backend", spec.backend)
-        baseline = registry.load("algorithm", spec.algo)
+        baseline = registry.load("algo", spec.algo)
     except CommandError as error:
         folder.write_run("skipped", str(error))
         raise
@@ -143,7 +143,7 @@ def deploy(spec: RunSpec, policy: Path, workers: int, **options: Any) -> Episode
 def _actor(spec: RunSpec, policy: Path, env: BatchEnv) -> Callable[[Array], Array]:
     if (policy / POLICY_FILE).exists():
         return SavedPolicy(policy, env.observation)
-    baseline = registry.load("algorithm", spec.algo)
+    baseline = registry.load("algo", spec.algo)
     if baseline.trains:
         raise PolicyError(f"{policy} has no {POLICY_FILE}: its training has not finished")
     return baseline(env.action_width, spec.seed)

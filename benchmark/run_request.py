@@ -70,7 +70,7 @@ def checked_overrides(algo: str, overrides: Mapping[str, Any]) -> dict[str, Any]
     """The hyperparameters that differ from the learner's own, as plain data; raises UsageError."""
     if not overrides:
         return {}
-    hyperparameters = registry.load("algorithm", algo).hyperparameters
+    hyperparameters = registry.load("algo", algo).hyperparameters
     if hyperparameters is None:
         raise UsageError(f"--set gives {', '.join(overrides)}, but {algo} does not learn")
     plain = asdict(hyperparameters())

@@ -31,7 +31,7 @@ class RunSpec:
     backend: str = setting("Physics engine that simulates.", Name("backend"))
     task: str = setting("Figure that the stick's lower end draws.", Name("task"))
     observation: str = setting("What the policy sees.", Name("observation"), "contact-centers")
-    algo: str = setting("Learner, or scripted baseline.", Name("algorithm"), "sb3-ppo")
+    algo: str = setting("Learner, or scripted baseline.", Name("algo"), "sb3-ppo")
     hand: str = "trx"
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
     effects: str = setting(

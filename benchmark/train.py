@@ -36,7 +36,7 @@ class Training:
         report: Callable[[Progress, int], None],
     ) -> None:
         self._run, self._folder, self._workers, self._report = run, folder, workers, report
-        self._learner_class = registry.load("algorithm", run.algo)
+        self._learner_class = registry.load("algo", run.algo)
         self._settings = self._learner_class.hyperparameters(**run.overrides)
         self._per_iteration: int = self._learner_class.steps_per_iteration(
             run.worlds, self._settings
