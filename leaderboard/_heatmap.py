@@ -1,8 +1,7 @@
 """The transfer matrix as a picture: a panel per kind of policy, a row per train world."""
 
 import math
-from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -19,10 +18,10 @@ DARK = 0.55
 """Shades above this carry dark text."""
 
 
-def draw_heatmap(matrix: pd.DataFrame, path: Path) -> None:
-    """Write the matrix as a PNG file, see `heatmap`."""
+def draw_heatmap(matrix: pd.DataFrame, file: IO[bytes]) -> None:
+    """Write the matrix as PNG, see `heatmap`."""
     about = {"Title": TITLE, "Source": "bench transfer"}
-    heatmap(matrix).savefig(path, format="png", dpi=110, metadata=about)
+    heatmap(matrix).savefig(file, format="png", dpi=110, metadata=about)
 
 
 def heatmap(matrix: pd.DataFrame) -> Figure:

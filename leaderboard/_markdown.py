@@ -6,6 +6,7 @@ from typing import Any
 
 import pandas as pd
 
+from leaderboard._grid import grid
 from leaderboard._wording import (
     COMPARING,
     MADE_BY,
@@ -139,13 +140,17 @@ def _problems(problems: Sequence[str]) -> list[str]:
 
 
 def _grid(head: Sequence[str], cells: Iterable[Sequence[str]]) -> str:
-    lines = [list(head), ["---"] * len(head), *([_escape(cell) for cell in row] for row in cells)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+    return grid(head, [[_shown(cell) for cell in row] for row in cells])
 
 
 def _escape(text: str) -> str:
     """Text that Markdown shows as it is, on one line, also inside a table."""
-    for mark in ("\\", "|", "<", "`", "*"):
+    return _shown(text).replace("|", "\\|")
+
+
+def _shown(text: str) -> str:
+    """The same outside of tables, where a bar means nothing."""
+    for mark in ("\\", "<", "`", "*"):
         text = text.replace(mark, "\\" + mark)
     return " ".join(text.split())
 

@@ -1,17 +1,19 @@
 """The files of a transfer matrix, each written whole or not at all."""
 
-import os
+import io
+import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pandas as pd
 
 from leaderboard._heatmap import draw_heatmap
+from leaderboard._whole import write_all
 from leaderboard.transfer import agreement, matrix
 from leaderboard.transfer_text import markdown
 
-EPISODES_FILE = "episodes.parquet"
-"""Scores of every episode: all other files are made from it."""
+EPISODES_FILE, ABOUT_FILE = "episodes.parquet", "about.json"
+"""Scores of every episode, and what else is known: all other files are made from these two."""
 
 
 def write_transfer(
@@ -21,31 +23,37 @@ def write_transfer(
 
     `reference` names the world that stands in for reality, `notes` say what is missing and why.
     """
-    table, agrees = matrix(episodes), agreement(episodes, reference)
-    text = markdown(table, agrees, reference, notes)
-    writers: dict[str, Callable[[Path], object]] = {
-        EPISODES_FILE: lambda path: episodes.to_parquet(path, index=False),
-        "matrix.parquet": lambda path: table.to_parquet(path, index=False),
-        "matrix.csv": lambda path: _csv(table, path),
-        "agreement.csv": lambda path: _csv(agrees, path),
-        "transfer.md": lambda path: path.write_text(text, encoding="utf-8", newline="\n"),
-        "heatmap.png": lambda path: draw_heatmap(table, path),
+    about = json.dumps({"reference": reference, "notes": list(notes)}, indent=2) + "\n"
+    sources = {
+        EPISODES_FILE: _bytes(lambda file: episodes.to_parquet(file, index=False)),
+        ABOUT_FILE: about.encode(),
     }
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, write in writers.items():
-        _write(folder / name, write)
-    return [folder / name for name in writers]
+    return write_all({**sources, **derived(episodes, reference, notes)}, folder)
 
 
-def _csv(table: pd.DataFrame, path: Path) -> None:
-    table.to_csv(path, index=False, float_format="%.6g", lineterminator="\n")
+def derived(episodes: pd.DataFrame, reference: str, notes: Sequence[str]) -> dict[str, bytes]:
+    """What follows from the episodes, by file name."""
+    table, agrees = matrix(episodes), agreement(episodes, reference)
+    return {
+        "matrix.parquet": _bytes(lambda file: table.to_parquet(file, index=False)),
+        "matrix.csv": _csv(table),
+        "agreement.csv": _csv(agrees),
+        "transfer.md": markdown(table, agrees, reference, notes).encode(),
+        "heatmap.png": _bytes(lambda file: draw_heatmap(table, file)),
+    }
 
 
-def _write(path: Path, write: Callable[[Path], object]) -> None:
-    """Write to a neighbour, then rename."""
-    neighbour = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        write(neighbour)
-        os.replace(neighbour, path)
-    finally:
-        neighbour.unlink(missing_ok=True)
+def read_sources(folder: Path) -> tuple[pd.DataFrame, str, list[str]]:
+    """Episodes, reference and notes of a folder that `write_transfer` wrote."""
+    about = json.loads((folder / ABOUT_FILE).read_text(encoding="utf-8"))
+    return pd.read_parquet(folder / EPISODES_FILE), about["reference"], about["notes"]
+
+
+def _csv(table: pd.DataFrame) -> bytes:
+    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
+
+
+def _bytes(write: Callable[[io.BytesIO], object]) -> bytes:
+    file = io.BytesIO()
+    write(file)
+    return file.getvalue()

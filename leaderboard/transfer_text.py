@@ -1,12 +1,13 @@
 """The transfer matrix as Markdown, and what picture and text say in the same words."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import pandas as pd
 
+from leaderboard._grid import grid, plain
 from leaderboard._wording import starts
 from leaderboard.tables import MIN_SEEDS
 from leaderboard.transfer import EPISODES_ALONE, FIGURE, IDENTITY
@@ -83,15 +84,15 @@ def markdown(
     """The whole text; `notes` say what is missing and why."""
     parts = ["# Transfer", READING]
     for panel in panels(matrix):
-        parts += [f"## {title(panel.shared)}", _grid(*cells(panel)), counts(panel)]
-        parts += [ERRORS, _grid(*error_cells(panel))]
+        parts += [f"## {title(panel.shared)}", grid(*cells(panel)), counts(panel)]
+        parts += [ERRORS, grid(*error_cells(panel))]
     parts += ["## Rank agreement", AGREEING.format(reference=reference)]
     if agreement.empty:
         parts += [f"None: no policy was deployed in `{reference}` and in another world."]
     else:
-        parts += [_grid(*agreement_cells(agreement))]
+        parts += [grid(*agreement_cells(agreement))]
     if notes:
-        parts += ["## Left out", "\n".join(f"- {_plain(note)}" for note in notes)]
+        parts += ["## Left out", "\n".join(f"- {plain(note)}" for note in notes)]
     return "\n\n".join(parts) + "\n"
 
 
@@ -167,13 +168,3 @@ def agreement_cells(agreement: pd.DataFrame) -> tuple[list[str], list[list[str]]
             ]
         )
     return ["figure", "world", "policies", "Pearson's r", "MMRV", "note"], rows
-
-
-def _grid(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    lines = [list(head), ["---"] * len(head), *([_plain(cell) for cell in row] for row in rows)]
-    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
-
-
-def _plain(text: str) -> str:
-    """Text that a cell of a table can hold."""
-    return " ".join(text.replace("|", "\\|").split())
