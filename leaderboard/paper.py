@@ -23,3 +23,30 @@ PAPER = {
     "eight": PaperRow(p_err_cm=1.16, q_err_deg=2.36),
 }
 """By task, in the paper's order, which is the order of the tables."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperSetting:
+    """A setting that the paper's circle was tested in without being trained for it."""
+
+    words: str
+    change: str
+    """The same as `--setting` of `bench transfer`."""
+    row: PaperRow
+
+
+SETTINGS = {
+    "v-": PaperSetting(
+        words="half the pace", change="speed=0.5", row=PaperRow(p_err_cm=1.19, q_err_deg=2.23)
+    ),
+    "v+": PaperSetting(
+        words="1.5 times the pace", change="speed=1.5", row=PaperRow(p_err_cm=1.41, q_err_deg=3.16)
+    ),
+    "r-": PaperSetting(
+        words="radius of 1 cm", change="radius=1cm", row=PaperRow(p_err_cm=0.85, q_err_deg=1.70)
+    ),
+    "r+": PaperSetting(
+        words="radius of 3 cm", change="radius=3cm", row=PaperRow(p_err_cm=1.61, q_err_deg=2.50)
+    ),
+}
+"""By the paper's name."""

@@ -1,0 +1,177 @@
+"""The blind check of the diagnosis: the latest scores."""
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import NamedTuple
+
+from leaderboard._grid import grid
+from leaderboard.blind.figures import BY_NAME, FIGURES
+from leaderboard.blind.score import Counted, Kind, Score
+from leaderboard.publish.kept import Kept
+from leaderboard.publish.registry import block
+from leaderboard.publish.words import SHOWN, in_order, listed, percent
+
+FRONT = ("top1", "pairs_exact", "none_accused", "unknown_recall")
+"""Figures of the front page."""
+HELD = "held"
+MOST_SPLIT = 4
+"""More sides than these share a row."""
+
+
+@block
+def blind(kept: Kept) -> str:
+    """By real side, short enough for a front page."""
+    head = ("real side", "effect right", "pair right", "nothing hidden, accused", "unknown seen")
+    rows = [
+        [row.label, *(_pooled(row.give(figure)) for figure in FRONT)]
+        for row in _rows(kept, lambda kind: not kind.healthy)
+    ]
+    return grid(head, [*rows, ["wanted", *(BY_NAME[name].wanted for name in FRONT)]])
+
+
+@block
+def blind_figures(kept: Kept) -> str:
+    """Every figure of the sets with all kinds of cases."""
+    found = list(_rows(kept))
+    head = ["", *(row.label for row in found), "wanted"]
+    rows = [["cases", *(str(row.cases) for row in found), ""]]
+    for figure in FIGURES:
+        shown = (_shown(figure.name, row.give(figure.name)) for row in found)
+        rows.append([figure.meaning, *shown, figure.wanted])
+    return grid(head, rows)
+
+
+@block
+def blind_pairs(kept: Kept) -> str:
+    """Sets of pairs alone."""
+    head = (
+        "real side",
+        "set",
+        "cases",
+        "pairs right",
+        "one of the two named",
+        "intervals that hold",
+    )
+    rows = []
+    for kind, scores in _kinds(kept, lambda kind: kind.modes == "pair"):
+        for name, score in scores.items():
+            figures = ("pairs_exact", "pairs_one", "interval_coverage")
+            counts = [_pooled([score.figure(figure)]) for figure in figures]
+            rows.append([_label(kind), name, str(score.cases), *counts])
+    return grid(head, rows)
+
+
+@block
+def blind_baselines(kept: Kept) -> str:
+    """The diagnosis beside simpler methods on the same cases."""
+    head = ("set", "method", "effect right", "nothing hidden, not `none`", "pair right")
+    rows = []
+    for _, scores in _kinds(kept, lambda kind: _split(kind) and kind.modes == "all"):
+        for name, score in list(scores.items())[-1:]:
+            for line in score.tables["baselines"]:
+                shown = (line[key] for key in ("top1", "none_false_alarm", "pairs_exact"))
+                rows.append([name, line["method"], *(f"{value:.2f}" for value in shown)])
+    return grid(head, rows)
+
+
+@block
+def blind_confidence(kept: Kept) -> str:
+    """How often verdicts of a confidence are right, over all sets of all kinds of cases."""
+    bins: dict[tuple[float, float], list[dict]] = {}
+    for _, scores in _kinds(kept, lambda kind: kind.modes == "all"):
+        for score in scores.values():
+            for line in score.tables["reliability"]:
+                if line["count"]:
+                    bins.setdefault((line["from"], line["to"]), []).append(line)
+    rows = []
+    for low, high in sorted(bins):
+        lines = bins[low, high]
+        total = sum(line["count"] for line in lines)
+        mean = sum(line["confidence"] * line["count"] for line in lines) / total
+        right = sum(round(line["value"] * line["count"]) for line in lines)
+        rows.append([f"{low:g} to {high:g}", f"{mean:.2f}", f"{right / total:.2f}", str(total)])
+    return grid(("confidence", "its mean", "share right", "verdicts"), rows)
+
+
+@block
+def blind_sets(kept: Kept) -> str:
+    """How many sets there are, and which ones are shown."""
+    lines = kept.blind_sets
+    blind_ones = [line for line in lines if line.blind]
+    cases = sum(line.cases for line in blind_ones)
+    shown = [name for scores in kept.blind_scores.values() for name in scores]
+    return (
+        f"So far {len(blind_ones)} sets with {cases:,} cases were drawn after the solver was "
+        f"frozen and solved once; {len(lines) - len(blind_ones)} more are for tuning. The tables "
+        f"show the latest of each kind: {listed([f'`{name}`' for name in sorted(shown)])}."
+    )
+
+
+class _Row(NamedTuple):
+    """A real side, or a kind of set."""
+
+    label: str
+    give: Callable[[str], list[Counted]]
+    """A figure by its name, one for each set."""
+    cases: int
+
+
+def _rows(kept: Kept, wanted: Callable[[Kind], bool] = lambda kind: True) -> Iterator[_Row]:
+    for kind, scores in _kinds(kept, lambda kind: kind.modes == "all" and wanted(kind)):
+        sets = list(scores.values())
+        if _split(kind):
+            yield from (_of_side(sets, side) for side in in_order(kind.sides))
+        else:
+            give = partial(_of_all, sets)
+            yield _Row(label=_label(kind), give=give, cases=sum(s.cases for s in sets))
+
+
+def _of_side(sets: list[Score], side: str) -> _Row:
+    cases = sum(score.cases_of_side(side) for score in sets)
+    return _Row(SHOWN.get(side, side), lambda name: [s.of_side(side, name) for s in sets], cases)
+
+
+def _of_all(sets: list[Score], name: str) -> list[Counted]:
+    return [score.figure(name) for score in sets]
+
+
+def _kinds(kept: Kept, wanted: Callable[[Kind], bool]) -> Iterator[tuple[Kind, dict[str, Score]]]:
+    """Kinds of sets: joints before the held stick, those without healthy logs first."""
+    places = {side: number for number, side in enumerate(in_order(SHOWN))}
+
+    def place(kind: Kind) -> tuple:
+        sides = sorted(places.get(side, len(places)) for side in kind.sides)
+        return kind.rig == HELD, kind.healthy, sides, kind
+
+    order = sorted(kept.blind_scores, key=place)
+    yield from ((kind, kept.blind_scores[kind]) for kind in order if wanted(kind))
+
+
+def _split(kind: Kind) -> bool:
+    """Whether the sides of a kind are shown one by one."""
+    return kind.rig != HELD and not kind.healthy and 1 < len(kind.sides) <= MOST_SPLIT
+
+
+def _label(kind: Kind) -> str:
+    if kind.rig == HELD:
+        return "stick in the hand"
+    healthy = ", healthy logs" if kind.healthy else ""
+    if len(kind.sides) > MOST_SPLIT:
+        return f"{len(kind.sides)} makes{healthy}"
+    return listed([SHOWN.get(side, side) for side in in_order(kind.sides)]) + healthy
+
+
+def _shown(name: str, found: list[Counted]) -> str:
+    """A figure of one or more sets: a share pooled, medians side by side."""
+    figure = BY_NAME[name]
+    if not figure.median:
+        return _pooled(found)
+    values = [counted.value for counted in found if counted.value is not None]
+    if figure.percent:
+        return ", ".join(percent(value) for value in values)
+    return ", ".join(f"{value:.3g}" for value in values)
+
+
+def _pooled(found: list[Counted]) -> str:
+    total = sum(counted.count for counted in found)
+    return f"{sum(counted.hits for counted in found)} of {total}" if total else ""

@@ -1,0 +1,123 @@
+"""Learners, observations, and what training draws."""
+
+from typing import Any
+
+import pandas as pd
+
+from leaderboard._grid import grid
+from leaderboard._wording import with_interval
+from leaderboard.publish.kept import Kept
+from leaderboard.publish.registry import block
+from leaderboard.publish.words import SHOWN, listed, million
+from leaderboard.statistics import improvement
+from leaderboard.tables import scores_of
+from leaderboard.transfer_text import interval
+
+ENGINES, LEARNERS = ("bullet", "mujoco", "sapien"), ("sb3-ppo", "rsl-ppo")
+STEPS = 1_000_000
+OBSERVATIONS = {
+    "pose": ("circle-observations", "pose of the stick"),
+    "pose-and-touch": ("circle-observations", "and which fingertips touch"),
+    "pose-and-centers": ("circle-observations", "pose and contact centres"),
+    "contact-centers": ("circle-engines", "contact centres, the paper's"),
+    "raw-taxels": ("circle-observations", "every taxel"),
+    "centers-and-lead": (
+        "circle-lead",
+        "contact centres, and how far each drive's target leads its joint",
+    ),
+}
+"""By name: the transfer folder of its policies, and what it shows beside the joints."""
+TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("worlds around the nominal one, starts of the paper's Algorithm 1", {}),
+    ("the nominal world alone (`--no-randomize`)", {"randomize": False}),
+    ("worlds around it, a single start (`--start-spread 0`)", {"start_spread": 0.0}),
+)
+"""What was trained on, and the settings that say so."""
+REFERENCE, ELSEWHERE = "mujoco built", ("bullet built", "sapien built")
+
+
+@block
+def learners(kept: Kept) -> str:
+    """Both learners on the circle in every engine."""
+    head = ("engine", "learner", "tracked", "held", "p_err [cm]", "q_err [deg]", "minutes a seed")
+    rows = []
+    for backend in ENGINES:
+        for algo in LEARNERS:
+            cells = kept.line("circle", backend=backend, algo=algo, steps=STEPS).cells
+            errors = [with_interval(cells, name, 2) for name in ("p_err_cm", "q_err_deg")]
+            scores = (with_interval(cells, "tracked", 3), f"{cells['held']:.3f}", *errors)
+            rows.append((SHOWN[backend], f"`{algo}`", *scores, f"{cells['wall_s'] / 60:.1f}"))
+    return grid(head, rows)
+
+
+@block
+def learners_compared(kept: Kept) -> str:
+    """How likely a new seed of the first learner beats one of the second."""
+    chances = []
+    for backend in ENGINES:
+        lines = [kept.line("circle", backend=backend, algo=a, steps=STEPS) for a in LEARNERS]
+        first, second = (scores_of(line.rows, "tracked") for line in lines)
+        p = improvement([(first, second)])
+        chances.append(f"{p.value:.2f} [{p.low:.2f}, {p.high:.2f}] in {SHOWN[backend]}")
+    better, worse = (f"`{algo}`" for algo in LEARNERS)
+    return f"A new seed of {better} tracks better than one of {worse} with probability " + (
+        f"{listed(chances)}."
+    )
+
+
+@block
+def learners_elsewhere(kept: Kept) -> str:
+    """Both learners on line and eight."""
+    head = ("engine", "learner", "steps", "seeds", "line", "eight")
+    rows = []
+    for backend in ENGINES:
+        for algo in LEARNERS:
+            twice = algo == "sb3-ppo" and backend == "mujoco"
+            steps = 2 * STEPS if twice else STEPS
+            cells = [
+                kept.line(task, backend=backend, algo=algo, steps=steps).cells
+                for task in ("line", "eight")
+            ]
+            tracked = [with_interval(line, "tracked", 3) for line in cells]
+            count = str(cells[0]["seeds"])
+            rows.append((SHOWN[backend], f"`{algo}`", million(steps), count, *tracked))
+    return grid(head, rows)
+
+
+@block
+def observations(kept: Kept) -> str:
+    """What a policy sees, what it reaches on the reference, and what it keeps elsewhere."""
+    rows = []
+    for name, (folder, words) in OBSERVATIONS.items():
+        matrix = kept.matrix(folder)
+        rows.append((f"`{name}`", words, *_scores(matrix[matrix["observation"] == name])))
+    return grid(("observation", "shows, beside the joints", *SCORES), rows)
+
+
+@block
+def training(kept: Kept) -> str:
+    """What training draws, what comes of it on the reference, and what is kept elsewhere."""
+    matrix = kept.matrix("circle-training")
+    rows = []
+    for words, changes in TRAINING:
+        wanted = {"randomize": True, "start_spread": 1.0, **changes}
+        same = (matrix[list(wanted)] == pd.Series(wanted)).all(axis=1)
+        rows.append((words, *_scores(matrix[same])))
+    return grid(("trained on", *SCORES), rows)
+
+
+SCORES = ("tracked", "held", "p_err [cm]", "q_err [deg]", "kept in Bullet", "kept in SAPIEN")
+
+
+def _scores(lines: pd.DataFrame) -> list[str]:
+    """Scores of one kind of policy on the reference, and its retention in other engines."""
+    lines = lines[lines["train"] == REFERENCE]
+    by_world = {line["deploy"]: line for line in lines.to_dict("records")}
+    home = by_world[REFERENCE]
+    return [
+        interval(home, "tracked", 2),
+        f"{home['held']:.3f}",
+        f"{home['p_err_cm']:.2f}",
+        f"{home['q_err_deg']:.2f}",
+        *(interval(by_world[world], "retention", 2) for world in ELSEWHERE),
+    ]
