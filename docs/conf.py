@@ -17,7 +17,6 @@ project_copyright = author
 extensions = ["myst_parser"]
 exclude_patterns = [
     "_*",
-    "scores",
     *(p.name for p in HERE.glob("*.md") if p.name != "index.md"),
 ]
 """Pages that are read in the repository alone."""

@@ -35,7 +35,7 @@ class Panel:
     shared: dict[str, Any]
     """What its policies have in common."""
     train: list[str]
-    """Train worlds, in order."""
+    """Train worlds, in the order of the deploy worlds, so that own worlds lie on the diagonal."""
     deploy: list[str]
     """Deploy worlds, in order."""
     lines: dict[tuple[str, str], dict[str, Any]]
@@ -51,11 +51,13 @@ def panels(matrix: pd.DataFrame) -> list[Panel]:
     found = []
     for key, part in matrix.groupby(list(IDENTITY), sort=False):
         lines = part.to_dict("records")
+        deploy = list(dict.fromkeys(line["deploy"] for line in lines))
+        train = dict.fromkeys(line["train"] for line in lines)
         found.append(
             Panel(
                 shared=dict(zip(IDENTITY, key, strict=True)),
-                train=list(dict.fromkeys(line["train"] for line in lines)),
-                deploy=list(dict.fromkeys(line["deploy"] for line in lines)),
+                train=sorted(train, key=[*deploy, *train].index),
+                deploy=deploy,
                 lines={(line["train"], line["deploy"]): line for line in lines},
             )
         )

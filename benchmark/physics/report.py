@@ -57,7 +57,7 @@ def markdown(found: Sequence[Findings]) -> str:
     parts = [
         "# Physics checks",
         f"Made by `{made['command']}` on {made['cpu']}, Python {made['python']}, {versions}. "
-        "[physics.md](physics.md) explains them.",
+        "docs/results/physics.md explains them.",
     ]
     for f in found:
         parts += [f"## {_title(f)}", _grid(f.checks)]

@@ -23,6 +23,7 @@ from diagnosis.blind.mechanics import bristle, dart, plant
 from diagnosis.blind.plant import CHANGES, NUMBERS, Plant
 from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import LogError
+from leaderboard.blind.score import read_score
 
 SEED = 5
 WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
@@ -105,6 +106,9 @@ def test_score_counts_every_case(scored):
     assert result["top1"] == np.mean([r["verdict"] == r["truth"] for r in detectable])
     assert result["cpu_s_median"] == np.median([r["cpu_s"] for r in rows])
     assert json.loads((tables / "score.json").read_text())["top1"] == result["top1"]
+    kept = read_score(tables / "score.json")
+    assert kept.figure("top1").count == result["intervals"]["top1"]["count"]
+    assert kept.cases == sum(kept.cases_of_side(side) for side in kept.kind.sides)
     for name in ("headline", "cases", "groups", "confusion", "effects", "baselines"):
         assert len(pd.read_csv(tables / f"{name}.csv")) > 0
     assert "# Blind score" in (tables / "score.md").read_text()

@@ -1,11 +1,11 @@
 """The blind check of the diagnosis: the latest scores."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
 from leaderboard._grid import grid
-from leaderboard.blind.figures import BY_NAME, FIGURES
+from leaderboard.blind.figures import BY_NAME
 from leaderboard.blind.score import Counted, Kind, Score
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
@@ -13,6 +13,11 @@ from leaderboard.publish.words import SHOWN, in_order, listed, percent
 
 FRONT = ("top1", "pairs_exact", "none_accused", "unknown_recall")
 """Figures of the front page."""
+NAMED = ("top1", "top3", "joint_right", "pairs_exact", "pairs_one", "spurious_second")
+REFUSED = (
+    *("none_accused", "none_false_alarm", "unknown_recall"),
+    *("interval_coverage", "magnitude_error_median", "cpu_s_median"),
+)
 HELD = "held"
 MOST_SPLIT = 4
 """More sides than these share a row."""
@@ -21,24 +26,26 @@ MOST_SPLIT = 4
 @block
 def blind(kept: Kept) -> str:
     """By real side, short enough for a front page."""
-    head = ("real side", "effect right", "pair right", "nothing hidden, accused", "unknown seen")
-    rows = [
-        [row.label, *(_pooled(row.give(figure)) for figure in FRONT)]
-        for row in _rows(kept, lambda kind: not kind.healthy)
-    ]
-    return grid(head, [*rows, ["wanted", *(BY_NAME[name].wanted for name in FRONT)]])
+    return _table(_rows(kept, lambda kind: not kind.healthy), FRONT)
 
 
 @block
-def blind_figures(kept: Kept) -> str:
-    """Every figure of the sets with all kinds of cases."""
-    found = list(_rows(kept))
-    head = ["", *(row.label for row in found), "wanted"]
-    rows = [["cases", *(str(row.cases) for row in found), ""]]
-    for figure in FIGURES:
-        shown = (_shown(figure.name, row.give(figure.name)) for row in found)
-        rows.append([figure.meaning, *shown, figure.wanted])
-    return grid(head, rows)
+def blind_named(kept: Kept) -> str:
+    """What is named where something is hidden."""
+    return _table(_rows(kept), NAMED)
+
+
+@block
+def blind_refused(kept: Kept) -> str:
+    """What is not named where it should not be, and how large effects are said to be."""
+    return _table(_rows(kept), REFUSED)
+
+
+@block
+def blind_meanings(kept: Kept) -> str:
+    """The columns, in words."""
+    shown = (BY_NAME[name] for name in (*NAMED, *REFUSED))
+    return "\n".join(f"- *{figure.head}*: {figure.meaning}" for figure in shown)
 
 
 @block
@@ -95,16 +102,26 @@ def blind_confidence(kept: Kept) -> str:
 
 @block
 def blind_sets(kept: Kept) -> str:
-    """How many sets there are, and which ones are shown."""
+    """How many sets and cases there are."""
     lines = kept.blind_sets
     blind_ones = [line for line in lines if line.blind]
     cases = sum(line.cases for line in blind_ones)
-    shown = [name for scores in kept.blind_scores.values() for name in scores]
     return (
         f"So far {len(blind_ones)} sets with {cases:,} cases were drawn after the solver was "
-        f"frozen and solved once; {len(lines) - len(blind_ones)} more are for tuning. The tables "
-        f"show the latest of each kind: {listed([f'`{name}`' for name in sorted(shown)])}."
+        f"frozen, and solved once; {len(lines) - len(blind_ones)} more are for tuning."
     )
+
+
+@block
+def blind_latest(kept: Kept) -> str:
+    """The sets behind the tables."""
+    shown = {name for scores in kept.blind_scores.values() for name in scores}
+    rows = [
+        [f"`{line.name}`", f"{line.date:%Y-%m-%d}", f"`{line.commit}`", str(line.cases)]
+        for line in reversed(kept.blind_sets)
+        if line.name in shown
+    ]
+    return grid(("set", "published", "commit", "cases"), rows)
 
 
 class _Row(NamedTuple):
@@ -124,6 +141,13 @@ def _rows(kept: Kept, wanted: Callable[[Kind], bool] = lambda kind: True) -> Ite
         else:
             give = partial(_of_all, sets)
             yield _Row(label=_label(kind), give=give, cases=sum(s.cases for s in sets))
+
+
+def _table(rows: Iterable[_Row], figures: Sequence[str]) -> str:
+    """A row per side, and what is wanted."""
+    head = ("real side", *(BY_NAME[name].head for name in figures))
+    lines = [[row.label, *(_shown(name, row.give(name)) for name in figures)] for row in rows]
+    return grid(head, [*lines, ["wanted", *(BY_NAME[name].wanted for name in figures)]])
 
 
 def _of_side(sets: list[Score], side: str) -> _Row:

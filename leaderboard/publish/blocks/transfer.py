@@ -14,7 +14,7 @@ def transfer(kept: Kept) -> str:
     """What each train world's policies reach on the reference and keep elsewhere."""
     head = (
         *("trained in", "there", "on the reference", "kept on the reference"),
-        *("kept elsewhere, mean", "least", "least held", "noise floor"),
+        *("kept elsewhere, mean", "least kept", "least held", "noise floor"),
     )
     panel = _panel(kept)
     order = sorted(panel.train, key=lambda name: -panel.lines[name, REFERENCE]["retention"])

@@ -1,0 +1,121 @@
+"""Tables and pictures are those of the kept results, and every edit by hand is found."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+
+from leaderboard._chart import Panel, Series, Ticks, chart
+from leaderboard.publish import figures
+from leaderboard.publish.files import pages, stale
+from leaderboard.publish.markers import MarkerError, bare, fill
+from leaderboard.publish.registry import BLOCKS
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS = sorted((ROOT / "docs/results").glob("*.md"))
+MAX_BYTES = 12_000
+
+
+def test_everything_is_as_the_results_have_it():
+    """Make every table and picture again, and find the same bytes in the repository."""
+    assert stale(ROOT) == []
+
+
+@pytest.fixture(scope="module")
+def copy(tmp_path_factory) -> Path:
+    """The parts of the repository that hold results."""
+    root = tmp_path_factory.mktemp("copy")
+    for part in ("leaderboard", "docs"):
+        shutil.copytree(ROOT / part, root / part, ignore=shutil.ignore_patterns("*.py", "__*"))
+    shutil.copy(ROOT / "README.md", root)
+    return root
+
+
+def test_every_edit_is_found(copy):
+    """Name each file of which one cell, one byte or one result was changed."""
+    edits = {
+        "README.md": ("| wanted | 0.95", "| wanted | 0.90"),
+        "docs/results/paper.md": ("| circle | 3 x 100 | 0.8", "| circle | 3 x 100 | 0.9"),
+        "docs/results/images/blind.svg": ('cy="', 'cy="1'),
+        "leaderboard/leaderboard.md": ("| MuJoCo |", "| Mujoco |"),
+        "leaderboard/transfer/circle-lead/matrix.csv": (",0.5", ",0.6"),
+        "leaderboard/speed.json": ('"env_steps_per_s": 2544.0', '"env_steps_per_s": 2044.0'),
+    }
+    for name, (before, after) in edits.items():
+        text = (copy / name).read_text()
+        assert before in text, name
+        (copy / name).write_text(text.replace(before, after, 1))
+    with (copy / "leaderboard/figures/eight.png").open("ab") as picture:
+        picture.write(b" ")
+    (copy / "docs/results/images/old.svg").touch()
+    (copy / "leaderboard/figures/old.png").touch()
+    found = "\n".join(stale(copy))
+    changed = {*edits, "docs/results/speed.md", "docs/results/images/speed.svg"}
+    for name in changed - {"leaderboard/speed.json"}:
+        assert f"{name}: edited by hand or stale" in found
+    assert "leaderboard/figures/eight.png: not the picture that was drawn" in found
+    assert "docs/results/images/eight.png: edited by hand or stale" in found
+    assert "docs/results/images/old.svg: nothing makes it" in found
+    assert "leaderboard/figures/old.png: not in leaderboard/figures.yaml" in found
+    assert "docs/results/learning.md" not in found
+
+
+def test_a_picture_is_stale_when_its_policy_or_command_changes(copy):
+    """Hold a picture against the files of its policy and the command that drew it."""
+    plan = copy / figures.PLAN
+    policy = "mujoco-spiral-sb3-ppo-contact-centers-s0-1d1797ac"
+    (copy / figures.POLICIES / policy / "policy.onnx").write_bytes(b"another")
+    plan.write_text(plan.read_text().replace("--kind touch", "--kind touch --stick steel"))
+    found = "\n".join(figures.wrong(copy))
+    assert "figures/spiral.png: policy_sha256 changed since it was drawn" in found
+    assert "figures/circle-touch.png: command changed since it was drawn" in found
+    assert "figures/line.png" not in found
+
+
+def test_blocks_stand_between_markers():
+    """Replace what is between the markers alone, and be done after one pass."""
+    page = "a\n<!-- results: x -->\nold\n<!-- /results -->\nb <!-- a comment -->\n"
+    filled = fill(page, lambda name: f"new {name}")
+    assert filled == page.replace("old", "\nnew x\n")
+    assert fill(filled, lambda name: f"new {name}") == filled
+    assert bare(filled) == "a\n\nb <!-- a comment -->\n"
+
+
+@pytest.mark.parametrize(
+    "page",
+    [
+        "<!-- results: x -->\nno end\n",
+        "no start\n<!-- /results -->\n",
+        "<!-- results: X! -->\n<!-- /results -->\n",
+        "<!-- results: x -->\n<!-- results: y -->\n<!-- /results -->\n",
+    ],
+)
+def test_wrong_markers_are_refused(page):
+    """Refuse a block without an end, a start or a name."""
+    with pytest.raises(MarkerError, match="allowed"):
+        fill(page, str)
+
+
+def test_every_block_is_shown():
+    """Leave no block that no page asks for."""
+    text = "".join(page.read_text() for page in pages(ROOT))
+    assert [name for name in BLOCKS if f"<!-- results: {name} -->" not in text] == []
+
+
+@pytest.mark.parametrize("page", RESULTS, ids=lambda page: page.name)
+def test_results_pages_are_short_and_type_no_results(page):
+    """Keep a page under 12 KB, and hold all its measured numbers in generated blocks."""
+    assert page.stat().st_size < MAX_BYTES
+    prose = re.sub(r"^    .*$|`[^`]*`", "", bare(page.read_text()), flags=re.MULTILINE)
+    assert re.findall(r"\d+\.\d+", prose) == []
+
+
+def test_charts_are_made_alike():
+    """Draw the same bytes from the same values, and a value outside of its panel at its edge."""
+    axis = Ticks(label="x", ends=(0, 1), at=[(0, "0"), (1, "1")])
+    line = Series(label="a & b", color="#000", x=[0, 1], y=[0.2, 7.0], low=[0, 1], high=[1, 2])
+    panel = Panel(title="t", x=axis, y=axis, series=[line])
+    drawn = chart([panel], 1, "title")
+    assert drawn == chart([panel], 1, "title")
+    assert b"a &amp; b" in drawn and b"L352.0 30.0" in drawn
