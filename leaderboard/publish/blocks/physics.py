@@ -3,7 +3,7 @@
 from typing import Any
 
 from leaderboard._grid import grid
-from leaderboard.publish.kept import Kept
+from leaderboard.publish.kept import Kept, KeptError
 from leaderboard.publish.registry import block
 from leaderboard.publish.words import SHOWN, in_order
 
@@ -17,8 +17,8 @@ OWN = (
     "open-loop grasp, half the time step",
     "open-loop grasp, start 1 um higher",
     "open-loop grasp, start 0.1 mm higher",
-    "open-loop grasp, lower end apart",
-    "open-loop grasp, pinched point apart",
+    "open-loop grasp, distance of the lower end",
+    "open-loop grasp, distance of the pinched point",
 )
 """Checks whose figures are an engine's own."""
 
@@ -27,6 +27,8 @@ OWN = (
 def physics_engines(kept: Kept) -> str:
     """In what engines differ."""
     checks = _checks(kept)
+    if missing := [name for name in OWN if name not in checks]:
+        raise KeptError(f"leaderboard/physics.json has no check '{missing[0]}'; see {__name__}")
     rows = [[_named(checks[name]), *_figures(kept, checks[name])] for name in OWN]
     return grid(["", *_engines(kept)], rows)
 
