@@ -17,6 +17,7 @@ from backends.spec import Spec
 from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.extras import install_command
 from benchmark.provenance import usable_cores
 from benchmark.quantities import within
 from benchmark.run_folder import write_atomically
@@ -151,8 +152,8 @@ def _load_real(name: str) -> None:
         load(name)
     except ImportError as error:
         raise CommandError(
-            f"real side '{name}' cannot be loaded: {error}; install Stickbench with its "
-            "extra 'dev', or choose another --real"
+            f"real side '{name}' cannot be loaded: {error}; install what it needs with: "
+            f"{install_command('diagnosis.blind')}, or choose another --real"
         ) from error
 
 

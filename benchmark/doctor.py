@@ -13,6 +13,7 @@ from rich.table import Table
 from benchmark import registry
 from benchmark.console import Bar
 from benchmark.errors import CommandError
+from benchmark.extras import install_command
 from benchmark.provenance import version
 
 _PACKAGE = {
@@ -23,7 +24,6 @@ _PACKAGE = {
     "rsl-ppo": "rsl-rl-lib",
 }
 _SYSTEM = {"libX11": "libx11-6", "libGL": "libgl1", "libEGL": "libegl1", "libvulkan": "libvulkan1"}
-_PIP = "pip install -c constraints.txt -e ."
 _PROBES = {
     "backend": (
         "import sys; from benchmark.run_spec import RunSpec; from benchmark.worlds import make_env;"
@@ -77,12 +77,12 @@ def _examine(kind: str, name: str) -> dict:
         "package": package,
         "version": version(package) if package else None,
         "state": "works" if works else last,
-        "what_to_do": None if works else _remedy(last),
+        "what_to_do": None if works else _remedy(last, registry.module_of(kind, name)),
     }
 
 
-def _remedy(trouble: str) -> str:
+def _remedy(trouble: str, module: str) -> str:
     for library, package in _SYSTEM.items():
         if library in trouble:
             return f"apt-get install {package}"
-    return _PIP
+    return install_command(module)

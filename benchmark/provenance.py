@@ -61,6 +61,9 @@ def _cpu() -> str:
 
 
 def _commit() -> str:
+    if not (_ROOT / ".git").exists():  # an installed copy may lie in somebody else's repository
+        return "unknown"
+
     def git(*words: str) -> str:
         done = subprocess.run(
             ["git", "-C", str(_ROOT), *words], capture_output=True, text=True, check=False

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.errors import CommandError, unknown
+from benchmark.extras import install_command
 
 ROOT = Path(__file__).resolve().parent.parent
 _KINDS = {
@@ -20,7 +21,6 @@ _KINDS = {
     "effect": ("backends/effects", "Effect"),
     "importer": ("diagnosis/importers", "Importer"),
 }
-_INSTALL = "pip install -c constraints.txt -e ."
 KINDS = tuple(_KINDS)
 
 
@@ -56,19 +56,23 @@ def chosen(kind: str, text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
 
 
+def module_of(kind: str, name: str) -> str:
+    """The module that holds a plug-in."""
+    return f"{_KINDS[kind][0].replace('/', '.')}.{_module(name)}"
+
+
 def load(kind: str, name: str) -> Any:
     """The class of a plug-in; raises when it is unknown or its library is missing."""
-    folder, class_name = _KINDS[kind]
-    module = f"{folder.replace('/', '.')}.{_module(check(kind, name))}"
+    module = module_of(kind, check(kind, name))
     try:
-        return getattr(importlib.import_module(module), class_name)
+        return getattr(importlib.import_module(module), _KINDS[kind][1])
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
         if (ROOT / missing).exists():
             raise
         raise CommandError(
             f"{kind} '{name}' needs the package '{missing}', which is not installed; "
-            f"install it with: {_INSTALL}"
+            f"install it with: {install_command(module)}"
         ) from error
     except ImportError as error:
         raise CommandError(
