@@ -8,10 +8,11 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run test test-slow check smoke results figures animation docs clean
+.PHONY: help install run demo test test-slow check smoke results figures animation docs clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
+	@echo "make demo       bench demo: three engines, a film and a diagnosis in a minute, in demo/"
 	@echo "make run        the main job: bench run --backend bullet --task eight (ARGS adds options)"
 	@echo "make test       the tests, except slow ones"
 	@echo "make test-slow  the slow tests"
@@ -32,6 +33,9 @@ $(INSTALLED): pyproject.toml constraints.txt
 	$(PIP) install -c constraints.txt torch $(if $(TORCH_INDEX),--index-url $(TORCH_INDEX))
 	$(PIP) install -c constraints.txt -e '.[dev]'
 	@touch $@
+
+demo: install
+	$(VENV)/bin/bench demo --force $(ARGS)
 
 run: install
 	$(VENV)/bin/bench run --backend bullet --task eight $(ARGS)

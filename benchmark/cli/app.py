@@ -16,6 +16,7 @@ import typer
 from benchmark import console, errors
 from benchmark.cli import blind
 from benchmark.cli.check import doctor, list_parts, measure_speed
+from benchmark.cli.demo import demo
 from benchmark.cli.gap import calibrate, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
 from benchmark.cli.log import excite, import_logs, record
@@ -26,6 +27,7 @@ INTERRUPTED = errors.Interrupted.exit_code
 """Exit code after Ctrl-C; typer gives it back as a command's result."""
 HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
+    "A first look": {"demo": demo},
     "One policy": {"run": run, "eval": evaluate, "view": view},
     "Many runs": {"sweep": sweep, "transfer": transfer, "leaderboard": leaderboard},
     "Logs": {"record": record, "excite": excite, "import": import_logs},
