@@ -47,7 +47,6 @@ def test_wheel_holds_every_file_of_the_packages(wheel: Path) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_demo_runs_from_the_wheel(wheel: Path, tmp_path: Path) -> None:
     """Run `bench demo` from the unpacked wheel, with no checkout on the path."""
     packed, here = tmp_path / "packed", tmp_path / "here"
