@@ -50,7 +50,9 @@ class SavedPolicy:
 def write_contract(folder: Path, observation: Observation) -> None:
     """Write the contract of the policy in this folder."""
     text = json.dumps(observation.contract(), indent=2)
-    (folder / CONTRACT_FILE).write_text(text + "\n")
+    temporary = folder / f".{CONTRACT_FILE}.tmp"
+    temporary.write_text(text + "\n")
+    temporary.replace(folder / CONTRACT_FILE)
 
 
 def read_contract(folder: Path) -> dict:

@@ -61,6 +61,11 @@ class Board:
             self._show()
         return self.stopped.is_set()
 
+    def left(self, cell: Cell) -> None:
+        """Note that nobody runs a cell any more, however it ended."""
+        with self._lock:
+            self._running.pop(cell.spec.name, None)
+
     def ended(self, outcome: Outcome) -> None:
         """Take down how a cell ended, and say so."""
         with self._lock:

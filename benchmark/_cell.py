@@ -166,7 +166,7 @@ def _lock(log: IO[bytes]) -> bool:
 def _process(cell: Cell, cores: int, log: IO[bytes]) -> Iterator[subprocess.Popen]:
     """The cell's process in a group of its own, none of which is left behind."""
     process = subprocess.Popen(
-        [sys.executable, "-c", _BENCH, *cell.command(cores)],
+        [sys.executable, "-P", "-c", _BENCH, *cell.command(cores)],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=log,

@@ -75,7 +75,7 @@ def render(scene: Scene) -> Iterator[Array]:
 def _in_child(scene: Scene, platform: str) -> Iterator[Array]:
     with tempfile.TemporaryFile() as errors:
         child = subprocess.Popen(
-            [sys.executable, "-m", "benchmark._scene"],
+            [sys.executable, "-P", "-m", "benchmark._scene"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=errors,

@@ -62,11 +62,10 @@ def examine_physics(backend: str, out: Path | None) -> tuple[dict, Group]:
 def _examine(kind: str, name: str) -> dict:
     package = _PACKAGE.get(name)
     done = subprocess.run(
-        [sys.executable, "-c", _PROBES[kind], name],
+        [sys.executable, "-P", "-c", _PROBES[kind], name],
         capture_output=True,
         text=True,
         check=False,
-        cwd=registry.ROOT,
     )
     works = done.returncode == 0
     last = (done.stderr.strip().splitlines() or ["died without a word"])[-1]

@@ -6,10 +6,12 @@ run has ended, so a killed run says so by itself.
 
 import csv
 import dataclasses
+import fcntl
 import json
 import os
 import re
 from pathlib import Path
+from typing import IO
 
 from baselines.baseline import Progress
 from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
@@ -18,10 +20,16 @@ from benchmark.provenance import provenance
 from benchmark.run_spec import RunSpec, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
+LOCK_FILE = ".lock"
 START_FILE = "start.onnx"
 """The policy that training starts from."""
 SCHEMA = 1
 _CHECKPOINT = re.compile(r"checkpoint-(\d+)\.pt")
+_OWN = re.compile(
+    r"\..*\.tmp|\.lock|checkpoint-\d+\.pt|start\.onnx|policy\.onnx|contract\.json|run\.json"
+    r"|progress\.csv|episodes\.parquet"
+)
+"""What a run writes."""
 _COLUMNS = ("steps", "reward", "p_err_cm", "q_err_deg", "dropped", "wall_s")
 STATUSES = ("done", "diverged", "skipped", "interrupted")
 
@@ -90,15 +98,25 @@ class RunFolder:
 
     def __init__(self, path: Path, run: RunSpec) -> None:
         self.path, self._run = path, run
+        self._lock: IO | None = None
 
     def claim(self, resume: bool, force: bool) -> dict | None:
         """Make the folder ready; the finished run.json if there is nothing left to do.
 
-        Raises UsageError when something else, or a half-finished run, is in the way.
+        Whatever a kill may have left is recovered. Raises UsageError when something else, a
+        half-finished run or another process is in the way.
         """
-        if force and (self.path / RUN_FILE).exists():
+        foreign = [name for name in self._names() if not _OWN.fullmatch(name)]
+        if foreign and RUN_FILE not in self._names():
+            raise UsageError(
+                f"{self.path} is not a run folder: it has no {RUN_FILE}, but {foreign[0]}; "
+                "choose another --out"
+            )
+        self._lock_folder()
+        if force or RUN_FILE not in self._names():
+            self._refuse_leftovers(resume or force)
             self._clear()
-        if self.path.exists() and any(self.path.iterdir()):
+        else:
             found = read_run(self.path)
             if found["digest"] != self._run.digest:
                 raise UsageError(
@@ -113,16 +131,40 @@ class RunFolder:
                     f"{self.path} holds this run, {found['status']}; --resume continues it, "
                     "--force starts anew"
                 )
-        self.path.mkdir(parents=True, exist_ok=True)
         for half_written in self.path.glob(".*.tmp"):
             half_written.unlink()
         self.write_run("interrupted", "the run has not finished")
         return None
 
+    def _names(self) -> list[str]:
+        return [file.name for file in self.path.iterdir()] if self.path.is_dir() else []
+
+    def _lock_folder(self) -> None:
+        """Hold the folder for as long as this process lives; raises UsageError if it is held."""
+        self.path.mkdir(parents=True, exist_ok=True)
+        self._lock = (self.path / LOCK_FILE).open("a")
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(
+                f"another process runs in {self.path}; wait for it, or choose another --out"
+            ) from None
+        except OSError:  # a file system without locks: nothing can be known
+            pass
+
+    def _refuse_leftovers(self, allowed: bool) -> None:
+        """Raise UsageError where what is left of a killed run would be lost unasked."""
+        left = [name for name in self._names() if not name.startswith(".")]
+        if left and not allowed:
+            raise UsageError(
+                f"{self.path} holds what is left of a killed run ({', '.join(sorted(left))}) "
+                f"without its {RUN_FILE}; --force starts anew"
+            )
+
     def _clear(self) -> None:
-        """Remove what a run has written, and nothing else."""
+        """Remove what a run has written, and nothing else; what says whose it is comes last."""
         self.drop_checkpoints()
-        written = (RUN_FILE, PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE, START_FILE)
+        written = (PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE, START_FILE, RUN_FILE)
         for name in written:
             (self.path / name).unlink(missing_ok=True)
 

@@ -90,7 +90,10 @@ def _run_here(board: Board, limit_s: float, jobs: int) -> None:
     """Run the open cells on this machine, one core and one process each."""
 
     def work(cell: Cell) -> None:
-        board.ended(run_cell(cell, limit_s, 1, board.beat))
+        try:
+            board.ended(run_cell(cell, limit_s, 1, board.beat))
+        finally:
+            board.left(cell)
 
     parallel = joblib.Parallel(n_jobs=jobs, backend="threading", pre_dispatch="n_jobs")
     try:

@@ -3,7 +3,8 @@
 import math
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from benchmark.errors import CommandError
 from benchmark.run_folder import START_FILE, RunFolder, progress_row
 from benchmark.run_spec import RunSpec
 from benchmark.worlds import make_env, training_worlds
+from tasks.batch import BatchEnv
 
 SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
 """Iterations between two checkpoints."""
@@ -62,12 +64,20 @@ class Training:
         Writes a checkpoint and the learning curve after each segment.
         """
         total = max(1, math.ceil(self._run.steps / self._per_iteration))
-        if self._iterations >= total:  # killed between the last checkpoint and the end
-            self._segment(0, total)
         while self._iterations < total:
-            self._segment(min(self._per_segment, total - self._iterations), total)
+            iterations = min(self._per_segment, total - self._iterations)
+            with self._learner() as (learner, env):
+                learner.learn(iterations, self._note)
+                self._save(learner, self._iterations + iterations)
+                if self._iterations >= total:
+                    self._export(learner, env)
+        if not (self._folder.path / POLICY_FILE).exists():  # killed after the last checkpoint
+            with self._learner() as (learner, env):
+                self._export(learner, env)
 
-    def _segment(self, iterations: int, total: int) -> None:
+    @contextmanager
+    def _learner(self) -> Iterator[tuple[Learner, BatchEnv]]:
+        """The learner as the last checkpoint has it, in the worlds of the segment after that."""
         index = self._iterations // self._per_segment
         seed = segment_seed(self._run, index)
         env = make_env(self._run, training_worlds(self._run, index), seed, self._workers)
@@ -77,15 +87,13 @@ class Training:
                 _load(learner, self._checkpoint)
             elif self._run.start_sha256 is not None:
                 learner.start_from(self._folder.path / START_FILE)
-            learner.learn(iterations, self._note)
-            self._save(learner, self._iterations + iterations)
-            if self._iterations >= total:
-                write_contract(self._folder.path, env.observation)
-                self._export(learner)
+            yield learner, env
         finally:
             env.close()
 
-    def _export(self, learner: Learner) -> None:
+    def _export(self, learner: Learner, env: BatchEnv) -> None:
+        """Write the contract, then the policy: where there is a policy, both are whole."""
+        write_contract(self._folder.path, env.observation)
         path = self._folder.path / POLICY_FILE
         temporary = path.with_name(f".{path.name}.tmp")
         learner.export(temporary)

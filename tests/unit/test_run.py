@@ -125,6 +125,97 @@ def test_killed_training_resumes_to_the_same_row(backend, tmp_path):
     pd.testing.assert_frame_equal(*curves)
 
 
+DYING = """
+import os, sys
+folder, left = sys.argv.pop(1), int(sys.argv.pop(1))
+def dying(call):
+    def counted(path, *rest, **options):
+        global left
+        if str(path).startswith(folder):
+            if left == 0:
+                os._exit(137)
+            left -= 1
+        return call(path, *rest, **options)
+    return counted
+for name in ("replace", "unlink", "mkdir"):
+    setattr(os, name, dying(getattr(os, name)))
+from benchmark.cli.app import main; main()
+"""
+"""Runs `bench`, and dies before a file operation of the run's folder, the n-th."""
+
+
+def die_and_resume(folder: Path, operation: int, words: list[str]) -> tuple[int, dict]:
+    """Exit code of a run that dies before a file operation, and the row of the run resumed."""
+    asked = [*words, "--out", str(folder)]
+    died = subprocess.run(
+        [sys.executable, "-c", DYING, str(folder), str(operation), *asked],
+        capture_output=True,
+        check=False,
+    )
+    return died.returncode, bench(*asked, "--resume")
+
+
+@pytest.mark.parametrize(
+    ("algo", "operations"),
+    [
+        ("sb3-ppo", (0, 2, -4, -3, -2)),
+        pytest.param("sb3-ppo", range(40), marks=pytest.mark.slow),
+        pytest.param("rsl-ppo", range(40), marks=pytest.mark.slow),
+    ],
+)
+def test_a_run_killed_at_any_file_operation_ends_the_same(algo, operations, tmp_path):
+    """Resume from whatever a kill leaves, to the same row and the same policy, to the bit."""
+    words = [*SMOKE, "--backend", "mujoco", "--algo", algo]
+    whole = bench(*words, "--out", str(tmp_path / "whole"))
+    count = _operations(tmp_path / "counted", words)
+    policy = (tmp_path / "whole/policy.onnx").read_bytes()
+    for operation in operations:
+        if operation >= count:
+            break
+        folder = tmp_path / f"killed{operation}"
+        code, row = die_and_resume(folder, operation % count, words)
+        assert code == 137
+        assert scores(row) == scores(whole), operation
+        assert (folder / "policy.onnx").read_bytes() == policy, operation
+        assert not list(folder.glob(".*.tmp")), operation
+
+
+def _operations(folder: Path, words: list[str]) -> int:
+    """How many file operations a run makes in its folder."""
+    said = "import atexit; atexit.register(lambda: print(-left, file=sys.stderr))\n"
+    done = subprocess.run(
+        [sys.executable, "-c", DYING.replace("from bench", said + "from bench"), str(folder)]
+        + ["-1", *words, "--out", str(folder), "--quiet"],
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return int(done.stderr.split()[-1]) - 1
+
+
+def test_a_folder_left_without_its_file_is_recovered(run_copy, capfd):
+    """Take up with --force or --resume what a kill within --force left, and not unasked."""
+    words = [*SMOKE, "--backend", "mujoco", "--algo", "hold-still", "--out", str(run_copy)]
+    (run_copy / "run.json").unlink()
+    (run_copy / ".run.json.tmp").write_text("{")
+    assert cli.call(words) == 2
+    assert "--force starts anew" in capfd.readouterr().err
+    assert cli.call([*words, "--resume"]) == 0
+    assert not (run_copy / "policy.onnx").exists()
+    assert not (run_copy / ".run.json.tmp").exists()
+
+
+def test_a_second_run_in_a_folder_is_refused(tmp_path, capfd):
+    """Say that another process runs there, and do not advise --force."""
+    folder = RunFolder(tmp_path / "run", RunSpec(backend="mujoco", task="line", smoke=True))
+    folder.claim(resume=False, force=False)
+    words = [*SMOKE, "--backend", "mujoco", "--out", str(tmp_path / "run"), "--force"]
+    assert cli.call(words) == 2
+    said = capfd.readouterr().err
+    assert "another process runs in" in said
+    assert "--force" not in said
+
+
 def test_interrupt_exits_130_and_keeps_the_folder(tmp_path):
     """Stop at Ctrl-C with one message, exit code 130, and a folder that says interrupted."""
     folder = tmp_path / "run"
@@ -295,6 +386,7 @@ def test_a_damaged_checkpoint_is_refused(run_copy, capfd):
     run = json.loads((run_copy / "run.json").read_text())
     (run_copy / "run.json").write_text(json.dumps(run | {"status": "interrupted"}))
     (run_copy / "checkpoint-2.pt").write_bytes(b"half a file")
+    (run_copy / "policy.onnx").unlink()
     arguments = [*SMOKE, "--backend", "mujoco", "--resume", "--out", str(run_copy)]
     assert cli.call(arguments) == 1
     assert "checkpoint-2.pt cannot be read" in capfd.readouterr().err

@@ -194,6 +194,19 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     return folder, result(process, 1)
 
 
+def test_a_sweep_of_one_cell_at_a_time_stops_when_asked(tmp_path):
+    """End with 130 on a signal, leave no cell running, and say how to go on."""
+    file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{ENDLESS}]")
+    process = start("sweep", str(file), "--out", str(tmp_path / "runs"), "--json", "-j", "1")
+    wait_for(lambda: list((tmp_path / "runs").glob("*/run.json")))
+    cells = children(process.pid)
+    process.send_signal(signal.SIGTERM)
+    found = result(process, 130)
+    assert found["status"] == "interrupted"
+    assert "the same command goes on" in found["error"]
+    assert not [pid for pid in cells if Path(f"/proc/{pid}").exists()]
+
+
 def test_a_crash_leaves_the_other_cells_alone(crashed):
     """Run the next cell after one has crashed; say what killed it, there and in its run.json."""
     folder, found = crashed
