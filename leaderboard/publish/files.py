@@ -7,7 +7,7 @@ from leaderboard._whole import write_whole
 from leaderboard.files import contents
 from leaderboard.publish import blocks, figures, pictures  # noqa: F401 - some enter themselves
 from leaderboard.publish.kept import Kept
-from leaderboard.publish.markers import OPEN, MarkerError, fill
+from leaderboard.publish.markers import MarkerError, fill, has_blocks
 from leaderboard.publish.registry import BLOCKS, PICTURES
 
 IMAGES = "docs/results/images"
@@ -90,7 +90,7 @@ STAGES: tuple[Callable[[Kept], Files], ...] = (_transfers, _pictures, _board, _p
 def pages(root: Path) -> list[Path]:
     """The pages that hold blocks."""
     known = [root / "README.md", *sorted((root / "docs").rglob("*.md"))]
-    return [path for path in known if OPEN in path.read_text(encoding="utf-8")]
+    return [path for path in known if has_blocks(path.read_text(encoding="utf-8"))]
 
 
 def _left_over(root: Path) -> list[str]:

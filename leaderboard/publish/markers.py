@@ -10,8 +10,10 @@ what the block of that name gives
 import re
 from collections.abc import Callable
 
-OPEN = "<!-- results:"
-_PART = re.compile(r"<!-- results: ([a-z0-9-]+) -->\n.*?<!-- /results -->", re.DOTALL)
+_PART = re.compile(
+    r"^<!-- results: ([a-z0-9-]+) -->\n.*?^<!-- /results -->$", re.DOTALL | re.MULTILINE
+)
+_OPEN, _CLOSE = (re.compile(mark, re.MULTILINE) for mark in ("^<!-- results:", "^<!-- /results"))
 
 
 class MarkerError(ValueError):
@@ -20,13 +22,18 @@ class MarkerError(ValueError):
 
 def fill(text: str, give: Callable[[str], str]) -> str:
     """The page with what `give` says of each name between its markers; raises MarkerError."""
-    names = _PART.findall(text)
-    if len(names) != text.count(OPEN) or len(names) != text.count("<!-- /results -->"):
+    whole, opened, closed = (len(mark.findall(text)) for mark in (_PART, _OPEN, _CLOSE))
+    if not whole == opened == closed:
         raise MarkerError(
-            f"{text.count(OPEN)} markers open a block and {len(names)} blocks are whole; allowed: "
-            "<!-- results: NAME --> and <!-- /results -->, each on a line of its own"
+            f"{opened} markers open a block, {closed} close one, {whole} blocks are whole; "
+            "allowed: <!-- results: NAME --> and <!-- /results -->, each on a line of its own"
         )
     return _PART.sub(lambda found: _whole(found[1], give(found[1])), text)
+
+
+def has_blocks(text: str) -> bool:
+    """Whether a page holds a block, whole or not."""
+    return _OPEN.search(text) is not None or _CLOSE.search(text) is not None
 
 
 def bare(text: str) -> str:
@@ -36,4 +43,4 @@ def bare(text: str) -> str:
 
 def _whole(name: str, content: str) -> str:
     """A block with its markers; blank lines, or a table behind a comment is no table."""
-    return f"{OPEN} {name} -->\n\n{content}\n\n<!-- /results -->"
+    return f"<!-- results: {name} -->\n\n{content}\n\n<!-- /results -->"

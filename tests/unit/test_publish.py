@@ -75,11 +75,12 @@ def test_a_picture_is_stale_when_its_policy_or_command_changes(copy):
 
 def test_blocks_stand_between_markers():
     """Replace what is between the markers alone, and be done after one pass."""
-    page = "a\n<!-- results: x -->\nold\n<!-- /results -->\nb <!-- a comment -->\n"
+    example = "    <!-- results: x -->\n    <!-- /results -->\n"
+    page = f"{example}a\n<!-- results: x -->\nold\n<!-- /results -->\nb <!-- a comment -->\n"
     filled = fill(page, lambda name: f"new {name}")
     assert filled == page.replace("old", "\nnew x\n")
     assert fill(filled, lambda name: f"new {name}") == filled
-    assert bare(filled) == "a\n\nb <!-- a comment -->\n"
+    assert bare(filled) == f"{example}a\n\nb <!-- a comment -->\n"
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,6 @@ from leaderboard.publish.words import SHOWN
 from leaderboard.tables import Line
 
 SIGNALS = {
-    "reward": "mean reward a step",
     "p_err_cm": "error of the lower end [cm]",
     "q_err_deg": "error of the axis [deg]",
 }
@@ -59,7 +58,7 @@ def _curves(lines: Mapping[str, Line], drawn: Mapping[str, _Drawn], title: str) 
     for signal, label in SIGNALS.items():
         bands = {name: _band(line, signal) for name, line in lines.items()}
         series = [_series(name, drawn[name], found) for name, found in bands.items()]
-        panels.append(_panel(label, signal != "reward", list(bands.values()), series))
+        panels.append(_panel(label, list(bands.values()), series))
     return chart(panels, len(panels), f"{title}: mean over seeds, and least to most")
 
 
@@ -83,10 +82,8 @@ def _series(label: str, drawn: _Drawn, found: Band) -> Series:
     )
 
 
-def _panel(label: str, from_zero: bool, bands: list[Band], series: list[Series]) -> Panel:
-    low = 0.0 if from_zero else min(float(found.low.min()) for found in bands)
-    high = max(float(found.high.max()) for found in bands)
-    ticks = MaxNLocator(5).tick_values(low, high)
+def _panel(label: str, bands: list[Band], series: list[Series]) -> Panel:
+    ticks = MaxNLocator(5).tick_values(0, max(float(found.high.max()) for found in bands))
     most = max(float(found.steps[-1]) for found in bands)
     locator = MaxNLocator(4, steps=[1, 2, 2.5, 5, 10])
     steps = [tick for tick in locator.tick_values(0, most) if tick <= most]
