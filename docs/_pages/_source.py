@@ -52,10 +52,10 @@ def table(kind: type, **texts: str) -> str:
     )
 
 
-def to_table(lines: list[tuple[str, str, str]]) -> str:
+def to_table(lines: list[tuple[str, str, str]], second: str = "type") -> str:
     """Names, types and meanings as Markdown."""
     made = [f"| `{name}` | {typed.replace('|', 'or')} | {said} |" for name, typed, said in lines]
-    return "\n".join(["| field | type | meaning |", "|---|---|---|", *made]) + "\n"
+    return "\n".join([f"| field | {second} | meaning |", "|---|---|---|", *made]) + "\n"
 
 
 def read_text(name: str, **parts: str) -> str:

@@ -1,6 +1,5 @@
 """A page per command of `bench`, from the program itself: what its `--help` says, no more."""
 
-import importlib
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -9,20 +8,16 @@ from rich.text import Text
 from typer.main import get_command
 
 from _pages._source import read_text
+from benchmark.cli.app import app
 
 FOLDER = "reference/commands"
 
 
 def pages() -> dict[str, str]:
     """The index and a page per command, as `bench --help` has them."""
-    found = list(_commands(get_command(_app()), ()))
+    found = list(_commands(get_command(app), ()))
     made = {f"{FOLDER}/{'-'.join(words)}.md": _page(words, one) for words, one, _ in found}
     return {f"{FOLDER}/index.md": _index(found), **made}
-
-
-def _app() -> Any:
-    """The program's app."""
-    return importlib.import_module("benchmark.cli.app").app
 
 
 def _commands(group: Any, words: tuple[str, ...], panel: str = "") -> Iterator[tuple]:
@@ -112,9 +107,11 @@ def _value(param: Any) -> str:
 
 def _entry(param: Any, term: str) -> str:
     """An item of a definition list."""
-    said = [_safe(Text.from_markup(param.help or "").plain), _bounds(param), _default(param)]
-    again = "May be given several times." if getattr(param, "multiple", False) else ""
-    return f"`{term}`\n: {' '.join(' '.join([*said, again]).split())}\n"
+    plain = Text.from_markup(param.help or "").plain
+    text = _safe(plain).replace("(required)", "**Required.**")
+    again = getattr(param, "multiple", False) and "repeatable" not in plain
+    said = [text, _bounds(param), _default(param), "May be given several times." if again else ""]
+    return f"`{term}`\n: {' '.join(' '.join(said).split())}\n"
 
 
 def _bounds(param: Any) -> str:

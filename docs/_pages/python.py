@@ -4,7 +4,7 @@ import inspect
 from math import inf
 from typing import Any
 
-from _pages._source import doc, find, read_text, signature, table
+from _pages._source import doc, fields, find, read_text, signature, table, to_table
 
 
 def pages() -> dict[str, str]:
@@ -15,15 +15,29 @@ def pages() -> dict[str, str]:
 
 def _environments() -> dict[str, str]:
     from benchmark.gym_make import single, vector
-    from benchmark.run_spec import RunSpec
     from tasks.batch import BatchEnv, Step
 
     return {
         "make": _entry("gymnasium.make", single) + "\n" + _entry("gymnasium.make_vec", vector),
-        "settings": table(RunSpec),
+        "settings": _settings(),
         "batch": f"{doc(BatchEnv)}\n\n{_members(BatchEnv)}",
         "step": f"{doc(Step)}\n\n{table(Step)}",
     }
+
+
+def _settings() -> str:
+    """Fields of a run's spec: what they mean, and their defaults as they are typed."""
+    from benchmark.run_spec import SETTINGS, RunSpec
+    from benchmark.settings import Number
+
+    declared = {one.field: one for one in SETTINGS.values()}
+    lines = []
+    for name, _, said in fields(RunSpec):
+        if one := declared.get(name):
+            bounds = f" From {one.kind.allowed}." if isinstance(one.kind, Number) else ""
+            said = f"{one.help}{bounds}"
+        lines.append((name, (one and one.shown_default) or "", said))
+    return to_table(lines, "default")
 
 
 def _worlds() -> dict[str, str]:

@@ -25,7 +25,7 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
     [
         (["run", "--backend", "bulet", "--task", "eight"], "Did you mean 'bullet'?"),
         (["run", "--backend", "mujoco", "--task", "cirle"], "Did you mean 'circle'?"),
-        ([*RUN, "--algo", "sb3"], "known: hold-still, random, rsl-ppo, sb3-ppo"),
+        ([*RUN, "--algo", "sb3"], "known: hold-still, random, rsl-ppo"),
         ([*RUN, "--observation", "pos"], "Did you mean 'pose'?"),
         ([*RUN, "--stick", "wood"], "known: fabric, reference"),
         ([*RUN, "--effects", "backlsh=1deg"], "Did you mean 'backlash'?"),
