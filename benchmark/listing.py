@@ -12,10 +12,13 @@ from benchmark.errors import CommandError, unknown
 def parts(kind: str | None = None) -> tuple[dict, Table]:
     """Every plug-in and stick with a line about it, of one kind or all; imports no engine.
 
-    Of effects alone, their units and bounds, too. Raises UsageError for no kind.
+    A kind may be named in the plural. Of effects alone, their units and bounds, too. Raises
+    UsageError for no kind.
     """
-    if kind is not None and kind not in (*registry.KINDS, "stick"):
-        raise unknown("kind", kind, (*registry.KINDS, "stick"))
+    kinds = (*registry.KINDS, "stick")
+    if kind is not None and kind.removesuffix("s") not in kinds:
+        raise unknown("kind", kind, kinds)
+    kind = kind and kind.removesuffix("s")
     if kind == "effect":
         return _effects()
     found = {

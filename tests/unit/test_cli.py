@@ -243,10 +243,10 @@ def test_a_usage_error_names_the_command_that_helps(capfd):
     assert capfd.readouterr().err.endswith(". See `bench run --help`.\n")
 
 
-@pytest.mark.parametrize(("kind", "word"), [("effect", "bounds"), ("task", "eight")])
+@pytest.mark.parametrize(("kind", "word"), [("effects", "bounds"), ("task", "eight")])
 def test_list_takes_a_kind(kind, word, capfd):
     """List one kind of part; effects with unit and bounds."""
     assert cli.call(["list", kind, "--json"]) == 0
     found = json.loads(capfd.readouterr().out)
-    assert list(found) == [kind]
+    assert list(found) == [kind.removesuffix("s")]
     assert word in json.dumps(found)
