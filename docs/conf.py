@@ -15,11 +15,7 @@ project = "Stickbench"
 author = "the Stickbench authors"
 project_copyright = author
 extensions = ["myst_parser"]
-exclude_patterns = [
-    "_*",
-    *(p.name for p in HERE.glob("*.md") if p.name != "index.md"),
-]
-"""Pages that are read in the repository alone."""
+exclude_patterns = ["_*"]
 
 myst_enable_extensions = ["attrs_block", "colon_fence", "deflist"]
 myst_heading_anchors = 3

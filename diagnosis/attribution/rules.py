@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class Right(BaseModel):
-    """Shares of verdicts that were right in former blind sets, see docs/diagnosis.md."""
+    """Shares of verdicts that were right in former blind sets."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
     effect: float

@@ -1,4 +1,4 @@
-"""A real side whose friction has bristles; kept out of sets that rules are tuned on: docs/blind.md.
+"""A real side whose friction has bristles; no solver may be tuned on it.
 
     i' = (clip(kp band(target - motor) - kd f) - i) / T,    f' = (w - f) / D
     J w' = side(i) i + cogging - gear - viscous w - F

@@ -1,4 +1,4 @@
-"""A real side in the engine DART; kept out of sets that rules are tuned on, see docs/blind.md.
+"""A real side in the engine DART; no solver may be tuned on it.
 
 Links move by DART's articulated bodies, every rotor is a body of its own. Dry friction is DART's:
 a constraint that holds until it is overcome, so it sticks; viscous friction is implicit.
