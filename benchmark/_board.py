@@ -1,4 +1,4 @@
-"""What is known of a sweep's cells while they run: shown on the terminal, kept in sweep.csv."""
+"""The state of a sweep's cells while they run: shown on the terminal, kept in sweep.csv."""
 
 import csv
 import io
@@ -20,17 +20,17 @@ SPEC_COLUMNS = (
 SCORE_COLUMNS = ("tracked", "held", "p_err_cm", "q_err_deg", "episodes", "env_steps_per_s")
 COLUMNS = ("name", "state", "reason", *SPEC_COLUMNS, *SCORE_COLUMNS, "wall_s", "dir", "log")
 SHOWN_RUNNING = 3
-"""Running cells whose progress fits beside the bar."""
+"""Number of running cells whose progress is shown next to the bar."""
 
 
 class Board:
-    """The cells of a sweep and how each ended; to be used from several threads at once."""
+    """The cells of a sweep and their outcomes; safe to use from several threads."""
 
     def __init__(self, cells: Sequence[Cell], out: Path) -> None:
         self.cells, self.out = cells, out
         self.outcomes = {c.spec.name: done for c in cells if (done := finished(c)) is not None}
         self.stopped = threading.Event()
-        """Set when running cells are to end and waiting ones not to begin."""
+        """Set when running cells shall end and waiting ones shall not begin."""
         self._running: dict[str, Cell] = {}
         self._lock = threading.Lock()
         self._bar = Bar("sweep", len(cells))
@@ -55,7 +55,7 @@ class Board:
         return list(self._running.values())
 
     def beat(self, cell: Cell) -> bool:
-        """Note that a cell is alive, show how far the cells are; whether it is to stop."""
+        """Note that a cell is alive and show the progress; returns whether it shall stop."""
         with self._lock:
             self._running[cell.spec.name] = cell
             self._show()
@@ -67,7 +67,7 @@ class Board:
             self._running.pop(cell.spec.name, None)
 
     def ended(self, outcome: Outcome) -> None:
-        """Take down how a cell ended, and say so."""
+        """Record and print how a cell ended."""
         with self._lock:
             self._running.pop(outcome.name, None)
             self.outcomes[outcome.name] = outcome
@@ -77,7 +77,7 @@ class Board:
             self.write_table()
 
     def rows(self) -> list[dict]:
-        """One row per cell, in the sweep's order; scores are None where there are none."""
+        """One row per cell, in the order of the sweep; missing scores are None."""
         return [self._row(cell) for cell in self.cells]
 
     def write_table(self) -> None:

@@ -1,7 +1,7 @@
-"""One cell of a sweep: `bench run` in a process of its own, watched, with a time limit.
+"""One cell of a sweep: `bench run` in its own process, monitored, with a time limit.
 
-The same function runs a cell on this machine and on a cluster's node. Whatever happens to the
-process, a crash, a hang or a kill, ends in an `Outcome`, so that no cell takes another with it.
+The same function runs a cell on this machine and on a node of a cluster. A crash, a hang or a kill
+of the process ends in an `Outcome`, so no cell affects another one.
 """
 
 import contextlib
@@ -23,9 +23,9 @@ from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
 
 LOGS = "logs"
-"""Folder for what the cells print, in the sweep's folder."""
+"""Folder for the output of the cells, in the sweep's folder."""
 GRACE_S = 10.0
-"""Time that a cell has to end by itself before it is killed [s]."""
+"""Time in which a stopped cell may end by itself before it is killed [s]."""
 POLL_S = 0.2
 GOOD = ("done", "was done")
 _INTERRUPTED = 130
@@ -33,7 +33,7 @@ _BENCH = (
     "import ctypes, signal; ctypes.CDLL(None).prctl(1, signal.SIGTERM); "
     "from benchmark.cli.app import main; main()"
 )
-"""`bench`, stopped by Linux (PR_SET_PDEATHSIG is 1) when the sweep that started it dies."""
+"""Runs `bench`; Linux stops it (PR_SET_PDEATHSIG is 1) if the sweep that started it dies."""
 _SHARE = re.compile(rb"(\w+) [^\n]* (\d+)/(\d+) [^\n]*\n?\Z")
 
 
@@ -44,7 +44,7 @@ class Cell:
     options: dict[str, Any]
     """Options of `bench run`, by name."""
     spec: RunSpec
-    """The run that they ask for."""
+    """The run of these options."""
     out: Path
     """The sweep's folder."""
 
@@ -55,7 +55,7 @@ class Cell:
 
     @property
     def log(self) -> Path:
-        """What the cell prints."""
+        """File with the output of the cell."""
         return self.out / LOGS / f"{self.spec.name}.log"
 
     def command(self, cores: int) -> list[str]:
@@ -72,7 +72,7 @@ class Cell:
         return [*words, "--out", str(self.path), "--workers", str(cores), "--resume", "--json"]
 
     def progress(self) -> str:
-        """How far the log says the cell is, such as 'train 45 %'."""
+        """Progress of the cell by its log, such as 'train 45 %'."""
         with contextlib.suppress(OSError), self.log.open("rb") as log:
             log.seek(max(0, log.seek(0, os.SEEK_END) - 400))
             if match := _SHARE.search(log.read()):
@@ -92,7 +92,7 @@ class Outcome:
     wall_s: float = 0.0
     """Time of the cell's process [s]."""
     row: dict | None = None
-    """What `bench run` prints of a finished run."""
+    """The row that `bench run` prints for a finished run."""
 
     @property
     def good(self) -> bool:
@@ -101,7 +101,7 @@ class Outcome:
 
 
 def finished(cell: Cell) -> Outcome | None:
-    """The outcome of a cell whose run is done and whole, else None."""
+    """The outcome of a cell whose run is done and intact, else None."""
     from benchmark.run import row
 
     try:
@@ -120,9 +120,9 @@ def run_cell(
     cores: int = 1,
     beat: Callable[[Cell], bool] = lambda cell: False,
 ) -> Outcome:
-    """Run or continue a cell in its own process; how it ended.
+    """Run or continue a cell in its own process; returns the outcome.
 
-    `beat` is called every POLL_S; the cell is stopped when it gives True, or after `limit_s`.
+    `beat` is called every POLL_S. The cell is stopped if it returns True, or after `limit_s`.
     """
     name = cell.spec.name
     if beat(cell):
@@ -152,7 +152,7 @@ def _run_locked(
 
 
 def _lock(log: IO[bytes]) -> bool:
-    """Lock a cell's log for as long as this process or the cell's has it open; False if taken."""
+    """Lock a cell's log while this process or the cell has it open; False if it is locked."""
     try:
         fcntl.flock(log, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
@@ -164,7 +164,7 @@ def _lock(log: IO[bytes]) -> bool:
 
 @contextlib.contextmanager
 def _process(cell: Cell, cores: int, log: IO[bytes]) -> Iterator[subprocess.Popen]:
-    """The cell's process in a group of its own, none of which is left behind."""
+    """The cell's process in its own process group, which is ended with it."""
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", _BENCH, *cell.command(cores)],
         stdin=subprocess.DEVNULL,
@@ -182,7 +182,7 @@ def _process(cell: Cell, cores: int, log: IO[bytes]) -> Iterator[subprocess.Pope
 
 
 def _watch(process: subprocess.Popen, stop: Callable[[], bool], deadline_s: float) -> str:
-    """Wait for a process; why it was stopped, if it was."""
+    """Wait for a process; returns the reason if it was stopped."""
     stopped = ""
     while not stopped:
         try:
@@ -217,7 +217,7 @@ def _outcome(cell: Cell, code: int, stopped: str, said: bytes, wall_s: float) ->
 
 
 def _ending(code: int, stopped: str, row: dict, wall_s: float) -> tuple[str, str]:
-    """State and reason from the exit code and from what the process printed."""
+    """State and reason from the exit code and the output of the process."""
     if code == 0 and row.get("status") == "done":
         return "done", ""
     if stopped == "timed out":
@@ -225,7 +225,7 @@ def _ending(code: int, stopped: str, row: dict, wall_s: float) -> tuple[str, str
     if stopped or code == _INTERRUPTED:
         return "interrupted", "stopped with the sweep" if stopped else "the cell was interrupted"
     if code < 0:
-        hint = ", often for want of memory" if code == -signal.SIGKILL else ""
+        hint = ", often because memory ran out" if code == -signal.SIGKILL else ""
         return "crashed", f"killed by {signal.Signals(-code).name}{hint}"
     if "error" not in row:
         return "crashed", f"ended with exit code {code} and no result"
@@ -233,7 +233,7 @@ def _ending(code: int, stopped: str, row: dict, wall_s: float) -> tuple[str, str
 
 
 def _mark(cell: Cell, reason: str) -> None:
-    """Write the reason into the run.json of a cell that could not do so itself."""
+    """Write the reason into the run.json of a cell that could not write it itself."""
     with contextlib.suppress(CommandError):
         run = run_folder.read_run(cell.path)
         if run["status"] == "interrupted" and run["digest"] == cell.spec.digest:

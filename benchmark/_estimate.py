@@ -1,4 +1,4 @@
-"""How long the cells of a sweep will take, from short measurements on this machine."""
+"""Estimate the duration of a sweep's cells from short measurements on this machine."""
 
 import heapq
 import time
@@ -17,22 +17,23 @@ from tasks.batch import BatchEnv, Step
 from tasks.task import EPISODE_S
 
 START_S = 10.0
-"""A cell's imports and the export of its policy [s]; little beside a real run."""
+"""Time for a cell's imports and the export of its policy [s]; short compared with a real run."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Rates:
-    """What one core of this machine does."""
+    """Measured rates of one core of this machine."""
 
     steps_per_s: dict[str, float]
-    """Environment steps simulated in a second, by backend."""
+    """Environment steps simulated per second, by backend."""
     learning_s: dict[tuple[str, str], float]
-    """Learning beside the simulation, per environment step [s], by algorithm and observation."""
+    """Time for learning, without simulation, per environment step [s], by algorithm and
+    observation."""
     problems: dict[str, str]
-    """Why a backend could not be measured, by backend."""
+    """The reason why a backend could not be measured, by backend."""
 
     def seconds(self, cell: Cell) -> float | None:
-        """Time that a cell still takes on one core; None where its engine was not measured."""
+        """Remaining time of a cell on one core; None if its engine was not measured."""
         spec = cell.spec
         rate = self.steps_per_s.get(spec.backend)
         if rate is None:
@@ -45,7 +46,7 @@ class Rates:
 
 
 def measure(specs: Sequence[RunSpec]) -> Rates:
-    """Simulate a moment with every backend, and learn once with every algorithm and observation."""
+    """Simulate briefly with every backend, and learn once with every algorithm and observation."""
     rates, problems = {}, {}
     for spec in _first(specs, lambda spec: spec.backend):
         try:
@@ -65,7 +66,7 @@ def measure(specs: Sequence[RunSpec]) -> Rates:
 
 
 def makespan(durations: Iterable[float], jobs: int) -> float:
-    """When the last cell ends if each starts, in order, as soon as one of `jobs` places is free."""
+    """Time until the last cell ends if each starts, in order, when one of `jobs` places is free."""
     free = [0.0] * jobs
     for duration in durations:
         heapq.heapreplace(free, free[0] + duration)
@@ -97,7 +98,7 @@ def _learning_s(spec: RunSpec) -> float:
 
 
 def _time_steps(env: BatchEnv) -> list[float]:
-    """Have `env` note the wall time of each of its steps [s] in the list."""
+    """Make `env` append the wall time of each step [s] to the list."""
     noted: list[float] = []
     step = env.step_and_restart
 
@@ -112,6 +113,6 @@ def _time_steps(env: BatchEnv) -> list[float]:
 
 
 def _trained(cell: Cell) -> int:
-    """Environment steps that a cell's folder already has behind it."""
+    """Environment steps that are already trained in a cell's folder."""
     rows = RunFolder(cell.path, cell.spec).progress(cell.spec.steps)
     return int(rows[-1]["steps"]) if rows else 0

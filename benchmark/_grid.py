@@ -1,6 +1,6 @@
-"""A sweep's YAML file: checked field by field, then multiplied out to cells.
+"""A sweep's YAML file: checked field by field, then expanded to cells.
 
-A cell is given by the options of `bench run`, written as they are typed there.
+A cell is given by the options of `bench run`, written as on the command line.
 """
 
 import difflib
@@ -37,7 +37,7 @@ def _checked_by(one: Setting) -> Any:
 
 
 class _Part(BaseModel):
-    """A piece of the file; fields it does not name are refused."""
+    """A part of the file; unknown fields are refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
@@ -51,16 +51,16 @@ Settings: Any = create_model(
     calibration=(Text | None, None),
     set=(dict[str, Any] | None, None),
 )
-"""Options of `bench run`; what is not given has the default it has there."""
+"""Options of `bench run`; missing ones have their default."""
 
 
 class Slurm(_Part):
-    """What a cluster's scheduler is asked for, per cell."""
+    """Requests to the scheduler of a cluster, per cell."""
 
     partition: Text | None = None
     account: Text | None = None
     cpus: Annotated[int, Field(ge=1)] = 1
-    """Cores; they change no result."""
+    """Number of cores; it changes no result."""
     memory_gb: Annotated[float, Field(gt=0)] = 8.0
     setup: list[Text] = []
     """Shell lines before the cell, such as 'module load python/3.11'."""
@@ -89,7 +89,7 @@ class _File(_Part):
 
 @dataclass(frozen=True, kw_only=True)
 class Choice:
-    """One cell as chosen: its options and the run they ask for."""
+    """One cell: its options and its run."""
 
     options: dict[str, Any]
     """Options of `bench run`, by name."""
@@ -101,21 +101,21 @@ class Grid:
     """A sweep."""
 
     choices: tuple[Choice, ...]
-    """The cells, none of them twice."""
+    """The cells, each of them once."""
     time_limit_s: float
-    """A cell that takes longer is stopped [s]."""
+    """Time after which a cell is stopped [s]."""
     slurm: Slurm
 
 
 def read_grid(path: Path) -> Grid:
-    """The sweep that a file describes; raises UsageError naming field, value and what is allowed.
+    """Read a sweep file; raises UsageError with the field, its value and what is allowed.
 
     The cells are `defaults` with every combination of the `grid`, then with each of the `cells`.
     """
     file = _checked(path)
     lists = _given(file.grid)
     if not lists and not file.cells:
-        raise UsageError(f"{path} has no cell; allowed: 'grid', 'cells' or both")
+        raise UsageError(f"{path} has no cell; give 'grid', 'cells' or both")
     combinations = itertools.product(*lists.values()) if lists else ()
     chosen = [dict(zip(lists, values, strict=True)) for values in combinations]
     chosen += [_given(cell) for cell in file.cells]
@@ -170,12 +170,12 @@ def _checked(path: Path) -> _File:
 
 
 def _complaints(error: ValidationError) -> list[str]:
-    """What is wrong with the file: the field, its value, what is allowed."""
+    """The faults of the file: the field, its value, what is allowed."""
     texts = []
     for item in error.errors(include_url=False):
         field = ".".join(map(str, item["loc"])) or "the file"
         if item["type"] == "extra_forbidden":
-            texts.append(f"{field} is no setting; allowed: {_siblings(item['loc'])}")
+            texts.append(f"{field} is not a setting; allowed: {_siblings(item['loc'])}")
         elif item["type"] == "value_error":
             texts.append(f"{field}: {item['msg'].removeprefix('Value error, ')}")
         else:
@@ -185,7 +185,7 @@ def _complaints(error: ValidationError) -> list[str]:
 
 
 def _siblings(place: tuple[int | str, ...]) -> str:
-    """The names allowed at a place of the file, and the near one."""
+    """The names that are allowed at a place of the file, and a similar one."""
     model = Slurm if "slurm" in place[:-1] else Settings if len(place) > 1 else _File
     names = sorted(model.model_fields)
     near = difflib.get_close_matches(str(place[-1]), names, n=1, cutoff=0.5)

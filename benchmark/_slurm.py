@@ -1,7 +1,7 @@
-"""Cells of a sweep as jobs of a Slurm cluster, through submitit, with the same cell function.
+"""Run cells of a sweep as jobs of a Slurm cluster, through submitit, with the same function.
 
-A cell's job number is kept beside its log, so that the same command, given again, waits for the
-jobs that are still queued instead of submitting them twice.
+A cell's job number is stored next to its log. So the same command, given again, waits for jobs that
+are still queued instead of submitting them twice.
 """
 
 import contextlib
@@ -25,10 +25,12 @@ from benchmark.errors import CommandError
 from benchmark.run_folder import write_atomically
 
 MARGIN_MIN = 5
-"""Slurm's time limit lies this far above the cell's own, which says why it stopped [min]."""
+"""Slurm's time limit is longer than the cell's own by this, so that the cell can report why it
+stopped [min]."""
 POLL_S = 5.0
 GONE_S = 60.0
-"""A job that left the queue this long ago without a result is lost [s]: shared disks lag."""
+"""A job without a result counts as lost this long after it left the queue [s], because shared disks
+lag."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,7 +42,7 @@ class _Job:
 
 
 def run_on_slurm(board: Board, limit_s: float, jobs: int | None, slurm: Slurm) -> None:
-    """Submit the open cells of a sweep and wait for them; at most `jobs` run at a time.
+    """Submit the unfinished cells of a sweep and wait for them; at most `jobs` run at a time.
 
     After Ctrl-C the jobs stay in the queue.
     """
@@ -61,7 +63,7 @@ def run_on_slurm(board: Board, limit_s: float, jobs: int | None, slurm: Slurm) -
         _wait(board, waiting)
     except KeyboardInterrupt:
         ids = " ".join(sorted({item.job.job_id.split("_")[0] for item in waiting}))
-        say(f"the jobs stay queued: this command again waits for them, scancel {ids} ends")
+        say(f"the jobs stay queued: the same command waits for them again, scancel {ids} ends")
         raise
 
 
@@ -95,14 +97,16 @@ def _submit(
 
 
 def _earlier(cells: Sequence[Cell], folder: Path) -> list[_Job]:
-    """The cells that an earlier call submitted and that are still in the queue."""
+    """The cells of an earlier call that are still in the queue."""
     queue = _queue()
     found = []
     for cell in cells:
         with contextlib.suppress(FileNotFoundError):
             number = _number_file(cell, folder).read_text().strip()
             if queue is None:
-                raise CommandError("squeue does not answer, and cells may be queued; try later")
+                raise CommandError(
+                    "squeue does not answer, and cells may still be queued; try again later"
+                )
             if number in queue:
                 found.append(_Job(cell=cell, job=submitit.SlurmJob(folder, number)))
     return found
@@ -113,9 +117,9 @@ def _number_file(cell: Cell, folder: Path) -> Path:
 
 
 def _wait(board: Board, waiting: list[_Job]) -> None:
-    """Take down the outcome of each job that has left the queue.
+    """Record the outcome of each job that has left the queue.
 
-    What a job still queued has left behind is of an attempt before Slurm started it again.
+    Files of a job that is still queued are from an attempt before Slurm restarted it.
     """
     gone_s: dict[str, float] = {}
     while waiting:
@@ -132,7 +136,7 @@ def _wait(board: Board, waiting: list[_Job]) -> None:
 
 
 def _lost(item: _Job, gone_s: dict[str, float]) -> Outcome | None:
-    """That a job is lost, once it has been gone for GONE_S; `gone_s` keeps since when."""
+    """The outcome 'lost' once a job has been gone for GONE_S; `gone_s` keeps the time."""
     now_s = time.monotonic()
     if now_s < gone_s.setdefault(item.job.job_id, now_s) + GONE_S:
         return None
@@ -142,7 +146,7 @@ def _lost(item: _Job, gone_s: dict[str, float]) -> Outcome | None:
 
 
 def _result(item: _Job) -> Outcome | None:
-    """What a job gave back; None while it has not."""
+    """The result of a job; None while there is none."""
     if not item.job.paths.result_pickle.exists():
         return None
     try:
@@ -153,7 +157,7 @@ def _result(item: _Job) -> Outcome | None:
 
 
 def _queue() -> set[str] | None:
-    """Numbers of the user's jobs that are queued or running; None when Slurm does not answer."""
+    """Numbers of the user's jobs in the queue or running; None if Slurm does not answer."""
     command = ["squeue", "--noheader", "--array", "--format=%i", f"--user={os.getuid()}"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     return set(done.stdout.split()) if done.returncode == 0 else None

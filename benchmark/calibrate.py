@@ -1,4 +1,4 @@
-"""`bench calibrate`: from a log to calibration.yaml, a picture per joint and a table."""
+"""`bench calibrate`: fit a log and write calibration.yaml, a picture per joint and a table."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -38,29 +38,29 @@ from diagnosis.replay.nominal import mjcf_world
 FILE = "calibration.yaml"
 OUT = Path("calibrations")
 THRESHOLD_MM = 10.0
-"""Deepest threshold of a taxel that makes sense."""
+"""Largest sensible threshold of a taxel."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What `bench calibrate` is asked for."""
+    """The settings of `bench calibrate`."""
 
     path: Path
     """Folder of the log."""
     nominal: str
     """Engine of the nominal world."""
     known_effects: str | None
-    """Effects of the nominal world; None: those that the log's mechanism names."""
+    """Effects of the nominal world; None: those that the log names."""
     threshold: str | None
-    """Of the taxels, as pressed depth; None: from their noise."""
+    """Threshold of the taxels, as pressed depth; None: from their noise."""
     seed: int
     workers: int | None
 
 
 def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
-    """Calibrate, write calibration.yaml and a picture per joint; the result and its table.
+    """Calibrate and write calibration.yaml and pictures; returns the result and its table.
 
-    Raises UsageError for a log or setting that cannot be used, CommandError when an engine stops.
+    Raises UsageError for a log or setting that cannot be used, CommandError if an engine stops.
     """
     within("--seed", settings.seed, 0, 2**32 - 1)
     given = settings.threshold
@@ -107,11 +107,11 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
 
 
 def world_of(path: Path, hand: str) -> dict[str, str]:
-    """Effects and spread of a calibration, as fields of a RunSpec for `hand`; UsageError."""
+    """Effects and spread of a calibration, as fields of a RunSpec for `hand`. Raises UsageError."""
     try:
         found = read_calibration(path)
         if found.hand != hand:
-            raise UsageError(f"it is of the mechanism '{found.hand}'; this is '{hand}'")
+            raise UsageError(f"it is a calibration of '{found.hand}', not of '{hand}'")
         parse_effects(found.effects, HANDS[hand].HAND)
         parse_spread(found.spread, HANDS[hand].HAND)
     except (CalibrationError, UsageError) as error:
@@ -125,7 +125,7 @@ def _refuse_taken(folder: Path, force: bool) -> None:
 
 
 def _ideal(log: Log, backend: str) -> Spec:
-    """The log's mechanism without effects; raises UsageError or LogError where it is unknown."""
+    """The log's mechanism without effects; raises UsageError or LogError if it is unknown."""
     mechanism = log.meta.mechanism
     if isinstance(mechanism, MjcfMechanism):
         spec = mjcf_world(log)
@@ -133,8 +133,8 @@ def _ideal(log: Log, backend: str) -> Spec:
         refused = registry.load("backend", backend).support["joint.slides"]
         if slides and refused.startswith("refused"):
             raise UsageError(
-                f"{', '.join(slides)} slides; allowed with {backend}: hinges; `bench diagnose` "
-                "takes slides and refits their nominal parameters"
+                f"not a hinge: {', '.join(slides)}; {backend} simulates hinges only; "
+                "`bench diagnose` takes slides and refits their nominal parameters"
             )
         return spec
     if mechanism.hand not in HANDS:

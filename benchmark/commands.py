@@ -1,4 +1,4 @@
-"""What the commands do, with text already split into options."""
+"""The work of the commands, given their parsed options."""
 
 import dataclasses
 import json
@@ -29,7 +29,7 @@ def settings(
     config: Path | None,
     start: Path | None,
 ) -> RunSpec:
-    """The RunSpec that the options of `bench run` ask for; raises UsageError."""
+    """The RunSpec of the options of `bench run`; raises UsageError."""
     return requested(given, calibration, read_pairs(pairs), config, start)
 
 
@@ -41,7 +41,7 @@ def run(
     resume: bool,
     force: bool,
 ) -> dict:
-    """Run or continue `spec`, from the policy of the run `start` if there is one; the row."""
+    """Run or continue `spec`, from the policy of the run `start` if given; returns the row."""
     from benchmark.run import row, run
 
     path = out or RUNS / spec.name
@@ -49,7 +49,7 @@ def run(
 
 
 def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
-    """What a run would do and about how long it would take, from a short measurement."""
+    """The settings of a run and an estimate of its duration from a short measurement."""
     workers = workers or usable_cores()
     worlds = [spec.world()] * min(spec.worlds, 16 * workers)
     env = make_env(spec, worlds, seed=0, workers=workers)
@@ -72,7 +72,7 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
 
 
 def typical_s(call: Callable[[], object]) -> float:
-    """The median time of a call [s]: in a fresh installation some calls compile what they need."""
+    """The median time of a call [s]; in a new installation some calls compile code first."""
     took = []
     for _ in range(_PROBE_STEPS):
         began = time.monotonic()
@@ -88,7 +88,7 @@ def evaluate(
     out: Path | None,
     workers: int | None,
 ) -> dict:
-    """Evaluate a finished run's policy under changed settings; the row."""
+    """Evaluate a finished run's policy under changed settings; returns the row."""
     from benchmark import run
 
     if episodes is not None:
@@ -123,9 +123,9 @@ def leaderboard(
     html: bool,
     include_smoke: bool,
 ) -> dict:
-    """Write the leaderboard's files; what was written and what could not be read.
+    """Write the leaderboard's files; returns what was written and what could not be read.
 
-    `add` keeps the rows of the sources beside them, `policies` their policies.
+    `add` copies the rows of the sources there, `policies` their policies.
     """
     from benchmark.keep import keep_policies, keep_rows
     from leaderboard.files import write
@@ -142,7 +142,7 @@ def leaderboard(
     if not include_smoke:
         rows = [row for row in rows if not row.spec.smoke]
     if not rows:
-        left = f"{len(smoke)} smoke runs, which --include-smoke takes" if smoke else ""
+        left = f"{len(smoke)} smoke runs; --include-smoke shows them" if smoke else ""
         found = "; ".join(filter(None, [left, *problems])) or "no run.json was found"
         where = ", ".join(map(str, sources))
         raise CommandError(f"nothing to rank in {where}: {found}")

@@ -1,4 +1,4 @@
-"""What people and programs read: one JSON object or a table on stdout, all else on stderr."""
+"""Output of commands: one JSON object or a table on stdout, everything else on stderr."""
 
 import json
 import logging
@@ -20,15 +20,15 @@ from rich.text import Text
 
 ERR = Console(stderr=True, highlight=False, soft_wrap=True)
 UNKNOWN_WIDTH = 160
-"""Columns of an output that is no terminal."""
+"""Width of an output that is no terminal, in characters."""
 ROW_WIDTH = 140
-"""Columns that a row with its folder needs."""
+"""Width that a row with its folder needs, in characters."""
 _real_stdout: int | None = None
 _level = logging.WARNING
 
 
 def set_level(verbose: bool, quiet: bool) -> None:
-    """How much is said on standard error beside errors: everything, or no progress."""
+    """Set how much is printed on standard error besides errors: everything, or no progress."""
     global _level
     _level = logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING
     logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s", force=True)
@@ -36,18 +36,18 @@ def set_level(verbose: bool, quiet: bool) -> None:
 
 
 def is_verbose() -> bool:
-    """Whether the user wants to see everything."""
+    """Whether -v was given."""
     return _level == logging.DEBUG
 
 
 def say(text: str) -> None:
-    """Say how a command gets on, unless the user wants it quiet."""
+    """Print a progress message, unless -q was given."""
     if _level < logging.ERROR:
         ERR.print(text, markup=False)
 
 
 def divert_stdout() -> None:
-    """Send whatever libraries print on standard output to standard error from now on."""
+    """From now on, send everything that libraries print on standard output to standard error."""
     global _real_stdout
     if _real_stdout is None:
         sys.stdout.flush()
@@ -67,7 +67,7 @@ def emit(result: dict, as_json: bool, table: RenderableType | None = None) -> No
 
 
 def _listed(result: dict) -> Table:
-    """A result's keys and values, what is nested under its own name."""
+    """The keys and values of a result; nested ones get the name of their parent."""
     table = Table("what", "value", header_style="bold")
     for key, value in result.items():
         inner = value.items() if isinstance(value, dict) else [("", value)]
@@ -81,7 +81,7 @@ def _width() -> int:
 
 
 def row_table(row: dict, columns: list[str]) -> Table:
-    """Some columns of a row; one below the other where the terminal is narrow."""
+    """Some columns of a row; below each other if the terminal is narrow."""
     if _width() < ROW_WIDTH:
         table = Table("column", "value", header_style="bold")
         for column in columns:
@@ -103,7 +103,7 @@ def _cell(value: object) -> str:
 
 
 class Bar:
-    """A progress bar on a terminal; a line every twentieth elsewhere."""
+    """A progress bar on a terminal; elsewhere a line per twentieth of the work."""
 
     def __init__(self, what: str, total: int) -> None:
         self._what, self._total, self._done, self._said = what, total, 0, -1
@@ -132,7 +132,7 @@ class Bar:
         self._bar.stop()
 
     def update(self, done: int, note: str = "") -> None:
-        """Show that `done` of the total are through, with a note beside."""
+        """Show that `done` of the total is finished, with a note."""
         self._bar.update(self._task, completed=done, note=note)
         part = 20 * done // max(self._total, 1)
         if not ERR.is_terminal and part > self._said:

@@ -1,6 +1,6 @@
-"""`bench doctor`: are the engines and learners here, do they work, and what would mend them.
+"""`bench doctor`: check whether engines and learners are installed and work, and how to fix them.
 
-With `--physics`: does each engine obey the closed forms, and how far is it from the reference.
+With `--physics`: compare each engine with closed forms and with the reference engine.
 """
 
 import subprocess
@@ -36,7 +36,7 @@ _PROBES = {
 
 
 def examine() -> tuple[dict, Table]:
-    """Try every backend and learner in a process of its own."""
+    """Try every backend and learner in its own process."""
     rows = [_examine(kind, name) for kind in _PROBES for name in registry.names(kind)]
     table = Table("part", "name", "package", "version", "state", "what to do", header_style="bold")
     for row in rows:
@@ -45,7 +45,7 @@ def examine() -> tuple[dict, Table]:
 
 
 def examine_physics(backend: str, out: Path | None) -> tuple[dict, Group]:
-    """Run the physics checks on one engine or all; writes them to `out` as Markdown."""
+    """Run the physics checks on one engine or all, and write them to `out` as Markdown."""
     from benchmark.physics import report, suite
 
     names = registry.chosen("backend", backend)
@@ -68,7 +68,7 @@ def _examine(kind: str, name: str) -> dict:
         check=False,
     )
     works = done.returncode == 0
-    last = (done.stderr.strip().splitlines() or ["died without a word"])[-1]
+    last = (done.stderr.strip().splitlines() or ["it died without a message"])[-1]
     last = last.removeprefix(f"{CommandError.__module__}.{CommandError.__name__}: ")
     return {
         "part": kind,

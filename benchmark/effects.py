@@ -9,39 +9,38 @@ from benchmark import registry
 from benchmark.errors import UsageError, unknown
 
 BUILT = "backlash=1deg,self-lock=10Nm"
-"""The hand as built: what every engine adds unless told otherwise."""
+"""The hand as built: the default effects of every engine."""
 PAPER_SPREAD = (
     "kp-scale=5%,kd-scale=5%,series-elasticity=10%,gear-damping=10%,"
     "stick-mass=30%,stick-radius=10%,contact-friction=50%"
 )
 """Domain randomisation: standard deviations, and half widths for stick and contact.
 
-The paper gives no width for friction; half of it makes policies squeeze that last in other engines.
+The paper gives no width for friction. With half of it, policies learn a squeeze that also holds in
+other engines.
 """
 _ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9/]*)(?:@(\w+))?")
 _FORM = "NAME=NUMBER[UNIT][@JOINT], for example backlash=1.2deg@J3"
 
 
 def parse_effects(text: str, hand: Hand) -> tuple[Effect, ...]:
-    """The effects that `text` names, in order; raises UsageError for whatever cannot be."""
+    """The effects that `text` names, in order; raises UsageError for an invalid text."""
     if text in ("none", ""):
         return ()
     items = [item.strip() for item in text.split(",")]
     if "none" in items:
-        raise UsageError(f"'none' stands beside other effects in '{text}': leave one of them out")
+        raise UsageError(f"'{text}' has 'none' and other effects; leave one of them out")
     items = [part for item in items for part in (BUILT if item == "built" else item).split(",")]
     effects = tuple(_parse_one(item, hand) for item in items)
     places = [(type(e), e.joint) for e in effects]
     if len(set(places)) < len(places):
-        hint = f"; built is {BUILT}" if "built" in text else ""
-        raise UsageError(
-            f"an effect is given twice for one joint in '{text}': give each once{hint}"
-        )
+        hint = f" (built is {BUILT})" if "built" in text else ""
+        raise UsageError(f"'{text}' has an effect twice for the same joint; give each once{hint}")
     return effects
 
 
 def parse_spread(text: str, hand: Hand) -> tuple[Effect, ...]:
-    """The effects that domain randomisation draws, their magnitudes being spreads; UsageError."""
+    """The effects that domain randomisation draws; magnitudes are spreads. Raises UsageError."""
     effects = parse_effects(PAPER_SPREAD if text == "paper" else text, hand)
     for effect in effects:
         if effect.magnitude < 0:
@@ -67,7 +66,9 @@ def _parse_one(item: str, hand: Hand) -> Effect:
     kind: type[Effect] = registry.load("effect", name)
     magnitude = _magnitude(item, kind, number, unit)
     if joint is not None and not kind.per_joint:
-        raise UsageError(f"'{item}' names a joint, but {name} acts on none: leave '@{joint}' out")
+        raise UsageError(
+            f"'{item}' names a joint, but {name} does not act on joints; leave '@{joint}' out"
+        )
     if joint is not None and joint not in hand.joint_names:
         raise unknown("driven joint", joint, hand.joint_names)
     return kind(magnitude=magnitude, joint=joint)
@@ -85,5 +86,7 @@ def _magnitude(item: str, kind: type[Effect], number: str, unit: str) -> float:
     low, high = kind.bounds
     if not (math.isfinite(value) and low <= value <= high):
         size = UNITS[unit][1]
-        raise UsageError(f"'{item}' is out of range: {low / size:g} to {high / size:g} {unit}")
+        raise UsageError(
+            f"'{item}' is out of range; allowed: {low / size:g} to {high / size:g} {unit}"
+        )
     return value

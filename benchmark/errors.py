@@ -1,17 +1,17 @@
-"""What a command says when it cannot go on: one message, one exit code, no traceback."""
+"""Errors of commands: one message, one exit code, no traceback."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class CommandError(Exception):
-    """Something failed that the user should know of; the message is complete."""
+    """Something failed; the message is complete."""
 
     exit_code = 1
 
 
 class UsageError(CommandError):
-    """The command was given something it cannot take."""
+    """The command was given something that is not allowed."""
 
     exit_code = 2
 
@@ -23,14 +23,14 @@ class Interrupted(CommandError):
 
 
 def was_interrupt(error: BaseException | None) -> bool:
-    """Whether an error began as an interrupt: compiled code makes others of it."""
+    """Whether an error was caused by an interrupt, which compiled code turns into other errors."""
     if error is None or isinstance(error, KeyboardInterrupt):
         return error is not None
     return was_interrupt(error.__cause__)
 
 
 def unknown(kind: str, given: str, known: Iterable[str]) -> UsageError:
-    """No such name: what was given, what is known, and the near one."""
+    """An unknown name: the message says what was given, what is known, and a similar name."""
     names = sorted(known)
     text = f"no {kind} named '{given}'; known: {', '.join(names)}."
     near = difflib.get_close_matches(given, names, n=1, cutoff=0.5)

@@ -1,4 +1,4 @@
-"""Makes the Gymnasium environments that `benchmark.gym` registers."""
+"""Make the Gymnasium environments that `benchmark.gym` registers."""
 
 from functools import partial
 from typing import Any
@@ -17,7 +17,7 @@ def single(task: str, backend: str = "mujoco", **settings: Any) -> StickEnv:
 def vector(
     task: str, num_envs: int = 1, backend: str = "mujoco", workers: int = 1, **settings: Any
 ) -> StickVectorEnv:
-    """N worlds on up to `workers` cores; settings as for one."""
+    """N worlds on up to `workers` cores; settings as in `single`."""
     run = RunSpec(backend=backend, task=task, **settings)
     return StickVectorEnv(partial(_make, run, workers), num_envs)
 

@@ -1,4 +1,4 @@
-"""`bench list`: the parts by name, and what each engine makes of every number of the spec."""
+"""`bench list`: all plug-ins by name, and the engines' support of every number of the spec."""
 
 from rich.table import Table
 
@@ -10,10 +10,10 @@ from benchmark.errors import CommandError, unknown
 
 
 def parts(kind: str | None = None) -> tuple[dict, Table]:
-    """Every plug-in and stick with a line about it, of one kind or all; imports no engine.
+    """Every plug-in and stick with a line about it; imports no engine.
 
-    A kind may be named in the plural. Of effects alone, their units and bounds, too. Raises
-    UsageError for no kind.
+    `kind`, singular or plural, restricts the list to one kind; effects alone are listed with units
+    and bounds. Raises UsageError for an unknown kind.
     """
     kinds = (*registry.KINDS, "stick")
     if kind is not None and kind.removesuffix("s") not in kinds:
@@ -46,13 +46,13 @@ def _effects() -> tuple[dict, Table]:
         low, high = (bound / UNITS[one.unit][1] for bound in one.bounds)
         line = registry.summary("effect", name)
         found[name] = {"unit": one.unit, "bounds": [low, high], "per_joint": one.per_joint}
-        joints = "all, or one by @JOINT" if one.per_joint else "-"
+        joints = "all, or @JOINT" if one.per_joint else "-"
         table.add_row(name, one.unit, f"{low:g} to {high:g}", joints, line)
     return {"effect": found}, table
 
 
 def support() -> tuple[dict, Table]:
-    """The engines' answers for every field and effect; a missing engine says how to install it."""
+    """The engines' support of every field and effect; a missing engine says how to install it."""
     answers = {name: _answers(name) for name in registry.names("backend")}
     asked = {field: (field,) for field in field_names()}
     for name in registry.names("effect"):

@@ -1,4 +1,4 @@
-"""`bench excite` and `bench import`: commands for a user's robot, and recordings of others."""
+"""`bench excite` and `bench import`: commands for a user's robot, and published recordings."""
 
 import math
 import re
@@ -39,7 +39,7 @@ def excite(
     one_at_a_time: bool,
     force: bool = False,
 ) -> dict:
-    """Write commands as CSV; what was written. Raises UsageError."""
+    """Write commands as CSV; returns what was written. Raises UsageError."""
     within("--rate", rate_hz, *RATES_HZ, "Hz")
     within("--seed", seed, 0, 2**32 - 1)
     if out.suffix.lower() != ".csv":
@@ -66,14 +66,14 @@ def excite(
 
 
 def _joints(joints: str | None, ranges: str | None, limit: str | None) -> tuple[Joints, bool]:
-    """The joints to move, and whether they are linear: the user's, or those of our hand."""
+    """The joints to move, and whether they are linear: the user's, or those of the TRX hand."""
     if joints is None:
         if ranges is not None or limit is not None:
-            raise UsageError("--range and --limit are given without --joints; name your joints")
+            raise UsageError("--range and --limit need --joints; give the names of your joints")
         return hand_joints(HANDS[DEFAULT_HAND].HAND), False
     names = tuple(name.strip() for name in joints.split(",") if name.strip())
     if not names or len(set(names)) < len(names):
-        raise UsageError(f"--joints is '{joints}'; allowed: different names between commas")
+        raise UsageError(f"--joints is '{joints}'; allowed: different names, separated by commas")
     if ranges is None:
         raise UsageError(f"--joints needs --range; allowed: {_FORM}, one for all or one for each")
     parts = [part.strip() for part in ranges.split(",")]
@@ -81,7 +81,7 @@ def _joints(joints: str | None, ranges: str | None, limit: str | None) -> tuple[
         raise UsageError(f"--range has {len(parts)} entries for {len(names)} joints; give 1 or all")
     read = [_range(part) for part in parts] * (len(names) // len(parts))
     if len({linear for _, linear in read}) > 1:
-        raise UsageError("--range mixes angles and lengths; write a file for each kind of joint")
+        raise UsageError("--range mixes angles and lengths; write one file for each kind of joint")
     ends = np.array([pair for pair, _ in read])
     return Joints(
         names=names,
@@ -92,7 +92,7 @@ def _joints(joints: str | None, ranges: str | None, limit: str | None) -> tuple[
 
 
 def _limits(text: str | None, names: tuple[str, ...], linear: bool) -> np.ndarray:
-    """The largest load of each joint [Nm or N]; zeros where none is given."""
+    """The largest load of each joint [Nm or N]; zeros if none is given."""
     if text is None:
         return np.zeros(len(names))
     parts = [part.strip() for part in text.split(",")]
@@ -144,7 +144,7 @@ def _frame(excitation: Excitation, names: tuple[str, ...], linear: bool) -> pd.D
 
 
 def import_logs(kind: str, path: Path, out: Path, form: str, force: bool = False) -> dict:
-    """Write the logs in a recording of a known kind; one to `out`, several to folders in it.
+    """Write the logs of a recording of a known kind: one to `out`, several to folders in it.
 
     Raises UsageError.
     """

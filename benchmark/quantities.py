@@ -1,4 +1,4 @@
-"""Numbers with units as typed on the command line."""
+"""Numbers with units, as typed on the command line."""
 
 import math
 import re
@@ -18,14 +18,14 @@ _NUMBER = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|[-+]?nan|[-+]?inf)"
 
 
 def size(unit: str) -> float:
-    """A unit in SI units."""
+    """Size of a unit in SI units."""
     return next(units[unit] for units in _UNITS.values() if unit in units)
 
 
 def measured(text: str, flag: str, *units: str) -> tuple[float, str]:
-    """A number with one of the units or another of their dimensions: in SI, and the dimension.
+    """Read a number with a unit of one of these dimensions: its SI value and dimension.
 
-    Raises UsageError where the unit is missing or of another dimension.
+    Raises UsageError if the unit is missing or of another dimension.
     """
     dimensions = {name: sizes for name, sizes in _UNITS.items() if set(units) & set(sizes)}
     match = re.fullmatch(_NUMBER + r"\s*([A-Za-z]+)", text.strip())
@@ -39,12 +39,12 @@ def measured(text: str, flag: str, *units: str) -> tuple[float, str]:
 
 
 def quantity(text: str, flag: str, unit: str) -> float:
-    """A number with a unit of the same dimension as `unit`, in SI units; raises UsageError."""
+    """Read a number with a unit of the dimension of `unit`, in SI units; raises UsageError."""
     return measured(text, flag, unit)[0]
 
 
 def within(flag: str, value: float, low: float, high: float, unit: str = "") -> None:
-    """Raise UsageError unless a number, in SI units, is finite and in its range, in `unit`."""
+    """Raise UsageError unless a number (SI units) is finite and in its range (in `unit`)."""
     shown = value / size(unit) if unit else value
     if not (math.isfinite(shown) and low <= shown <= high):
         tail = f" {unit}" if unit else ""

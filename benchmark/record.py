@@ -1,4 +1,4 @@
-"""`bench record`: an engine, its effects and a policy by name, put through the protocols."""
+"""`bench record`: run the protocols on an engine with effects, and write a log."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ class World:
     """What is recorded, and where."""
 
     run: RunSpec
-    """Engine, hand, stick and effects; the task of the policy, if there is one."""
+    """Engine, hand, stick and effects, and the policy's task if there is a policy."""
     policy: Path | None
     """Run folder of the policy."""
     known_effects: str
@@ -43,7 +43,7 @@ class World:
 def world(
     given: Mapping[str, Any], known_effects: str, policy: Path | None, workers: int | None
 ) -> World:
-    """The world that settings ask for; raises UsageError."""
+    """The world of these settings; raises UsageError."""
     settings: dict = {"task": "line", "randomize": False}
     if policy is not None:
         source = run_folder.finished_run(policy)
@@ -63,13 +63,15 @@ def plan(
     repeats: int,
     seed: int,
 ) -> Plan:
-    """The plan that options ask for; 'all' stands for all that can be. Raises UsageError."""
+    """The plan of these options; 'all' means everything that is possible. Raises UsageError."""
     within("--seed", seed, 0, 2**32 - 1)
     within("--rate", rate_hz, 1, 1000, "Hz")
     everything = (*OPEN_LOOP, *(["policy"] if world.policy else []))
     protocols = everything if protocol == "all" else _words(protocol)
     if world.policy is not None and "policy" not in protocols:
-        raise UsageError("--policy is given, but no protocol 'policy'; leave one out or add it")
+        raise UsageError(
+            "--policy is given without protocol 'policy'; add it, or leave --policy out"
+        )
     named = CHANNELS if channels == "all" else tuple(dict.fromkeys((*ALWAYS, *_words(channels))))
     return Plan(
         protocols=protocols,
@@ -82,9 +84,9 @@ def plan(
 
 
 def record(world: World, plan: Plan, out: Path, form: str, force: bool = False) -> dict:
-    """Record a log into the folder `out`, in place of an earlier one with `force`.
+    """Record a log into the folder `out`; `force` replaces an earlier one.
 
-    Raises UsageError for whatever cannot be recorded, CommandError when the simulation stops.
+    Raises UsageError for a plan that cannot be recorded, CommandError if the simulation stops.
     """
     try:
         check_target(out, form, force)
@@ -152,7 +154,7 @@ def _words(text: str) -> tuple[str, ...]:
 
 
 def _provenance(world: World, plan: Plan) -> dict:
-    """What made the log; it names the effects, so a diagnosis does not read it."""
+    """The provenance of the log. It names the effects, so a diagnosis does not read it."""
     run = world.run
     return {
         **provenance(),

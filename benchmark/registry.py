@@ -1,6 +1,6 @@
-"""Plug-ins by name: files that hold one class of a kind; parts are chosen here alone.
+"""Plug-ins by name: files that hold one class of a kind. They are chosen only here.
 
-Listing reads file texts and imports nothing, so it needs no engine and no learner.
+Listing reads the text of files and imports nothing, so it needs no engine and no learner.
 """
 
 import importlib
@@ -43,14 +43,14 @@ def summary(kind: str, name: str) -> str:
 
 
 def check(kind: str, name: str) -> str:
-    """`name` if it is known; raises UsageError with the near one otherwise."""
+    """`name` if it is known; else raises UsageError that suggests a similar name."""
     if name not in names(kind):
         raise unknown(kind, name, names(kind))
     return name
 
 
 def chosen(kind: str, text: str) -> tuple[str, ...]:
-    """The names between commas, each once, 'all' being all; raises UsageError for an unknown."""
+    """The names between commas, each once ('all': all of them); UsageError for an unknown one."""
     if text == "all":
         return names(kind)
     return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
@@ -62,7 +62,7 @@ def module_of(kind: str, name: str) -> str:
 
 
 def load(kind: str, name: str) -> Any:
-    """The class of a plug-in; raises when it is unknown or its library is missing."""
+    """The class of a plug-in; raises if it is unknown or its library is missing."""
     module = module_of(kind, check(kind, name))
     try:
         return getattr(importlib.import_module(module), _KINDS[kind][1])

@@ -1,4 +1,4 @@
-"""The main job: train, evaluate, write the run folder, give the row."""
+"""A run: train, evaluate, write the run folder, return the row."""
 
 import shutil
 import time
@@ -24,7 +24,7 @@ from benchmark.worlds import make_env
 from tasks.batch import BatchEnv, SimulationDivergedError, Step
 
 FREE_BYTES = 50_000_000
-"""A run is refused when the disk of its folder has less than this left."""
+"""A run is refused if the disk of its folder has less free space than this."""
 
 
 def run(
@@ -35,11 +35,11 @@ def run(
     force: bool = False,
     start: Path | None = None,
 ) -> dict:
-    """Do what `spec` says in the folder `path`, or continue it; its run.json.
+    """Run or continue `spec` in the folder `path`; returns its run.json.
 
-    `start` is the folder of the policy that training starts from, where the spec has one.
+    `start` is the folder of the policy that training starts from, if the spec has one.
 
-    A run that diverged or cannot be done here is written down as such before the error is raised.
+    A run that diverges or cannot be done here is recorded as such before the error is raised.
     """
     folder = RunFolder(path, spec)
     finished = folder.claim(resume, force)
@@ -109,8 +109,8 @@ def evaluate_run(
 ) -> Episodes:
     """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`.
 
-    `episodes` takes the first so many of the fixed ones, `seed` another list of them; `watch` sees
-    every step. Raises UsageError where policy, observation, stick and hand do not fit.
+    `episodes` limits the number of fixed episodes, `seed` selects another list of them, and `watch`
+    is called after every step. Raises UsageError if policy, observation, stick and hand do not fit.
     """
     count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
     env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
@@ -133,7 +133,7 @@ def evaluate_run(
 
 
 def deploy(spec: RunSpec, policy: Path, workers: int, **options: Any) -> Episodes:
-    """`evaluate_run` of a finished policy; raises CommandError when the simulation stops."""
+    """`evaluate_run` of a finished policy; raises CommandError if the simulation stops."""
     try:
         return evaluate_run(spec, policy, workers, **options)
     except (SimulationDivergedError, WorkerError) as error:
@@ -158,7 +158,7 @@ def write_episodes(episodes: Episodes, path: Path) -> None:
 
 
 def row(run_json: dict, path: Path) -> dict:
-    """What `bench run` prints of a finished run."""
+    """The row that `bench run` prints for a finished run."""
     scores = run_json["scores"] or {}
     spec = run_json["spec"]
     named = {k: spec[k] for k in ("backend", "task", "algo", "observation", "effects", "seed")}
@@ -177,12 +177,12 @@ def row(run_json: dict, path: Path) -> dict:
 
 
 def _hyperparameters(spec: RunSpec, baseline: Any) -> dict[str, Any] | None:
-    """All that the learner was set to; None where nothing is learned."""
+    """All hyperparameters of the learner; None if nothing is learned."""
     return asdict(baseline.hyperparameters(**spec.overrides)) if baseline.trains else None
 
 
 def _copy_start(run: Path, path: Path) -> None:
-    """Keep the policy that training starts from in the folder, whatever becomes of its own."""
+    """Copy the policy that training starts from into the folder."""
     temporary = path / f".{START_FILE}.tmp"
     shutil.copyfile(run / POLICY_FILE, temporary)
     temporary.replace(path / START_FILE)
@@ -192,6 +192,7 @@ def _refuse_full_disk(path: Path) -> None:
     free = shutil.disk_usage(path).free
     if free < FREE_BYTES:
         raise CommandError(
-            f"{path} has {free / 1e6:.0f} MB left; a run needs {FREE_BYTES / 1e6:.0f} MB: "
+            f"the disk of {path} has {free / 1e6:.0f} MB left; a run needs "
+            f"{FREE_BYTES / 1e6:.0f} MB: "
             "free some space or choose another --out"
         )

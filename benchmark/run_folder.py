@@ -1,7 +1,7 @@
-"""A run's folder on disk: what is in it, how it is claimed, and how it survives a kill.
+"""The folder of a run: its files, how a run claims it, and how it survives a kill.
 
-Every file is written under a temporary name and renamed. `run.json` says 'interrupted' until the
-run has ended, so a killed run says so by itself.
+Every file is written under a temporary name and then renamed. `run.json` has status 'interrupted'
+until the run has ended, so a killed run needs no clean-up.
 """
 
 import csv
@@ -29,7 +29,7 @@ _OWN = re.compile(
     r"\..*\.tmp|\.lock|checkpoint-\d+\.pt|start\.onnx|policy\.onnx|contract\.json|run\.json"
     r"|progress\.csv|episodes\.parquet"
 )
-"""What a run writes."""
+"""Files that a run writes."""
 _COLUMNS = ("steps", "reward", "p_err_cm", "q_err_deg", "dropped", "wall_s")
 STATUSES = ("done", "diverged", "skipped", "interrupted")
 
@@ -42,10 +42,10 @@ def write_atomically(path: Path, text: str) -> None:
 
 
 def read_run(folder: Path) -> dict:
-    """The run.json of a folder, checked; raises CommandError naming what is wrong with it."""
+    """The run.json of a folder, checked; raises CommandError with its fault."""
     path = folder / RUN_FILE
     if not folder.is_dir():
-        raise UsageError(f"no run folder at {folder}")
+        raise UsageError(f"no run folder at {folder}; give the folder of a run")
     if not path.exists():
         raise UsageError(f"{folder} is not a run folder: it has no {RUN_FILE}")
     try:
@@ -66,7 +66,7 @@ def read_run(folder: Path) -> dict:
 
 
 def finished_run(folder: Path) -> dict:
-    """The run.json of a finished run whose policy is whole; raises CommandError otherwise."""
+    """The run.json of a finished run with an intact policy; raises CommandError otherwise."""
     run = read_run(folder)
     check_policy(folder, run)
     if run["status"] != "done":
@@ -80,7 +80,7 @@ def run_spec(run: dict) -> RunSpec:
 
 
 def check_policy(folder: Path, run: dict) -> None:
-    """Raise CommandError unless the folder's policy is the one its run.json speaks of."""
+    """Raise CommandError unless the folder's policy is the one that its run.json names."""
     path = folder / POLICY_FILE
     if run.get("policy_sha256") is None:
         return
@@ -88,23 +88,23 @@ def check_policy(folder: Path, run: dict) -> None:
         raise CommandError(f"{path} is missing; run the training again with --force")
     if file_sha256(path) != run["policy_sha256"]:
         raise CommandError(
-            f"{path} is not the file that {RUN_FILE} speaks of (its SHA-256 differs); "
+            f"{path} is not the policy of this {RUN_FILE} (its SHA-256 differs); "
             "restore it, or train again with --force"
         )
 
 
 class RunFolder:
-    """The folder of one run, claimed for it."""
+    """The folder of one run."""
 
     def __init__(self, path: Path, run: RunSpec) -> None:
         self.path, self._run = path, run
         self._lock: IO | None = None
 
     def claim(self, resume: bool, force: bool) -> dict | None:
-        """Make the folder ready; the finished run.json if there is nothing left to do.
+        """Prepare the folder; returns the finished run.json if there is nothing left to do.
 
-        Whatever a kill may have left is recovered. Raises UsageError when something else, a
-        half-finished run or another process is in the way.
+        Recovers from whatever a kill may have left. Raises UsageError if the folder holds something
+        else or an unfinished run, or if another process uses it.
         """
         foreign = [name for name in self._names() if not _OWN.fullmatch(name)]
         if foreign and RUN_FILE not in self._names():
@@ -114,7 +114,7 @@ class RunFolder:
             )
         self._lock_folder()
         if force or RUN_FILE not in self._names():
-            self._refuse_leftovers(resume or force)
+            self._refuse_remains(resume or force)
             self._clear()
         else:
             found = read_run(self.path)
@@ -129,7 +129,7 @@ class RunFolder:
             if not resume:
                 raise UsageError(
                     f"{self.path} holds this run, {found['status']}; --resume continues it, "
-                    "--force starts anew"
+                    "--force starts it again"
                 )
         for half_written in self.path.glob(".*.tmp"):
             half_written.unlink()
@@ -140,7 +140,7 @@ class RunFolder:
         return [file.name for file in self.path.iterdir()] if self.path.is_dir() else []
 
     def _lock_folder(self) -> None:
-        """Hold the folder for as long as this process lives; raises UsageError if it is held."""
+        """Lock the folder while this process lives; raises UsageError if it is locked."""
         self.path.mkdir(parents=True, exist_ok=True)
         self._lock = (self.path / LOCK_FILE).open("a")
         try:
@@ -152,24 +152,24 @@ class RunFolder:
         except OSError:  # a file system without locks: nothing can be known
             pass
 
-    def _refuse_leftovers(self, allowed: bool) -> None:
-        """Raise UsageError where what is left of a killed run would be lost unasked."""
+    def _refuse_remains(self, allowed: bool) -> None:
+        """Raise UsageError if remains of a killed run would be deleted unasked."""
         left = [name for name in self._names() if not name.startswith(".")]
         if left and not allowed:
             raise UsageError(
-                f"{self.path} holds what is left of a killed run ({', '.join(sorted(left))}) "
-                f"without its {RUN_FILE}; --force starts anew"
+                f"{self.path} holds remains of a killed run ({', '.join(sorted(left))}) "
+                f"without its {RUN_FILE}; --force starts it again"
             )
 
     def _clear(self) -> None:
-        """Remove what a run has written, and nothing else; what says whose it is comes last."""
+        """Remove the files of the run and nothing else; run.json is removed last."""
         self.drop_checkpoints()
         written = (PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE, START_FILE, RUN_FILE)
         for name in written:
             (self.path / name).unlink(missing_ok=True)
 
     def write_run(self, status: str, reason: str = "", **fields: object) -> dict:
-        """Write run.json; what it holds."""
+        """Write run.json; returns its contents."""
         run = {
             "schema": SCHEMA,
             "status": status,
@@ -190,7 +190,7 @@ class RunFolder:
         return run
 
     def checkpoint(self) -> tuple[int, Path | None]:
-        """Iterations done at the last checkpoint and its file; (0, None) without one."""
+        """Iterations at the last checkpoint and its file; (0, None) without one."""
         found = {}
         for file in self.path.iterdir():
             if match := _CHECKPOINT.fullmatch(file.name):
@@ -198,7 +198,7 @@ class RunFolder:
         return max(found.items(), default=(0, None))
 
     def checkpoint_path(self, iterations: int) -> Path:
-        """Where the checkpoint after so many iterations belongs."""
+        """Path of the checkpoint after this number of iterations."""
         return self.path / f"checkpoint-{iterations}.pt"
 
     def drop_checkpoints(self, keep: Path | None = None) -> None:
@@ -208,7 +208,7 @@ class RunFolder:
                 file.unlink()
 
     def progress(self, up_to_steps: int) -> list[dict]:
-        """Rows of progress.csv up to a checkpoint; raises CommandError when it is damaged."""
+        """Rows of progress.csv up to a checkpoint; raises CommandError if the file is damaged."""
         path = self.path / PROGRESS_FILE
         if not path.exists():
             return []
@@ -217,7 +217,9 @@ class RunFolder:
                 rows = [{k: float(v) for k, v in row.items()} for row in csv.DictReader(file)]
             return [row for row in rows if row["steps"] <= up_to_steps]
         except (ValueError, KeyError, TypeError) as error:
-            raise CommandError(f"{path} is damaged: {error}; --force starts anew") from error
+            raise CommandError(
+                f"{path} is damaged: {error}; --force starts the run again"
+            ) from error
 
     def write_progress(self, rows: list[dict]) -> None:
         """Write the learning curve."""

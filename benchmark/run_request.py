@@ -1,4 +1,4 @@
-"""From what a user asks for, as options or in a file, to the run that it means."""
+"""Build a RunSpec from the options and files that a user gives."""
 
 import ast
 import json
@@ -26,10 +26,10 @@ def requested(
     config: Path | None = None,
     start: Path | None = None,
 ) -> RunSpec:
-    """The run that is asked for; raises UsageError.
+    """The requested run; raises UsageError.
 
-    `given` are settings by name, None where not given; they count before those of `config`.
-    `overrides` are hyperparameters by name; `start` is the run whose policy training starts from.
+    `given` are settings by name (None: not given); they override those of `config`. `overrides` are
+    hyperparameters by name. `start` is the run whose policy is the start of the training.
     """
     fields, kept = _of_file(config) if config is not None else ({}, {})
     fields |= read_settings(given)
@@ -67,7 +67,7 @@ def read_pairs(pairs: Sequence[str]) -> dict[str, Any]:
 
 
 def checked_overrides(algo: str, overrides: Mapping[str, Any]) -> dict[str, Any]:
-    """The hyperparameters that differ from the learner's own, as plain data; raises UsageError."""
+    """The changed hyperparameters, checked, as plain data; raises UsageError."""
     if not overrides:
         return {}
     hyperparameters = registry.load("algo", algo).hyperparameters
@@ -94,7 +94,9 @@ def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
         fields = {name: v for name, v in data["spec"].items() if name != "start_sha256"}
         kept = fields.pop("overrides", {})
         if strange := sorted(set(fields) - set(RunSpec.__dataclass_fields__)):
-            raise UsageError(f"{path}: spec has {', '.join(strange)}, which this version lacks")
+            raise UsageError(
+                f"{path}: spec has {', '.join(strange)}, which this version does not know"
+            )
         return fields, kept
     names = {name.replace("_", "-"): value for name, value in data.items()}
     kept = names.pop("set", None) or {}
@@ -128,12 +130,12 @@ def _of_calibration(path: Path, given: Mapping[str, Any]) -> dict[str, Any]:
 
     for option in ("effects", "spread"):
         if given.get(option) is not None:
-            raise UsageError(f"--calibration and --{option} both say which worlds; leave one out")
+            raise UsageError(f"--calibration and --{option} both define the worlds; leave one out")
     return world_of(path, RunSpec.hand)
 
 
 def _policy_sha256(run: Path, algo: str) -> str:
-    """What identifies the policy of a finished run; raises UsageError where it cannot be used."""
+    """The SHA-256 of a finished run's policy; raises UsageError if it cannot be used."""
     from benchmark.run_folder import finished_run
 
     found = finished_run(run)

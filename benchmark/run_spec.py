@@ -1,6 +1,6 @@
-"""A run's identity: everything that decides its result, frozen.
+"""The identity of a run: all settings that decide its result, frozen.
 
-Each field that is a setting is declared once, here: command line, grid files and checks follow.
+Each setting is declared once, as a field here. Command line, grid files and checks use it.
 """
 
 import dataclasses
@@ -21,17 +21,22 @@ from tasks.task import RADIUS_M
 HANDS = {"trx": trx}
 SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
 LATER: dict[str, Any] = {"start_spread": 1.0, "overrides": {}, "start_sha256": None}
-"""Fields that older runs do not have, and what they were run with."""
+"""Fields that older runs do not have, and the values that they were run with."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RunSpec:
-    """What is run; equal specs give equal rows. Raises UsageError for what cannot be."""
+    """All settings of a run; equal specs give equal rows.
+
+    Raises UsageError for invalid settings.
+    """
 
     backend: str = setting("Physics engine that simulates.", Name("backend"))
     task: str = setting("Figure that the stick's lower end draws.", Name("task"))
-    observation: str = setting("What the policy sees.", Name("observation"), "contact-centers")
-    algo: str = setting("Learner, or scripted baseline.", Name("algo"), "sb3-ppo")
+    observation: str = setting(
+        "Observation that the policy gets.", Name("observation"), "contact-centers"
+    )
+    algo: str = setting("Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo")
     hand: str = "trx"
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
     effects: str = setting(
@@ -61,7 +66,7 @@ class RunSpec:
     overrides: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Hyperparameters of the learner that differ from its defaults, by name."""
     start_sha256: str | None = None
-    """SHA-256 of the policy that training starts from; None: a fresh one."""
+    """SHA-256 of the policy that training starts from; None: a new policy."""
 
     def __post_init__(self) -> None:
         for one in SETTINGS.values():
@@ -72,19 +77,19 @@ class RunSpec:
 
     @property
     def digest(self) -> str:
-        """What `run_digest` says of this run."""
+        """The `run_digest` of this run."""
         return run_digest(dataclasses.asdict(self), self.world().digest)
 
     @property
     def name(self) -> str:
-        """A readable folder name that no other run has."""
+        """A readable folder name, unique to this run."""
         smoke = "-smoke" if self.smoke else ""
         parts = (self.backend, self.task, self.algo, self.observation)
         return f"{'-'.join(parts)}-s{self.seed}{smoke}-{self.digest[:8]}"
 
     @property
     def learner(self) -> str:
-        """The algorithm with what is not its default, such as 'sb3-ppo lr=0.0003'."""
+        """The algorithm with its changed hyperparameters, such as 'sb3-ppo lr=0.0003'."""
         changed = [f"{name}={value}" for name, value in self.overrides.items()]
         start = [] if self.start_sha256 is None else [f"from {self.start_sha256[:8]}"]
         return " ".join([self.algo, *changed, *start])
@@ -99,11 +104,11 @@ class RunSpec:
 SETTINGS: dict[str, Setting] = settings_of(RunSpec)
 """The settings of a run, by name as typed."""
 DEPLOYED = ("backend", "task", "radius", "speed", "stick", "effects")
-"""Settings that may differ between a policy's training and where it is evaluated."""
+"""Settings that may differ between training and evaluation of a policy."""
 
 
 def read_settings(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Fields of a RunSpec from settings by name, None being not given; raises UsageError."""
+    """Fields of a RunSpec from settings by name (None: not given); raises UsageError."""
     return {
         SETTINGS[name].field: SETTINGS[name].read(value)
         for name, value in given.items()
@@ -114,7 +119,8 @@ def read_settings(given: Mapping[str, Any]) -> dict[str, Any]:
 def run_digest(fields: Mapping[str, Any], world_digest: str) -> str:
     """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world.
 
-    Fields that came later count where they are not their default: they rename no older run.
+    Fields that were added later count only where they are not their default, so older runs keep
+    their digest.
     """
     counted = {n: v for n, v in fields.items() if n not in LATER or LATER[n] != v}
     text = json.dumps([counted, world_digest], sort_keys=True)

@@ -1,6 +1,6 @@
-"""What kinds of values settings take: how each is read, bounded and shown, whoever gives it.
+"""Kinds of values of settings: how each is read, bounded and shown.
 
-A setting is declared once, as a field of `RunSpec`; command line, grid file and checks follow.
+A setting is declared once, as a field of `RunSpec`. Command line, grid file and checks use it.
 """
 
 import math
@@ -16,20 +16,20 @@ class Kind(Protocol):
 
     @property
     def metavar(self) -> str:
-        """What stands for a value in the help."""
+        """Placeholder for a value in the help."""
         ...
 
     @property
     def allowed(self) -> str:
-        """What values there are, for the help; empty where its text says it."""
+        """The allowed values, for the help; empty if the help text lists them."""
         ...
 
     def read(self, given: object, flag: str) -> Any:
-        """The value that was given, as text or plain; raises UsageError naming `flag`."""
+        """Read a value that is given as text or plain data; raises UsageError that names `flag`."""
         ...
 
     def show(self, value: Any) -> str:
-        """The value as it is typed."""
+        """The value as a user types it."""
         ...
 
 
@@ -56,7 +56,7 @@ class Name:
 
 @dataclass(frozen=True)
 class Choice:
-    """One of some names."""
+    """One of several names."""
 
     what: str
     known: tuple[str, ...]
@@ -80,7 +80,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Text:
-    """Text that a later step reads."""
+    """Text that is interpreted later."""
 
     metavar: str
     allowed: str = ""
@@ -96,17 +96,17 @@ class Text:
 
 @dataclass(frozen=True)
 class Number:
-    """A number within bounds; a whole one may be written as 2e6."""
+    """A number within bounds; a whole number may be written as 2e6."""
 
     low: float
     high: float
     unit: str = ""
-    """Unit of the bounds and of what is typed; none: a bare number."""
+    """Unit of the bounds and of the typed value; empty: a number without unit."""
     whole: bool = False
 
     @property
     def metavar(self) -> str:
-        """What stands for the number."""
+        """Placeholder for the number."""
         return {"cm": "LENGTH"}.get(self.unit, "N" if self.whole else "X")
 
     @property
@@ -145,14 +145,14 @@ class Number:
 
 
 def _plain(value: float) -> str:
-    """A number as it is typed: 1e6, 0.05."""
+    """A number as a user types it: 1e6, 0.05."""
     text = f"{value:g}" if float(f"{value:g}") == value else f"{value:.12g}"
     return text.replace("e+0", "e").replace("e+", "e")
 
 
 @dataclass(frozen=True)
 class Switch:
-    """Yes or no; on the command line --NAME and, where it is on by default, --no-NAME."""
+    """Yes or no: on the command line --NAME, and --no-NAME if it is on by default."""
 
     metavar: str = ""
     allowed: str = ""
@@ -170,16 +170,16 @@ class Switch:
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One setting of a run: how it is typed and which field it sets."""
+    """One setting of a run: its name on the command line and the field that it sets."""
 
     name: str
-    """As typed on the command line, without its dashes."""
+    """Name on the command line, without its dashes."""
     field: str
     """Field of the spec."""
     kind: Kind
     help: str
     default: Any
-    """MISSING where one must be given."""
+    """MISSING if a value must be given."""
 
     @property
     def flag(self) -> str:
@@ -188,7 +188,7 @@ class Setting:
 
     @property
     def shown_default(self) -> str | None:
-        """The default as it is typed; None where one must be given."""
+        """The default as a user types it; None if a value must be given."""
         return None if self.default is MISSING else self.kind.show(self.default)
 
     def read(self, given: object) -> Any:
@@ -197,12 +197,12 @@ class Setting:
 
 
 def setting(help: str, kind: Kind, default: Any = MISSING, option: str | None = None) -> Any:
-    """A dataclass field that is a setting; `option` where it is typed by another name."""
+    """A dataclass field that is a setting; `option` is its name as an option if that differs."""
     return field(default=default, metadata={"help": help, "kind": kind, "option": option})
 
 
 def settings_of(spec: type) -> dict[str, Setting]:
-    """The settings that a spec's fields declare, by name, in order."""
+    """The settings that are declared by the fields of a spec, by name, in order."""
     declared = (_declared(one) for one in fields(spec) if "kind" in one.metadata)
     return {one.name: one for one in declared}
 

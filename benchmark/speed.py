@@ -1,7 +1,7 @@
-"""`bench speed`: what a step costs beside the engine's own, as worlds and cores grow.
+"""`bench speed`: steps per second, against the bare engine, for numbers of worlds and cores.
 
-One core's time is that of the processor, which other work on the machine does not lengthen; that of
-several is the wall's.
+On one core the CPU time is measured, because other work on the machine does not lengthen it. On
+several cores the wall time is measured.
 """
 
 import time
@@ -27,14 +27,14 @@ from tasks.batch import SimulationDivergedError
 DURATION_RANGE_S = (0.1, 600.0)
 MAX_WORLDS = 100_000
 PRESSING = 0.9
-"""Share of fingertips on the stick below which the two did not step the same grasp."""
+"""Smallest share of fingertips on the stick; below it, the two did not step the same grasp."""
 _ROOM = 0.9
-"""Share of the free memory that a measurement may take."""
+"""Share of the free memory that a measurement may use."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What is measured: every engine with every number of worlds on every number of cores."""
+    """The measurements: every engine with every number of worlds on every number of cores."""
 
     backends: tuple[str, ...]
     worlds: tuple[int, ...]
@@ -42,17 +42,17 @@ class Plan:
     duration_s: float
     """Time for each measurement [s]."""
     seed: int
-    """Decides the worlds, which are drawn as for training."""
+    """Seed of the worlds, which are drawn as for training."""
 
     def __iter__(self) -> Iterator[tuple[str, int, int]]:
-        """Engine, cores and worlds of each measurement, small ones first."""
+        """Engine, cores and worlds of each measurement, smallest first."""
         for backend in self.backends:
             for cores in self.workers:
                 yield from ((backend, cores, n) for n in self.worlds if n >= cores)
 
 
 def plan(backend: str, worlds: str, workers: str | None, duration_s: float, seed: int) -> Plan:
-    """What the options ask for; raises UsageError."""
+    """The plan of these options; raises UsageError."""
     cores = usable_cores()
     within("--duration", duration_s, *DURATION_RANGE_S, "s")
     within("--seed", seed, 0, 2**32 - 1)
@@ -64,7 +64,9 @@ def plan(backend: str, worlds: str, workers: str | None, duration_s: float, seed
         seed=seed,
     )
     if not list(made):
-        raise UsageError(f"--worlds is {worlds}, fewer than --workers; give each core a world")
+        raise UsageError(
+            f"--worlds is {worlds}, fewer than --workers; give each core at least one world"
+        )
     return made
 
 
@@ -77,9 +79,9 @@ def _counts(text: str, flag: str, most: int) -> tuple[int, ...]:
 
 
 def speed(asked: Plan, out: Path | None) -> tuple[dict, Table]:
-    """Measure, write `speed.csv`, `speed.json` and `speed.png` to `out`; the result and its table.
+    """Measure and write speed.csv, speed.json and speed.png to `out`; the result and its table.
 
-    Raises CommandError when nothing could be measured.
+    Raises CommandError if nothing could be measured.
     """
     rows, skipped = _measure_all(asked)
     if not rows:
@@ -128,7 +130,7 @@ def _measure(asked: Plan, backend: str, cores: int, worlds: int) -> dict:
         env.close()
     if timing.pressing < PRESSING:
         raise CommandError(
-            f"only {timing.pressing:.0%} of the fingertips held the stick: not a grasp to compare"
+            f"only {timing.pressing:.0%} of the fingertips held the stick; too few to compare"
         )
     in_threads = registry.load("backend", backend).steps_in_threads
     return {
@@ -166,12 +168,12 @@ def _rates(timing: Timing, worlds: int, substeps: int) -> dict:
 
 
 def _of(rows: list[dict], backend: str, cores: int | None = None) -> list[dict]:
-    """The rows of an engine, and of a number of cores."""
+    """The rows of an engine with a number of cores."""
     return [r for r in rows if r["backend"] == backend and cores in (None, r["processes"])]
 
 
 def _engine(rows: list[dict], backend: str) -> dict:
-    """An engine's fastest row on the fewest cores, the gain of more, and its memory per world."""
+    """An engine's fastest row on the fewest cores, the gain of more cores, and memory per world."""
     own = _of(rows, backend)
     few = _of(rows, backend, own[0]["processes"])
     best = max(few, key=lambda row: row["env_steps_per_s"])
@@ -181,14 +183,14 @@ def _engine(rows: list[dict], backend: str) -> dict:
 
 
 def _gain(row: dict, rows: list[dict]) -> float:
-    """Steps per second of the wall over those of as many worlds on the fewest cores."""
+    """Steps per second (wall time) over those of the same number of worlds on the fewest cores."""
     same = [other for other in _of(rows, row["backend"]) if other["envs"] == row["envs"]]
     few = min(same, key=lambda other: other["processes"])
     return round(row["wall_env_steps_per_s"] / few["wall_env_steps_per_s"], 3)
 
 
 def _slope_mb(rows: list[dict]) -> float | None:
-    """Memory that one more world takes [MB], from the smallest to the largest batch."""
+    """Memory per additional world [MB], from the smallest to the largest batch."""
     small, large = rows[0], rows[-1]
     if small is large:
         return None
@@ -196,7 +198,7 @@ def _slope_mb(rows: list[dict]) -> float | None:
 
 
 def _check_memory(rows: list[dict], worlds: int) -> None:
-    """Raise CommandError when smaller batches say that this one does not fit."""
+    """Raise CommandError if, by the smaller batches, this one does not fit into memory."""
     slope_mb, free_mb = _slope_mb(rows) if rows else None, _memory.free_mb()
     if slope_mb is not None and slope_mb * worlds > _ROOM * free_mb:
         needs, free = f"{slope_mb * worlds / 1e3:.1f} GB", f"{free_mb / 1e3:.1f} GB"

@@ -1,6 +1,6 @@
-"""`bench sweep`: every cell of a grid, here or on a cluster, skipping what is done.
+"""`bench sweep`: run all unfinished cells of a grid, here or on a cluster.
 
-A cell is one run with its folder; this file knows neither what a run does nor how Slurm works.
+A cell is one run with its folder. This file knows neither what a run does nor how Slurm works.
 """
 
 import time
@@ -22,10 +22,10 @@ from benchmark.provenance import usable_cores
 def sweep(
     file: Path, out: Path | None, jobs: int | None, slurm: bool, partition: str | None
 ) -> tuple[dict, Table]:
-    """Run the cells of a grid that are not finished; what became of them all.
+    """Run the unfinished cells of a grid; returns the outcomes of all cells.
 
-    Writes one run folder per cell and `sweep.csv` into `out`. A cell that fails leaves the others
-    alone, and what is finished stays finished when the sweep is stopped.
+    Writes one run folder per cell and `sweep.csv` into `out`. A failed cell does not affect the
+    others, and finished cells stay finished if the sweep is stopped.
     """
     grid = read_grid(file)
     if partition is not None and not slurm:
@@ -44,7 +44,7 @@ def sweep(
 
 
 def preview(file: Path, out: Path | None, jobs: int | None) -> tuple[dict, Table]:
-    """The cells of a grid and about how long they will take on one core each."""
+    """The cells of a grid and an estimate of their time on one core each."""
     grid = read_grid(file)
     board = _board(grid, out or RUNS)
     jobs = jobs or usable_cores()
@@ -87,7 +87,7 @@ def _board(grid: Grid, out: Path) -> Board:
 
 
 def _run_here(board: Board, limit_s: float, jobs: int) -> None:
-    """Run the open cells on this machine, one core and one process each."""
+    """Run the unfinished cells on this machine, one core and one process each."""
 
     def work(cell: Cell) -> None:
         try:
@@ -99,7 +99,7 @@ def _run_here(board: Board, limit_s: float, jobs: int) -> None:
     try:
         parallel(joblib.delayed(work)(cell) for cell in board.open)
     except KeyboardInterrupt:
-        say("stopping the cells; the same command goes on from here")
+        say("stopping the cells; the same command continues from here")
         raise
     finally:  # however it ends, no cell is left running
         board.stopped.set()

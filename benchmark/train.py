@@ -1,4 +1,4 @@
-"""Training as a chain of segments, each starting from a file, so that a kill changes nothing."""
+"""Training as a chain of segments that each start from a file, so that a kill changes nothing."""
 
 import math
 import os
@@ -23,7 +23,7 @@ SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
 
 
 def segment_seed(run: RunSpec, segment: int) -> int:
-    """The seed of one segment: a hash, so that neighbouring seeds share no stream."""
+    """The seed of one segment: a hash, so that neighbouring seeds have independent streams."""
     return int(np.random.SeedSequence([run.seed, segment]).generate_state(1)[0])
 
 
@@ -55,11 +55,11 @@ class Training:
 
     @property
     def wall_s(self) -> float:
-        """Wall time of these steps, earlier sessions included [s]."""
+        """Wall time of these steps, including earlier sessions [s]."""
         return self._rows[-1]["wall_s"] if self._rows else 0.0
 
     def finish(self) -> None:
-        """Train to the end of the budget; the folder then holds the policy and its contract.
+        """Train to the end of the budget; then the folder holds the policy and its contract.
 
         Writes a checkpoint and the learning curve after each segment.
         """
@@ -114,7 +114,7 @@ class Training:
             temporary.unlink(missing_ok=True)
             raise CommandError(
                 f"{path} cannot be written ({error}); the last checkpoint is kept: "
-                "make room, then --resume"
+                "free some space, then --resume"
             ) from error
         self._folder.write_progress(self._rows)
         os.replace(temporary, path)
@@ -128,5 +128,5 @@ def _load(learner: Learner, checkpoint: Path) -> None:
     except Exception as error:  # noqa: BLE001 - torch raises many classes for a damaged file
         raise CommandError(
             f"{checkpoint} cannot be read ({type(error).__name__}: {error}); "
-            "--force starts the run anew"
+            "--force starts the run again"
         ) from error

@@ -1,7 +1,6 @@
-"""`bench transfer`: finished policies evaluated in other worlds, one file per policy and world.
+"""`bench transfer`: evaluate finished policies in other worlds, one file per policy and world.
 
-What is evaluated here is turned into matrix, intervals and pictures by `leaderboard.transfer`,
-which needs the files alone.
+`leaderboard.transfer` makes matrix, intervals and pictures from these files.
 """
 
 import hashlib
@@ -27,17 +26,17 @@ from leaderboard.transfer_files import write_transfer
 from leaderboard.transfer_text import FLOOR, interval, title
 
 REFERENCE = ("mujoco", "built")
-"""The stand-in for reality: its engine and effects."""
+"""The reference world, which stands for reality: its engine and effects."""
 FLOOR_SEED = EVALUATION_SEED + 1
-"""Decides the other initial states and headings that the noise floor starts from."""
+"""Seed of the other initial states and headings, for the noise floor."""
 SETTINGS = tuple(name for name in DEPLOYED if name not in ("backend", "effects"))
-"""What may differ between a policy's training and a deployment, beside engine and effects."""
+"""Settings that may differ between training and deployment, besides engine and effects."""
 EPISODES_RANGE = (2, 10_000)
 EVALUATIONS = "evaluations"
-"""Folder of the single evaluations, in the output folder."""
+"""Folder of the evaluations, in the output folder."""
 SUMMARY_FILE = "transfer.json"
 Worlds = Mapping[str, dict[str, Any]]
-"""Fields of a RunSpec, by the name of the world they deploy in."""
+"""Changed fields of a RunSpec, by the name of the deployment world."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,9 +45,9 @@ class Policy:
 
     folder: Path
     spec: RunSpec
-    """The run that trained it, or the scripted baseline that it is."""
+    """The run that trained it, or the run of the scripted baseline."""
     sha256: str
-    """Of the policy file; empty for a scripted baseline."""
+    """SHA-256 of the policy file; empty for a scripted baseline."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,23 +56,23 @@ class Evaluation:
 
     policy: Policy
     train: str
-    """Name of the policy's own world."""
+    """Name of the world in which the policy was trained."""
     deploy: str
-    """Name of the world it is evaluated in."""
+    """Name of the world in which it is evaluated."""
     spec: RunSpec
-    """The policy's run, moved to that world."""
+    """The policy's run, changed to that world."""
     floor: bool
-    """Whether it starts from other initial states."""
+    """Whether the episodes start from other initial states."""
     episodes: int
 
     @property
     def seed(self) -> int:
-        """Decides the initial states."""
+        """Seed of the initial states."""
         return FLOOR_SEED if self.floor else EVALUATION_SEED
 
     @property
     def file(self) -> str:
-        """A file name that no other evaluation has."""
+        """A file name that is unique to this evaluation."""
         policy = [self.policy.spec.digest, self.policy.sha256]
         text = json.dumps([*policy, *_place(self.spec), self.seed, self.episodes])
         key = hashlib.sha256(text.encode()).hexdigest()[:8]
@@ -91,9 +90,9 @@ def transfer(
     include_smoke: bool,
     workers: int | None,
 ) -> tuple[dict, Table]:
-    """Evaluate every policy in every world and write the matrix; what was found.
+    """Evaluate every policy in every world and write the matrix; returns the result.
 
-    Evaluations that `out` holds already are read. One that fails leaves a gap and a reason.
+    Evaluations that `out` already holds are read. A failed one leaves an empty cell and a reason.
     """
     within("--episodes", episodes, *EPISODES_RANGE)
     worlds = _worlds(backends, effects, settings)
@@ -116,9 +115,9 @@ def transfer(
 
 
 def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> Worlds:
-    """The worlds to deploy in: engines x effects, as they are and in every setting.
+    """The deployment worlds: engines x effects, in the policy's own and in every other setting.
 
-    Raises UsageError for whatever is no engine, no effect or no setting.
+    Raises UsageError for an unknown engine, effect or setting.
     """
     backends = registry.chosen("backend", engines)
     for text in effects:
@@ -143,7 +142,7 @@ def _setting(text: str) -> dict[str, Any]:
 
 
 def _policies(sources: Sequence[Path], include_smoke: bool) -> tuple[list[Policy], list[str]]:
-    """The policies in the sources, each once, and why others are left out."""
+    """The policies in the sources, each once, and the reasons why others are left out."""
     found: dict[str, Policy] = {}
     left_out = []
     for folder in _folders(sources):
@@ -164,19 +163,19 @@ def _folders(sources: Sequence[Path]) -> Iterator[Path]:
 
 
 def _policy(folder: Path, include_smoke: bool) -> Policy:
-    """The policy in a run folder; raises CommandError where there is none to be used."""
+    """The policy in a run folder; raises CommandError if there is none that can be used."""
     found = run_folder.read_run(folder)
     if found["status"] != "done":
         raise UsageError(f"{folder} is {found['status']}: {found['reason']}")
     run_folder.check_policy(folder, found)
     spec = run_folder.run_spec(found)
     if spec.smoke and not include_smoke:
-        raise UsageError(f"{folder} is a smoke run; --include-smoke takes it")
+        raise UsageError(f"{folder} is a smoke run; --include-smoke includes it")
     return Policy(folder=folder, spec=spec, sha256=found["policy_sha256"] or "")
 
 
 def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluation]:
-    """A policy in every world and in its own, and again in its own and in the reference."""
+    """All evaluations of a policy: in every world, and again in its own and in the reference."""
     moved = {name: replace(policy.spec, **fields) for name, fields in worlds.items()}
     home = _same(policy.spec, moved) or f"{policy.spec.backend} {policy.spec.effects}"
     moved.setdefault(home, policy.spec)
@@ -196,7 +195,7 @@ def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluati
 
 
 def _same(spec: RunSpec, moved: Mapping[str, RunSpec]) -> str | None:
-    """The name of the world that equals a run's own, whatever its effects are called."""
+    """The name of the world that equals a run's own world."""
     own = _place(spec)
     return next((name for name, other in moved.items() if _place(other) == own), None)
 
@@ -255,7 +254,7 @@ def _summary(
 
 
 def _plain(lines: Iterable[dict]) -> list[dict[str, Any]]:
-    """The lines with None for what is not known."""
+    """The lines, with None for unknown values."""
     return [
         {name: None if pd.isna(value) else value for name, value in line.items()} for line in lines
     ]

@@ -1,7 +1,7 @@
-"""`bench view`: a run drawn as the paper's figures draw it, or filmed.
+"""`bench view`: draw a run like the paper's figures, or make a video of it.
 
-What is drawn comes from the state that every engine reports, in the run's fixed evaluation
-episodes; learning curves come from what the training wrote down.
+The data comes from the state that every engine reports, in the run's fixed evaluation episodes.
+Learning curves come from the record of the training.
 """
 
 import dataclasses
@@ -28,13 +28,13 @@ from tasks.task import EPISODE_S, RADIUS_M
 
 SHOWN_EPISODES = 10
 SHOWN_S = 2.0
-"""When the hand is shown unless told [s]."""
+"""Default time at which the hand is shown [s]."""
 AFTER_FALL_S = 0.5
-"""How long a video goes on after the stick has fallen [s]."""
+"""Duration of a video after the stick has fallen [s]."""
 CLOSED_M = 1e-4
-"""A figure that comes back this near to itself is closed [m]."""
+"""A figure is closed if it returns to its start within this distance [m]."""
 TITLE_WIDTH = 76
-"""Characters in a line of the title."""
+"""Characters per line of the title."""
 PICTURE_SIZE, VIDEO_SIZE, LOOP_SIZE = (960, 1280), (480, 640), (384, 512)
 """Width and height of the drawn hand [pixels]."""
 EVERY = {".mp4": 2, ".gif": 2}
@@ -56,11 +56,11 @@ def view(
     time_s: float | None = None,
     workers: int | None = None,
 ) -> dict:
-    """Draw the run in a folder, under changed settings, to `out`; what was drawn.
+    """Draw the run in a folder under changed settings to `out`; returns what was drawn.
 
-    `kind` is one of `KINDS`; by default the hand for a video, else the figure. The episodes are
-    the first of the run's evaluation; the scores are theirs alone. Learning curves take several
-    folders.
+    `kind` is one of `KINDS`; the default is the hand for a video, else the figure. The episodes are
+    the first of the run's evaluation, and the scores are those of these episodes. Learning curves
+    take several folders.
     """
     video = out.suffix.lower() in EVERY
     kind = kind or ("hand" if video else "figure")
@@ -89,7 +89,7 @@ def view(
 
 def _view_curves(folders: Sequence[Path], out: Path) -> dict:
     curves = read_curves(folders)
-    title = "Learning curves: mean over seeds, and the range from least to most"
+    title = "Learning curves: mean over seeds, and the range from lowest to highest"
     names = " ".join(folder.resolve().name for folder in folders)
     caption = Caption(title=title, source=f"bench view {names} --kind curve --out {out.name}")
     _pictures.write_figure(draw_curves(curves, title), caption, out)
@@ -127,7 +127,7 @@ def _film(recording: Recording, out: Path) -> dict:
 
 
 def filmed(recording: Recording, every: int) -> tuple[int, ...]:
-    """One in `every` steps of episode 0, until a little after a fall."""
+    """Every `every`-th step of episode 0, until shortly after a fall."""
     held = recording.held[:, 0].sum()
     last = held + round(AFTER_FALL_S / recording.spec.timing.policy_s)
     return tuple(range(0, min(len(recording.time_s), last), every))
@@ -188,7 +188,7 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
 
 
 def _command(folder: Path, out: Path, kind: str, changed: dict) -> str:
-    """The command that draws this again, without the folders of this machine."""
+    """The command that draws this again, without paths of this machine."""
     words = {name: value for name, value in changed.items() if name != "radius_m"}
     if "radius_m" in changed:
         words["radius"] = f"{100 * changed['radius_m']:g}cm"
@@ -205,22 +205,22 @@ def _check(
     episodes: int | None,
     time_s: float | None,
 ) -> None:
-    """Refuse what cannot be drawn before anything is simulated."""
+    """Refuse invalid requests before anything is simulated."""
     if kind not in KINDS:
         raise unknown("kind of picture", kind, KINDS)
     if len(folders) > 1 and kind != "curve":
-        raise UsageError(f"--kind {kind} draws one run, {len(folders)} were given; name one")
+        raise UsageError(f"--kind {kind} draws one run, but {len(folders)} are given; give one")
     endings = (".png", *EVERY) if kind == "hand" else (".png",)
     if out.suffix.lower() not in endings:
         allowed = " or ".join(endings)
         raise UsageError(f"--out is {out}; allowed with --kind {kind}: a name ending in {allowed}")
     if out.is_dir():
-        raise UsageError(f"--out is {out}, a folder; name a file in it")
+        raise UsageError(f"--out is {out}, which is a folder; give a file name")
     if time_s is not None and (kind != "hand" or out.suffix.lower() in EVERY):
         raise UsageError(f"--time is {time_s:g} s; give it with --kind hand and a .png only")
     if kind == "curve" and (changed or episodes):
         raise UsageError(
-            "--kind curve replays nothing; leave out what changes the world, and --episodes"
+            "--kind curve replays nothing; leave out --episodes and options that change the world"
         )
     if episodes is not None:
         within("--episodes", episodes, 1, EPISODES)

@@ -1,4 +1,4 @@
-"""From a run's identity to its worlds: the batched environment, and what training draws."""
+"""The worlds of a run: its batched environment, and the worlds drawn for training."""
 
 from collections.abc import Iterable, Mapping
 
@@ -16,7 +16,7 @@ from tasks.batch import BatchEnv
 
 
 def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> BatchEnv:
-    """The batched environment of a run on the given worlds; raises UsageError where they refuse."""
+    """The batched environment of a run on the given worlds; UsageError if they are refused."""
     engine = registry.load("backend", run.backend)
     task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
     observation = registry.load("observation", run.observation)(worlds[0].hand)
@@ -28,7 +28,7 @@ def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> Batch
 
 
 def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) -> None:
-    """Raise UsageError for an effect that the engine cannot have."""
+    """Raise UsageError for an effect that the engine does not support."""
     for effect in effects:
         for field in effect.spec_fields():
             if effect.magnitude != 0.0 and support[field].startswith("refused"):
@@ -36,7 +36,7 @@ def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) 
 
 
 def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
-    """The worlds of one training segment: drawn anew for each, or all nominal."""
+    """The worlds of one training segment: newly drawn, or all nominal."""
     nominal = run.world()
     if not run.randomize:
         return [nominal] * run.worlds

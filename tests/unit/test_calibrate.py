@@ -434,7 +434,7 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
     written(tmp_path / FILE)
     both = [*RUN, "--calibration", str(tmp_path / FILE), "--effects", "none"]
     assert cli.call(both) == 2
-    assert "both say which worlds; leave one out" in capfd.readouterr().err
+    assert "both define the worlds; leave one out" in capfd.readouterr().err
     assert cli.call([*RUN, "--calibration", str(tmp_path / "absent.yaml")]) == 2
     assert "no calibration at" in capfd.readouterr().err
 
@@ -503,7 +503,7 @@ SLIDE = """<mujoco><worldbody><body><inertial mass="1" pos="0 0 0" diaginertia="
         (
             {"mjcf": "arm.xml", "joints": {"J0": {"kp": 1.0, "kd": 0.1}}},
             [HEADER.replace("_rad", "_m"), *STILL],
-            "J0 slides; allowed with mujoco: hinges",
+            "not a hinge: J0; mujoco simulates hinges only",
         ),
     ],
 )

@@ -310,7 +310,7 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
         ([str(tmp_path / "absent")], "no log folder"),
         ([str(cut)], "is incomplete"),
         ([str(log), "--nominal", "mujoc"], "Did you mean 'mujoco'?"),
-        ([str(log), "--known-effects", "backlash=99deg"], "out of range: 0 to 10 deg"),
+        ([str(log), "--known-effects", "backlash=99deg"], "out of range; allowed: 0 to 10 deg"),
     ):
         assert cli.call(["diagnose", *words, "--out", str(tmp_path / "out")]) == 2
         assert said in capfd.readouterr().err
@@ -378,7 +378,7 @@ def test_effects_are_added_to_those_known(known, found, text):
 
 def test_a_sum_out_of_range_is_refused():
     """Refuse a corrected world that no effect can write."""
-    with pytest.raises(UsageError, match="out of range: 0 to 10 deg"):
+    with pytest.raises(UsageError, match="out of range; allowed: 0 to 10 deg"):
         effects_text("backlash=6deg", [finding("backlash", 6, "deg", "J0", "J3", "J6")], IDEAL)
 
 

@@ -108,8 +108,8 @@ def test_known_texts(text: str, magnitude: float) -> None:
         ("built,backlash=2deg", "twice.*built is backlash=1deg"),
         ("built,self-lock=5Nm", "twice"),
         ("built,built", "twice"),
-        ("none,backlash=1deg", "'none' stands beside"),
-        ("built,none", "'none' stands beside"),
+        ("none,backlash=1deg", "has 'none' and other effects"),
+        ("built,none", "has 'none' and other effects"),
     ],
 )
 def test_what_cannot_be_is_refused(text: str, message: str) -> None:

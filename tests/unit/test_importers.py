@@ -250,7 +250,7 @@ EXCITE = ["excite", "--joints", "a,b"]
         ([*EXCITE, "--range=0:1m", "--protocol", "grasp"], "some of steps, triangle"),
         ([*EXCITE, "--range=0:1m", "--rate", "5Hz"], "--rate is 5 Hz; allowed: 20 to 1000"),
         (["excite", "--joints", "a,a", "--range=0:1m"], "different names"),
-        (["excite", "--range=0:1m"], "without --joints"),
+        (["excite", "--range=0:1m"], "need --joints"),
         (["import", "emp", "x"], "Did you mean 'emps'?"),
         (["import", "emps", "absent"], "no recording at absent"),
     ],

@@ -199,7 +199,7 @@ def test_a_folder_left_without_its_file_is_recovered(run_copy, capfd):
     (run_copy / "run.json").unlink()
     (run_copy / ".run.json.tmp").write_text("{")
     assert cli.call(words) == 2
-    assert "--force starts anew" in capfd.readouterr().err
+    assert "--force starts it again" in capfd.readouterr().err
     assert cli.call([*words, "--resume"]) == 0
     assert not (run_copy / "policy.onnx").exists()
     assert not (run_copy / ".run.json.tmp").exists()

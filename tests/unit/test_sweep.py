@@ -115,10 +115,10 @@ def test_shipped_grids_are_valid(file):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("", "has no cell; allowed: 'grid', 'cells' or both"),
+        ("", "has no cell; give 'grid', 'cells' or both"),
         ("[1]", "the file is [1]; allowed: "),
         ("grid: {seed: [0}", "is not YAML"),
-        ("gird: {seed: [0]}", "gird is no setting; allowed: cells, defaults, grid"),
+        ("gird: {seed: [0]}", "gird is not a setting; allowed: cells, defaults, grid"),
         ("gird: {seed: [0]}", "Did you mean 'grid'?"),
         ("grid: {sed: [0]}", "Did you mean 'seed'?"),
         ("grid: {seed: []}", "grid.seed is []; allowed: "),

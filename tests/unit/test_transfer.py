@@ -338,10 +338,10 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
     ("arguments", "words"),
     [
         (["absent"], "no run folder at absent"),
-        (["RUNS"], "is a smoke run; --include-smoke takes it"),
+        (["RUNS"], "is a smoke run; --include-smoke includes it"),
         (["RUNS", "--backend", "mujoco,bulet"], "Did you mean 'bullet'?"),
         (["RUNS", "--effects", "built,nome"], "Did you mean 'none'?"),
-        (["RUNS", "--effects", "none,backlash=1deg"], "'none' stands beside other effects"),
+        (["RUNS", "--effects", "none,backlash=1deg"], "has 'none' and other effects"),
         (["RUNS", "--episodes", "1"], "--episodes is 1; allowed: 2 to 10000"),
     ],
 )
