@@ -10,12 +10,12 @@ from matplotlib.figure import Figure
 from leaderboard.transfer_text import FLOOR, Panel, interval, panels, title
 
 CELL_IN = (1.35, 0.75)
-"""Width and height of a cell [in]."""
+"""Width and height of a cell [inch]."""
 MARGIN_IN = (2.6, 1.5)
-"""Left and right, above and below a panel [in]."""
+"""Margins of a panel: left and right, above and below [inch]."""
 TITLE = "Transfer: mean tracked as shade and number, retention below it"
 DARK = 0.55
-"""Shades above this carry dark text."""
+"""Cells with shades above this have dark text."""
 
 
 def draw_heatmap(matrix: pd.DataFrame, file: IO[bytes]) -> None:

@@ -1,4 +1,4 @@
-"""Transfer matrices for the page, from the files that `bench transfer` wrote."""
+"""Transfer matrices for the page, from the files of `bench transfer`."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,7 +13,7 @@ MATRIX_FILE, AGREEMENT_FILE = "matrix.csv", "agreement.csv"
 
 
 def matrices(folders: Iterable[Path]) -> tuple[list[dict[str, Any]], list[str]]:
-    """What the page says of each folder, and why others cannot be shown."""
+    """The page's sections about each folder, and why other folders cannot be shown."""
     shown, broken = [], []
     for folder in folders:
         try:

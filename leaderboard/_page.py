@@ -29,13 +29,14 @@ from leaderboard.tables import WORLD, Board, Line
 HEATMAP = "heatmap.png"
 ERRORS = ("p_err_cm", "q_err_deg")
 PLOTTED = (("reward", "mean reward per step", False), ("p_err_cm", "p_err [cm]", True))
-"""Signals of a learning curve that are drawn, what they are, and whether their axis is at zero."""
+"""The signals of a learning curve that are drawn, their labels, and whether the axis starts at
+zero."""
 FIGURES = (("tracked", 3), ("tracked_iqm", 3), ("held", 3), ("p_err_cm", 2), ("q_err_deg", 2))
-"""Columns of a table and their digits."""
+"""Columns of a table, and their number of digits."""
 
 
 class _Shown(NamedTuple):
-    """A line and its colour, which is that of its policy on the whole page."""
+    """A line and its colour; a policy has the same colour on the whole page."""
 
     line: Line
     color: str
@@ -44,8 +45,8 @@ class _Shown(NamedTuple):
 def page(board: Board, pictures: Sequence[Path], transfers: Sequence[Path] = ()) -> str:
     """The whole page.
 
-    `pictures` are PNG files to show, with the captions that they hold; `transfers` are folders that
-    `bench transfer` wrote.
+    `pictures` are PNG files that contain their captions. `transfers` are folders that `bench
+    transfer` wrote.
     """
     environment = Environment(
         loader=PackageLoader("leaderboard", "."),
@@ -145,7 +146,7 @@ def _drawn(line: Line, score: str) -> list[float]:
 
 
 def _curves(lines: list[_Shown]) -> list[str]:
-    """The learning curves of those lines whose every row has kept its own."""
+    """The learning curves of the lines in which every row has one."""
     drawn = []
     for signal, label, from_zero in PLOTTED:
         bands = []
@@ -173,7 +174,7 @@ def _comparison(found: Comparison) -> dict[str, Any]:
 
 
 def _pictures(paths: Sequence[Path]) -> tuple[list[dict[str, str]], list[str]]:
-    """Each picture as text, its caption and the command that made it; files that are none."""
+    """Each picture as text with its caption and command; and the files that are no pictures."""
     shown, broken = [], []
     for path in paths:
         try:

@@ -1,4 +1,4 @@
-"""Small drawings for the page, as SVG text: intervals beside figures, and learning curves."""
+"""Small drawings for the page as SVG text: intervals next to figures, and learning curves."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from leaderboard.curves import Band
 
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#b58900", "#56b4e9", "#444444")
-"""Colours that people who see few colours can tell apart (Okabe and Ito)."""
+"""Colours that are distinguishable with colour vision deficiency (Okabe and Ito)."""
 CELL_W, CELL_H, PAD = 100, 18, 5
 PLOT_W, PLOT_H, LEFT, BOTTOM, TOP = 420, 216, 46, 36, 10
 
@@ -28,9 +28,9 @@ class Cell:
 
 
 def cell(shown: Cell, most: float, mark: float | None = None) -> str:
-    """A scale from 0 to `most` with seeds as dots, mean as a stroke, interval as a bar.
+    """A scale from 0 to `most`: seeds are dots, the mean is a stroke, the interval a bar.
 
-    `mark` is drawn as a dashed line: what the paper reports.
+    `mark` is the value of the paper, drawn as a dashed line.
     """
 
     def at(value: float) -> str:
@@ -49,7 +49,7 @@ def cell(shown: Cell, most: float, mark: float | None = None) -> str:
 
 
 def plot(bands: Sequence[tuple[str, Band]], label: str, from_zero: bool) -> str:
-    """Bands in their colours over steps, with axes; `label` names what is drawn."""
+    """Bands in their colours over steps, with axes; `label` names the signal."""
     most_steps = max(band.steps[-1] for _, band in bands)
     low = 0.0 if from_zero else min(band.low.min() for _, band in bands)
     ticks = MaxNLocator(4).tick_values(low, max(band.high.max() for _, band in bands))

@@ -1,4 +1,4 @@
-"""What the Markdown file and the page say in the same words."""
+"""Texts that the Markdown file and the page share."""
 
 import math
 from typing import Any
@@ -22,14 +22,14 @@ COMPARING = (
 
 
 def policy_name(cells: dict[str, Any]) -> str:
-    """Algorithm, observation, and how its training drew its worlds."""
+    """Algorithm, observation, and the worlds drawn in training."""
     drawn = ", randomized" if cells["randomize"] else ""
     spread = f" ({cells['spread']})" if drawn and cells["spread"] != "paper" else ""
     return f"{cells['algo']}, {cells['observation']}{drawn}{spread}{starts(cells)}"
 
 
 def starts(cells: dict[str, Any]) -> str:
-    """How training drew its initial states, where not as the paper does."""
+    """The initial states of the training, if they differ from the paper's."""
     width = cells["start_spread"]
     return "" if width == 1 else ", single start" if width == 0 else f", starts x {width:g}"
 
@@ -45,17 +45,17 @@ def count(cells: dict[str, Any]) -> str:
 
 
 def value_text(cells: dict[str, Any], score: str, digits: int) -> str:
-    """A value; blank where there is none."""
+    """A value; blank if there is none."""
     value = cells[score]
     return "" if math.isnan(value) else f"{value:.{digits}f}"
 
 
 def interval_text(cells: dict[str, Any], score: str, digits: int) -> str:
-    """The interval of a value; blank where there is none."""
+    """The interval of a value; blank if there is none."""
     low, high = cells[f"{score}_low"], cells[f"{score}_high"]
     return "" if math.isnan(low) else f"[{low:.{digits}f}, {high:.{digits}f}]"
 
 
 def with_interval(cells: dict[str, Any], score: str, digits: int) -> str:
-    """Both."""
+    """A value and its interval."""
     return f"{value_text(cells, score, digits)} {interval_text(cells, score, digits)}".strip()

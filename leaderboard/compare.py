@@ -1,6 +1,6 @@
-"""Two policies in one world with one budget: how likely a new seed of one beats one of the other.
+"""Compare two policies with equal world and budget: how likely a new seed of one beats the other.
 
-They are compared over all tasks that both were trained on, each task a stratum.
+They are compared over all tasks on which both were trained; each task is a stratum.
 """
 
 import itertools
@@ -19,27 +19,27 @@ class Entry:
 
     task: str
     world: tuple
-    """Only entries of equal worlds, budget included, are compared."""
+    """Only entries with equal world and budget are compared."""
     policy: str
-    """What else identifies it, but for the task."""
+    """What identifies the policy, besides the task."""
     cells: dict[str, Any]
-    """What the table says of it."""
+    """Its cells in the table."""
     scores: np.ndarray
-    """What is compared, the more the better, shape (S, E)."""
+    """The compared scores, higher is better, shape (S, E)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """`first` against `second`, of which `first` is the likelier to win."""
+    """`first` against `second`; `first` is more likely to win."""
 
     first: dict[str, Any]
     second: dict[str, Any]
-    """What the table says of them on the first of the tasks."""
+    """Their cells in the table of the first task."""
     tasks: tuple[str, ...]
     seeds: tuple[int, int]
-    """Seeds of the first and the second over all tasks."""
+    """Number of seeds of the first and the second over all tasks."""
     probability: Estimate
-    """That a new seed of the first scores more."""
+    """Probability that a new seed of the first scores more."""
 
 
 def compare(entries: Sequence[Entry]) -> list[Comparison]:

@@ -1,4 +1,4 @@
-"""Learning curves: made shorter, and brought together over seeds."""
+"""Learning curves: thinned, and combined over seeds."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ import numpy as np
 Array = np.ndarray
 
 CURVE = ("reward", "p_err_cm", "q_err_deg")
-"""What a learning curve shows, by the names in progress.csv."""
+"""The signals of a learning curve, by their names in progress.csv."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,12 +20,12 @@ class Band:
     mean: Array
     low: Array
     high: Array
-    """Mean, least and most over the seeds."""
+    """Mean, minimum and maximum over the seeds."""
     seeds: int
 
 
 def thin(progress: Mapping[str, Any], points: int) -> dict[str, Array]:
-    """A learning curve of at most so many points: means over neighbours, at their last step."""
+    """A learning curve with at most `points` points: means over neighbours, at their last step."""
     steps = np.asarray(progress["steps"])
     parts = np.array_split(np.arange(len(steps)), min(points, len(steps)))
     signals = {name: np.asarray(progress[name]) for name in CURVE}
@@ -34,7 +34,7 @@ def thin(progress: Mapping[str, Any], points: int) -> dict[str, Array]:
 
 
 def band(curves: Sequence[tuple[Any, Any]]) -> Band:
-    """Steps and values of each seed, on the first one's steps as far as all have come."""
+    """Combine the curves of several seeds, on the steps of the first, as far as all reach."""
     last = min(steps[-1] for steps, _ in curves)
     steps = np.asarray([step for step in curves[0][0] if step <= last], dtype=float)
     values = np.stack([np.interp(steps, *curve) for curve in curves])

@@ -1,7 +1,7 @@
-"""What a kept row carries beside its means: scores per episode and the learning curve, compact.
+"""Details of a kept row besides its means: scores per episode and the learning curve.
 
-In a run folder they lie in `episodes.parquet` and `progress.csv`; a kept row holds them itself, so
-that intervals and curves can be made where the run folder is not.
+A run folder has them in `episodes.parquet` and `progress.csv`. A kept row contains them, so that
+intervals and curves can be made without the run folder.
 """
 
 import json
@@ -20,13 +20,13 @@ POINTS = 50
 
 
 class DetailsError(ValueError):
-    """A file beside run.json cannot be read; the message is complete."""
+    """A file next to run.json cannot be read; the message is complete."""
 
 
 def read_details(folder: Path) -> dict[str, dict[str, list]]:
-    """`episodes` and `curve` of a run folder, each only where its file is there.
+    """`episodes` and `curve` of a run folder, each only if its file exists.
 
-    Rounded, to six and four digits, as a kept row has them. Raises DetailsError.
+    They are rounded to six and four digits, as in a kept row. Raises DetailsError.
     """
     details: dict[str, dict[str, list]] = {}
     if (folder / EPISODES_FILE).exists():
@@ -41,7 +41,7 @@ def read_details(folder: Path) -> dict[str, dict[str, list]]:
 
 
 def rounded(values: Iterable[float], digits: int) -> list[float]:
-    """Plain numbers of so many significant digits."""
+    """Round plain numbers to significant digits."""
     return [float(f"{value:.{digits}g}") for value in values]
 
 
@@ -59,4 +59,6 @@ def _read(path: Path, read: Callable[[Path], pd.DataFrame], columns: tuple[str, 
         return read(path)[list(columns)].astype(float)
     except (OSError, ValueError, KeyError) as error:
         reason = " ".join(str(error).split())
-        raise DetailsError(f"{path}: cannot be used ({reason}); its row goes without") from error
+        raise DetailsError(
+            f"{path}: cannot be used ({reason}); its row has no such details"
+        ) from error

@@ -16,7 +16,7 @@ TRANSFERS = "transfer"
 
 
 def write(board: Board, folder: Path, html: bool = True) -> list[Path]:
-    """Write CSV, Markdown and, unless told otherwise, the page into a folder; the files."""
+    """Write CSV, Markdown and, unless asked otherwise, the page into a folder; the files."""
     return write_all(contents(board, folder, html), folder)
 
 

@@ -1,9 +1,9 @@
-"""The paper's results as data, for comparison; they were measured by its authors, not by us."""
+"""The paper's results as data, for comparison. They were measured by its authors."""
 
 from dataclasses import dataclass
 
 ENGINE, FIGURE, EPISODES = "MuJoCo", "training settings", 10
-"""What it simulated with, on, and how often; it reports neither `held` nor `tracked`."""
+"""Its engine, settings and number of episodes; it reports neither `held` nor `tracked`."""
 
 
 @dataclass(frozen=True, kw_only=True)

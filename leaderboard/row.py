@@ -1,7 +1,7 @@
-"""One result row as its file holds it: `run.json`, checked, and nothing of what produced it.
+"""One result row in its file: `run.json`, checked, independent of what produced it.
 
-This file knows the layout of `run.json` and what its values may be; it must not know an engine, a
-task or a learner, so that a row of a plug-in nobody here has heard of still reads.
+This file knows the layout of `run.json` and its allowed values. It must not know an engine, a task
+or a learner, so that rows of unknown plug-ins can be read.
 """
 
 import math
@@ -18,16 +18,16 @@ NotNegative = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 ROUNDING = 1e-5
-"""How far the mean of kept scores, six digits each, may be off, over the largest of them."""
+"""Largest relative error of the mean of kept scores, which have six digits each."""
 
 
 def without_place(command: str) -> str:
-    """A command without the option that says where it wrote: it names folders of one machine."""
+    """A command without --out, whose folder exists on one machine only."""
     return re.sub(r"\s+--out(=|\s+)('[^']*'|\S+)", "", command)
 
 
 class _Part(BaseModel):
-    """A piece of `run.json`; fields it does not name are kept."""
+    """A part of `run.json`; unknown fields are kept."""
 
     model_config = ConfigDict(extra="allow", frozen=True, strict=True, allow_inf_nan=False)
 
@@ -51,9 +51,9 @@ class RunIdentity(_Part):
     seed: Count
     randomize: bool
     spread: str = "paper"
-    """How far training draws its worlds around the nominal one."""
+    """Spread of the worlds drawn in training around the nominal one."""
     start_spread: Fraction = 1.0
-    """Width of the initial states that training draws; 0: a single one."""
+    """Width of the initial states drawn in training; 0: a single one."""
     worlds: Count
     smoke: bool
     overrides: dict[str, Any] = {}
@@ -84,7 +84,7 @@ class Scores(_Part):
 
 
 class Episodes(_Part):
-    """The same scores per episode; equal places, equal initial states."""
+    """The same scores per episode; equal indices have equal initial states."""
 
     p_err_cm: list[NotNegative]
     q_err_deg: list[Annotated[float, Field(ge=0, le=180)]]
@@ -93,7 +93,7 @@ class Episodes(_Part):
 
 
 class Curve(_Part):
-    """The learning curve: means over the training that ended at so many steps."""
+    """The learning curve: means over the training up to each number of steps."""
 
     steps: list[Count]
     reward: list[float]
@@ -102,7 +102,7 @@ class Curve(_Part):
 
 
 class Provenance(_Part):
-    """Where the row came from."""
+    """The provenance of the row."""
 
     command: Name
     versions: dict[str, str]
@@ -127,15 +127,15 @@ class Row(_Part):
     reason: str
     spec: RunIdentity
     digest: Name
-    """The run's identity: equal digests are one run."""
+    """Digest of the run's identity; runs with equal digests are the same."""
     spec_digest: Name
     """The nominal world's digest: hand, stick and effects."""
     scores: Scores | None
     """None unless the run is done."""
     episodes: Episodes | None = None
-    """None where only means were kept."""
+    """None if only means were kept."""
     curve: Curve | None = None
-    """None where none was kept, and for what does not train."""
+    """None if none was kept, and for baselines that do not train."""
     steps: Count
     """Environment steps trained."""
     wall_s: NotNegative

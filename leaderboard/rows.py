@@ -1,4 +1,4 @@
-"""Result rows read from files: found, checked, one per run, and a message for what is wrong."""
+"""Read result rows from files: find and check them, keep one per run, report what is wrong."""
 
 import reprlib
 from collections.abc import Iterable, Sequence
@@ -14,11 +14,11 @@ CLASH = "with other scores; allowed: equal scores. The run that finished last co
 
 
 def read_rows(paths: Iterable[Path | str]) -> tuple[list[Row], list[str]]:
-    """The rows under `paths`, one per run digest, and a message per file that could not be read.
+    """The rows under `paths`, one per run digest, and a message per unreadable file.
 
-    A path is a .json file, a run folder, a folder with run folders at any depth, or, where it has
-    none, a folder of .json rows. Order and repetition of `paths` change nothing. The row of a run
-    folder gets its details from the files beside it.
+    A path is a .json file, a run folder, a folder with run folders at any depth, or else a folder
+    of .json rows. Order and repetition of `paths` change nothing. The row of a run folder gets its
+    details from the other files of the folder.
     """
     files: set[Path] = set()
     problems: set[str] = set()
@@ -43,10 +43,10 @@ def read_rows(paths: Iterable[Path | str]) -> tuple[list[Row], list[str]]:
 
 
 def unique(rows: Sequence[Row]) -> list[Row]:
-    """One row per run digest, in an order that does not depend on that of `rows`.
+    """One row per run digest, in an order that is independent of that of `rows`.
 
-    Of equal digests a done run counts before others, then the one that finished last, then the one
-    with scores per episode.
+    Among equal digests, done runs come first, then the one that finished last, then the one with
+    scores per episode.
     """
     by_content = sorted(rows, key=lambda row: row.model_dump_json())
     kept = {row.digest: row for row in sorted(by_content, key=_worth)}
@@ -58,7 +58,7 @@ def _worth(row: Row) -> tuple[bool, str, bool]:
 
 
 def _with_details(row: Row, file: Path) -> Row:
-    """The row of a run folder with the details that lie beside it; raises DetailsError."""
+    """The row of a run folder with its details; raises DetailsError."""
     if file.name != RUN_FILE or row.status != "done" or row.episodes is not None:
         return row
     details = read_details(file.parent)
@@ -66,7 +66,7 @@ def _with_details(row: Row, file: Path) -> Row:
         return Row.model_validate({**row.model_dump(by_alias=True), **details})
     except ValidationError as error:
         reason = "; ".join(_complaints(error))
-        raise DetailsError(f"{file.parent}: {reason}; its row goes without") from error
+        raise DetailsError(f"{file.parent}: {reason}; its row has no such details") from error
 
 
 def _files(path: Path) -> list[Path]:
@@ -76,7 +76,7 @@ def _files(path: Path) -> list[Path]:
 
 
 def _conflicts(read: dict[Path, Row]) -> list[str]:
-    """A message per done file whose scores are not those of an earlier file of the same run."""
+    """A message per done file whose scores differ from those of an earlier file of the same run."""
     first: dict[str, Path] = {}
     texts = []
     for file, row in read.items():
@@ -88,13 +88,13 @@ def _conflicts(read: dict[Path, Row]) -> list[str]:
 
 
 def _complaints(error: ValidationError) -> list[str]:
-    """What is wrong with a file, one text per field: the field, its value, what is allowed."""
+    """The faults of a file, one text per field: the field, its value, what is allowed."""
     texts = []
     for item in error.errors(include_url=False):
         field = ".".join(map(str, item["loc"])) or "the file"
         message = item["msg"].removeprefix("Value error, ").removeprefix("Invalid JSON: ")
         if item["type"] == "json_invalid":
-            texts.append(f"is not whole JSON ({message}); allowed: a finished run.json")
+            texts.append(f"is not complete JSON ({message}); allowed: a finished run.json")
         elif item["type"] == "missing":
             texts.append(f"{field} is missing (required)")
         else:

@@ -1,10 +1,10 @@
-"""Means, interquartile means, and intervals that hold for other seeds and other episodes.
+"""Means, interquartile means, and intervals that hold for other seeds and episodes.
 
-Scores of one policy come as an array of shape (S, E): a row per training seed, in it the E episodes
-of its evaluation. Several such arrays are strata, tasks for instance; they are drawn from apart.
-The interval is the percentile bootstrap's: seeds are drawn with replacement, then episodes within
-each drawn seed (Agarwal et al., Deep RL at the Edge of the Statistical Precipice, 2021, who draw
-runs alone: with E = 1 both are the same).
+The scores of one policy are an array of shape (S, E): a row per training seed with the E episodes
+of its evaluation. Several such arrays are strata, such as tasks, which are resampled separately.
+Intervals are those of the percentile bootstrap: seeds are drawn with replacement, then episodes
+within each drawn seed (Agarwal et al., Deep RL at the Edge of the Statistical Precipice, 2021, who
+draw only runs; with E = 1 both are the same).
 """
 
 from collections.abc import Callable, Sequence
@@ -21,9 +21,9 @@ LEVEL = 0.95
 With few it is less: 0.76 at 3 seeds, 0.85 at 5, 0.90 at 10 (normal scores, nothing within a seed).
 """
 REPLICATES = 2000
-"""Draws of the bootstrap."""
+"""Number of bootstrap draws."""
 SEED = 0
-"""Every estimate draws from the same stream, so that equal scores give equal intervals."""
+"""Seed of every estimate, so that equal scores give equal intervals."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,10 +56,10 @@ def estimate(
 
 
 def improvement(pairs: Sequence[tuple[Array, Array]], replicates: int = REPLICATES) -> Estimate:
-    """Probability that a new seed of X scores more than a new seed of Y, a tie counting half.
+    """Probability that a new seed of X scores more than a new seed of Y; a tie counts half.
 
-    `pairs` holds one (X, Y) per task; a seed's score is its mean over episodes, and the result is
-    the mean over tasks of Mann and Whitney's U over the count of seed pairs.
+    `pairs` holds one (X, Y) per task. A seed's score is its mean over episodes. The result is the
+    mean over tasks of the Mann-Whitney U divided by the number of seed pairs.
     """
     rng = np.random.default_rng(SEED)
     value = np.mean([_better(x.mean(axis=1)[None], y.mean(axis=1)[None])[0] for x, y in pairs])
@@ -80,7 +80,7 @@ def resample(scores: Array, rng: np.random.Generator, replicates: int) -> Array:
 
 
 def _better(x: Array, y: Array) -> Array:
-    """Share of pairs in which x is more, ties half, shape (R,), from (R, n) and (R, m)."""
+    """Share of pairs in which x is larger (ties count half), shape (R,), from (R, n) and (R, m)."""
     difference = x[:, :, None] - y[:, None, :]
     return (0.5 + 0.5 * np.sign(difference)).mean(axis=(1, 2))
 

@@ -1,4 +1,4 @@
-"""Rows to a board: what each policy scored over its seeds, with intervals and ranks."""
+"""Make a board from rows: the scores of each policy over its seeds, with intervals and ranks."""
 
 import json
 import statistics
@@ -17,17 +17,19 @@ from leaderboard.rows import unique
 from leaderboard.statistics import estimate, interquartile_mean, mean
 
 MIN_SEEDS = 3
-"""With fewer seeds a row has values, no interval and no rank."""
+"""With fewer seeds a row has values, but no interval and no rank."""
 WORLD = ("backend", "effects", "stick", "spec_digest", "radius_m", "speed")
-"""What a table of one task has in common: the simulated world and the settings of the task."""
+"""What the rows of one table have in common: the simulated world and the settings of the task."""
 RANKED_TOGETHER = ("task", "radius_m", "speed", "backend", "spec_digest", "steps")
-"""Rows compete where these are equal: the task with its settings, the world, the budget."""
+"""Rows are ranked together if these are equal: the task with its settings, the world, the
+budget."""
 IDENTITY = (
     *("task", "backend", "effects", "stick", "observation", "algo"),
     *("radius_m", "speed", "randomize", "spread", "start_spread", "steps"),
 )
 PARTS = ("", "_std", "_low", "_high", "_iqm", "_iqm_low", "_iqm_high")
-"""Of each score: mean, sample standard deviation over seeds, interquartile mean, intervals."""
+"""Statistics of each score: mean, sample standard deviation over seeds, interquartile mean,
+intervals."""
 COLUMNS = (
     *("rank", *IDENTITY, "seeds", "episodes"),
     *(f"{score}{part}" for score in SCORES for part in PARTS),
@@ -37,25 +39,25 @@ BENEATH = frozenset(
     {"gymnasium", "numpy", "onnx", "onnxruntime", "pandas", "pydantic", "python", "scipy"}
     | {"stickbench", "torch"}
 )
-"""Packages whose versions the table leaves out: neither engine nor learner."""
+"""Packages that are neither engine nor learner; the table leaves out their versions."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Line:
-    """One policy in one world: its rows, which differ in the seed alone."""
+    """One policy in one world: its rows, which differ only in the seed."""
 
     rows: tuple[Row, ...]
-    """By rising seed."""
+    """Its rows, sorted by seed."""
     cells: dict[str, Any]
-    """What the table says of it, by `COLUMNS`."""
+    """Its cells in the table, by `COLUMNS`."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Board:
-    """All that the leaderboard's files say."""
+    """The contents of the leaderboard's files."""
 
     lines: tuple[Line, ...]
-    """Sorted per task by mean `tracked`, descending."""
+    """Lines, sorted per task by mean `tracked`, descending."""
     comparisons: tuple[Comparison, ...]
     missing: tuple[Row, ...]
     """Runs that are not done."""
@@ -70,9 +72,9 @@ class Board:
 
 
 def board(rows: Sequence[Row], problems: Sequence[str] = (), smoke: bool = False) -> Board:
-    """One line per run identity without its seed; smoke runs only with `smoke`, and unranked.
+    """One line per run identity without seed; smoke runs only with `smoke`, and without rank.
 
-    Scores are means over seeds and episodes. Where a figure cannot be had it is NaN: the deviation
+    Scores are means over seeds and episodes. Figures that cannot be computed are NaN: the deviation
     of one seed, the interval under `MIN_SEEDS`, the interquartile mean without scores per episode.
     `unranked` says why `rank` is blank.
     """
@@ -130,7 +132,7 @@ def _cells(rows: list[Row]) -> dict[str, Any]:
 
 
 def _figures(rows: list[Row], score: str, seeds: int) -> dict[str, float]:
-    """What is known of one score, by the names in `PARTS`."""
+    """The statistics of one score, by the names in `PARTS`."""
     means = [getattr(row.scores, score) for row in rows]
     figures = {"": statistics.fmean(means)}
     if len(means) > 1:
@@ -148,7 +150,7 @@ def _figures(rows: list[Row], score: str, seeds: int) -> dict[str, float]:
 
 
 def _versions(rows: list[Row]) -> str:
-    """Names and versions of what is not in `BENEATH`; versions that differ stand side by side."""
+    """Names and versions of packages that are not in `BENEATH`; different versions are joined."""
     pairs = {pair for row in rows for pair in row.provenance.versions.items()}
     names = sorted({name for name, _ in pairs} - BENEATH)
     return ", ".join(
@@ -157,7 +159,7 @@ def _versions(rows: list[Row]) -> str:
 
 
 def _rank(line: Line, lines: list[Line]) -> int | None:
-    """One more than the number of better lines it competes with; equal scores share a rank."""
+    """The rank: one more than the number of better lines; equal scores share a rank."""
     own = line.cells
     if own["unranked"]:
         return None

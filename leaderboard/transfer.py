@@ -1,7 +1,7 @@
-"""What transfer between worlds costs, from the scores of single episodes.
+"""The cost of transfer between worlds, from the scores of single episodes.
 
-A row of the episodes table is one episode of one policy in one world; see `COLUMNS`. A world is a
-name here, so that the statistics can be made again from the file alone.
+A row of the episodes table is one episode of one policy in one world, see `COLUMNS`. Worlds are
+given by name, so that the statistics can be made again from the file.
 """
 
 from collections.abc import Callable
@@ -15,19 +15,19 @@ from leaderboard.statistics import LEVEL, REPLICATES, SEED, Array, Estimate, mea
 from leaderboard.tables import MIN_SEEDS
 
 FIGURE = ("task", "radius_m", "speed", "stick")
-"""What is asked: policies are compared where these are equal."""
+"""What is drawn: policies are compared if these are equal."""
 IDENTITY = (
     *FIGURE,
     *("observation", "algo", "steps", "randomize", "spread", "start_spread", "worlds", "hand"),
     "smoke",
 )
-"""Policies that are equal in these and in their train world differ in their seed alone."""
+"""Policies that are equal in these and in their train world differ only in their seed."""
 SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")
 COLUMNS = (*IDENTITY, "policy", "seed", "train", "deploy", "floor", "episode", *SCORES)
 """Columns of the episodes table.
 
-`train` and `deploy` name worlds; `floor` marks episodes that start from other initial states than
-those of the same number elsewhere.
+`train` and `deploy` name worlds. `floor` marks episodes that start from other initial states than
+the episodes of the same number in other rows.
 """
 MIN_POLICIES = 3
 """Two points always lie on a line."""
@@ -54,7 +54,7 @@ def matrix(episodes: pd.DataFrame) -> pd.DataFrame:
 
 
 def agreement(episodes: pd.DataFrame, reference: str) -> pd.DataFrame:
-    """How well each world predicts the policies' scores and ranks in the reference world.
+    """How well each world predicts scores and ranks of policies in the reference world.
 
     One line per figure and world: Pearson's r of the policies' mean `tracked` with its interval,
     and `mmrv`. The line with `floor` compares the reference with itself from other initial states.
@@ -98,7 +98,7 @@ def _agree(scores: Array, reference: Array) -> dict[str, Any]:
 
 
 def _line(away: pd.DataFrame, home: pd.DataFrame) -> dict[str, Any]:
-    """Scores in a deploy world, with their retention against those in the train world."""
+    """Scores in a deploy world, with the retention relative to the train world."""
     tracked = _tracked(away)
     many = len(tracked) >= MIN_SEEDS
     return {
@@ -117,7 +117,7 @@ def _tracked(episodes: pd.DataFrame) -> pd.DataFrame:
 
 
 def _retention(away: pd.DataFrame, home: pd.DataFrame) -> Estimate:
-    """Ratio of the means of the policies that have both, episodes of equal number paired."""
+    """Ratio of the means of the policies that have both; episodes are paired by number."""
     both = away.index.intersection(home.index)
     if both.empty or home.loc[both].to_numpy().mean() == 0:
         return Estimate(value=np.nan, low=np.nan, high=np.nan)
@@ -130,7 +130,7 @@ def _ratio(top: Array, bottom: Array) -> Array:
 
 
 def _bootstrap(statistic: Callable[..., Array], *scores: Array) -> Estimate:
-    """A statistic of arrays (S, E), drawn together, and its interval; NaN where it has none."""
+    """A statistic of arrays (S, E) that are resampled together, and its interval or NaN."""
     index = _drawn(scores[0].shape)
     value = statistic(*(array.reshape(1, -1) for array in scores))[0]
     drawn = statistic(*(array.ravel()[index] for array in scores))
@@ -140,7 +140,7 @@ def _bootstrap(statistic: Callable[..., Array], *scores: Array) -> Estimate:
 
 
 def _drawn(shape: tuple[int, ...]) -> Array:
-    """Places in a flat (S, E) array: seeds, then episodes, or episodes alone where S is small."""
+    """Resampled indices of a flat (S, E) array: seeds, then episodes; episodes only for small S."""
     rng = np.random.default_rng(SEED)
     flat = np.arange(shape[0] * shape[1]).reshape(shape)
     strata = [flat] if shape[0] >= MIN_SEEDS else [row[None] for row in flat]

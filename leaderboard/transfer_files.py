@@ -1,4 +1,4 @@
-"""The files of a transfer matrix, each written whole or not at all."""
+"""The files of a transfer matrix, each written completely or not at all."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""The transfer matrix as Markdown, and what picture and text say in the same words."""
+"""The transfer matrix as Markdown, and texts that it shares with the picture."""
 
 import math
 from collections.abc import Sequence
@@ -65,7 +65,7 @@ def panels(matrix: pd.DataFrame) -> list[Panel]:
 
 
 def title(shared: dict[str, Any]) -> str:
-    """A kind of policy in words."""
+    """A kind of policy, in words."""
     smoke = " (smoke)" if shared["smoke"] else ""
     drawn = f", randomized ({shared['spread']})" if shared["randomize"] else ""
     kind = f"{shared['algo']}, {shared['observation']}{drawn}{starts(shared)}"
@@ -74,7 +74,7 @@ def title(shared: dict[str, Any]) -> str:
 
 
 def figure(shared: dict[str, Any]) -> str:
-    """What is asked, in words."""
+    """The task, in words."""
     size = f"{shared['radius_m'] * 100:g} cm, speed {shared['speed']:g}"
     stick = "" if shared["stick"] == "reference" else f", {shared['stick']} stick"
     return f"{shared['task']}, {size}{stick}"
@@ -99,7 +99,7 @@ def markdown(
 
 
 def interval(line: dict[str, Any], name: str, digits: int = 3) -> str:
-    """A value with its interval, as far as they are known."""
+    """A value with its interval, as far as known."""
     value, low, high = (line[f"{name}{part}"] for part in ("", "_low", "_high"))
     if math.isnan(value):
         return "-"
@@ -131,7 +131,7 @@ def error_cells(panel: Panel) -> tuple[list[str], list[list[str]]]:
 
 
 def _upright(head: list[str], rows: list[list[str]]) -> tuple[list[str], list[list[str]]]:
-    """The table, or, where it has a single train world, a row per deploy world instead."""
+    """The table; with a single train world, transposed to a row per deploy world."""
     if len(rows) != 1:
         return head, rows
     (row,) = rows
@@ -144,7 +144,7 @@ def _errors(line: dict[str, Any]) -> str:
 
 
 def counts(panel: Panel) -> str:
-    """How many seeds and episodes a panel is of."""
+    """Number of seeds and episodes of a panel."""
     lines = panel.lines.values()
     seeds = sorted({line["seeds"] for line in lines})
     count = " or ".join(map(str, seeds))

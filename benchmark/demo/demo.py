@@ -19,14 +19,14 @@ from benchmark.demo.texts import ABOUT, FILM, LOG, PATHS, POLICY
 from benchmark.errors import CommandError, UsageError
 
 DATA = Path(__file__).parent / "data"
-"""The policy and the log that are shipped."""
+"""The shipped policy and log."""
 EPISODES = 20
 
 
 def demo(out: Path, force: bool) -> tuple[dict, RenderableType]:
-    """Play, film and diagnose into the folder `out`; the result and what people read.
+    """Play, film and diagnose into the folder `out`; returns the result and its text.
 
-    Raises UsageError where the folder holds something, CommandError where the diagnosis fails.
+    Raises UsageError if the folder holds an earlier demo, CommandError if the diagnosis fails.
     """
     began_s = time.monotonic()
     _claim(out, force)
@@ -51,11 +51,11 @@ def demo(out: Path, force: bool) -> tuple[dict, RenderableType]:
 
 
 def _claim(out: Path, force: bool) -> None:
-    """Lay the policy and the log into `out`, which must hold nothing else of a demo."""
+    """Copy policy and log into `out`, which must hold no earlier demo."""
     there = [name for name in ABOUT if (out / name).exists()]
     if there and not force:
         raise UsageError(
-            f"{out} holds {there[0]}; choose another --out, or --force to replace what a demo wrote"
+            f"{out} holds {there[0]}; choose another --out, or --force to replace an earlier demo"
         )
     for name in there:
         path = out / name
@@ -65,7 +65,7 @@ def _claim(out: Path, force: bool) -> None:
 
 
 def _draw(plays: Sequence[Play], out: Path) -> dict[str, str]:
-    """Write paths and film of the engines that played; what was left out, and why."""
+    """Write paths and film of the engines that played; returns what was left out and why."""
     recordings = {one.engine: one.recording for one in plays if one.recording is not None}
     if not recordings:
         return dict.fromkeys((PATHS, FILM), "no engine could be run")

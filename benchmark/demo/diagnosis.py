@@ -1,4 +1,4 @@
-"""A diagnosis beside other work: `bench diagnose` in a process of its own."""
+"""Run `bench diagnose` in its own process, in parallel with other work."""
 
 import contextlib
 import json
@@ -24,7 +24,7 @@ class Diagnosing:
         self._child, self._began_s = child, time.monotonic()
 
     def result(self) -> dict:
-        """What the diagnosis says, once it is there; raises CommandError where it fails."""
+        """Wait for the diagnosis and return its result; raises CommandError if it failed."""
         assert self._child.stdout is not None
         with Bar("diagnose the log", 1) as bar:
             while self._child.poll() is None:
@@ -46,7 +46,7 @@ class Diagnosing:
 
 @contextlib.contextmanager
 def diagnosing(log: Path, out: Path) -> Iterator[Diagnosing]:
-    """Diagnose a log on one core meanwhile; what is not done at the end of the block, ends."""
+    """Diagnose a log on one core during the block; the process ends with the block."""
     words = ("diagnose", str(log), "--out", str(out), "--workers", "1", "--json")
     child = subprocess.Popen(
         [*COMMAND, *words],

@@ -1,4 +1,4 @@
-"""What `bench demo` draws: one policy in several engines, side by side, as a film and as paths."""
+"""Pictures of `bench demo`: one policy in several engines side by side, as video and as paths."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -32,7 +32,7 @@ _PAPER, _INK = (255, 255, 255), (40, 44, 52)
 def draw_engines(
     recordings: Mapping[str, Recording], title: str, caption: Caption, out: Path
 ) -> None:
-    """Reference and lower end of some episodes, an engine beside the other, to one scale."""
+    """Draw reference and lower end of some episodes, engines side by side, to one scale."""
     figure = Figure(figsize=(3.6 * len(recordings), 4.4), layout="constrained")
     every = figure.subplots(1, len(recordings), squeeze=False)[0]
     reach_cm = []

@@ -1,4 +1,4 @@
-"""The log that `bench demo` diagnoses: one joint in MuJoCo with play in its gear, and its maker.
+"""The log that `bench demo` diagnoses, and its recorder: one joint in MuJoCo with gear play.
 
 `python -m benchmark.demo.log FOLDER` records it again.
 """
@@ -34,7 +34,7 @@ _PLAN = Plan(protocols=("steps", "triangle"), channels=("command", "position"), 
 
 
 def recorded() -> Log:
-    """The log: 20 s of small and large steps and of slow strokes."""
+    """Record the log: 20 s of small and large steps and slow strokes."""
     nominal = mechanism(_XML, _DRIVES)
     real = with_effects(nominal, parse_effects(f"{HIDDEN},{NOISE}", nominal.hand))
     engine = registry.load("backend", "mujoco")

@@ -1,4 +1,4 @@
-"""One policy played in every engine; an engine that is not there says how to install it."""
+"""Play one policy in every engine; for a missing engine, say how to install it."""
 
 import dataclasses
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ _SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")
 
 @dataclass(frozen=True, kw_only=True)
 class Play:
-    """What became of a policy in one engine."""
+    """The result of a policy in one engine."""
 
     engine: str
     trained: bool

@@ -150,7 +150,7 @@ def test_a_run_with_broken_details_keeps_its_means(tmp_path, content):
         (folder / "episodes.parquet").write_bytes(content)
     (row,), (problem,) = read_rows([folder])
     assert row.episodes is None and row.scores is not None and row.scores.tracked == 0.5
-    assert str(folder) in problem and "goes without" in problem
+    assert str(folder) in problem and "has no such details" in problem
 
 
 def test_the_row_with_episodes_counts_before_the_one_without(tmp_path):
