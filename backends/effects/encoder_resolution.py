@@ -12,8 +12,8 @@ class Effect(NumberEffect):
     Source: Widrow and Kollar, *Quantization Noise*, 2008: uniform error of variance step^2 / 12.
     Hardware: 0.088 deg: 4096 steps in Dynamixel X and Feetech STS3215; 0.29 deg in older ones (1024
       over 300 deg); 0.022 deg in 14-bit sensors (ams AS5048).
-    Log: Readings lie on a comb. With noise of more than half a step the comb drowns.
-    Confused with: encoder-noise, from the spectrum alone; the comb tells.
+    Log: Readings are multiples of a step. Noise of more than half a step hides it.
+    Confused with: encoder-noise, from the spectrum alone; the equal steps tell.
     """
 
     group = "sensing"

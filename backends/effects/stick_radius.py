@@ -6,8 +6,8 @@ from backends.effect import NumberEffect
 class Effect(NumberEffect):
     """Relative change of the radius.
 
-    Law: The radius (of a square stick half the side); the inertia follows. Grasps are found anew
-      for it, as a finger closes until it touches.
+    Law: The radius (of a square stick half the side); the inertia follows. Fingers close until they
+      touch the stick, so grasps change with it.
     Source: Geometry; the paper randomises it.
     Hardware: The sticks of this benchmark have 3 to 7 mm.
     Log: Joints touch earlier, contact points move outwards.

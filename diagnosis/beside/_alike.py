@@ -1,6 +1,6 @@
 """How far a replay with the stick in the hand is from the log: in stick, joints and torques.
 
-Engines differ in how a grasp moves by more than sensors see, so what is left is told in that.
+Engines differ in how a grasp moves by more than sensors see, so residuals are measured in that.
 """
 
 from collections.abc import Sequence

@@ -1,7 +1,7 @@
 """What a skin leaves: whether it follows where, how deep and how long taxels are pressed.
 
 A fault that stands in for another one leaves answers that come again wherever the skin is pressed
-alike, see `attribution.leftover`: regressors that a right skin has no use for foretell them.
+alike: regressors that a right skin has no use for predict them.
 """
 
 from dataclasses import dataclass

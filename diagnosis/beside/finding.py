@@ -39,7 +39,7 @@ class Finding:
     lead_nats: float
     """How far it is ahead of the next best explanation."""
     ties: tuple[tuple[str, float], ...] = ()
-    """Effects that this log cannot tell from it, and how far they are behind [nats]."""
+    """Effects that this log cannot distinguish from it, and their log evidence ratios [nats]."""
     experiment: str = "record --protocol grasp with more --variants"
     """What would tell them from it."""
     instead: bool = False

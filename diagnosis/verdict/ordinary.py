@@ -1,4 +1,4 @@
-"""Ordinary: what a healthy robot of some make leaves beside its model. The decision is made here.
+"""Ordinary: the gap that a healthy robot leaves beside its model. The decision is made here.
 
 All gaps are in floors; a share is of the squared gap beyond one floor (`Fit.excess`).
 """
