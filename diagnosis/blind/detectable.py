@@ -1,9 +1,9 @@
-"""The smallest magnitudes that show: by bisection, with the oracle's word on cases drawn alike.
+"""The smallest detectable magnitudes, by bisection with the oracle on randomly drawn cases.
 
-A magnitude is detectable when in at least half of the draws the true effect, refitted together with
-the nominal parameters, lowers the cost of their refit by the oracle's limit. Noise, steps and lost
-packets no replay can show: they are detectable where the diagnosis names them, and nothing else. Of
-touch, stick and contact the grasps with and without the effect must be apart by that limit.
+A magnitude is detectable if, in at least half of the draws, the true effect lowers the cost of the
+nominal refit by the oracle's limit when it is refitted too. A replay cannot show noise, steps and
+lost packets; they are detectable if the diagnosis names them and nothing else. For touch, stick and
+contact, grasps with and without the effect must differ by that limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,9 +26,9 @@ from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, LogError
 
 BELOW = 8.0
-"""The search begins at the small level over this; it ends at the largest level that shows."""
+"""The search begins at the smallest level over this and ends at the largest detectable level."""
 HALVINGS = 4
-"""Halvings of the search's logarithmic range: to a third, where levels span a factor of nine."""
+"""Halvings of the logarithmic range of the search."""
 _SIZES = draw.SIZES | draw.HELD_SIZES
 
 
@@ -51,10 +51,10 @@ def smallest(
     simulate: Simulate,
     engines: Sequence[str],
 ) -> dict:
-    """A row: the smallest detectable magnitude in its unit; `engines` are all that there are.
+    """A row with the smallest detectable magnitude in its unit; `engines` are all engines.
 
-    `bound` is '>' where no level is detectable, '<' where the smallest one tried is. The search
-    ends at the largest level that shows: steps of a sensor may be too coarse to tell anything.
+    `bound` is '>' if no level is detectable, '<' if the smallest tried one is. The search ends at
+    the largest detectable level, because the steps of a sensor may be too coarse to show anything.
     """
     kind, (least, *levels) = catalogue[search.effect], _sizes(search)
     cases = _cases(search, catalogue)
@@ -80,7 +80,7 @@ def smallest(
 
 
 def _sizes(search: Search) -> tuple[float, ...]:
-    """Where the search begins, and the levels at which it may end, all positive, SI."""
+    """Start of the search, and the levels at which it may end, all positive, SI."""
     size, spec = _SIZES[search.effect], rigs.nominal(search.rig)
     levels = size.levels if size.levels[2] > 0 or size.falls is None else size.falls
     scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
@@ -135,7 +135,7 @@ def _seen(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
 
 
 def _with(bare: Case, search: Search, size: float, kind: type[Effect]) -> Case:
-    """The case with the effect, on the first joint that it concerns, and no error beside it."""
+    """The case with the effect on the first joint that it concerns, and without other errors."""
     spec, falls = rigs.nominal(search.rig), _SIZES[search.effect].levels[2] == 0
     joints = kind(magnitude=0.0).joints(spec)
     fault = Fault(

@@ -1,15 +1,15 @@
-"""A blind set as files: what anybody may see, and the sealed answers.
+"""The files of a blind set: the public ones, and the sealed answers.
 
     DIR/commitment.json        hash of the answers, hashes of rules and solver, before any is solved
-    DIR/cases/NNN/             one log each, and case.json: what the solver's catalogue lacks, and
-                               of which make it is
-    DIR/healthy/NN/NNNN/       logs of sound mechanisms by make, where there are any
-    DIR/results/NNN.json       what the solver said
-    DIR/results/make-NN.json   what it made of the sound ones
-    DIR/rivals/NAME/NNN.json   what another method said, where one was asked
+    DIR/cases/NNN/             one log each, and case.json: effects that are removed from the
+                               solver's catalogue, and the number of the plant
+    DIR/healthy/NN/NNNN/       healthy logs of plant NN, if there are any
+    DIR/results/NNN.json       the solver's result
+    DIR/results/make-NN.json   the solver's result on the healthy logs of plant NN
+    DIR/rivals/NAME/NNN.json   the result of another method, if one was run
     DIR/tried.json             every version of the solver that was run on this set
 
-Answers are a file of their own, outside DIR.
+The answers are a separate file, outside DIR.
 """
 
 import hashlib
@@ -30,12 +30,12 @@ class BlindError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Commitment:
-    """What is published before anything is solved."""
+    """The commitment that is published before anything is solved."""
 
     answers_sha256: str
     rules_version: int
     solver_sha256: str
-    """Of all files below together."""
+    """Hash of all files below together."""
     files: dict[str, str]
     """SHA-256 of every file of the solver, its rules among them."""
     cases: int
@@ -49,7 +49,7 @@ class BlindSet:
 
     @property
     def numbers(self) -> range:
-        """Numbers of the cases."""
+        """The numbers of the cases."""
         return range(self.commitment().cases)
 
     def log(self, number: int) -> Path:
@@ -61,28 +61,28 @@ class BlindSet:
         return self.path / "results" / f"{number:03d}.json"
 
     def healthy(self, make: int) -> Path:
-        """Folder of the logs of sound mechanisms of a make."""
+        """Folder of the healthy logs of a plant, by its number."""
         return self.path / "healthy" / f"{make:02d}"
 
     @property
     def makes(self) -> list[int]:
-        """Numbers of the makes of which there are logs of sound mechanisms."""
+        """Numbers of the plants that have healthy logs."""
         return sorted(int(path.name) for path in (self.path / "healthy").glob("*"))
 
     def soundness(self, make: int) -> Path:
-        """File of what the solver made of the sound mechanisms of a make."""
+        """File of the solver's result on the healthy logs of a plant."""
         return self.path / "results" / f"make-{make:02d}.json"
 
     def make(self, number: int) -> int | None:
-        """Number of a case's make; None where there are no logs of sound ones."""
+        """Number of a case's plant; None if it has no healthy logs."""
         return read_json(self.log(number) / "case.json").get("make")
 
     def excluded(self, number: int) -> tuple[str, ...]:
-        """Effects that the solver's catalogue lacks in a case."""
+        """Effects that are removed from the solver's catalogue in a case."""
         return tuple(read_json(self.log(number) / "case.json")["excluded"])
 
     def commitment(self) -> Commitment:
-        """What was committed to; raises BlindError where there is none."""
+        """The commitment of the set; raises BlindError if there is none."""
         file = self.path / "commitment.json"
         if not file.exists():
             raise BlindError(
@@ -90,34 +90,34 @@ class BlindSet:
             )
         data = read_json(file)
         if data.pop("schema", None) != SCHEMA or set(data) != set(Commitment.__annotations__):
-            raise BlindError(f"{file} is of another version; make the set again")
+            raise BlindError(f"{file} has another format version; make the set again")
         return Commitment(**data)
 
     def commit(self, commitment: Commitment) -> None:
-        """Write the commitment; with it the set is whole."""
+        """Write the commitment, which completes the set."""
         write_json(self.path / "commitment.json", {"schema": SCHEMA, **asdict(commitment)})
 
     def read_result(self, number: int) -> dict | None:
-        """What the solver said of a case; None where it has not spoken."""
+        """The solver's result for a case; None if it has not solved it."""
         file = self.result(number)
         return read_json(file) if file.exists() else None
 
     def rival(self, name: str, number: int) -> Path:
-        """File of what a rival said of a case."""
+        """File of a rival's result for a case."""
         return self.path / "rivals" / name / f"{number:03d}.json"
 
     def read_rival(self, name: str, number: int) -> dict:
-        """What a rival said of a case; empty where it was not asked."""
+        """A rival's result for a case; empty if it was not run."""
         file = self.rival(name, number)
         return read_json(file) if file.exists() else {}
 
     def tried(self) -> list[dict]:
-        """Every version of the solver that was run on this set, in order."""
+        """All versions of the solver that were run on this set, in order."""
         file = self.path / "tried.json"
         return read_json(file)["solvers"] if file.exists() else []
 
     def note_try(self, rules_version: int, solver_sha256: str) -> None:
-        """Note that a version of the solver is run on this set."""
+        """Record that a version of the solver is run on this set."""
         found = self.tried()
         if solver_sha256 not in [one["solver_sha256"] for one in found]:
             found.append({"rules_version": rules_version, "solver_sha256": solver_sha256})
@@ -134,14 +134,14 @@ class Answers:
 
 
 def seal(settings: Settings, seed: int, cases: tuple[Case, ...]) -> str:
-    """The text of the answers; a nonce keeps their hash from being guessed from likely answers."""
+    """The text of the answers; a nonce prevents guessing them from their hash."""
     nonce = hashlib.sha256(f"stickbench blind {seed}".encode()).hexdigest()
     said = {"schema": SCHEMA, "nonce": nonce, "seed": str(seed), "settings": asdict(settings)}
     return dumps(said | {"cases": [asdict(case) for case in cases]})
 
 
 def open_answers(path: Path, commitment: Commitment) -> Answers:
-    """The answers, if they are those that were committed to; raises BlindError."""
+    """The answers, if they fit the commitment; raises BlindError."""
     if not path.is_file():
         raise BlindError(f"no answers at {path}; give the file that `bench blind make` wrote")
     found = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -162,7 +162,7 @@ def _case(row: dict) -> Case:
 
 
 def dumps(data: Any) -> str:
-    """JSON text with a line end."""
+    """JSON text that ends with a newline."""
     return json.dumps(data, indent=1) + "\n"
 
 

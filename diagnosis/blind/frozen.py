@@ -1,4 +1,4 @@
-"""Which code solves, and whether it is still the code that a set was committed to."""
+"""The files of the solver, and whether they are those that a set was committed to."""
 
 import ast
 import hashlib
@@ -13,11 +13,11 @@ ROOT = Path(__file__).resolve().parents[2]
 ENTRY = "diagnosis.diagnose"
 RULES = "diagnosis/attribution/rules.yaml"
 ENGINE = "mujoco"
-"""What the solver replays grasps on, whatever engine is real."""
+"""The engine on which the solver replays grasps, whatever engine is real."""
 
 
 def imported(entry: str) -> set[str]:
-    """Files of this repository that a module imports, itself and what these import included."""
+    """The file of a module and all files of this repository that it imports, also indirectly."""
     found: set[str] = set()
     waiting = [entry]
     while waiting:
@@ -30,7 +30,7 @@ def imported(entry: str) -> set[str]:
 
 
 def _named(tree: ast.AST) -> list[str]:
-    """Modules that a file may mean by its imports."""
+    """Modules that the imports of a file may refer to."""
     names = []
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -42,14 +42,14 @@ def _named(tree: ast.AST) -> list[str]:
 
 @cache
 def solver_files() -> dict[str, str]:
-    """SHA-256 of every file that decides what the solver says, as this process first saw them."""
+    """SHA-256 of every file that decides the solver's results, as this process first read them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
     names = sorted({*imported(ENTRY), *imported(f"backends.{ENGINE}"), *effects, RULES})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}
 
 
 def commitment(answers: str, cases: int) -> Commitment:
-    """What is committed to now: the answers' text, and the solver as it is."""
+    """The commitment for these answers and the current solver."""
     files = solver_files()
     return Commitment(
         answers_sha256=hashlib.sha256(answers.encode()).hexdigest(),
@@ -61,14 +61,14 @@ def commitment(answers: str, cases: int) -> Commitment:
 
 
 def changed(promised: Commitment) -> list[str]:
-    """Files of the solver that are not as they were when it was committed to."""
+    """Files of the solver that have changed since the commitment."""
     files = solver_files()
     names = sorted({*files, *promised.files})
     return [name for name in names if files.get(name) != promised.files.get(name)]
 
 
 def solver() -> dict:
-    """Which solver this is: version of its rules, and hash of all its files."""
+    """The identity of this solver: its rules and the hash of all its files."""
     now = commitment("", 0)
     return {"rules_version": now.rules_version, "solver_sha256": now.solver_sha256}
 

@@ -1,7 +1,7 @@
-"""A blind case's episodes with the stick in the hand: how it moves, what skin and tracker log.
+"""The episodes of a blind case with the stick in the hand: motions, touch and tracker readings.
 
-Fingers close on the stick, which has no weight until they hold it, and move a little, or hold it
-until it is pulled out. Knows no solver; the skin's equations are those that every engine has.
+The fingers close on the stick, which has no weight until they hold it. Then they move a little, or
+hold it until it is pulled out. This module knows no solver; touch is computed as for every engine.
 """
 
 from collections.abc import Sequence
@@ -18,15 +18,15 @@ from tasks.initial_states import sample_initial_states
 
 GRASP, PULL = "grasp", "pull"
 SINES, SINE_HZ, SWAY_RAD = 3, (0.3, 3.0), (0.015, 0.04)
-"""Sines of random frequency, and the largest excursion of a joint about its grip."""
+"""Number of sines of random frequency, and the largest excursion of a joint about its grip."""
 SQUEEZE = (0.8, 1.4)
-"""Squeeze of a grasp over the hand's own."""
+"""Squeeze of a grasp over the hand's nominal one."""
 FALLEN_M = 0.02
-"""A stick that has sunk by this falls: the episode ends [m]."""
+"""A stick that has sunk by this counts as fallen, and the episode ends [m]."""
 LEAST = 100
-"""An episode has so many samples [1]."""
+"""Smallest number of samples of an episode [1]."""
 PULL_AT_S, PULL_N_S = (1.2, 1.6), (70.0, 130.0)
-"""When somebody begins to pull at the stick, and by how much more every second."""
+"""Time at which the pull begins, and its growth per second."""
 
 
 def grasp(world: Spec, rng: np.random.Generator) -> Motion:
@@ -43,7 +43,7 @@ def grasp(world: Spec, rng: np.random.Generator) -> Motion:
 
 
 def pull(world: Spec, rng: np.random.Generator) -> Motion:
-    """A random grasp of the stick that is held still until the stick is pulled out of it."""
+    """A random grasp that is held still until the stick is pulled out of it."""
     start = sample_initial_states([world], rng)
     squeeze = rng.uniform(*SQUEEZE) * np.array(world.hand.preload_rad)
     since_s = np.maximum(times_s() - rng.uniform(*PULL_AT_S), 0.0)
@@ -58,7 +58,7 @@ def pull(world: Spec, rng: np.random.Generator) -> Motion:
 
 
 def _sway(since_s: Array, rng: np.random.Generator) -> Array:
-    """A joint's excursion (T,) [rad], none before it begins."""
+    """A joint's excursion (T,) [rad], zero before it begins."""
     inside_s, phases = np.maximum(since_s, 0.0), rng.uniform(0, 2 * np.pi, SINES)
     pairs = zip(evenly(rng, SINE_HZ, SINES), phases, strict=True)
     moved = sum(np.sin(2 * np.pi * hz * inside_s + at) - np.sin(at) for hz, at in pairs)
@@ -70,7 +70,7 @@ HOLDS = {GRASP: grasp, PULL: pull}
 
 
 class Touching:
-    """What skin and tracker read of worlds on an engine."""
+    """Readings of touch and tracker of worlds on an engine."""
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         self._skin = Skin(specs)
@@ -94,6 +94,6 @@ def tracked(pose: Array, rng: np.random.Generator) -> Array:
 
 
 def fallen(pose: Array) -> int:
-    """Samples before the stick falls, of poses (T, 7); at least `LEAST`."""
+    """Number of samples before the stick falls, from poses (T, 7); at least `LEAST`."""
     low = pose[:, 2] < pose[0, 2] - FALLEN_M
     return max(int(np.argmax(low)), LEAST) if low.any() else len(pose)

@@ -1,7 +1,7 @@
-"""A rival: MuJoCo's system identification with every parameter free, the largest change named.
+"""A rival method: MuJoCo's system identification of all parameters; it names the largest change.
 
 `mujoco.sysid` fits parameters and names no cause. Its optimiser and its normalisation of sensors
-are used as they are; worlds are replayed by the solver's compiled replay, which is MuJoCo up to
+are used unchanged. Worlds are replayed by the solver's compiled replay, which equals MuJoCo up to
 rounding (see `replay.agreement`), because MuJoCo's own actuators have no play, lock or rate limit.
 """
 
@@ -29,24 +29,25 @@ from diagnosis.shrinkage import shrinkage
 
 NAME = "mujoco-sysid"
 ITERATIONS = 50
-"""Iterations of the optimiser at most; its own default is 200, and few cases need these."""
+"""Largest number of iterations of the optimiser; its own default is 200, and few cases need as
+many."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Freed:
-    """A limb with all its parameters at what was identified."""
+    """A limb with all its identified parameters."""
 
     effects: tuple[Effect, ...]
     changes: Array
-    """Changes of parameters over their natural size, shape (K,)."""
+    """Changes of the parameters over their natural sizes, shape (K,)."""
 
 
 def identify(
     folder: Path, excluded: tuple[str, ...], catalogue: Mapping[str, type[Effect]]
 ) -> dict:
-    """What the rival says of a log: one effect, its shrinkage on held-out samples, CPU seconds.
+    """The rival's result for a log: one effect, its shrinkage on held-out samples, CPU seconds.
 
-    Raises BlindError where `mujoco.sysid` is not installed, LogError for a log without evidence.
+    Raises BlindError if `mujoco.sysid` is not installed, LogError for a log without evidence.
     """
     began_s, tool = sum(os.times()[:2]), _tool()
     known = {name: kind for name, kind in catalogue.items() if name not in excluded}
@@ -79,7 +80,7 @@ def _tool() -> ModuleType:
 
 
 def _freed(tool: ModuleType, part: Evidence, free: Sequence[Candidate]) -> Freed:
-    """All parameters fitted at once, from nothing changed, to the samples for fitting."""
+    """All parameters, fitted together from their nominal values to the samples for fitting."""
     sizes = np.array([scale_of(c.kind, part, c.joint) for c in free])
     alike = replace(part, sigma=_norms(part))
 
@@ -88,7 +89,7 @@ def _freed(tool: ModuleType, part: Evidence, free: Sequence[Candidate]) -> Freed
         return tuple(c.kind(magnitude=float(size), joint=c.joint) for c, size in pairs if size)
 
     def residual(x: Array, _: object) -> tuple[list[Array], None, None]:
-        """Of one point (K,) or several (K, P)."""
+        """The residual at one point (K,) or at several (K, P)."""
         points = x.reshape(len(free), -1).T
         columns = [alike.residual(effects(point), False, compress=False) for point in points]
         return [np.stack(columns, axis=1)], None, None
@@ -104,7 +105,7 @@ def _freed(tool: ModuleType, part: Evidence, free: Sequence[Candidate]) -> Freed
 
 
 def _norms(part: Evidence) -> Array:
-    """What `mujoco.sysid` divides each sensor by, over the samples for fitting, (C, 1, J)."""
+    """The scale of each sensor in `mujoco.sysid`, over the samples for fitting, (C, 1, J)."""
     used = [r.measured[:, ~r.judged] for r in part.recordings]
     squares = np.nansum(np.concatenate(used, axis=1) ** 2, axis=1)
     return np.maximum(np.sqrt(squares / 2), 1e-12)[:, None]

@@ -1,8 +1,8 @@
-"""Hands in free air on an engine that is no backend: one world each, drives at a rate of its own.
+"""Hands in free air on an engine that is no backend: one world each, with its own drive rate.
 
-There is no stick, and nothing touches. A tooth's spring k whose torque is held for a period dt,
-while a link moves on, gives back k dt / 2 of what the teeth damp; at 1 ms a third of it. So drives
-of engines that integrate exactly are faster than the 1 kHz of backends.
+There is no stick, and nothing touches. If the torque of a tooth's spring k is held for a period dt
+while the link moves on, k dt / 2 of the damping of the teeth is lost; at 1 ms a third of it. So the
+drives of engines that integrate exactly run faster than the 1 kHz of backends.
 """
 
 import dataclasses
@@ -15,8 +15,8 @@ from backends.spec import Spec, field_names
 from backends.state import Array, InitialState
 
 CARRIED = ("body", "fingertip", "spec")
-"""Homes of fields that a free hand has."""
-_BARE = "approximate: there is no stick, and nothing touches"
+"""Groups of spec fields that a free hand uses."""
+_BARE = "approximate: there is no stick and no contact"
 
 
 class World(Protocol):
@@ -71,4 +71,4 @@ class FreeHands(Engine):
             angle[n], speed[n] = world.step(torque_nm[n], ticks)
 
     def _observe(self, rows: slice) -> None:
-        """A stick that floats stays where it was placed."""
+        """The stick floats and stays where it was placed."""

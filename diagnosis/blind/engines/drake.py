@@ -1,8 +1,8 @@
-"""A real side in the engine Drake: hands in free air; kept out of sets that rules are tuned on.
+"""A real side in the engine Drake: hands in free air; never used for tuning.
 
-Links are a `MultibodyPlant` in continuous time. Every drive period is integrated to `ACCURACY` by
-an error-controlled Runge-Kutta rule of third order, under the torques that the drives gave. Drives
-are those of every backend, see `backends.engine`, at 5 kHz.
+The links are a `MultibodyPlant` in continuous time. Every drive period is integrated to `ACCURACY`
+by an error-controlled Runge-Kutta rule of third order, under constant drive torques. The drives are
+those of every backend, see `backends.engine`, at 5 kHz.
 
 Drake: R. Tedrake et al., https://drake.mit.edu, 2019.
 """
@@ -23,11 +23,11 @@ from backends.state import Array
 from diagnosis.blind.engines._free import FreeHands
 
 ACCURACY = 1e-6
-"""Relative error of one drive period; at 1e-9 no joint is 1e-9 rad elsewhere after 3 s."""
+"""Relative error of one drive period; with 1e-9 no joint changes by 1e-9 rad after 3 s."""
 
 
 class _World:
-    """One hand, and the simulator that takes it through a drive period."""
+    """One hand, and the simulator that steps it through a drive period."""
 
     def __init__(self, spec: Spec) -> None:
         self._drive_s = spec.timing.drive_s

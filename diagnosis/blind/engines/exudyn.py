@@ -1,9 +1,9 @@
-"""A real side in the engine Exudyn: hands in free air; kept out of sets that rules are tuned on.
+"""A real side in the engine Exudyn: hands in free air; never used for tuning.
 
-Links are an `ObjectKinematicTree`, in minimal coordinates. Every drive period is one step of the
-explicit Runge-Kutta rule of fourth order, under the torques that the drives gave. (An implicit step
-starts from the acceleration under the torques before: it would act half a period late.) Drives are
-those of every backend, see `backends.engine`, at 4 kHz.
+The links are an `ObjectKinematicTree` in minimal coordinates. Every drive period is one step of the
+explicit Runge-Kutta rule of fourth order, under constant drive torques. (An implicit step starts
+from the acceleration under the previous torques, so it would act half a period late.) The drives
+are those of every backend, see `backends.engine`, at 4 kHz.
 
 Exudyn: J. Gerstmayr, Multibody System Dynamics 60, 2024.
 """
@@ -18,11 +18,11 @@ from backends.state import Array
 from diagnosis.blind.engines._free import FreeHands
 
 EPISODE_S = 1e4
-"""The engine divides a time into steps; no episode is longer."""
+"""Longest episode; the engine divides a total time into steps."""
 
 
 def _turned(body: Body) -> Array:
-    """Rotation (3, 3) from a frame whose z is the body's axis to the body's own."""
+    """Rotation (3, 3) from a frame whose z is the joint axis to the body frame."""
     return Rotation.align_vectors([body.joint.axis], [[0.0, 0.0, 1.0]])[0].as_matrix()
 
 
@@ -33,7 +33,7 @@ def _inertia(body: Body) -> Array:
 
 
 def _tree(spec: Spec, node: int) -> ObjectKinematicTree:
-    """The driven bodies; links are turned so that every hinge is about z.
+    """The driven bodies; the links are rotated so that every hinge is about z.
 
     Raises ValueError for a body that is fixed on another one: its mass would be missing.
     """
@@ -41,7 +41,9 @@ def _tree(spec: Spec, node: int) -> ObjectKinematicTree:
     fixed = {body.name: body for body in spec.hand.bodies if body.joint.drive is None}
     for body in fixed.values():
         if body.parent is not None:
-            raise ValueError(f"{body.name} is fixed on {body.parent}; bases alone can be fixed")
+            raise ValueError(
+                f"{body.name} is fixed to {body.parent}; only base bodies can be fixed"
+            )
     numbers: dict[str | None, int] = {body.name: n for n, body in enumerate(driven)}
     parents = []
     turns, offsets = exu.Matrix3DList(), exu.Vector3DList()
@@ -72,7 +74,7 @@ def _tree(spec: Spec, node: int) -> ObjectKinematicTree:
 
 
 def _settings(step_s: float) -> exu.SimulationSettings:
-    """Steps of this length, and no files."""
+    """Settings: steps of this length, no files."""
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     settings.solution.sensors.active = False
@@ -83,7 +85,7 @@ def _settings(step_s: float) -> exu.SimulationSettings:
 
 
 class _World:
-    """One hand, and the solver that takes it through a drive period."""
+    """One hand, and the solver that steps it through a drive period."""
 
     def __init__(self, spec: Spec) -> None:
         count = len(spec.hand.driven)

@@ -10,11 +10,11 @@ from diagnosis.blind.plant import Limb
 def geometry(limb: Limb) -> tuple[Array, Array]:
     """Links (2, 6) of a limb in its plane (mass, centre, length, inertia), and gravity (2,).
 
-    ValueError for what is no plane chain of one or two links.
+    Raises ValueError for anything but a plane chain of one or two links.
     """
     axis = np.array(limb.bodies[0].joint.axis)
     if len(limb.bodies) > 2 or any(body.joint.axis != tuple(axis) for body in limb.bodies):
-        raise ValueError("this plant knows limbs of one or two parallel hinges only")
+        raise ValueError("this plant supports only limbs of one or two parallel hinges")
     u = np.array([1.0, 0.0, 0.0]) if abs(axis[0]) < 0.5 else np.array([0.0, 1.0, 0.0])
     u = u - (u @ axis) * axis
     plane = np.stack([u / np.linalg.norm(u), np.cross(axis, u / np.linalg.norm(u))])
