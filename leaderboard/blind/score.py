@@ -74,12 +74,8 @@ class Score(BaseModel):
 
     def of_side(self, side: str, name: str) -> Counted:
         """A figure of the cases of one real side."""
-        row = self._side(side)
+        row = next(row for row in self._groups("real") if row["of"] == side)
         return Counted(row.get(name), row.get(f"{name}_n") or 0)
-
-    def cases_of_side(self, side: str) -> int:
-        """How many cases are of one real side."""
-        return self._side(side)["cases"]
 
     @property
     def kind(self) -> Kind:
@@ -88,9 +84,6 @@ class Score(BaseModel):
         modes = "all" if found == set(MODES) else "+".join(m for m in MODES if m in found)
         rigs, sides = (sorted(row["of"] for row in self._groups(by)) for by in ("rig", "real"))
         return Kind("+".join(rigs), tuple(sides), modes, self.healthy > 0)
-
-    def _side(self, side: str) -> dict[str, Any]:
-        return next(row for row in self._groups("real") if row["of"] == side)
 
     def _groups(self, by: str) -> list[dict[str, Any]]:
         return [row for row in self.tables["groups"] if row["by"] == by]

@@ -108,7 +108,7 @@ def test_score_counts_every_case(scored):
     assert json.loads((tables / "score.json").read_text())["top1"] == result["top1"]
     kept = read_score(tables / "score.json")
     assert kept.figure("top1").count == result["intervals"]["top1"]["count"]
-    assert kept.cases == sum(kept.cases_of_side(side) for side in kept.kind.sides)
+    assert set(kept.kind.sides) == {row["real"] for row in rows}
     for name in ("headline", "cases", "groups", "confusion", "effects", "baselines"):
         assert len(pd.read_csv(tables / f"{name}.csv")) > 0
     assert "# Blind score" in (tables / "score.md").read_text()

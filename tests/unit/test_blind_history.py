@@ -46,7 +46,7 @@ def test_a_score_becomes_a_line_and_the_latest_of_its_kind(folder):
     assert line.figures["top1"].hits == 8 and line.figures["top1"].count == 10
     assert line.figures["cpu_s_median"].count == 0
     (kept,) = latest(folder)[line.kind].values()
-    assert kept.of_side("bullet", "top1").hits == 8 and kept.cases_of_side("bullet") == 4
+    assert kept.of_side("bullet", "top1").hits == 8
 
 
 def test_a_newer_score_supersedes_its_kind_alone(folder):

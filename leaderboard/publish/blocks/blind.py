@@ -18,7 +18,7 @@ REFUSED = (
     *("none_accused", "none_false_alarm", "unknown_recall"),
     *("interval_coverage", "magnitude_error_median", "cpu_s_median"),
 )
-HELD = "held"
+FINGER, HELD = "finger", "held"
 MOST_SPLIT = 4
 """More sides than these share a row."""
 
@@ -76,8 +76,9 @@ def blind_baselines(kept: Kept) -> str:
     for _, scores in _kinds(kept, lambda kind: _split(kind) and kind.modes == "all"):
         for name, score in list(scores.items())[-1:]:
             for line in score.tables["baselines"]:
-                shown = (line[key] for key in ("top1", "none_false_alarm", "pairs_exact"))
-                rows.append([name, line["method"], *(f"{value:.2f}" for value in shown)])
+                shown = (line.get(key) for key in ("top1", "none_false_alarm", "pairs_exact"))
+                cells = ("" if value is None else f"{value:.2f}" for value in shown)
+                rows.append([name, line["method"], *cells])
     return grid(head, rows)
 
 
@@ -130,17 +131,15 @@ class _Row(NamedTuple):
     label: str
     give: Callable[[str], list[Counted]]
     """A figure by its name, one for each set."""
-    cases: int
 
 
 def _rows(kept: Kept, wanted: Callable[[Kind], bool] = lambda kind: True) -> Iterator[_Row]:
     for kind, scores in _kinds(kept, lambda kind: kind.modes == "all" and wanted(kind)):
         sets = list(scores.values())
         if _split(kind):
-            yield from (_of_side(sets, side) for side in in_order(kind.sides))
+            yield from (_of_side(sets, kind, side) for side in in_order(kind.sides))
         else:
-            give = partial(_of_all, sets)
-            yield _Row(label=_label(kind), give=give, cases=sum(s.cases for s in sets))
+            yield _Row(_label(kind), partial(_of_all, sets))
 
 
 def _table(rows: Iterable[_Row], figures: Sequence[str]) -> str:
@@ -150,9 +149,9 @@ def _table(rows: Iterable[_Row], figures: Sequence[str]) -> str:
     return grid(head, [*lines, ["wanted", *(BY_NAME[name].wanted for name in figures)]])
 
 
-def _of_side(sets: list[Score], side: str) -> _Row:
-    cases = sum(score.cases_of_side(side) for score in sets)
-    return _Row(SHOWN.get(side, side), lambda name: [s.of_side(side, name) for s in sets], cases)
+def _of_side(sets: list[Score], kind: Kind, side: str) -> _Row:
+    label = SHOWN.get(side, side) + _rig(kind)
+    return _Row(label, lambda name: [score.of_side(side, name) for score in sets])
 
 
 def _of_all(sets: list[Score], name: str) -> list[Counted]:
@@ -179,10 +178,15 @@ def _split(kind: Kind) -> bool:
 def _label(kind: Kind) -> str:
     if kind.rig == HELD:
         return "stick in the hand"
-    healthy = ", healthy logs" if kind.healthy else ""
+    what = _rig(kind) + (", healthy logs" if kind.healthy else "")
     if len(kind.sides) > MOST_SPLIT:
-        return f"{len(kind.sides)} makes{healthy}"
-    return listed([SHOWN.get(side, side) for side in in_order(kind.sides)]) + healthy
+        return f"{len(kind.sides)} makes{what}"
+    return listed([SHOWN.get(side, side) for side in in_order(kind.sides)]) + what
+
+
+def _rig(kind: Kind) -> str:
+    """What is judged, where it is not the usual finger."""
+    return "" if kind.rig == FINGER else f", {kind.rig}"
 
 
 def _shown(name: str, found: list[Counted]) -> str:

@@ -49,6 +49,8 @@ def _group(line: Line) -> str:
     """What a set is of, by what the solver had to do with it."""
     if line.kind.rig == "held":
         return "stick in the hand"
+    if line.kind.rig != "finger":
+        return f"{line.kind.rig} in free air"
     if "mujoco" in line.kind.sides:
         return "fingers: engines and plain plant"
     return "fingers: other engines and plants" + (", healthy logs" if line.healthy else "")
