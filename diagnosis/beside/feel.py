@@ -57,9 +57,9 @@ ASKEW = 1.12
 """Taxels beside the nearest point are inclined, and get half of the noise along them as well."""
 MOVED_M = 5e-5
 """Blur while a misplaced tip is moved."""
-GRASP = "not identifiable from this log: record --protocol grasp with the channels {}"
+GRASP = "not identifiable from this log; record --protocol grasp with the channels {}"
 MISPLACED = (
-    "not identifiable from this log: stick and joints put {} elsewhere than where they touch; mend "
+    "not identifiable from this log: stick and joints put {} away from where they touch; correct "
     "the stick's radius, the joints' zero or the contact's softness first"
 )
 

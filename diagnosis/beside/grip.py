@@ -31,9 +31,9 @@ MOTION = {
 YIELDING = {SOFTNESS: (0.03e-3, 0.1e-3, 0.3e-3, 0.6e-3)}
 """What shows there as well: a lighter stick may yield more, as on engines whose contacts are
 tuned by the masses that meet."""
-NEEDS = "not identifiable from this log: record --protocol grasp with the channel stick"
+NEEDS = "not identifiable from this log; record --protocol grasp with the channel stick"
 PULLS = (
-    "not identifiable from this log: record --protocol grasp,pull --variants 2 with the channels "
+    "not identifiable from this log; record --protocol grasp,pull --variants 2 with the channels "
     "stick and pull"
 )
 AGREE = f"{NEEDS}, --variants 2 or more: one episode may agree by chance"
@@ -49,7 +49,7 @@ WHOLE = 0.95
 STILL = 0.01
 """A gap this far under what engines differ by is none."""
 ENGINE = (
-    "not identifiable from this log: the stick moves otherwise than on the nominal engine, by "
+    "not identifiable from this log: the stick moves differently from the nominal engine, by "
     "{:.2f} of what engines differ by among themselves, and neither explains it; record --protocol "
     "pull with the channels stick and pull"
 )

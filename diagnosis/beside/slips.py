@@ -59,7 +59,7 @@ VAGUE = (
     "by about 100 N/s, or weigh the stick"
 )
 OTHERWISE = (
-    "not identifiable from this log: the stick slips neither by Newton's law nor as on the nominal "
+    "not identifiable from this log: the stick slips neither by Newton's law nor as in the nominal "
     "engine, or its contacts are soft; weigh it"
 )
 

@@ -52,7 +52,7 @@ ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 Z90, SURE_Z = 1.645, 3.0
 MISPLACED = (
-    "not identifiable from this log: fingers and stick disagree by {:.2f} mm; mend joint zeros"
+    "not identifiable from this log: fingers and stick disagree by {:.2f} mm; correct joint zeros"
 )
 
 
