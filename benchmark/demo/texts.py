@@ -18,7 +18,7 @@ SCORES = {
     "q_err_deg": ("q_err [deg]", ".2f"),
 }
 """Columns of the table and their formats, by the names of the scores."""
-POLICY, LOG, PATHS, FILM = "policy", "log", "paths.png", "hand.mp4"
+POLICY, LOG, PATHS, FILM = "policy", "elbow-log", "paths.png", "hand.mp4"
 ABOUT = {
     PATHS: "the paths of the stick's lower end",
     FILM: "a video of the hand in every engine, 10 s",

@@ -14,6 +14,7 @@ from benchmark.demo import film
 from benchmark.demo.demo import DATA, _draw, demo
 from benchmark.demo.log import recorded
 from benchmark.demo.plays import play
+from benchmark.demo.texts import LOG
 from benchmark.errors import CommandError, UsageError
 from benchmark.registry import ROOT
 from benchmark.run_folder import check_policy, read_run, run_spec
@@ -34,7 +35,7 @@ def test_shipped_policy_is_the_leaderboards() -> None:
 
 def test_shipped_log_is_what_its_maker_records() -> None:
     """Record the log again and read the same, but for rounding."""
-    kept, again = read_log(DATA / "log"), recorded()
+    kept, again = read_log(DATA / LOG), recorded()
     assert kept.meta == again.meta
     assert kept.mjcf_xml == again.mjcf_xml
     assert np.abs(kept.samples - again.samples).to_numpy().max() < 1e-5
