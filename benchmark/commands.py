@@ -115,6 +115,16 @@ def evaluate(
     return row
 
 
+def _marks(out: Path) -> dict[str, dict]:
+    """Which rows of a leaderboard were verified; raises CommandError where that is damaged."""
+    from leaderboard.verified import read_verified
+
+    try:
+        return read_verified(out)
+    except (OSError, ValueError) as error:
+        raise CommandError(f"{error}; remove the file, and `bench verify` makes it anew") from error
+
+
 def leaderboard(
     sources: list[Path],
     out: Path | None,
@@ -149,7 +159,7 @@ def leaderboard(
     if add:
         keep_rows(given, results)
     kept = keep_policies(given, out / POLICIES) if policies else []
-    made = board(rows, problems, smoke=include_smoke)
+    made = board(rows, problems, smoke=include_smoke, verified=_marks(out))
     files = [str(file) for file in write(made, out, html)]
     return {
         "status": "done",

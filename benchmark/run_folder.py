@@ -17,7 +17,8 @@ from baselines.baseline import Progress
 from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance
-from benchmark.run_spec import RunSpec, run_digest
+from benchmark.run_spec import RunSpec
+from leaderboard.identity import run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
 LOCK_FILE = ".lock"
@@ -83,6 +84,10 @@ def check_policy(folder: Path, run: dict) -> None:
     """Raise CommandError unless the folder's policy is the one that its run.json names."""
     path = folder / POLICY_FILE
     if run.get("policy_sha256") is None:
+        if path.exists() and run.get("status") == "done":
+            raise CommandError(
+                f"{path} is not spoken of in {RUN_FILE}, which has no policy_sha256; restore it"
+            )
         return
     if not path.exists():
         raise CommandError(f"{path} is missing; run the training again with --force")

@@ -4,8 +4,6 @@ Each setting is declared once, as a field here. Command line, grid files and che
 """
 
 import dataclasses
-import hashlib
-import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -16,12 +14,11 @@ from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.effects import parse_effects, parse_spread
 from benchmark.settings import Choice, Name, Number, Setting, Switch, Text, setting, settings_of
+from leaderboard.identity import run_digest
 from tasks.task import RADIUS_M
 
 HANDS = {"trx": trx}
 SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
-LATER: dict[str, Any] = {"start_spread": 1.0, "overrides": {}, "start_sha256": None}
-"""Fields that older runs do not have, and the values that they were run with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,14 +111,3 @@ def read_settings(given: Mapping[str, Any]) -> dict[str, Any]:
         for name, value in given.items()
         if value is not None
     }
-
-
-def run_digest(fields: Mapping[str, Any], world_digest: str) -> str:
-    """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world.
-
-    Fields that were added later count only where they are not their default, so older runs keep
-    their digest.
-    """
-    counted = {n: v for n, v in fields.items() if n not in LATER or LATER[n] != v}
-    text = json.dumps([counted, world_digest], sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]

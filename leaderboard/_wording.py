@@ -13,7 +13,8 @@ READING = (
     "end within 1 cm and the axis within 5 degrees. Rows are ranked together only where task, "
     f"radius, speed, engine, world digest and steps are equal. Under {MIN_SEEDS} seeds there are "
     "values, but neither intervals nor ranks. Intervals from few seeds are too short: they hold "
-    "the true mean about 76 times in 100 at 3 seeds, 85 at 5, 90 at 10."
+    "the true mean about 76 times in 100 at 3 seeds, 85 at 5, 90 at 10. ✓ beside the count: the "
+    "policies of all its seeds were replayed by `bench verify` and score what their rows say."
 )
 COMPARING = (
     "How likely a new seed of the first policy tracks better than a new seed of the second, in the "
@@ -40,8 +41,9 @@ def figure_name(cells: dict[str, Any]) -> str:
 
 
 def count(cells: dict[str, Any]) -> str:
-    """Seeds times episodes."""
-    return f"{cells['seeds']} x {cells['episodes'] / cells['seeds']:g}"
+    """Seeds times episodes, and a mark where every seed was verified."""
+    mark = " ✓" if cells["verified"] == cells["seeds"] else ""
+    return f"{cells['seeds']} x {cells['episodes'] / cells['seeds']:g}{mark}"
 
 
 def value_text(cells: dict[str, Any], score: str, digits: int) -> str:

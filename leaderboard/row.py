@@ -6,17 +6,28 @@ or a learner, so that rows of unknown plug-ins can be read.
 
 import math
 import re
+from datetime import UTC, datetime, timedelta
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 
 from leaderboard.details import SCORES
+from leaderboard.identity import row_key, run_digest
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Count = Annotated[int, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
+FIRST = datetime(2025, 1, 1, tzinfo=UTC)
+"""No run is older [date]."""
 ROUNDING = 1e-5
 """Largest relative error of the mean of kept scores, which have six digits each."""
 
@@ -113,6 +124,15 @@ class Provenance(_Part):
     finished: str
     """When the run ended, ISO 8601."""
 
+    @field_validator("finished")
+    @classmethod
+    def _is_past(cls, value: str) -> str:
+        moment = datetime.fromisoformat(value)
+        moment = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
+        if not FIRST <= moment <= datetime.now(UTC) + timedelta(days=1):
+            raise ValueError("Input should be a time since 2025 that is past")
+        return value
+
     @field_validator("command")
     @classmethod
     def _without_place(cls, value: str) -> str:
@@ -142,6 +162,27 @@ class Row(_Part):
     env_steps_per_s: NotNegative
     policy_sha256: str | None
     provenance: Provenance
+
+    @property
+    def key(self) -> str:
+        """What the row claims: the run, its policy and its scores."""
+        scores = self.scores.model_dump(mode="json") if self.scores else {}
+        return row_key(self.digest, self.policy_sha256, scores)
+
+    @model_validator(mode="after")
+    def _is_possible(self) -> "Row":
+        """Refuse a row whose digest is another run's, or whose parts cannot be true together."""
+        spec = self.spec.model_dump(mode="json", exclude_unset=True)
+        if self.digest != run_digest(spec, self.spec_digest):
+            raise ValueError(f"digest is {self.digest!r}, which is not that of this spec and world")
+        if self.scores is not None and self.scores.tracked > self.scores.held + ROUNDING:
+            raise ValueError(
+                f"tracked is {self.scores.tracked:g}, held {self.scores.held:g}; allowed: tracked "
+                "at most held, for a dropped stick is not tracked"
+            )
+        if self.status == "done" and self.spec.steps > 0 and self.policy_sha256 is None:
+            raise ValueError("policy_sha256 is None; allowed: that of the trained policy")
+        return self
 
     @field_validator("scores", mode="before")
     @classmethod

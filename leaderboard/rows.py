@@ -63,7 +63,7 @@ def _with_details(row: Row, file: Path) -> Row:
         return row
     details = read_details(file.parent)
     try:
-        return Row.model_validate({**row.model_dump(by_alias=True), **details})
+        return Row.model_validate({**row.model_dump(by_alias=True, exclude_unset=True), **details})
     except ValidationError as error:
         reason = "; ".join(_complaints(error))
         raise DetailsError(f"{file.parent}: {reason}; its row has no such details") from error
@@ -95,6 +95,8 @@ def _complaints(error: ValidationError) -> list[str]:
         message = item["msg"].removeprefix("Value error, ").removeprefix("Invalid JSON: ")
         if item["type"] == "json_invalid":
             texts.append(f"is not complete JSON ({message}); allowed: a finished run.json")
+        elif not item["loc"]:
+            texts.append(message)
         elif item["type"] == "missing":
             texts.append(f"{field} is missing (required)")
         else:

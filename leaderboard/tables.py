@@ -2,7 +2,7 @@
 
 import json
 import statistics
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,6 +15,7 @@ from leaderboard.paper import PAPER
 from leaderboard.row import Row
 from leaderboard.rows import unique
 from leaderboard.statistics import estimate, interquartile_mean, mean
+from leaderboard.verified import count_verified
 
 MIN_SEEDS = 3
 """With fewer seeds a row has values, but no interval and no rank."""
@@ -31,7 +32,7 @@ PARTS = ("", "_std", "_low", "_high", "_iqm", "_iqm_low", "_iqm_high")
 """Statistics of each score: mean, sample standard deviation over seeds, interquartile mean,
 intervals."""
 COLUMNS = (
-    *("rank", *IDENTITY, "seeds", "episodes"),
+    *("rank", *IDENTITY, "seeds", "verified", "episodes"),
     *(f"{score}{part}" for score in SCORES for part in PARTS),
     *("wall_s", "env_steps_per_s", "spec_digest", "versions", "command", "unranked"),
 )
@@ -71,12 +72,17 @@ class Board:
         return frame.astype({"rank": "Int64"})
 
 
-def board(rows: Sequence[Row], problems: Sequence[str] = (), smoke: bool = False) -> Board:
+def board(
+    rows: Sequence[Row],
+    problems: Sequence[str] = (),
+    smoke: bool = False,
+    verified: Mapping[str, dict] | None = None,
+) -> Board:
     """One line per run identity without seed; smoke runs only with `smoke`, and without rank.
 
     Scores are means over seeds and episodes. Figures that cannot be computed are NaN: the deviation
     of one seed, the interval under `MIN_SEEDS`, the interquartile mean without scores per episode.
-    `unranked` says why `rank` is blank.
+    `unranked` says why `rank` is blank, `verified` how many of its rows carry one of these marks.
     """
     groups: dict[str, list[Row]] = {}
     for row in unique(rows):
@@ -85,6 +91,7 @@ def board(rows: Sequence[Row], problems: Sequence[str] = (), smoke: bool = False
     lines = [Line(rows=tuple(groups[key]), cells=_cells(groups[key])) for key in sorted(groups)]
     for line in lines:
         line.cells["rank"] = _rank(line, lines)
+        line.cells["verified"] = count_verified([row.key for row in line.rows], verified or {})
     lines.sort(key=lambda line: (_task_order(line.cells["task"]), -line.cells["tracked"]))
     missing = [row for row in unique(rows) if row.status != "done"]
     return Board(

@@ -8,6 +8,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
@@ -15,7 +16,7 @@ import typer
 
 from benchmark import console, errors
 from benchmark.cli import blind
-from benchmark.cli.check import doctor, list_parts, measure_speed
+from benchmark.cli.check import doctor, list_parts, measure_speed, verify
 from benchmark.cli.demo import demo
 from benchmark.cli.gap import calibrate, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
@@ -29,7 +30,12 @@ HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "A first look": {"demo": demo},
     "One policy": {"run": run, "eval": evaluate, "view": view},
-    "Many runs": {"sweep": sweep, "transfer": transfer, "leaderboard": leaderboard},
+    "Many runs": {
+        "sweep": sweep,
+        "transfer": transfer,
+        "leaderboard": leaderboard,
+        "verify": verify,
+    },
     "Logs": {"record": record, "excite": excite, "import": import_logs},
     "The gap": {"calibrate": calibrate, "diagnose": diagnose},
     "This machine": {"speed": measure_speed, "list": list_parts, "doctor": doctor},
@@ -103,6 +109,20 @@ def call(arguments: list[str]) -> int:
         return _fail("interrupted", INTERRUPTED, as_json)
     except typer.TyperException as error:
         return _fail(_usage(error), 2, as_json)
+    except Exception as error:  # noqa: BLE001 - the net below all that was not foreseen
+        if console.is_verbose():
+            traceback.print_exc()
+        return _fail(_unforeseen(error), 1, as_json)
+
+
+def _unforeseen(error: Exception) -> str:
+    """What to say of a fault of the program: what, where, and how to report it."""
+    last = traceback.extract_tb(error.__traceback__)[-1]
+    first = str(error).split("\n", 1)[0][:200]
+    return (
+        f"this should not happen: {type(error).__name__}: {first} (in {Path(last.filename).name}, "
+        f"line {last.lineno}); the same command with -v shows the trace: please report both"
+    )
 
 
 def _usage(error: typer.TyperException) -> str:

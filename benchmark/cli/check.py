@@ -7,7 +7,7 @@ import typer
 
 from benchmark import quantities, registry
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends, Out, Seed
+from benchmark.cli.options import Backends, Out, Seed, Workers
 from benchmark.errors import UsageError
 
 
@@ -40,6 +40,33 @@ def measure_speed(
 
     duration_s = quantities.quantity(duration, "--duration", "s")
     return speeds.speed(speeds.plan(backend, worlds, workers, duration_s, seed), out)
+
+
+@command(
+    defaults={"runs": "leaderboard/policies", "sample": "all", "out": "no row is marked"},
+    kept="rows that were verified are marked",
+)
+def verify(
+    runs: Annotated[
+        list[Path] | None,
+        typer.Argument(metavar="[RUN]...", help="Folders of finished runs, or of many."),
+    ] = None,
+    sample: Annotated[
+        int | None,
+        typer.Option(metavar="N", help="Replay so many of them, spread evenly.", min=1),
+    ] = None,
+    out: Out = None,
+    workers: Workers = None,
+) -> Any:
+    """Replay policies and hold their scores against their rows; exit with 1 where one differs.
+
+    With --out leaderboard, rows that hold carry a mark on the board.
+
+    Example: [bold]bench verify leaderboard/policies --sample 5[/bold]
+    """
+    from benchmark.verify import verify
+
+    return verify(runs or [], sample, out, workers)
 
 
 @command(defaults={"kind": "all"})

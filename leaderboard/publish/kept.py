@@ -16,6 +16,7 @@ from leaderboard.blind.score import Kind, Score
 from leaderboard.rows import read_rows
 from leaderboard.tables import Board, Line, board
 from leaderboard.transfer_files import EPISODES_FILE, derived, read_sources
+from leaderboard.verified import read_verified
 
 USUAL = {
     **{"backend": "mujoco", "effects": "built", "stick": "reference", "algo": "sb3-ppo"},
@@ -44,7 +45,7 @@ class Kept:
     def board(self) -> Board:
         """The leaderboard of all kept rows."""
         rows, problems = read_rows([self.leaderboard / "results"])
-        return board(rows, problems)
+        return board(rows, problems, verified=read_verified(self.leaderboard))
 
     def line(self, task: str, **changes: Any) -> Line:
         """The policy of a task with the usual settings, but for `changes`; raises KeptError."""

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
-from result_rows import detailed, rows, run, save, table
+from result_rows import detailed, resigned, rows, run, save, table
 
 from leaderboard.details import kept_text, read_details
 from leaderboard.rows import read_rows
@@ -98,6 +98,7 @@ def test_keeps_unknown_fields():
     """Accept fields of a later writer, and never average over them."""
     item = run(note="new")
     item["spec"] = item["spec"] | {"gamma": 0.9}
+    item = resigned(item)
     (row,) = rows(item)
     assert row.spec.model_extra == {"gamma": 0.9}
     assert len(table(rows(item, run(seed=1)))) == 2
@@ -165,4 +166,28 @@ def test_old_rows_and_new_rows_are_one_line():
     """Read a row from before the training's spread was named as one with the paper's."""
     new = run(seed=1)
     new["spec"] = new["spec"] | {"spread": "paper"}
-    assert table(rows(run(), new))["seeds"].tolist() == [2]
+    assert table(rows(run(), resigned(new)))["seeds"].tolist() == [2]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"digest": "anything"}, "digest is 'anything'"),
+        ({"spec_digest": "w9"}, "not that of this spec and world"),
+        ({"spec": {"seed": 7}}, "not that of this spec and world"),
+        ({"spec": {"backend": "bullet"}}, "not that of this spec and world"),
+        ({"scores": {"held": 0.0}, "episodes": None}, "tracked at most held"),
+        ({"policy_sha256": None}, "policy_sha256 is None"),
+        ({"provenance": {"finished": "9999-01-01T00:00:00"}}, "that is past"),
+        ({"provenance": {"finished": "yesterday"}}, "Invalid isoformat"),
+        ({"scores": {"tracked": 0.9}}, "whose mean is 0.9"),
+    ],
+)
+def test_a_forged_row_is_refused(tmp_path, change, said):
+    """Say what an edited row cannot be, and leave it out."""
+    item = detailed()
+    for name, value in change.items():
+        item[name] = item[name] | value if isinstance(value, dict) else value
+    found, problems = read_rows([save(tmp_path / "a", item)])
+    assert found == []
+    assert said in problems[0]

@@ -1,0 +1,27 @@
+"""What identifies a run and a row: digests that anyone can compute again from what they name."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+LATER: dict[str, Any] = {"start_spread": 1.0, "overrides": {}, "start_sha256": None}
+"""Fields that older runs do not have, and what they were run with."""
+
+
+def run_digest(fields: Mapping[str, Any], world_digest: str) -> str:
+    """First 12 hex digits of the SHA-256 of a run's fields and of its nominal world.
+
+    Fields that came later count where they are not their default: they rename no older run.
+    """
+    counted = {n: v for n, v in fields.items() if n not in LATER or LATER[n] != v}
+    return _sha256([counted, world_digest])[:12]
+
+
+def row_key(digest: str, policy_sha256: str | None, scores: Mapping[str, Any]) -> str:
+    """What a row claims, as 16 hex digits: the run, its policy and its scores."""
+    return _sha256([digest, policy_sha256, dict(scores)])[:16]
+
+
+def _sha256(data: Any) -> str:
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()
