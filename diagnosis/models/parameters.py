@@ -128,8 +128,16 @@ def _parameter(
         unit=unit,
         tolerance=tolerance,
         least=max(kind.least * angle, 2.0 * tolerance),
-        most=kind.most,
+        most=_most(kind, unit, evidence.limb.rigid),
     )
+
+
+def _most(kind: type[Effect], unit: float, rigid: bool) -> float:
+    """Largest size of u: of a hand within the effect's bounds, which its drive law needs."""
+    if rigid or kind.coordinate == "compliance" or kind.dimension == "inertia":
+        return kind.most
+    high = kind.bounds[1]
+    return min(kind.most, float(np.log1p(high)) if kind.coordinate == "logarithm" else high / unit)
 
 
 def _is_unused(place: int, evidence: Evidence) -> bool:

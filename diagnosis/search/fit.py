@@ -82,6 +82,8 @@ class Fitter:
         needed = dict.fromkeys((*problem.numbers, *columns))
         known |= self.slopes([k for k in needed if k not in known], u, freed, base)
         shown = base + self._columns(u, freed, known)
+        if not np.isfinite(shown).all():
+            return self._diverged(freed, u)
         for step in range(steps):
             residual = self.evidence.readings - shown
             weights = root_weights(self.evidence, residual)
@@ -117,6 +119,12 @@ class Fitter:
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
+
+    def _diverged(self, freed: Sequence[int], u: Mapping[int, float]) -> Fit:
+        """A start from which there is no motion: it leaves an infinite gap."""
+        infinite = np.full(len(self.evidence.parts), np.inf)
+        residual = np.zeros_like(self.evidence.readings)
+        return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
 
     def is_column(self, number: int, freed: Collection[int]) -> bool:
         """Whether a parameter only adds its slope, see `problem.is_column`."""

@@ -15,7 +15,7 @@ from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.screening import Screened, Screening
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 
-MOST, BEAM, FITTED, POLISHED = 3, 3, 6, 2
+MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 """At most so many causes, sought from so many of the best sets with one less; so many candidates of
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
 EACH = 2
@@ -26,8 +26,6 @@ CONCERNED = 0.03
 """Effects are sought on joints with at least this share of the excess."""
 PART = 0.05
 """The first of several causes takes at least this share of the gap."""
-FIRM_SIZE = 2.0
-"""Each of several causes is at least so many times its least size."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
 NEAR, NEAR_MORE = 4.0, 3.0
@@ -95,8 +93,7 @@ class Search:
     def _sets(self) -> Iterator[Fit]:
         """The sets tried whose effects are all large enough to be some."""
         for fit in self.tried.values():
-            firm = 1.0 if len(fit.freed) == 1 else FIRM_SIZE
-            if all(abs(fit.u[k]) >= firm * self.parameters[k].least for k in fit.freed):
+            if all(abs(fit.u[k]) >= self.parameters[k].least for k in fit.freed):
                 yield fit
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:

@@ -13,7 +13,7 @@ def combine(limbs: Sequence[LimbResult], cpu_s: float, notes: Sequence[str] = ()
     """What is said of a log, of what is said of its limbs."""
     joints = tuple(chain.from_iterable(limb.joints for limb in limbs))
     named = _together([c for limb in limbs for c in (*limb.causes, *limb.sensors)], joints)
-    unknown = any(limb.verdict == (UNKNOWN,) for limb in limbs)
+    unknown = any(UNKNOWN in (*limb.verdict, *(s.effect for s in limb.sensors)) for limb in limbs)
     effects = tuple(dict.fromkeys(c.effect for c in named))
     decisive = [limb for limb in limbs if limb.verdict != (NONE,)] or list(limbs)
     worst = max(decisive, key=lambda limb: limb.gap_nominal / limb.ordinary)

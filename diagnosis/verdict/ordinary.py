@@ -3,15 +3,13 @@
 All gaps are in floors; a share is of the squared gap beyond one floor (`Fit.excess`).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 SHARE = 0.7
 """A cause is named where it takes so much of the gap: less, and it is a part of something else."""
 FURTHER = 0.5
 """Each further cause takes so much of what the others leave."""
-LAW = 0.3
-"""A law is a model of many mechanisms: a cause may leave this share of the gap that it explains."""
 SHAPE, SHAPE_LEFT = 0.9, 1.05
 """In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
 it takes so much and leaves so few floors."""
@@ -30,18 +28,20 @@ class Ordinary:
     floors: float
     source: str
     """`robot`, `simulator` or `healthy logs`."""
+    law: float
+    """A cause may leave this share of the gap that it explains: its law is a model of many."""
     everyday: float
     """Share of the everyday tolerances (play, twist, delay, friction) that such a mechanism has."""
 
 
-ROBOTS = Ordinary(floors=ROBOT, source="robot", everyday=1.0)
-SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", everyday=0.3)
+ROBOTS = Ordinary(floors=ROBOT, source="robot", law=0.3, everyday=1.0)
+SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", law=0.05, everyday=0.3)
 
 
 def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:
     """What is ordinary by the gaps that logs of the healthy robot leave."""
     floors = max(HEALTHY_MORE * max(gaps), HEALTHY_LEAST)
-    return Ordinary(floors=floors, source="healthy logs", everyday=origin.everyday)
+    return replace(origin, floors=floors, source="healthy logs")
 
 
 class Gap(Protocol):
@@ -68,7 +68,7 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     share = share_of(fit, nominal)
     if nominal.worst <= ordinary.floors:
         return share >= SHAPE and fit.worst <= SHAPE_LEFT
-    return share >= SHARE and fit.worst <= ordinary.floors + LAW * nominal.worst
+    return share >= SHARE and fit.worst <= ordinary.floors + ordinary.law * nominal.worst
 
 
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary) -> bool:

@@ -7,7 +7,7 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
-from diagnosis.verdict.result import Cause
+from diagnosis.verdict.result import UNKNOWN, Cause
 
 NOISE_RAD, STEP_RAD = 8e-4, 7e-4
 """Noise and steps of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
@@ -32,11 +32,12 @@ def sensor_findings(evidence: Evidence, catalogue: Mapping[str, type[Effect]]) -
             number, value = NOISE, float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
         else:
             continue
-        if number in names:
-            unit = catalogue[names[number]].unit
+        name = names.get(number, UNKNOWN)
+        unit = catalogue[name].unit if name in catalogue else "rad"
+        if value > 0.0:
             shown = value / UNITS[unit][1]
             yield Cause(
-                effect=names[number],
+                effect=name,
                 joint=joint,
                 joints=(joint,),
                 value=shown,
