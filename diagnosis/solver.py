@@ -15,12 +15,14 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence
+from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
+from diagnosis.packets.losses import arrived, losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.replay import limbs
 from diagnosis.search.fit import Fit, Fitter
@@ -29,7 +31,7 @@ from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
 from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, Ordinary, of_healthy
 from diagnosis.verdict.result import LimbResult, Result
-from diagnosis.verdict.sensors import sensor_findings
+from diagnosis.verdict.sensors import loss_finding, sensor_findings
 
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
@@ -72,40 +74,47 @@ def solve(
         catalogue=catalogue or every_effect(),
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
-    found = [_limb(part, log, healthy, asked) for part in limbs(asked.nominal)]
-    return combine(found, time.process_time() - began)
+    found, notes = [], list[str]()
+    for part in limbs(asked.nominal):
+        said, more = _evidence(part, log, asked)
+        found.append(_limb(said, [_evidence(part, h, asked)[0] for h in healthy], asked))
+        notes.extend(more)
+    return combine(found, time.process_time() - began, notes)
 
 
 LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
 
 
-def _limb(part: Spec, log: Log, healthy: Sequence[Log], asked: Asked) -> LimbResult:
-    said = _evidence(part, log, asked)
+def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResult:
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        sound = [_sound(part, one, asked) for one in healthy]
+        sound = [Fitter(World(one, _parameters(one, asked))).fit() for one in healthy]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter = Fitter(World(said, known))
     found = Search(fitter, ordinary).run()
-    sensors = tuple(sensor_findings(said, asked.catalogue))
+    sensors = list(sensor_findings(said, asked.catalogue))
+    lost = losses(fitter.world, found.chosen.u, found.chosen.residual)
+    if lost is not None:
+        sensors.append(loss_finding(said, lost, asked.catalogue))
+        if sensors[-1].effect in asked.catalogue:
+            told = replace(said, limb=arrived(said.limb, lost))
+            fitter = Fitter(World(told, known))
+            found = Search(fitter, ordinary).run()
     return decide(fitter, found, ordinary, sensors)
 
 
-def _evidence(part: Spec, log: Log, asked: Asked) -> Evidence:
-    return evidence(Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid))
+def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:
+    """What a log says of a limb, and notes on what of it cannot be used."""
+    limb = Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid)
+    limb, notes = checked(limb)
+    return evidence(limb), notes
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:
     return parameters(asked.catalogue, said, asked.uncertainty, asked.origin.everyday)
-
-
-def _sound(part: Spec, log: Log, asked: Asked) -> Fit:
-    """What the tolerances make of a healthy log."""
-    said = _evidence(part, log, asked)
-    return Fitter(World(said, _parameters(said, asked))).fit()
 
 
 def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Parameter, ...]:

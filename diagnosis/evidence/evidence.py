@@ -76,9 +76,10 @@ def evidence(limb: Limb) -> Evidence:
     raw = [r.measured for r in limb.recordings]
     noise = np.median([np.nan_to_num(white_noise(one)) for one in raw], axis=0)
     position = np.concatenate([one[:, 0] for one in raw])
+    travel = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
     step = np.array([quantisation_step(x) for x in position.T])
     slides = np.array([body.joint.slides for body in limb.spec.hand.driven])
-    size = np.where(slides, np.maximum(np.ptp(position, axis=0), 1e-9), 1.0)
+    size = np.where(slides, np.maximum(travel, 1e-9), 1.0)
     torque = _torque(limb)
     angle = np.hypot(FLOOR_RAD * size, step / np.sqrt(12.0))
     model = np.stack([angle, angle, FLOOR_SHARE * torque])

@@ -13,6 +13,7 @@ import numpy as np
 from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
+from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.motion.along import AXES
 from diagnosis.motion.columns import COLUMNS, KD, KP, STIFFNESS
 
@@ -40,6 +41,8 @@ class Parameter:
     """From which size of u on it is an effect."""
     most: float
     """Largest size of u."""
+    nameable: bool = True
+    """Whether it may be let free as an effect, instead of as a tolerance alone."""
 
     @property
     def either_sign(self) -> bool:
@@ -60,13 +63,14 @@ class Parameter:
 def parameters(
     catalogue: Mapping[str, type[Effect]], evidence: Evidence, uncertainty: float, everyday: float
 ) -> tuple[Parameter, ...]:
-    """All parameters of a limb, in the order of the catalogue.
+    """All parameters of a limb, in the order of `every_effect`.
 
+    Effects that are not in `catalogue` are tolerances still: what is not looked for is there.
     `uncertainty`: one standard deviation of the nominal numbers, relative; `everyday`: the share of
     the other tolerances that mechanisms of this origin have.
     """
     found = []
-    for name, kind in catalogue.items():
+    for name, kind in {**every_effect(), **catalogue}.items():
         if kind.least is None:
             continue
         places = _places(kind)
@@ -75,7 +79,7 @@ def parameters(
             for joint in joints:
                 one = _parameter(name, kind, joint, place, evidence, uncertainty, everyday)
                 if one is not None:
-                    found.append(one)
+                    found.append(replace(one, nameable=name in catalogue))
             if kind.shared and len(evidence.joints) > 1:
                 found.append(_shared([p for p in found if p.effect == name]))
     return tuple(found)

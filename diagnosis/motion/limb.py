@@ -1,6 +1,7 @@
 """One limb's log beside its model: what its sensors would show, for any numbers of its joints."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -97,7 +98,7 @@ class Limb:
         for recording, ticks in zip(self.recordings, self._ticks, strict=True):
             count = len(ticks.row) // self.stride + 1
             points_s = (np.arange(count) + 0.5) * self.stride * self.dt
-            still = smoothed(recording.measured[:, 0], self.period_s)
+            still = smoothed(_filled(recording), self.period_s)
             q = np.stack([np.interp(points_s, recording.time_s, x) for x in still.T], axis=1)
             v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
             found.append(along(bodies, q, v))
@@ -110,6 +111,14 @@ class Limb:
     @cached_property
     def _at_motor(self) -> Array:
         return np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
+
+    def told(self, commands: Sequence[Array]) -> "Limb":
+        """The same limb and motion with other targets, (T, K) by episode."""
+        pairs = zip(self.recordings, commands, strict=True)
+        other = replace(self, recordings=tuple(replace(r, command=c) for r, c in pairs))
+        for name in ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks"):
+            other.__dict__[name] = getattr(self, name)
+        return other
 
     def simulate(self, numbers: Array, tilt: Array | None = None) -> Array:
         """What the sensors show, as block means (N, 3, K); NaN throughout where it diverges.
@@ -140,6 +149,16 @@ class Limb:
         motion = path.angle_rad, path.speed_rad_s, *model
         given = self.dt, self.stride, *motion, *asked, start, numbers, self.rigid
         return out if integrate(*given, out) else None
+
+
+def _filled(recording: Recording) -> Array:
+    """Positions (T, K) with samples that do not count between their neighbours."""
+    position = recording.measured[:, 0].copy()
+    for column in position.T:
+        known = np.isfinite(column)
+        if not known.all() and known.any():
+            column[~known] = np.interp(np.flatnonzero(~known), np.flatnonzero(known), column[known])
+    return position
 
 
 def unread(reading: Array, numbers: Array) -> Array:

@@ -64,7 +64,10 @@ def period_s(found: tuple[Recording, ...]) -> float:
 
 def white_noise(measured: Array) -> Array:
     """Standard deviation of white noise by column of (T, ...): third differences of it."""
-    return np.median(np.abs(np.diff(measured, n=3, axis=0)), axis=0) / 0.6745 / np.sqrt(20.0)
+    third = np.abs(np.diff(measured, n=3, axis=0))
+    known = np.isfinite(third).any(axis=0)
+    median = np.nanmedian(np.where(known, third, 0.0), axis=0)
+    return np.where(known, median, np.nan) / 0.6745 / np.sqrt(20.0)
 
 
 def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:

@@ -39,6 +39,8 @@ class Fit:
     """What is left, in floors (M,)."""
     gap2: Array
     """Squared gap by joint (K,)."""
+    prior: float = 0.0
+    """What the sizes of the tolerances cost [nats]."""
     sd: Mapping[int, float] = field(default_factory=dict)
     """Standard deviations of what was fitted."""
     slopes: Mapping[int, Array] = field(default_factory=dict)
@@ -116,6 +118,7 @@ class Fitter:
             u=u,
             residual=residual,
             gap2=squared_gaps(self.evidence, residual),
+            prior=Problem.of(self.parameters, freed, {}, None).prior_at(u),
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )

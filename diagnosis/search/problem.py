@@ -94,6 +94,10 @@ class Problem:
         """Their share of the cost."""
         return float((((u - self.centre) / self.sd) ** 2).sum()) / 2
 
+    def prior_at(self, u: Mapping[int, float]) -> float:
+        """See `prior`, of parameters by number."""
+        return self.prior(self.at(u))
+
     def largest_step(self, u: Array) -> Array:
         """How far a step may go (n,)."""
         free = np.maximum(GROWTH * np.abs(u), STRIDE * self.least)

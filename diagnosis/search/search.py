@@ -13,6 +13,8 @@ from diagnosis.models.parameters import Parameter
 from diagnosis.motion.columns import MASS
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.screening import Screened, Screening
+from diagnosis.verdict.exact import ACCUSE_NATS, TIE_NATS
+from diagnosis.verdict.exact import ranked as ranked_by_nats
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 
 MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
@@ -49,6 +51,8 @@ class Found:
     """Every single effect that was fitted, the best first."""
     tied: tuple[Fit, ...]
     """Sets of the same size that this log cannot tell from the chosen one."""
+    is_likely: bool
+    """Whether the law is exact and the chosen set by far the likeliest."""
 
     def share(self, fit: Fit) -> float:
         """The share of the excess that a set takes."""
@@ -70,7 +74,7 @@ class Search:
         tied: tuple[Fit, ...] = ()
         now, beam = nominal, [nominal]
         for causes in range(1, MOST + 1):
-            if now.worst < QUIET:
+            if now.worst < QUIET and not self.ordinary.exact:
                 break
             for one in beam:
                 self._add(one)
@@ -81,9 +85,10 @@ class Search:
                 break
             best = fresh[0]
             beam = [f for f in fresh[:BEAM] if f.excess < NEAR * best.excess + NEAR_MORE]
-            tied = tuple(f for f in fresh[1 : BEAM + 1] if _is_tied(f, best, nominal))
+            tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
             now = best
-        return Found(nominal=nominal, chosen=now, singles=singles, tied=tied)
+        likely = bool(now.freed) and self._is_likely(now, nominal)
+        return Found(nominal=nominal, chosen=now, singles=singles, tied=tied, is_likely=likely)
 
     def rank(self, fit: Fit) -> float:
         """What sets are sorted by."""
@@ -98,18 +103,27 @@ class Search:
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
         """Sets by rank; the best are fitted on with the tolerances of all joints."""
-        ranked = sorted(fits, key=self.rank)
+        ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
             on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
             self._keep(on)
-        ranked = [self.tried[frozenset(fit.freed)] for fit in ranked]
-        return sorted(ranked, key=self.rank)
+        return self._ranked([self.tried[frozenset(fit.freed)] for fit in ranked])
+
+    def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
+        """By what they leave; in an exact world, where gaps are small, by their likelihood."""
+        if (
+            self.ordinary.exact
+            and min((f.worst for f in fits), default=9.0) <= self.ordinary.floors
+        ):
+            return [fit for _, fit in ranked_by_nats(self.fitter.evidence, fits)]
+        return sorted(fits, key=self.rank)
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
-        if name not in self.tried or fit.excess < self.tried[name].excess:
+        old = self.tried.get(name)
+        if old is None or (fit.excess, _squares(fit)) < (old.excess, _squares(old)):
             self.tried[name] = fit
 
     def _is_worth(self, fit: Fit, now: Fit) -> bool:
@@ -117,18 +131,31 @@ class Search:
 
         The first effect may be a part of what is wrong.
         """
+        if self._is_likely(fit, now):
+            return True
         if not now.freed:
             return share_of(fit, now) >= PART
         if not is_worth(fit, now, self.ordinary):
             return False
-        for k in fit.freed:
-            rest = tuple(a for a in fit.freed if a != k)
-            if frozenset(rest) not in self.tried:
-                near = {a: v for a, v in fit.u.items() if a != k}
-                self._keep(self.fitter.fit(rest, near=near))
-            if not is_worth(fit, self.tried[frozenset(rest)], self.ordinary):
-                return False
-        return True
+        return all(is_worth(fit, self._without(fit, k), self.ordinary) for k in fit.freed)
+
+    def _is_likely(self, fit: Fit, now: Fit) -> bool:
+        """Whether the world is exact, and a set much more likely than each with one effect less."""
+        if not self.ordinary.exact or fit.worst > self.ordinary.floors:
+            return False
+        before = [now]
+        for k in fit.freed if now.freed else ():
+            before.append(self._without(fit, k))
+        costs = {id(f): c for c, f in ranked_by_nats(self.fitter.evidence, [fit, *before])}
+        return min(costs[id(f)] for f in before) - costs[id(fit)] >= ACCUSE_NATS
+
+    def _without(self, fit: Fit, number: int) -> Fit:
+        """The set with one effect less, fitted."""
+        rest = tuple(a for a in fit.freed if a != number)
+        if frozenset(rest) not in self.tried:
+            near = {a: v for a, v in fit.u.items() if a != number}
+            self._keep(self.fitter.fit(rest, near=near))
+        return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit) -> None:
         """Fit the most promising sets with one more effect."""
@@ -160,11 +187,21 @@ class Search:
         joint = self.parameters[number].joint
         return None if joint is None else (joint,)
 
+    def _is_tied(self, fit: Fit, best: Fit, nominal: Fit) -> bool:
+        """Whether a set of the same size is as good as the best one."""
+        if self.ordinary.exact and fit.worst <= self.ordinary.floors:
+            costs = [cost for cost, _ in ranked_by_nats(self.fitter.evidence, [fit, best])]
+            return costs[1] - costs[0] < TIE_NATS
+        behind = (fit.excess - best.excess) / max(nominal.excess, 1e-9)
+        return behind < TIE_SHARE and fit.excess < TIE * best.excess + TIE_MORE
+
     def _is_asked(self, number: int, fit: Fit) -> bool:
         """Whether an effect may be added to a set."""
         one = self.parameters[number]
         chosen = [self.parameters[k] for k in fit.freed]
-        if number in fit.freed or sum(p.joint == one.joint for p in chosen) >= EACH:
+        if not one.nameable or number in fit.freed:
+            return False
+        if sum(p.joint == one.joint for p in chosen) >= EACH:
             return False
         for other in chosen:
             if other.effect == one.effect and None in (other.joint, one.joint):
@@ -173,9 +210,9 @@ class Search:
                 return False
         if one.joint is None or one.place == MASS:
             return True
-        return float(max(fit.gap2[one.joint] - 1.0, 0.0)) >= CONCERNED * fit.excess
+        own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
+        return self.ordinary.exact or own >= CONCERNED * fit.excess
 
 
-def _is_tied(fit: Fit, best: Fit, nominal: Fit) -> bool:
-    behind = (fit.excess - best.excess) / max(nominal.excess, 1e-9)
-    return behind < TIE_SHARE and fit.excess < TIE * best.excess + TIE_MORE
+def _squares(fit: Fit) -> float:
+    return float(fit.residual @ fit.residual) / 2 + fit.prior

@@ -28,7 +28,7 @@ def decide(
 ) -> LimbResult:
     """What is said of a limb."""
     nominal, chosen = found.nominal, found.chosen
-    named = bool(chosen.freed) and is_named(chosen, nominal, ordinary)
+    named = bool(chosen.freed) and (is_named(chosen, nominal, ordinary) or found.is_likely)
     unknown = not named and nominal.worst > ordinary.floors
     share = found.share(chosen) if chosen.freed else 0.0
     tied = [f for f in found.tied if named]

@@ -13,6 +13,8 @@ FURTHER = 0.5
 SHAPE, SHAPE_LEFT = 0.9, 1.05
 """In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
 it takes so much and leaves so few floors."""
+SHAPE_FROM = 1.5
+"""Smaller gaps have no shape [floors]."""
 HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """Of healthy logs, their largest gap times this is ordinary, and never less than this."""
 ROBOT = 3.5
@@ -30,12 +32,14 @@ class Ordinary:
     """`robot`, `simulator` or `healthy logs`."""
     law: float
     """A cause may leave this share of the gap that it explains: its law is a model of many."""
+    exact: bool
+    """Whether the law is ours, so that likelihoods may name causes as well (`verdict.exact`)."""
     everyday: float
     """Share of the everyday tolerances (play, twist, delay, friction) that such a mechanism has."""
 
 
-ROBOTS = Ordinary(floors=ROBOT, source="robot", law=0.3, everyday=1.0)
-SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", law=0.05, everyday=0.3)
+ROBOTS = Ordinary(floors=ROBOT, source="robot", law=0.3, exact=False, everyday=1.0)
+SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", law=0.05, exact=True, everyday=0.3)
 
 
 def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:
@@ -67,7 +71,7 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     """Whether a set of causes is named: by what it takes and leaves, or else by its shape."""
     share = share_of(fit, nominal)
     if nominal.worst <= ordinary.floors:
-        return share >= SHAPE and fit.worst <= SHAPE_LEFT
+        return _has_shape(share, fit, nominal)
     return share >= SHARE and fit.worst <= ordinary.floors + ordinary.law * nominal.worst
 
 
@@ -78,5 +82,10 @@ def is_worth(fit: Gap, before: Gap, ordinary: Ordinary) -> bool:
     """
     share = share_of(fit, before)
     if before.worst <= ordinary.floors:
-        return share >= SHAPE and fit.worst <= SHAPE_LEFT
+        return _has_shape(share, fit, before)
     return share >= FURTHER
+
+
+def _has_shape(share: float, fit: Gap, before: Gap) -> bool:
+    """Whether causes take nearly all of a gap that was ordinary, and leave less than a floor."""
+    return before.worst >= SHAPE_FROM and share >= SHAPE and fit.worst <= SHAPE_LEFT

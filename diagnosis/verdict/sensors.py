@@ -1,4 +1,4 @@
-"""What a position sensor adds by itself: white noise, and steps. No replay is needed."""
+"""Findings beside the verdict: what sensors add by themselves, and packets that were lost."""
 
 from collections.abc import Iterator, Mapping
 
@@ -7,6 +7,7 @@ import numpy as np
 from backends.effect import UNITS, Effect
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
+from diagnosis.packets.losses import Losses
 from diagnosis.verdict.result import UNKNOWN, Cause
 
 NOISE_RAD, STEP_RAD = 8e-4, 7e-4
@@ -16,33 +17,49 @@ BEYOND = 1.5
 SHARE_OFF = 0.1
 """A measured noise or step is right to this share."""
 NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
+LOSS = "command.loss_share"
 
 
 def sensor_findings(evidence: Evidence, catalogue: Mapping[str, type[Effect]]) -> Iterator[Cause]:
     """Noise and steps beyond the ordinary, by joint; a step explains the noise that it makes."""
-    names = {getattr(kind, "number", None): name for name, kind in catalogue.items()}
     known = table(evidence.limb.spec, evidence.limb.rigid)
     for j, joint in enumerate(evidence.joints):
         size = evidence.size[j]
         own_noise, own_step = (known[j, COLUMNS.index(n)] for n in (NOISE, RESOLUTION))
         step, noise = float(evidence.step[j]), float(evidence.noise[0, j])
+        off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(STEP_RAD * size, BEYOND * own_step):
-            number, value = RESOLUTION, step
+            yield _finding(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
         elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
-            number, value = NOISE, float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
-        else:
-            continue
-        name = names.get(number, UNKNOWN)
-        unit = catalogue[name].unit if name in catalogue else "rad"
-        if value > 0.0:
-            shown = value / UNITS[unit][1]
-            yield Cause(
-                effect=name,
-                joint=joint,
-                joints=(joint,),
-                value=shown,
-                low=(1 - SHARE_OFF) * shown,
-                high=(1 + SHARE_OFF) * shown,
-                unit=unit,
-                share=0.0,
-            )
+            more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
+            yield _finding(NOISE, (joint,), (more, off[0] * more, off[1] * more), catalogue)
+
+
+def loss_finding(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
+    """Packets that were lost."""
+    joints = tuple(evidence.joints[j] for j in lost.joints)
+    return _finding(LOSS, joints, (lost.share, lost.low, lost.high), catalogue)
+
+
+def _finding(
+    number: str,
+    joints: tuple[str, ...],
+    sizes: tuple[float, float, float],
+    catalogue: Mapping[str, type[Effect]],
+) -> Cause:
+    """The effect of the catalogue that changes a number of the spec; `unknown` without one."""
+    names = {getattr(kind, "number", None): name for name, kind in catalogue.items()}
+    name = names.get(number, UNKNOWN)
+    unit = catalogue[name].unit if name in catalogue else ""
+    value, low, high = (float(size) / UNITS[unit][1] if unit else float(size) for size in sizes)
+    joint = joints[0] if len(joints) == 1 else None
+    return Cause(
+        effect=name,
+        joint=joint,
+        joints=joints,
+        value=value,
+        low=low,
+        high=high,
+        unit=unit,
+        share=0.0,
+    )

@@ -28,6 +28,8 @@ class Real:
     delay_s: float = 0.0
     spring_nm_rad3: float = 0.0
     """A cubic spring on the first joint: no effect of the catalogue."""
+    lost_share: float = 0.0
+    """Share of the packets that are lost; the drives keep the last target."""
     noise_rad: float = 1e-4
 
 
@@ -74,7 +76,7 @@ def log_of(real: Real, seed: int = 0) -> Log:
     """The log of an arm whose file says nothing of what `real` has."""
     noise = np.random.default_rng(seed)
     frames = [
-        _frame(number, _simulated(real, command), command, real, noise)
+        _frame(number, _simulated(real, _told(real, command, noise)), command, real, noise)
         for number, command in enumerate(commands(real.joints))
     ]
     drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": LIMIT} for j in range(real.joints)}
@@ -85,6 +87,12 @@ def log_of(real: Real, seed: int = 0) -> Log:
         "episodes": [{"episode": n, "protocol": p} for n, p in enumerate(PROTOCOLS)],
     }
     return make_log(LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints))
+
+
+def _told(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
+    """The targets that arrive (T, K)."""
+    lost = noise.random(len(command)) < real.lost_share
+    return command[np.maximum.accumulate(np.where(lost, 0, np.arange(len(command))))]
 
 
 def _simulated(real: Real, command: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from arms import Real, log_of
 
@@ -42,7 +43,7 @@ def test_is_plain_data_with_sentences(results):
     said = json.loads(json.dumps(results["single"].data()))
     assert said["ordinary_from"] == "robot"
     (sentence,) = said["limbs"][0]["sentences"][:1]
-    assert "takes" in sentence and "% of the gap" in sentence and "ordinary" in sentence
+    assert "kp-scale" in sentence and "% of the gap" in sentence and "ordinary" in sentence
     assert 0.0 < said["probability"] < 1.0
 
 
@@ -68,3 +69,51 @@ def test_refuses_a_hand_without_its_nominal_world():
     meta = log.meta.model_copy(update={"mechanism": hand, "channels": {}})
     with pytest.raises(LogError, match="nominal world"):
         solve(make_log(meta, log.samples))
+
+
+def test_lost_packets_are_found_beside_the_verdict():
+    """Say that every tenth packet was lost, and that nothing else is wrong."""
+    result = solve(log_of(Real(lost_share=0.1)))
+    assert result.verdict == ("command-dropout",)
+    (finding,) = result.limbs[0].sensors
+    assert finding.low < 10.0 < finding.high
+    assert result.limbs[0].verdict == ("none",)
+
+
+def changed(change):
+    """The log of a healthy arm with its samples changed in place."""
+    log = log_of(Real())
+    samples = log.samples.copy()
+    change(samples)
+    return make_log(log.meta, samples, log.mjcf_xml)
+
+
+def test_refuses_a_dead_sensor_and_a_log_in_which_nothing_moves():
+    """Say what is wrong with the log before any cause is sought."""
+    with pytest.raises(LogError, match="dead sensor"):
+        solve(changed(lambda s: s.__setitem__("position_rad.J0", 0.1)))
+    with pytest.raises(LogError, match="nothing moves"):
+        solve(changed(lambda s: s.__setitem__("command_rad.J0", 0.1)))
+
+
+def test_leaves_out_an_absurd_sample_and_a_torque_of_noise():
+    """Note what of a log cannot be used, and judge by the rest."""
+    noise = np.random.default_rng(0)
+
+    def spoil(samples):
+        samples.loc[700, "position_rad.J0"] = 40.0
+        samples["torque_nm.J0"] = noise.standard_normal(len(samples))
+
+    result = solve(changed(spoil))
+    assert result.verdict == ("none",)
+    assert len(result.notes) == 2
+    assert "absurd" in result.notes[0] and "noise" in result.notes[1]
+
+
+def test_a_gain_beyond_its_file_keeps_its_sign():
+    """Stay positive and finite under a large uncertainty and a gain five times the file's."""
+    log = log_of(Real(kp={0: 5.0}))
+    meta = log.meta.model_copy(update={"nominal_uncertainty": 0.5})
+    result = solve(make_log(meta, log.samples, log.mjcf_xml))
+    assert all(np.isfinite([c.value, c.low, c.high]).all() for c in result.causes)
+    assert all(c.low > -100.0 for c in result.causes if c.effect == "kp-scale")

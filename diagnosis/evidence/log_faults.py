@@ -1,0 +1,108 @@
+"""What is wrong with a log itself, before any cause is sought: sensors, samples, torques.
+
+What cannot be used is left out with a note; a log that then says nothing is refused.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.logs.log import LogError
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import CHANNELS, Recording
+
+STILL_RAD, MOVES_RAD = 2e-3, 2e-2
+"""Below this nothing moves; beyond this something must [rad; of a slide a share of its travel]."""
+ALIVE = 3
+"""A sensor that reads fewer different values while its joint is told to move is dead."""
+ABSURD_SHARE, ABSURD_NOISE = 0.5, 100.0
+"""A sample is absurd that leaves its neighbours by this share of the whole range and by so many
+typical steps, for it returns at once."""
+OPPOSED, UNRELATED = -0.3, 0.1
+"""Torques are of the wrong sign below this correlation with what the drive law asks for, and are
+noise where they hardly have any."""
+TORQUE = CHANNELS.index("torque")
+
+
+def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
+    """The limb's log without what cannot be, and notes of it; raises LogError."""
+    _require_motion(limb)
+    cleaned = [_cleaned(recording) for recording in limb.recordings]
+    notes = []
+    if count := sum(number for _, number in cleaned):
+        notes.append(f"{count} absurd samples of {', '.join(limb.joints)} are left out")
+    limb = replace(limb, recordings=tuple(recording for recording, _ in cleaned))
+    limb, more = _with_plausible_torques(limb)
+    return limb, (*notes, *more)
+
+
+def _require_motion(limb: Limb) -> None:
+    """Raise LogError where nothing is asked for, or a sensor reads the same throughout."""
+    command = np.concatenate([r.command for r in limb.recordings])
+    position = np.concatenate([r.measured[:, 0] for r in limb.recordings])
+    pushed = any(r.push.any() for r in limb.recordings)
+    told = max(float(np.ptp(r.command, axis=0).max()) for r in limb.recordings)
+    slides = any(body.joint.slides for body in limb.spec.hand.driven)
+    if told < (0.0 if slides else STILL_RAD) and not pushed:
+        raise LogError(
+            f"nothing moves in this log: the targets of {', '.join(limb.joints)} stand still and "
+            "no joint is pushed; record steps, triangle, multisine, push"
+        )
+    for j, name in enumerate(limb.joints):
+        values = np.unique(position[:, j])
+        if len(values) < ALIVE and np.ptp(command[:, j]) > MOVES_RAD:
+            raise LogError(
+                f"the position of {name} reads {values[0]:.4g} throughout while its target moves "
+                f"by {np.ptp(command[:, j]):.3g}: a dead sensor, or the wrong column"
+            )
+
+
+def _cleaned(recording: Recording) -> tuple[Recording, int]:
+    """The recording with absurd samples as NaN, and how many there are."""
+    measured, count = recording.measured.copy(), 0
+    for c in range(measured.shape[1]):
+        for j in range(measured.shape[2]):
+            wrong = absurd(measured[:, c, j])
+            measured[wrong, c, j] = np.nan
+            count += int(wrong.sum())
+    return (replace(recording, measured=measured), count) if count else (recording, 0)
+
+
+def absurd(readings: Array) -> Array:
+    """Which of (T,) readings leave both neighbours, and return at once, further than they can."""
+    wrong = np.zeros(len(readings), dtype=bool)
+    if len(readings) < 5 or not np.isfinite(readings).all():
+        return wrong
+    low, high = np.quantile(readings, (0.01, 0.99))
+    before, after = readings[1:-1] - readings[:-2], readings[1:-1] - readings[2:]
+    typical = float(np.median(np.abs(np.diff(readings))))
+    far = max(ABSURD_SHARE * (high - low), ABSURD_NOISE * typical, 1e-9)
+    leaves = np.minimum(np.abs(before), np.abs(after)) > far
+    wrong[1:-1] = leaves & (before * after > 0)
+    return wrong
+
+
+def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
+    """The limb without torques that cannot be its drives'."""
+    measured = limb.measured[:, TORQUE]
+    shown = limb.simulate(limb.nominal)[:, TORQUE]
+    notes, drop = [], []
+    for j, name in enumerate(limb.joints):
+        both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
+        if both.sum() < 10 or np.std(measured[both, j]) == 0.0 or np.std(shown[both, j]) == 0.0:
+            continue
+        alike = float(np.corrcoef(measured[both, j], shown[both, j])[0, 1])
+        if alike < UNRELATED:
+            drop.append(j)
+            what = "of the wrong sign" if alike < OPPOSED else "noise"
+            notes.append(f"the torque of {name} is {what} and left out")
+    if not drop:
+        return limb, notes
+    recordings = []
+    for recording in limb.recordings:
+        without = recording.measured.copy()
+        without[:, TORQUE, drop] = np.nan
+        recordings.append(replace(recording, measured=without))
+    return replace(limb, recordings=tuple(recordings)), notes

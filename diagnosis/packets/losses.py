@@ -1,0 +1,121 @@
+"""Whether packets were lost on the way to a limb, which, and how many."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.models.world import World
+from diagnosis.motion.limb import Limb
+from diagnosis.packets.decode import decode, surprise
+from diagnosis.packets.responses import Responses, responses
+
+START = 0.1
+"""Share of losses that the first decoding assumes."""
+SHARES = (0.01, 0.6)
+"""Of lost packets among those that show: a path that loses more is late or slow instead."""
+ROUNDS = 3
+"""Decodings, each with the innovations' scale and the share of losses of the one before."""
+CLEAR_NATS = 3.0
+"""A packet shows where the other decision would be worse by this."""
+LEAST_NATS, LEAST_LOST = 20.0, 4
+"""Packets were lost where saying which makes the log so much more likely, and are so many."""
+CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
+"""Residuals count for their memory up to so many medians; innovations have at least this scale
+[floors], and residuals live on at most so much."""
+NINETY = 1.645
+
+
+@dataclass(frozen=True, kw_only=True)
+class Losses:
+    """Packets that were lost."""
+
+    joints: tuple[int, ...]
+    share: float
+    low: float
+    high: float
+    nats: float
+    lost: tuple[Array, ...]
+    """By episode, (T,), bool."""
+
+
+def losses(world: World, u: Mapping[int, float], residual: Array) -> Losses | None:
+    """The losses that best explain what a fit leaves (M,); None where none are plausible."""
+    evidence = world.evidence
+    left = np.zeros(evidence.logged.shape)
+    left[evidence.logged] = residual
+    flat = left.transpose(2, 1, 0).reshape(len(evidence.second), -1)
+    logged = evidence.logged.any(axis=2).T.ravel()
+    found = responses(world, u)
+    if not len(found.unit):
+        return None
+    joints = range(len(evidence.joints))
+    every = [tuple(joints)] + ([(j,) for j in joints] if len(evidence.joints) > 1 else [])
+    tried = [_decoded(world, found, flat, logged, lossy) for lossy in every]
+    plausible = [one for one in tried if one is not None]
+    return max(plausible, key=lambda one: one.nats, default=None)
+
+
+def arrived(limb: Limb, lost: Losses) -> Limb:
+    """The limb as it was told: where a packet was lost, the last target stood."""
+    commands = []
+    for recording, gone in zip(limb.recordings, lost.lost, strict=True):
+        latest = np.maximum.accumulate(np.where(gone, 0, np.arange(len(gone))))
+        command = recording.command.copy()
+        columns = list(lost.joints)
+        command[:, columns] = command[latest][:, columns]
+        commands.append(command)
+    return limb.told(commands)
+
+
+def _decoded(
+    world: World, found: Responses, flat: Array, logged: Array, lossy: Sequence[int]
+) -> Losses | None:
+    limb = world.evidence.limb
+    command = np.concatenate([r.command for r in limb.recordings])
+    mask = np.isin(np.arange(command.shape[1]), lossy)
+    share, left, lost, worth = START, flat, np.zeros(len(command), dtype=bool), None
+    for _ in range(ROUNDS):
+        weight, memory = _scale(left, logged)
+        price = float(np.log(1.0 / share - 1.0))
+        given = found.block, found.template, found.unit, flat, weight, memory
+        lost, worth, left = decode(command, found.begins, mask, price, *given)
+        clear = np.abs(worth) >= CLEAR_NATS
+        share = float(np.clip((lost[clear].sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
+    clear = np.abs(worth) >= CLEAR_NATS
+    count, told = int(lost[clear].sum()), int(clear.sum())
+    share = count / max(told, 1)
+    nats = _cost(flat, weight, memory) - _cost(left, weight, memory) - price * lost.sum()
+    if count < LEAST_LOST or nats < LEAST_NATS or not SHARES[0] <= share <= SHARES[1]:
+        return None
+    wide = NINETY * np.sqrt(share * (1 - share) / told)
+    parts = np.split(lost, found.begins[1:-1])
+    return Losses(
+        joints=tuple(lossy),
+        share=share,
+        low=max(share - wide, 0.0),
+        high=min(share + wide, 1.0),
+        nats=float(nats),
+        lost=tuple(parts),
+    )
+
+
+def _scale(left: Array, logged: Array) -> tuple[Array, Array]:
+    """One over the scale of innovations, and the memory of residuals, by channel (M,)."""
+    now, before = left[1:], left[:-1]
+    most = np.maximum(CLIP * np.median(np.abs(now), axis=0), FINEST)
+    x, y = np.clip(now, -most, most), np.clip(before, -most, most)
+    memory = np.clip((x * y).sum(axis=0) / np.maximum((y * y).sum(axis=0), 1e-30), 0, MOST_MEMORY)
+    spread = np.median(np.abs(now - memory * before), axis=0) / 0.6745
+    return np.where(logged, 1.0 / np.maximum(spread, FINEST), 0.0), memory
+
+
+def _cost(left: Array, weight: Array, memory: Array) -> float:
+    innovations = (left[1:] - memory * left[:-1]) * weight
+    return float(np.sum(surprise_all(innovations)))
+
+
+def surprise_all(innovations: Array) -> Array:
+    """See `decode.surprise`, of arrays."""
+    return np.vectorize(surprise, otypes=[float])(innovations)

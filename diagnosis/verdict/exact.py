@@ -1,0 +1,41 @@
+"""Evidence in nats, where the law is exact: a simulator with ours leaves the noise and no more.
+
+There, and only there, likelihoods say what shares cannot see: causes whose gap is below a floor.
+A robot's log is never judged by this: no model of it is exact, so every wrong cause would win.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.search.fit import Fit
+
+ACCUSE_NATS = 10.0
+"""A cause is worth it where it makes the log so much more likely."""
+TIE_NATS = 6.0
+"""Causes are tied that are no further behind."""
+MOST_CORRELATION = 0.98
+
+
+def weights(evidence: Evidence, residual: Array) -> Array:
+    """Root weights (M,) of residuals that are noise: by joint, with the variance that they have."""
+    found = np.zeros_like(residual)
+    for part in evidence.parts:
+        r = residual[part]
+        if len(r):
+            correlation = np.clip(r[1:] @ r[:-1] / (r @ r + 1e-12), 0.0, MOST_CORRELATION)
+            share = (1 - correlation) / (1 + correlation)
+            found[part] = np.sqrt(share / (np.mean(r * r) + 1e-12))
+    return found
+
+
+def ranked(evidence: Evidence, fits: Sequence[Fit]) -> list[tuple[float, Fit]]:
+    """Fits with their costs [nats], the likeliest first: all by the noise that the best leaves."""
+    if not fits:
+        return []
+    best = min(fits, key=lambda fit: float(fit.residual @ fit.residual))
+    root = weights(evidence, best.residual)
+    costs = [float(((root * fit.residual) ** 2).sum()) / 2 + fit.prior for fit in fits]
+    return sorted(zip(costs, fits, strict=True), key=lambda pair: pair[0])

@@ -1,0 +1,73 @@
+"""The rules that decide, on small numbers: bounds, gaps, what is ordinary, what is worth it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from diagnosis.evidence.gap import excess, squared_gaps
+from diagnosis.evidence.log_faults import absurd
+from diagnosis.search.quadratic import lowest
+from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, is_named, is_worth, of_healthy
+
+
+def gap(*floors):
+    """What is left on joints with these gaps [floors]."""
+    gaps = np.array(floors)
+    return SimpleNamespace(worst=gaps.max(), excess=excess(gaps**2))
+
+
+def test_the_lowest_point_keeps_its_bounds():
+    """Find the bounded minimum, and release a bound that was crossed on the way alone."""
+    curvature, slope = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([4.0, 1.0])
+    free = lowest(curvature, slope, np.full(2, -9.0), np.full(2, 9.0))
+    assert free == pytest.approx(np.linalg.solve(curvature, slope))
+    held = lowest(curvature, slope, np.array([-1.0, 0.5]), np.array([1.0, 2.0]))
+    assert held == pytest.approx([1.0, 0.5])
+
+
+def test_one_violent_second_does_not_decide():
+    """Take the mean over seconds of a second's root mean square."""
+    seconds = np.repeat(np.arange(10), 100)
+    evidence = SimpleNamespace(parts=(slice(0, 1000),), seconds=seconds)
+    quiet = np.ones(1000)
+    assert squared_gaps(evidence, quiet) == pytest.approx([1.0])
+    quiet[:100] = 11.0
+    assert squared_gaps(evidence, quiet) == pytest.approx([4.0])
+
+
+def test_a_large_gap_is_named_by_size():
+    """Ask for 0.7 of the gap, and for what is left to be ordinary or the law's own error."""
+    assert is_named(gap(3.0), gap(20.0), ROBOTS)
+    assert is_named(gap(9.0), gap(20.0), ROBOTS)
+    assert not is_named(gap(9.0), gap(20.0), SIMULATORS)
+    assert not is_named(gap(12.0), gap(20.0), ROBOTS)
+
+
+def test_an_ordinary_gap_is_named_by_shape():
+    """Ask for nearly all of an ordinary gap, and for less than a floor to be left."""
+    assert is_named(gap(0.9), gap(2.5), ROBOTS)
+    assert not is_named(gap(1.5), gap(2.5), ROBOTS)
+    assert not is_named(gap(0.9), gap(1.2), ROBOTS)
+
+
+def test_each_further_cause_halves_what_is_left():
+    """Ask for half of a large rest, and for nearly all of an ordinary one."""
+    assert is_worth(gap(5.0), gap(9.0), ROBOTS)
+    assert not is_worth(gap(7.0), gap(9.0), ROBOTS)
+    assert not is_worth(gap(1.5), gap(2.5), ROBOTS)
+
+
+def test_healthy_logs_say_what_is_ordinary():
+    """Take a third more than their largest gap, and never less than a noise."""
+    assert of_healthy([2.0, 4.0], ROBOTS).floors == pytest.approx(5.2)
+    assert of_healthy([0.3], ROBOTS).floors == pytest.approx(1.2)
+    assert of_healthy([0.3], ROBOTS).source == "healthy logs"
+
+
+def test_an_absurd_sample_is_one_that_returns_at_once():
+    """Tell a single wild reading from a step that stays."""
+    readings = np.sin(np.arange(200) / 20)
+    readings[100:] += 3.0
+    readings[50] += 9.0
+    assert list(np.flatnonzero(absurd(readings))) == [50]
