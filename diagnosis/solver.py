@@ -93,7 +93,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResu
         sound = [Fitter(World(one, _parameters(one, asked))).fit() for one in healthy]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
-    fitter = Fitter(World(said, known))
+    fitter = Fitter(World(said, known), ordinary.exact)
     found = Search(fitter, ordinary).run()
     sensors = list(sensor_findings(said, asked.catalogue))
     lost = losses(fitter.world, found.chosen.u, found.chosen.residual)
@@ -101,7 +101,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResu
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             told = replace(said, limb=arrived(said.limb, lost))
-            fitter = Fitter(World(told, known))
+            fitter = Fitter(World(told, known), ordinary.exact)
             found = Search(fitter, ordinary).run()
     return decide(fitter, found, ordinary, sensors)
 

@@ -75,7 +75,8 @@ def _decoded(
     limb = world.evidence.limb
     command = np.concatenate([r.command for r in limb.recordings])
     mask = np.isin(np.arange(command.shape[1]), lossy)
-    share, left, lost, worth = START, flat, np.zeros(len(command), dtype=bool), None
+    share, left, worth = START, flat, np.zeros(len(command))
+    lost = worth > 0.0
     for _ in range(ROUNDS):
         weight, memory = _scale(left, logged)
         price = float(np.log(1.0 / share - 1.0))

@@ -49,7 +49,8 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
         ]
     )
     row = np.concatenate([np.arange(count) for count in lengths])
-    template, unit = np.zeros(len(row), dtype=np.int64), []
+    template = np.zeros(len(row), dtype=np.int64)
+    unit: list[list[Array]] = []
     numbers, tilt = world.numbers(u)
     base = limb.simulate(numbers, tilt)
     for offset in range(per_block):

@@ -21,8 +21,9 @@ STEPS, AGAIN = 7, 2
 """Steps of a fit; at the step AGAIN the slopes of the tolerances are computed again."""
 DAMPINGS = (1.0, 0.4, 0.12)
 """Shares of a step that are tried."""
-DONE, DONE_SHARE = 0.02, 0.003
-"""A fit ends when a step wins less than this and this share of the cost."""
+DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
+"""A fit ends when a step wins less than this and this share of the cost; where the law is exact,
+single nats count."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
 RIDGE = 1e-9
@@ -60,8 +61,9 @@ class Fit:
 class Fitter:
     """Fits of one limb's world."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, exact: bool = False) -> None:
         self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
+        self.done_share = DONE_EXACT if exact else DONE_SHARE
 
     def fit(
         self,
@@ -107,7 +109,7 @@ class Fitter:
                 if left < cost:
                     u, shown, won = there, other, cost - left
                     break
-            if (won < DONE + DONE_SHARE * cost and step > 0) or step == steps - 1:
+            if (won < DONE + self.done_share * cost and step > 0) or step == steps - 1:
                 break
             fresh = [k for k in problem.numbers if k in freed or step == AGAIN]
             known |= self.slopes(fresh, u, freed, self.bare(u, freed))

@@ -70,6 +70,8 @@ class Search:
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set."""
         nominal = self.fitter.fit()
+        if self.ordinary.exact:
+            nominal = self.fitter.fit(near=nominal.u)
         singles: tuple[Fit, ...] = ()
         tied: tuple[Fit, ...] = ()
         now, beam = nominal, [nominal]
@@ -143,9 +145,7 @@ class Search:
         """Whether the world is exact, and a set much more likely than each with one effect less."""
         if not self.ordinary.exact or fit.worst > self.ordinary.floors:
             return False
-        before = [now]
-        for k in fit.freed if now.freed else ():
-            before.append(self._without(fit, k))
+        before = [now, *(self._without(fit, k) for k in fit.freed)]
         costs = {id(f): c for c, f in ranked_by_nats(self.fitter.evidence, [fit, *before])}
         return min(costs[id(f)] for f in before) - costs[id(fit)] >= ACCUSE_NATS
 
