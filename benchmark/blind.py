@@ -26,18 +26,11 @@ from diagnosis.blind import draw, files, frozen, motion, rigs
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
-from diagnosis.blind.make import (
-    ENGINES,
-    PLANTS,
-    STICKLESS,
-    engine,
-    mechanics,
-    write_case,
-    write_sound,
-)
+from diagnosis.blind.make import write_case, write_sound
+from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, engine, mechanics
 
 MOST_CASES, MOST_HEALTHY = 999, 20
-KEPT_APART = ("dart", "bristle", "drake", "exudyn")
+KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
 """Real sides that no rule may be tuned on: only sets that name them have them."""
 FEWEST_EFFECTS = 3
 """A pair, and another one to take out of the catalogue."""
@@ -55,13 +48,14 @@ def settings(
     protocols: str,
     fewest: int = FEWEST_EFFECTS,
     healthy: int = 0,
+    times: tuple[float, float] = draw.TIMES,
 ) -> draw.Settings:
     """What options ask for; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
     within("--healthy-logs", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
-    holding = places[0] in rigs.HOLDING
-    every = draw.HELD_EFFECTS if holding else draw.EFFECTS
+    holding, drawn = places[0] in rigs.HOLDING, set(rigs.members(places)) <= set(rigs.ARMS)
+    every = draw.HELD_EFFECTS if holding else draw.ARM_EFFECTS if drawn else draw.EFFECTS
     named = (*every, *draw.EFFECTS) if holding else every
     chosen = every if effects == "all" else _words("effect", effects, named)
     if len(chosen) < fewest:
@@ -76,8 +70,9 @@ def settings(
         modes=_words("mode", modes, tuple(draw.SHARES)),
         effects=chosen,
         protocols=moved,
-        channels=draw.HELD_CHANNELS if holding else draw.CHANNELS,
+        channels=(draw.HELD_CHANNELS if holding else draw.ARM_CHANNELS if drawn else draw.CHANNELS),
         healthy=healthy,
+        times=times,
     )
 
 
@@ -85,11 +80,16 @@ def _rigs(text: str) -> tuple[str, ...]:
     """Rigs in free air, 'all' being all of these, or one that holds the stick."""
     if text == "all":
         return tuple(rigs.FREE)
-    places = _words("rig", text, rigs.RIGS)
+    places = _words("rig", text, (*rigs.RIGS, *rigs.DRAWN))
     if len(places) > 1 and set(places) & set(rigs.HOLDING):
         raise UsageError(
             f"--rig {text} mixes free air and held stick, which have other effects and protocols; "
             f"make one set of {', '.join(rigs.FREE)}, and another of {', '.join(rigs.HOLDING)}"
+        )
+    if 0 < len(set(rigs.members(places)) & set(rigs.ARMS)) < len(rigs.members(places)):
+        raise UsageError(
+            f"--rig {text} mixes arms, which are drawn, and rigs that are always the same; make "
+            f"one set of {', '.join(rigs.DRAWN)}, and another of {', '.join(rigs.FREE)}"
         )
     return places
 
@@ -118,7 +118,7 @@ def make(
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)
-    cases = draw.draw(wanted, _catalogue(), seed)
+    cases = _sized(draw.draw(wanted, _catalogue(), seed), wanted, seed, jobs)
     blind = BlindSet(path=out)
     sound = draw.sound(wanted, cases, seed)
     makes = {make: number for number, make in enumerate(sound) if wanted.healthy}
@@ -143,6 +143,16 @@ def make(
         "rules_version": promised.rules_version,
         "solver_sha256": promised.solver_sha256,
     }
+
+
+def _sized(
+    cases: tuple[draw.Case, ...], wanted: draw.Settings, seed: int, jobs: int
+) -> tuple[draw.Case, ...]:
+    """The cases, those of drawn robots with faults that are as large as settings want them."""
+    if rigs.robot(cases[0].rig) is None:
+        return cases
+    tasks = [(case, wanted, seed) for case in cases]
+    return tuple(_told(lambda: _each("size", _size_one, tasks, jobs)))
 
 
 def _load_real(name: str) -> None:
@@ -280,6 +290,15 @@ def _search_one(search: Any) -> dict:
     from diagnosis.blind.detectable import smallest
 
     return smallest(search, _catalogue(), _start, registry.names("backend"))
+
+
+def _size_one(case: draw.Case, wanted: draw.Settings, seed: int) -> draw.Case:
+    from diagnosis.blind.sizing import sized
+
+    try:
+        return sized(case, wanted.times, wanted.effects, _catalogue(), _start, seed)
+    except ValueError as error:
+        raise BlindError(str(error)) from error
 
 
 def _make_one(blind: BlindSet, case: draw.Case, seed: int, make: int | None) -> None:

@@ -19,14 +19,14 @@ from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
 from diagnosis.blind.grasp import GRASP, HOLDS
 from diagnosis.blind.make import (
-    TORQUE_NOISE,
     Simulate,
     case_rng,
     engine_readings,
     hidden_world,
     motions,
 )
-from diagnosis.blind.motion import RATE_HZ, Motion
+from diagnosis.blind.motion import Motion
+from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
 
 ALIKE_S = 0.5
 """Readings tell anew after this: a grasp moves slowly [s]."""

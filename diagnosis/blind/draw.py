@@ -13,7 +13,7 @@ import numpy as np
 
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.blind import motion, rigs
+from diagnosis.blind import arms, motion, rigs, sides
 
 T = TypeVar("T")
 SHARES = {"single": 6, "pair": 2, "none": 2, "unknown": 3}
@@ -44,6 +44,8 @@ HELD_CHANNELS = (
     ("position", "torque", "stick", "touch"),
 )
 """The same where the stick is held."""
+ARM_CHANNELS = CHANNELS[:2]
+"""The same of arms."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -98,6 +100,16 @@ HELD_SIZES = {
 """What shows with the stick in the hand alone: touch, stick and contact. A grasp presses by up to
 12 N, and engines hold a stick while contacts yield less than 3.5 mm."""
 EFFECTS, HELD_EFFECTS = tuple(SIZES), tuple(HELD_SIZES)
+ARM_EFFECTS = tuple(effect for effect in EFFECTS if effect != "gear-damping")
+"""What an arm can have: its file has no gear whose damping could be off."""
+NO_GEAR = ("series-elasticity", "gear-damping")
+"""Nominal numbers that an arm's file does not have."""
+SHARED = ("kp-scale", "kd-scale", "command-delay", "command-dropout", "sensor-delay")
+"""Of these what a bus or a controller gives to all joints of an arm alike."""
+TIMES = (3.0, 30.0)
+"""What drawn robots leave with a fault, over what they leave without."""
+EXCLUSIVE = ({"backlash", "series-elasticity"},)
+"""Effects of arms that are no pair: one second hinge has play or a spring."""
 SLIPPING = ("stick-mass", "contact-friction")
 """Of these what shows where the stick slips."""
 
@@ -140,7 +152,17 @@ class Case:
     nominal: tuple[Fault, ...]
     """Errors of the nominal parameters, within their uncertainty."""
     excluded: tuple[str, ...]
-    """Effects that the solver's catalogue lacks; in `unknown` the true one, else any other."""
+    """Effects that the solver's catalogue lacks; in `unknown` the true one, else any other.
+
+    None on a robot that can have faults which are in no catalogue.
+    """
+    times: tuple[float, ...] = ()
+    """Of a drawn robot: what each fault moves beyond its tolerances, over what it leaves without.
+    """
+    residual_floors: float | None = None
+    """Of a drawn robot: what it leaves beside its model while nothing is wrong, in floors."""
+    left_floors: float | None = None
+    """Of a drawn robot: what it leaves with all its faults, in floors; see `sizing`."""
 
     @property
     def make(self) -> Make:
@@ -161,24 +183,38 @@ class Settings:
     channels: tuple[tuple[str, ...], ...] = CHANNELS
     variants: int = 2
     healthy: int = 0
-    """Logs of sound mechanisms that the solver is given of every make."""
+    """Logs of sound mechanisms that the solver is given: of the same real side, rig and channels,
+    of a drawn robot those of this very one before anything was wrong."""
+    times: tuple[float, float] = TIMES
+    """Of drawn robots: between which ends `Case.times` lie, evenly in their logarithm."""
 
 
 def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -> tuple[Case, ...]:
     """The cases of a set; the same seed draws the same."""
     rng = np.random.default_rng([seed, 0])
     modes = [m for m, count in _counts(settings).items() for _ in range(count)]
-    sides = itertools.islice(_deck(settings.reals, rng), settings.cases)
-    rigs_ = itertools.islice(_deck(settings.rigs, rng), settings.cases)
+    reals = itertools.islice(_deck(settings.reals, rng), settings.cases)
+    rigs_ = itertools.islice(_deck(rigs.members(settings.rigs), rng), settings.cases)
     channels = itertools.islice(_deck(settings.channels, rng), settings.cases)
     decks = {mode: _effects(settings.effects, rng) for mode in settings.modes}
-    rows = list(zip(modes, sides, rigs_, channels, strict=True))
-    dealt = [_deal(decks[mode], {"pair": 2, "none": 0}.get(mode, 1)) for mode, *_ in rows]
+    strange = _strange(settings, seed)
+    rows = list(zip(modes, reals, rigs_, channels, strict=True))
+    dealt = [
+        _deal(
+            strange[real] if mode == "unknown" and real in strange else decks[mode],
+            {"pair": 2, "none": 0}.get(mode, 1),
+        )
+        for mode, real, *_ in rows
+    ]
     places = rng.permutation(settings.cases)
     cases = []
     for number, place in enumerate(places):
-        mode, real, rig, logged = rows[place]
-        hidden = _hidden(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
+        mode, real, kind, logged = rows[place]
+        rig = rigs.individual(kind, np.random.default_rng([seed, 4, number]))
+        deal = _robot if rigs.robot(rig) is not None else _hidden
+        hidden = deal(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
+        if real in strange:
+            hidden["excluded"] = ()
         cases.append(
             Case(
                 number=number,
@@ -200,6 +236,8 @@ def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tu
     makes = list(dict.fromkeys(case.make for case in cases))
     found: dict[Make, tuple[Case, ...]] = {}
     for group, (real, rig, channels) in enumerate(makes[k] for k in rng.permutation(len(makes))):
+        seeded = rigs.robot(rig) is not None
+        robot = nominal_errors(rig, ()) if seeded else None
         found[real, rig, channels] = tuple(
             Case(
                 number=SOUND + settings.healthy * group + k,
@@ -210,7 +248,7 @@ def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tu
                 protocols=settings.protocols,
                 variants=settings.variants,
                 faults=(),
-                nominal=tuple(_nominal(rigs.nominal(rig), (), rng)),
+                nominal=tuple(_nominal(rigs.nominal(rig), (), rng)) if robot is None else robot,
                 excluded=(),
             )
             for k in range(settings.healthy)
@@ -270,6 +308,61 @@ def _hidden(
     return {"faults": faults, "nominal": nominal, "excluded": (excluded,)}
 
 
+def _strange(settings: Settings, seed: int) -> dict[str, Iterator[tuple[str, str]]]:
+    """Decks of faults outside of the catalogue, of the real sides of drawn robots that have any."""
+    if not set(rigs.members(settings.rigs)) <= set(rigs.ARMS):
+        return {}
+    found = {real: sides.strange(real) for real in settings.reals}
+    return {
+        real: _effects(names, np.random.default_rng([seed, 6, k]))
+        for k, (real, names) in enumerate(found.items())
+        if names
+    }
+
+
+def _robot(
+    mode: str,
+    rig: str,
+    dealt: list[tuple[str, str]],
+    settings: Settings,
+    catalogue: Mapping[str, type[Effect]],
+    seed: list[int],
+) -> dict:
+    """As `_hidden` of a drawn robot; `sizing` says how large its faults are."""
+    rng, spec = np.random.default_rng(seed), rigs.nominal(rig)
+    faults = tuple(
+        Fault(effect=name, joint=arm_joint(name, catalogue, spec, rng), magnitude=0.0)
+        for name, _ in dealt
+    )
+    others = [name for name in settings.effects if name not in [f.effect for f in faults]]
+    excluded = faults[0].effect if mode == "unknown" else others[rng.integers(len(others))]
+    return {
+        "faults": faults,
+        "nominal": nominal_errors(rig, faults),
+        "excluded": (excluded,),
+    }
+
+
+def arm_joint(
+    name: str, catalogue: Mapping[str, type[Effect]], spec: Spec, rng: np.random.Generator
+) -> str | None:
+    """One joint at random; None for all of them, where an effect may be on all."""
+    names = spec.hand.joint_names
+    everywhere, one = rng.uniform() < EVERYWHERE, names[rng.integers(len(names))]
+    if name in catalogue and not catalogue[name].per_joint:
+        return None
+    return None if everywhere and name in SHARED and len(names) > 1 else one
+
+
+def nominal_errors(rig: str, faults: Sequence[Fault]) -> tuple[Fault, ...]:
+    """Errors of the nominal parameters of a drawn robot, but where a fault changes the same."""
+    seed = rigs.robot(rig)
+    assert seed is not None
+    rng, spread = np.random.default_rng([seed, 3]), arms.spread(seed)
+    drawn = _nominal(rigs.nominal(rig), faults, rng, spread, arms.CLIP / spread)
+    return tuple(error for error in drawn if error.effect not in NO_GEAR)
+
+
 def _fault(
     name: str, level: str, kind: type[Effect], spec: Spec, rng: np.random.Generator
 ) -> Fault:
@@ -298,11 +391,17 @@ def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | No
     return None if everywhere else names[rng.integers(len(names))]
 
 
-def _nominal(spec: Spec, faults: Sequence[Fault], rng: np.random.Generator) -> Iterator[Fault]:
+def _nominal(
+    spec: Spec,
+    faults: Sequence[Fault],
+    rng: np.random.Generator,
+    std: float = NOMINAL_STD,
+    clip: float = NOMINAL_CLIP,
+) -> Iterator[Fault]:
     """An error of every nominal parameter that no fault changes: there the truth is the fault's."""
     for name, number in NOMINAL.items():
         for body in spec.hand.driven:
-            share = NOMINAL_STD * np.clip(rng.normal(), -NOMINAL_CLIP, NOMINAL_CLIP)
+            share = std * np.clip(rng.normal(), -clip, clip)
             size = 1.0 if number is None else getattr(body.joint.drive, number)
             joint = body.joint.name
             taken = any(f.effect == name and f.joint in (None, joint) for f in faults)

@@ -8,10 +8,15 @@ import pandas as pd
 from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.near import is_near
 from diagnosis.blind.oracle import Oracle
 
 NONE, UNKNOWN = "none", "unknown"
 TOP = 3
+ORDINARY_FLOORS = 4.0
+"""What healthy robots may leave; with less than this left, `none` is right beside `unknown`."""
+HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
+"""The same where healthy logs were given: this over what they leave, and no less than this."""
 FAULT_COLUMNS = (
     *("number", "mode", "real", "rig", "protocols", "channels", "effect", "level", "magnitude"),
     *("unit", "oracle_nats", "detectable", "found", "joints_right", "error", "covered"),
@@ -19,7 +24,12 @@ FAULT_COLUMNS = (
 
 
 def case_row(
-    case: Case, said: dict, sysid: dict, oracle: Oracle, catalogue: Mapping[str, type[Effect]]
+    case: Case,
+    said: dict,
+    sysid: dict,
+    oracle: Oracle,
+    catalogue: Mapping[str, type[Effect]],
+    healthy: int = 0,
 ) -> dict:
     """One case: what was there, what was said, also by the rival, and in which ways it is right."""
     verdict = said.get("verdict", ["refused"])
@@ -27,11 +37,14 @@ def case_row(
     names = [f.effect for f in case.faults]
     greedy = said.get("greedy", {"effect": None, "shrinkage": None})
     first = case.faults[0] if case.faults else None
+    right = sorted(verdict) == sorted(truth)
+    right = right or (_is_ordinary(case, healthy) and verdict == [NONE])
+    near = _near(first, said, case, catalogue) if case.mode == UNKNOWN and first else False
     return {
         "number": case.number,
         "mode": case.mode,
         "real": case.real,
-        "rig": case.rig,
+        "rig": rigs.family(case.rig),
         "channels": "+".join(case.channels),
         "protocols": "+".join(case.protocols),
         "truth": " + ".join(truth),
@@ -43,8 +56,13 @@ def case_row(
         "detectable": oracle.detectable,
         "strong": oracle.strong,
         "verdict": " + ".join(sorted(verdict)),
-        "right": sorted(verdict) == sorted(truth),
-        "right_or_tied": sorted(verdict) == sorted(truth) or _tied(verdict, truth, said),
+        "right": right,
+        "right_or_tied": right or _tied(verdict, truth, said),
+        "near": near,
+        "right_or_near": right or near,
+        "residual_floors": case.residual_floors,
+        "left_floors": case.left_floors,
+        "ordinary": _is_ordinary(case, healthy),
         "accuses": not {NONE, UNKNOWN, "refused"} >= set(verdict),
         "one_of": bool(set(names) & set(verdict)),
         "spurious": bool(set(names) & set(verdict)) and bool(set(verdict) - set(names)),
@@ -77,7 +95,7 @@ def fault_rows(
             "number": case.number,
             "mode": case.mode,
             "real": case.real,
-            "rig": case.rig,
+            "rig": rigs.family(case.rig),
             "protocols": "+".join(case.protocols),
             "channels": "+".join(case.channels),
             "effect": fault.effect,
@@ -100,6 +118,21 @@ def _truth(case: Case) -> list[str]:
     return sorted(f.effect for f in case.faults) or [NONE]
 
 
+def _is_ordinary(case: Case, healthy: int) -> bool:
+    """Whether a fault outside of the catalogue leaves no more than healthy robots do."""
+    if case.mode != UNKNOWN or case.left_floors is None or case.residual_floors is None:
+        return False
+    most = max(HEALTHY_MORE * case.residual_floors, HEALTHY_LEAST) if healthy else ORDINARY_FLOORS
+    return case.left_floors <= most
+
+
+def _near(first: Fault, said: dict, case: Case, catalogue: Mapping[str, type[Effect]]) -> bool:
+    """Whether what is named is near the true fault, and on one of its joints."""
+    joints, named = _joints(first, case, catalogue), said.get("joints", [])
+    on = not joints or not named or bool(joints & set(named))
+    return on and is_near(first.effect, said.get("verdict", []))
+
+
 def _tied(verdict: list[str], truth: list[str], said: dict) -> bool:
     """Whether one effect is named that the solver says it cannot tell from the true one."""
     pair = sorted([*verdict, *truth])
@@ -118,9 +151,11 @@ def _left_nats(said: dict, oracle: Oracle) -> float | None:
 
 
 def _written(fault: Fault, catalogue: Mapping[str, type[Effect]]) -> str:
-    """A fault as on the command line."""
-    unit = catalogue[fault.effect].unit
+    """A fault as on the command line; one that no catalogue has in SI units."""
     where = f"@{fault.joint}" if fault.joint else ""
+    if fault.effect not in catalogue:
+        return f"{fault.effect}={fault.magnitude:.3g}{where}"
+    unit = catalogue[fault.effect].unit
     return f"{fault.effect}={fault.magnitude / UNITS[unit][1]:.3g}{unit}{where}"
 
 
@@ -136,6 +171,8 @@ def _top(said: dict) -> list[str]:
 
 def _joints(fault: Fault, case: Case, catalogue: Mapping[str, type[Effect]]) -> set[str]:
     """Joints that a fault acts on; none of what acts on the whole rig."""
+    if fault.effect not in catalogue:
+        return {fault.joint} if fault.joint else set()
     effect = catalogue[fault.effect](magnitude=fault.magnitude, joint=fault.joint)
     return set(effect.joints(rigs.nominal(case.rig)))
 

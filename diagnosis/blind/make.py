@@ -6,7 +6,6 @@ backend, as nobody needs it to hold a stick, is a file in `engines`.
 """
 
 import dataclasses
-import importlib
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
@@ -14,20 +13,20 @@ import numpy as np
 import pandas as pd
 
 from backends.effect import Effect, with_effects
-from backends.engine import Engine, Simulator
+from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.blind import motion, rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
 from diagnosis.blind.grasp import HOLDS, Touching, fallen, tracked
-from diagnosis.blind.motion import RATE_HZ, Motion
+from diagnosis.blind.motion import Motion
 from diagnosis.blind.plant import Mechanics, Plant
+from diagnosis.blind.sides import PLANTS, mechanics
 from diagnosis.logs._columns import PULL, STICK
 from diagnosis.logs.log import (
     Channel,
     EpisodeMeta,
-    HandMechanism,
     Log,
     LogMeta,
     make_log,
@@ -35,14 +34,6 @@ from diagnosis.logs.log import (
     write_log,
 )
 
-PLANTS = ("plant", "dart", "bristle")
-"""Real sides with equations of their own, a file each in `mechanics`; they have joints alone."""
-ENGINES = ("drake", "exudyn")
-"""Real sides that are engines and no backends, a file each in `engines`: free air alone."""
-STICKLESS = (*PLANTS, *ENGINES)
-"""Real sides that hold no stick."""
-TORQUE_NOISE = 0.02
-"""Noise of a logged torque over the drive's limit, standard deviation."""
 FOREVER_S = 1e6
 
 Simulate = Callable[[str, Sequence[Spec]], Simulator]
@@ -86,39 +77,55 @@ def real_log(
     rng: np.random.Generator,
 ) -> Log:
     """What the hidden world of a case would log."""
-    spec = rigs.nominal(case.rig)
-    world = spec if case.real in PLANTS else hidden_world(case, spec, catalogue)
-    moved = motions(case, spec, world, rng)
-    if case.real in PLANTS:
-        episodes = _on_plant(case, spec, moved, rng)
-    else:
-        episodes = engine_readings(lambda specs: simulate(case.real, specs), world, moved, rng)
+    spec, noise = rigs.nominal(case.rig), rigs.torque_noise(case.rig)
+    moved = motions(case, spec, hidden_world(case, spec, catalogue), rng)
+    episodes = readings(case, spec, moved, catalogue, simulate, rng)
     frames = [
-        _frame(number, spec, one, _noisy(spec, read, rng), case.channels)
+        _frame(number, case, one, _noisy(spec, read, noise, rng))
         for number, (one, read) in enumerate(zip(moved, episodes, strict=True))
     ]
+    mechanism, mjcf_xml = rigs.described(case.rig)
     meta = LogMeta(
         schema=1,
         source=f"blind case {case.number}",
-        mechanism=HandMechanism(hand=case.rig),
+        mechanism=mechanism,
         channels={"touch": Channel(unit="1")} if "contact" in case.channels else {},
         episodes=tuple(EpisodeMeta(episode=k, protocol=m.protocol) for k, m in enumerate(moved)),
     )
-    return make_log(meta, pd.concat(frames, ignore_index=True))
+    return make_log(meta, pd.concat(frames, ignore_index=True), mjcf_xml)
+
+
+def readings(
+    case: Case,
+    spec: Spec,
+    moved: Sequence[Motion],
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+    rng: np.random.Generator,
+) -> list[dict[str, Array]]:
+    """What is read in every episode of a case on a rig whose nominal world is `spec`."""
+    if case.real in PLANTS:
+        return _on_plant(case, spec, moved, rng)
+    world = hidden_world(case, spec, catalogue)
+    rate_hz = rigs.rate_hz(case.rig)
+    return engine_readings(lambda specs: simulate(case.real, specs), world, moved, rng, rate_hz)
 
 
 def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> list[Motion]:
     """Random episodes: in free air of the nominal hand, in a grasp of the stick that is there."""
+    rate_hz = rigs.rate_hz(case.rig)
     return [
-        HOLDS[protocol](world, rng) if protocol in HOLDS else motion.motion(protocol, spec, rng)
+        HOLDS[protocol](world, rng)
+        if protocol in HOLDS
+        else motion.motion(protocol, spec, rng, rate_hz)
         for protocol in case.protocols
         for _ in range(case.variants)
     ]
 
 
 def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
-    """The nominal world with the nominal errors and effects of a case."""
-    faults = (*case.nominal, *case.faults)
+    """The nominal world with the nominal errors and effects of a case; a plant's is nominal."""
+    faults = () if case.real in PLANTS else (*case.nominal, *case.faults)
     return with_effects(
         spec, (catalogue[f.effect](magnitude=f.magnitude, joint=f.joint) for f in faults)
     )
@@ -127,20 +134,20 @@ def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) 
 def _on_plant(
     case: Case, spec: Spec, motions: Sequence[Motion], rng: np.random.Generator
 ) -> list[dict[str, Array]]:
-    plant = Plant(spec, mechanics(case.real))
+    plant = Plant(spec, robot(case))
     for fault in (*case.nominal, *case.faults):
         plant.add(fault.effect, fault.magnitude, fault.joint)
-    return [plant.run(m.target_rad, m.push_nm, 1 / RATE_HZ, rng) for m in motions]
+    sample_s = 1 / rigs.rate_hz(case.rig)
+    return [
+        plant.run(m.target_rad, m.push_nm, sample_s, rng, slipped=2 * k >= len(motions))
+        for k, m in enumerate(motions)
+    ]
 
 
-def engine(name: str) -> type[Engine]:
-    """One of ENGINES."""
-    return importlib.import_module(f"diagnosis.blind.engines.{name}").Backend
-
-
-def mechanics(plant: str) -> Mechanics:
-    """The equations of one of PLANTS."""
-    return importlib.import_module(f"diagnosis.blind.mechanics.{plant}").Mechanics()
+def robot(case: Case) -> Mechanics:
+    """The equations of a case's plant: a typical robot's, or those of the one that was drawn."""
+    make, seed = mechanics(case.real), rigs.robot(case.rig)
+    return make() if seed is None else make.individual(np.random.default_rng([seed, 2]))
 
 
 def engine_readings(
@@ -148,6 +155,7 @@ def engine_readings(
     spec: Spec,
     motions: Sequence[Motion],
     rng: np.random.Generator,
+    rate_hz: float = rigs.RATE_HZ,
 ) -> list[dict[str, Array]]:
     """What an engine's sensors read in every episode; those with and without stick side by side."""
     seeds = rng.integers(1 << 53, size=len(motions))
@@ -157,7 +165,7 @@ def engine_readings(
         if chosen:
             timing = dataclasses.replace(
                 spec.timing,
-                policy_s=1 / RATE_HZ,
+                policy_s=1 / rate_hz,
                 weightless_s=spec.timing.weightless_s if held else FOREVER_S,
             )
             engine = simulate([dataclasses.replace(spec, timing=timing)] * len(chosen))
@@ -184,7 +192,7 @@ def _played(
                 "motor": state.motor_rad.copy(),
                 "torque": state.drive_torque_nm.copy(),
             }
-            rows.append(row | (touching.read(state, k / RATE_HZ) if touching else {}))
+            rows.append(row | (touching.read(state, k / rigs.RATE_HZ) if touching else {}))
             if k + 1 < len(target):
                 state = engine.advance(target[k], push[k], pull[k] if pull.any() else None)
     finally:
@@ -204,25 +212,26 @@ def _together(motions: Sequence[Motion], seeds: Array) -> InitialState:
     )
 
 
-def _noisy(spec: Spec, read: dict[str, Array], rng: np.random.Generator) -> dict[str, Array]:
+def _noisy(
+    spec: Spec, read: dict[str, Array], torque_noise: float, rng: np.random.Generator
+) -> dict[str, Array]:
     """The readings with the noise of motor encoders, current sensors and the stick's tracker."""
     limit = np.array([drive.torque_limit_nm for drive in spec.drives])
     shape = read["motor"].shape
     noisy = {
         "motor": read["motor"] + rigs.NOISE_RAD * rng.normal(size=shape),
-        "torque": read["torque"] + TORQUE_NOISE * limit * rng.normal(size=shape),
+        "torque": read["torque"] + torque_noise * limit * rng.normal(size=shape),
     }
     if "stick" in read:
         noisy["stick"] = tracked(read["stick"], rng)
     return read | noisy
 
 
-def _frame(
-    number: int, spec: Spec, one: Motion, read: dict[str, Array], channels: Sequence[str]
-) -> pd.DataFrame:
-    columns: dict[str, object] = {"episode": number, "t_s": motion.times_s()}
+def _frame(number: int, case: Case, one: Motion, read: dict[str, Array]) -> pd.DataFrame:
+    spec, times_s = rigs.nominal(case.rig), motion.times_s(rigs.rate_hz(case.rig))
+    columns: dict[str, object] = {"episode": number, "t_s": times_s}
     signals = {"command": one.target_rad, "push": one.push_nm}
-    signals |= {kind: read[kind] for kind in channels if kind in read}
+    signals |= {kind: read[kind] for kind in case.channels if kind in read}
     columns |= {} if one.pull_n is None else {PULL: one.pull_n}
     for kind, values in signals.items():
         columns |= _columns(spec, kind, values)

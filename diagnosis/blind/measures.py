@@ -81,6 +81,10 @@ def _apart(t: pd.DataFrame) -> pd.Series:
     return _mode("unknown")(t) & (pd.to_numeric(t["left_nats"]) >= DETECTABLE_NATS)
 
 
+def _beyond(t: pd.DataFrame) -> pd.Series:
+    return _mode("unknown")(t) & ~t["ordinary"].astype(bool)
+
+
 def _named(t: pd.DataFrame) -> pd.Series:
     return _mode("single")(t) & t["one_of"]
 
@@ -155,6 +159,18 @@ MEASURES = (
         meaning="of these: no fit found comes within the limit of the true effect",
         column="right",
         of=_apart,
+    ),
+    Measure(
+        name="unknown_near",
+        meaning="effects outside of the catalogue, beyond what is ordinary, given a near name",
+        column="near",
+        of=_beyond,
+    ),
+    Measure(
+        name="unknown_seen_or_near",
+        meaning="of these: called `unknown`, or given a near name",
+        column="right_or_near",
+        of=_beyond,
     ),
     Measure(
         name="pairs_exact",

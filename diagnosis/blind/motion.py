@@ -11,8 +11,8 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array, InitialState
+from diagnosis.blind.rigs import RATE_HZ
 
-RATE_HZ = 200.0
 LENGTH_S = 3.0
 REST_S = 0.15
 """Rest before the first motion [s]."""
@@ -43,9 +43,9 @@ class Motion:
     """Force on the stick along its axis, towards its lower end [N], shape (T,); None: none."""
 
 
-def times_s() -> Array:
+def times_s(rate_hz: float = RATE_HZ) -> Array:
     """Times of the samples [s], shape (T,)."""
-    return np.arange(round(LENGTH_S * RATE_HZ) + 1) / RATE_HZ
+    return np.arange(round(LENGTH_S * rate_hz) + 1) / rate_hz
 
 
 def center_rad(spec: Spec) -> Array:
@@ -53,9 +53,9 @@ def center_rad(spec: Spec) -> Array:
     return np.array([np.mean(b.joint.range_rad) for b in spec.hand.driven])
 
 
-def motion(protocol: str, spec: Spec, rng: np.random.Generator) -> Motion:
+def motion(protocol: str, spec: Spec, rng: np.random.Generator, rate_hz: float = RATE_HZ) -> Motion:
     """A random episode of a protocol for every joint of a rig."""
-    inside = np.maximum(times_s() - REST_S, 0.0)
+    inside = np.maximum(times_s(rate_hz) - REST_S, 0.0)
     room = np.array([np.ptp(b.joint.range_rad) / 2 for b in spec.hand.driven])
     limit = np.array([drive.torque_limit_nm for drive in spec.drives])
     pairs = [MOTIONS[protocol](inside, rng) for _ in room]

@@ -59,7 +59,12 @@ def consult(
     catalogue: Mapping[str, type[Effect]],
     apart_nats: Callable[[Fault], float],
 ) -> Oracle:
-    """The oracle's word on a case; `apart_nats` on effects of touch, stick and contact."""
+    """The oracle's word on a case; `apart_nats` on effects of touch, stick and contact.
+
+    Of a drawn robot `sizing` has said what there is to be seen.
+    """
+    if case.left_floors is not None:
+        return Oracle(nats=(None,) * len(case.faults), shrinkage=None, cost_nats=None)
     touching = {f: apart_nats(f) for f in case.faults if f.effect in HELD_EFFECTS}
     if not _shown(case):
         told = tuple(touching.get(fault) for fault in case.faults)

@@ -1,15 +1,18 @@
 """A real mechanism of other equations than the engines' and the solver's drives, and its effects.
 
 It shares no code with them: what an effect means is said here once more, and the equations of
-motion stand in `mechanics`, one file each. On top of the effects there is always a little more that
-every real drive has, and the truth of a case is what dominates it.
+motion stand in `mechanics`, one file each, whose name is the plant's. On top of the effects there
+is always a little more that every real drive has, and the truth of a case is what dominates it.
+
+A file of `mechanics` holds one class named `Mechanics`; what it must provide is said below, once.
 """
 
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol, Self
 
+import numba
 import numpy as np
 
 from backends.spec import Body, Spec
@@ -24,7 +27,24 @@ _OTHER = (
     *("delay", "slowness", "loss"),
     *("mass", "bias", "scale", "resolution", "noise", "late"),
 )
-NUMBERS = (*DRIVE, *_OTHER)
+STRANGE = {
+    "hard-stop": "stop",
+    "thermal-fade": "fade",
+    "cogging": "cogging",
+    "one-sided-friction": "uneven",
+    "magnet-slip": "slip",
+}
+"""Faults that no catalogue has, and the number that each adds to.
+
+    stop     the link meets an elastic stop so far inside of the upper end of its range [rad]
+    fade     share of its torque that a motor loses at the heat of lasting full torque [1]
+    cogging  amplitude of a torque that goes as sin(17 motor angle) [Nm]
+    uneven   dry friction while the motor turns upwards, and none downwards [Nm]
+    slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
+"""
+STRANGE_DRIVE = ("stop", "fade", "cogging", "uneven")
+"""Of these what equations of motion have, in the order in which they take them; 0: absent."""
+NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
     "backlash": ("play", "add"),
     "self-lock": ("lock", "add"),
@@ -70,11 +90,21 @@ Course = tuple[Array, Array, Array]
 
 
 class Mechanics(Protocol):
-    """Equations of motion of one limb, with what every real drive has on top of the effects."""
+    """Equations of motion of one limb: the drive law of one make, and what it always has on top.
 
-    @property
-    def tick_s(self) -> float:
-        """Their period [s]; a sample is a whole number of them."""
+    `Mechanics()` is the make's typical robot. It may read the limb's `numbers` by name, and knows
+    neither commands' nor readings' errors: these are the plant's. The same call gives the same
+    course.
+    """
+
+    tick_s: float
+    """Its period [s]; a sample is a whole number of them."""
+    strange: ClassVar[frozenset[str]]
+    """Which of STRANGE its equations have; 'magnet-slip' every plant has."""
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """One robot of this make: what differs from one to the next is drawn."""
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """The course from rest at `wanted_rad[0]`; ValueError for limbs that it does not know.
@@ -113,12 +143,15 @@ class Plant:
                 self.numbers[name][j] = value
 
     def add(self, effect: str, magnitude: float, joint: str | None) -> None:
-        """Add an effect by name: its magnitude in SI units, on one joint or on all it concerns."""
+        """Add an effect, or a fault of STRANGE, by name, on one joint or on all it concerns.
+
+        Its magnitude is in SI units.
+        """
         if effect == "gravity-tilt":
             size, (c, s) = self._gravity[2], (np.cos(magnitude), np.sin(magnitude))
             self._gravity = np.array([-s * size, 0.0, c * size])
             return
-        number, how = CHANGES[effect]
+        number, how = CHANGES[effect] if effect in CHANGES else (STRANGE[effect], "add")
         for j, body in enumerate(self._driven):
             wanted = body.joint.gear == "worm" if effect in WORMS else True
             if joint == body.joint.name or (joint is None and wanted):
@@ -130,9 +163,17 @@ class Plant:
                 }[how]
 
     def run(
-        self, target_rad: Array, push_nm: Array, sample_s: float, rng: np.random.Generator
+        self,
+        target_rad: Array,
+        push_nm: Array,
+        sample_s: float,
+        rng: np.random.Generator,
+        slipped: bool = False,
     ) -> dict[str, Array]:
-        """What is read in one episode of T samples from rest: position, motor, torque, (T, J)."""
+        """What is read in one episode of T samples from rest: position, motor, torque, (T, J).
+
+        `slipped`: the episode lies in the second half of its log, after a magnet has slipped.
+        """
         wanted = self._wanted(self._kept(target_rad, rng), sample_s)
         angle = np.zeros(wanted.shape)
         motor, torque = np.zeros(target_rad.shape), np.zeros(target_rad.shape)
@@ -140,7 +181,7 @@ class Plant:
             angle[:, columns], motor[:, columns], torque[:, columns] = self._mechanics(
                 self._limb(columns), wanted[:, columns], push_nm[:, columns]
             )
-        position = self._read(angle, sample_s * np.arange(len(target_rad)), rng)
+        position = self._read(angle, sample_s * np.arange(len(target_rad)), rng, slipped)
         return {"position": position, "motor": motor, "torque": torque}
 
     def _limb(self, columns: list[int]) -> Limb:
@@ -150,7 +191,7 @@ class Plant:
         )
         return Limb(
             bodies=tuple(bodies),
-            numbers={name: self.numbers[name][columns] for name in DRIVE},
+            numbers={name: self.numbers[name][columns] for name in (*DRIVE, *STRANGE_DRIVE)},
             gravity_m_s2=self._gravity,
         )
 
@@ -173,13 +214,10 @@ class Plant:
             rows = np.floor((now_s - self.numbers["delay"][j]) / sample_s + 1e-6).astype(int)
             wanted[:, j] = sent_rad[np.maximum(rows, 0), j]
             if self.numbers["slowness"][j] > 0.0:
-                most = tick_s / self.numbers["slowness"][j]
-                for k in range(1, len(wanted)):
-                    move = wanted[k, j] - wanted[k - 1, j]
-                    wanted[k, j] = wanted[k - 1, j] + min(max(move, -most), most)
+                _follow(wanted[:, j], tick_s / self.numbers["slowness"][j])
         return wanted
 
-    def _read(self, angle: Array, times_s: Array, rng: np.random.Generator) -> Array:
+    def _read(self, angle: Array, times_s: Array, rng: np.random.Generator, slipped: bool) -> Array:
         """Readings of the position sensors at the samples from the angles at every tick."""
         ticks_s = self._mechanics.tick_s * np.arange(len(angle))
         numbers = self.numbers
@@ -187,10 +225,18 @@ class Plant:
         for j in range(angle.shape[1]):
             then = np.interp(times_s - numbers["late"][j], ticks_s, angle[:, j])
             read = then + numbers["scale"][j] * then + numbers["bias"][j]
-            read += numbers["noise"][j] * rng.normal(size=len(read))
+            read += numbers["noise"][j] * rng.normal(size=len(read)) + numbers["slip"][j] * slipped
             step = numbers["resolution"][j]
             columns.append(np.floor(read / step + 0.5) * step if step > 0 else read)
         return np.stack(columns, axis=1)
+
+
+@numba.njit(cache=True)
+def _follow(wanted_rad, most_rad):
+    """Move targets in place, no further than so much from one to the next."""
+    for k in range(1, len(wanted_rad)):
+        move = wanted_rad[k] - wanted_rad[k - 1]
+        wanted_rad[k] = wanted_rad[k - 1] + min(max(move, -most_rad), most_rad)
 
 
 def _limbs(spec: Spec) -> list[list[int]]:

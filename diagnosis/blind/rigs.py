@@ -5,11 +5,15 @@ errors within the log's uncertainty, and by what is hidden.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+
+import numpy as np
 
 from backends import trx
 from backends.spec import Body, Drive, Encoder, Fingertip, Joint, Spec
 from backends.sticks import STICKS
+from diagnosis.blind import arms
+from diagnosis.logs.log import HandMechanism, MjcfMechanism
 
 NOISE_RAD = 5e-4
 """Noise of every position sensor by its data sheet [rad], standard deviation."""
@@ -83,15 +87,67 @@ def _with_hand(name: str, bodies: tuple[Body, ...], tip: Fingertip) -> Spec:
 
 FREE: dict[str, Callable[[], Spec]] = {"finger": _finger, "hand": _hand, "joint": _joint}
 HOLDING: dict[str, Callable[[], Spec]] = {"held": _hand}
-"""Rigs in free air, and those that hold the stick in some episodes."""
+ARMS = {"arm1": 1, "arm2": 2, "arm3": 3, "arm6": 6}
+"""Number of joints of arms that are drawn; `arm` stands for those of two and more."""
 RIGS = (*FREE, *HOLDING)
+"""Rigs in free air, and those that hold the stick in some episodes."""
+DRAWN = ("arm", *ARMS)
+"""Rigs in free air that are drawn anew for every case: each is one robot."""
+RATE_HZ = 200.0
+"""Samples per second of a hand's log."""
+TORQUE_NOISE = 0.02
+"""Noise of a hand's logged torque over the drive's limit, standard deviation."""
+
+
+def members(names: Sequence[str]) -> tuple[str, ...]:
+    """Rigs by name, `arm` replaced by those that it stands for."""
+    several = (name for name, joints in ARMS.items() if joints > 1)
+    return tuple(dict.fromkeys(n for one in names for n in (several if one == "arm" else [one])))
+
+
+def individual(name: str, rng: np.random.Generator) -> str:
+    """The rig itself, or one arm of its kind, such as `arm2-1234`."""
+    return f"{name}-{rng.integers(1 << 32)}" if name in ARMS else name
+
+
+def family(rig: str) -> str:
+    """The kind of a rig: `arm2` of `arm2-1234`."""
+    return rig.split("-")[0]
+
+
+def robot(rig: str) -> int | None:
+    """The seed of a drawn arm, which is one robot; None of a rig that is always the same."""
+    return int(rig.split("-")[1]) if "-" in rig else None
 
 
 def nominal(rig: str) -> Spec:
     """The nominal world of a rig: what a solver is told of the mechanism."""
+    seed = robot(rig)
+    if seed is not None:
+        return arms.spec(ARMS[family(rig)], seed)
     spec = (FREE | HOLDING)[rig]()
     encoder = Encoder(noise_rad=NOISE_RAD)
     return spec.with_driven(
         dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=encoder))
         for b in spec.hand.driven
     )
+
+
+def rate_hz(rig: str) -> float:
+    """Samples per second of a rig's log."""
+    seed = robot(rig)
+    return RATE_HZ if seed is None else arms.sheet(ARMS[family(rig)], seed).rate_hz
+
+
+def torque_noise(rig: str) -> float:
+    """Noise of a rig's logged torque over the drive's limit, standard deviation."""
+    return TORQUE_NOISE if robot(rig) is None else arms.TORQUE_NOISE
+
+
+def described(rig: str) -> tuple[HandMechanism | MjcfMechanism, str | None]:
+    """How a log describes a rig: its mechanism, and the text of an MJCF file."""
+    seed = robot(rig)
+    if seed is None:
+        return HandMechanism(hand=rig), None
+    joints = ARMS[family(rig)]
+    return arms.described(joints, seed), arms.mjcf(arms.sheet(joints, seed))

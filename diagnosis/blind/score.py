@@ -66,10 +66,11 @@ def score(
             f"solve them with: bench blind run {blind.path}"
         )
     rows, faults = [], []
+    healthy = int(opened.settings.get("healthy", 0))
     for case, oracle in zip(cases, consult(opened), strict=True):
         said = results[case.number] or {}
         sysid = blind.read_rival(SYSID, case.number)
-        rows.append(judged.case_row(case, said, sysid, oracle, catalogue))
+        rows.append(judged.case_row(case, said, sysid, oracle, catalogue, healthy))
         faults += judged.fault_rows(case, said, oracle, catalogue)
     by_case, by_fault = judged.frames(rows, faults)
     by_case = enriched(by_case)
@@ -78,13 +79,15 @@ def score(
         frozen=set(by_case["solver_sha256"]) == {promised.solver_sha256},
         rules_versions=tuple(sorted(set(by_case["rules_version"]))),
         solvers_tried=len(blind.tried()),
-        healthy=int(opened.settings.get("healthy", 0)),
+        healthy=healthy,
         tables={
             "cases": by_case.drop(columns=["wrong", "says_none", "missed", "solver_sha256"]),
+            "sides": tables.by_side(by_case, by_fault),
             "groups": tables.by_group(by_case, by_fault),
             "confusion": tables.confusion(by_case),
             "effects": tables.by_effect(by_fault),
             "reliability": tables.reliability(by_case),
+            "confidence": tables.confidence(by_case),
             "baselines": tables.baselines(by_case, by_fault),
         },
     )
@@ -111,6 +114,8 @@ def headline(found: Score) -> pd.DataFrame:
 
 
 _TITLES = {
+    "sides": "By real side: shares right, with their counts",
+    "confidence": "Mean confidence less share right, in bins of equal counts",
     "groups": "By real side, rig, channels and protocols",
     "baselines": "Baselines on the same cases",
     "confusion": "Confusion: truth by row, verdict by column; detectable cases without pairs",

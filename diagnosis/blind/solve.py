@@ -12,6 +12,7 @@ from diagnosis.blind import rigs
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.diagnose import Diagnosis, diagnose, healthy, shrinkage
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.replay.nominal import mjcf_world, own_catalogue
 
 
 def solve(
@@ -29,8 +30,9 @@ def solve(
     """
     known = {name: kind for name, kind in catalogue.items() if name not in excluded}
     log, nominal = _read(folder)
+    fitting = known if log.mjcf_xml is None else own_catalogue(known, nominal)
     try:
-        found = diagnose(log, nominal, known, map, simulate, sound)
+        found = diagnose(log, nominal, fitting, map, simulate, sound)
     except LogError as error:
         return {"refused": str(error), "catalogue": sorted(known)}
     return {"refused": None, "catalogue": sorted(known), **_said(found)}
@@ -44,8 +46,9 @@ def left_sound(folders: Iterable[Path], catalogue: Mapping[str, type[Effect]]) -
 def _read(folder: Path) -> tuple[Log, Spec]:
     log = read_log(folder)
     mechanism = log.meta.mechanism
-    assert isinstance(mechanism, HandMechanism)
-    return log, rigs.nominal(mechanism.hand)
+    if isinstance(mechanism, HandMechanism):
+        return log, rigs.nominal(mechanism.hand)
+    return log, mjcf_world(log)
 
 
 def _said(found: Diagnosis) -> dict:

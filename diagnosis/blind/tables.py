@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import numpy as np
 import pandas as pd
 
 from diagnosis.blind.draw import LEVELS
@@ -36,6 +37,76 @@ def by_group(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
             inside = faults[faults["number"].isin(part["number"])]
             rows.append({"by": group, "of": name, "cases": len(part), **flat(part, inside)})
     return pd.DataFrame(rows)
+
+
+def by_side(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
+    """What is asked of every real side: shares right by mode, coverage, and how sure it was."""
+    rows = []
+    for real in (*sorted(cases["real"].unique()), "all"):
+        part = cases if real == "all" else cases[cases["real"] == real]
+        inside = faults[faults["number"].isin(part["number"])]
+        row: dict[str, object] = {"real": real, "cases": len(part)}
+        for name, found in side_figures(part, inside).items():
+            row |= {name: found.value, f"{name}_n": found.count}
+        rows.append(row | {"confidence_excess": _excess(part)})
+    return pd.DataFrame(rows)
+
+
+def side_figures(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, Figure]:
+    """Figures of one real side."""
+    seen = cases[cases["detectable"]]
+    mode = {name: seen[seen["mode"] == name] for name in ("single", "pair", "unknown")}
+    none = cases[cases["mode"] == "none"]
+    beyond = mode["unknown"][~mode["unknown"]["ordinary"].astype(bool)]
+    covered = faults["covered"][faults["detectable"].astype(bool)] if len(faults) else pd.Series()
+    return {
+        "singles": share(mode["single"]["right"]),
+        "singles_or_tied": share(mode["single"]["right_or_tied"]),
+        "none": share(none["right"]),
+        "none_accused": share(none["accuses"]),
+        "unknown_seen": share(beyond["right"]),
+        "unknown_near": share(beyond["near"]),
+        "unknown_seen_or_near": share(beyond["right_or_near"]),
+        "pairs": share(mode["pair"]["right"]),
+        "coverage": share(covered),
+    }
+
+
+def _excess(cases: pd.DataFrame) -> float | None:
+    """Mean confidence less share right."""
+    told = judged_ones(cases)
+    gap = pd.to_numeric(told["confidence"]) - told["right_or_near"].astype(float)
+    return float(gap.mean()) if gap.notna().any() else None
+
+
+def judged_ones(cases: pd.DataFrame) -> pd.DataFrame:
+    """Cases whose confidence is judged: `none`, and what there is to be seen."""
+    told = cases[(cases["mode"] == "none") | cases["detectable"]]
+    return told[pd.to_numeric(told["confidence"]).notna()]
+
+
+def confidence(cases: pd.DataFrame, bins: int = 4) -> pd.DataFrame:
+    """Mean confidence and share right of all, and in bins of equal counts by confidence."""
+    told = judged_ones(cases).sort_values("confidence", kind="stable")
+    said = pd.to_numeric(told["confidence"]).to_numpy(dtype=float)
+    right = told["right_or_near"].to_numpy(dtype=float)
+    parts = {"all": np.arange(len(told))}
+    parts |= {str(k + 1): one for k, one in enumerate(np.array_split(parts["all"], bins))}
+    rows = [
+        {
+            "bin": name,
+            "cases": len(part),
+            "from": float(said[part].min()),
+            "to": float(said[part].max()),
+            "confidence": float(said[part].mean()),
+            "right": float(right[part].mean()),
+            "excess": float(said[part].mean() - right[part].mean()),
+        }
+        for name, part in parts.items()
+        if len(part)
+    ]
+    columns = ["bin", "cases", "from", "to", "confidence", "right", "excess"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def flat(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, float | int | None]:
@@ -151,6 +222,8 @@ def _restated(cases: pd.DataFrame, verdict: pd.Series, shrinkage: str) -> pd.Dat
         verdict=verdict,
         right=right,
         right_or_tied=right,
+        right_or_near=right,
+        near=False,
         wrong=~right,
         one_of=named & (verdict != "none"),
         in_top=named & (verdict != "none"),

@@ -17,7 +17,8 @@ FLOORS = {
     "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends"},
 }
 HOMES = {
-    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"},
+    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"}
+    | {"diagnosis/blind/mechanics/plain.py"},
     "pybullet": {"backends/bullet.py"},
     "sapien": {"backends/sapien.py"},
     "stable_baselines3": {"baselines/"},

@@ -16,7 +16,7 @@ from backends.spec import Encoder, Spec
 from benchmark import blind, registry
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
-from diagnosis.blind import detectable, draw, files, frozen, make, motion, rigs
+from diagnosis.blind import detectable, draw, files, frozen, make, motion, rigs, sides
 from diagnosis.blind.files import BlindSet
 from diagnosis.blind.measures import median, share
 from diagnosis.blind.mechanics import bristle, dart, plant
@@ -44,6 +44,7 @@ IDEAL = {
     "bristle": bristle.Mechanics(nothing(bristle.Baseline, bristle_rad=1e-4)),
 }
 """Plants without what every real drive has."""
+MECHANICS = frozen.ROOT / "diagnosis/blind/mechanics"
 SOLVER_FOLDERS = ("diagnosis/attribution/", "diagnosis/replay/", "diagnosis/beside/")
 
 
@@ -306,13 +307,13 @@ def test_maker_and_solver_share_no_code():
     solver = frozen.imported("diagnosis.diagnose")
     assert all(any(name.startswith(folder) for name in solver) for folder in SOLVER_FOLDERS)
     assert not [name for name in frozen.imported("diagnosis.diagnose") if "blind" in name]
-    for name in make.ENGINES:
+    for name in sides.ENGINES:
         theirs = frozen.imported(f"diagnosis.blind.engines.{name}")
         assert not [file for file in theirs if file.startswith(SOLVER_FOLDERS)]
-    for name in make.PLANTS:
-        assert frozen.imported(f"diagnosis.blind.mechanics.{name}") <= {
+    for name in sides.PLANTS:
+        shared = {str(p.relative_to(frozen.ROOT)) for p in MECHANICS.glob("_*.py")}
+        assert frozen.imported(f"diagnosis.blind.mechanics.{name}") <= shared | {
             "diagnosis/blind/plant.py",
-            "diagnosis/blind/mechanics/_chain.py",
             f"diagnosis/blind/mechanics/{name}.py",
             "backends/spec.py",
             "backends/state.py",
@@ -439,7 +440,7 @@ def test_kept_real_sides_are_named_alone():
     engines = registry.names("backend")
     assert blind.settings(8, "all", **words).reals == (*engines, "plant")
     assert blind.settings(8, "dart", **words).reals == ("dart",)
-    assert set(blind.KEPT_APART) < set(make.STICKLESS)
+    assert set(blind.KEPT_APART) < set(sides.STICKLESS)
     for name in ("dart", "drake"):
         with pytest.raises(UsageError, match="drake, exudyn have joints alone"):
             blind.settings(8, name, **(words | {"rig": "held"}))
@@ -477,7 +478,7 @@ def test_a_plant_knows_no_branches():
         Plant(tree, IDEAL["plant"])
 
 
-@pytest.mark.parametrize("name", make.PLANTS)
+@pytest.mark.parametrize("name", ["plant", "dart", "bristle"])
 @pytest.mark.parametrize("effect", draw.EFFECTS)
 def test_plant_effects_act(effect, name):
     """Change what a plant shows by every effect, nothing by its zero, on the named joint."""
@@ -491,7 +492,7 @@ def test_plant_effects_act(effect, name):
         return real.run(m.target_rad[first], m.push_nm[first], sample_s, rng)["position"]
 
     def read(magnitude: float) -> list[np.ndarray]:
-        real = Plant(spec, make.mechanics(name))
+        real = Plant(spec, sides.mechanics(name)())
         real.add(effect, magnitude, None if effect == "gravity-tilt" else "J0")
         return [position(real, m) for m in motions]
 
@@ -499,7 +500,7 @@ def test_plant_effects_act(effect, name):
     scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
     magnitude = scale * (size.levels[2] or -size.falls[2])
     without = read(0.0)
-    assert np.array_equal(without[0], position(Plant(spec, make.mechanics(name)), motions[0]))
+    assert np.array_equal(without[0], position(Plant(spec, sides.mechanics(name)()), motions[0]))
     apart = max(np.abs(a - b).max() for a, b in zip(read(magnitude), without, strict=True))
     assert apart > rigs.NOISE_RAD
 

@@ -9,17 +9,17 @@ from scipy.integrate import solve_ivp
 from backends.spec import Spec
 from backends.state import InitialState
 from benchmark import blind, registry
-from diagnosis.blind import make, motion, rigs
+from diagnosis.blind import make, motion, rigs, sides
 from diagnosis.blind.engines._free import FreeHands
 from diagnosis.blind.mechanics import _chain
 from diagnosis.blind.plant import Limb
 
-every_engine = pytest.mark.parametrize("name", make.ENGINES)
+every_engine = pytest.mark.parametrize("name", sides.ENGINES)
 
 
 def placed(name: str, spec: Spec, joint_rad: list[float]) -> FreeHands:
     """One world of a rig at rest."""
-    engine = make.engine(name)([spec])
+    engine = sides.engine(name)([spec])
     rest(engine, joint_rad)
     return engine
 
@@ -109,8 +109,8 @@ def test_engines_of_other_rates_agree():
     for protocol, most in (("steps", 6e-4), ("triangle", 1e-4), ("multisine", 1e-4)):
         moved = [motion.motion(protocol, spec, rng)]
         both = [
-            make.engine_readings(make.engine(name), spec, moved, np.random.default_rng(1))
-            for name in make.ENGINES
+            make.engine_readings(sides.engine(name), spec, moved, np.random.default_rng(1))
+            for name in sides.ENGINES
         ]
         (one,), (other,) = both
         assert 0.0 < np.abs(one["motor"] - other["motor"]).max() < most
@@ -125,8 +125,8 @@ def test_a_held_torque_gives_back_damping(name, drive_s, monkeypatch):
     swing: 0.454 at 5 kHz. This is why the drives of these sides do not run at 1 kHz.
     """
     if drive_s is not None:
-        monkeypatch.setattr(make.engine(name), "drive_s", drive_s)
-    period_s = make.engine(name).drive_s
+        monkeypatch.setattr(sides.engine(name), "drive_s", drive_s)
+    period_s = sides.engine(name).drive_s
     spec = dataclasses.replace(rigs.nominal("joint"), gravity_m_s2=(0.0, 0.0, 0.0))
     stiffness = inertia_kgm2(spec) * (2 * np.pi * 10.0) ** 2
     damping = stiffness * 1e-3 / 2
@@ -161,7 +161,7 @@ def test_slides_are_refused(name):
     slide = dataclasses.replace(body, joint=dataclasses.replace(body.joint, slides=True))
     bodies = tuple(slide if b.name == body.name else b for b in spec.hand.bodies)
     with pytest.raises(ValueError, match=r"joint\.slides is refused: only hinges"):
-        make.engine(name)(
+        sides.engine(name)(
             [dataclasses.replace(spec, hand=dataclasses.replace(spec.hand, bodies=bodies))]
         )
 
@@ -173,4 +173,4 @@ def test_exudyn_builds_no_link_of_two_bodies():
     cap = dataclasses.replace(base, name="cap", parent=links[-1].name)
     hand = dataclasses.replace(spec.hand, bodies=(base, *links, cap))
     with pytest.raises(ValueError, match="cap is fixed on finger1_distal"):
-        make.engine("exudyn")([dataclasses.replace(spec, hand=hand)])
+        sides.engine("exudyn")([dataclasses.replace(spec, hand=hand)])

@@ -15,13 +15,15 @@ than the other, a motor that is stronger to one side, and the lag of current and
 """
 
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numba
 import numpy as np
 
 from backends.state import Array
+from diagnosis.blind.mechanics import _strange
 from diagnosis.blind.mechanics._chain import fall, geometry
-from diagnosis.blind.plant import DRIVE, Course, Limb
+from diagnosis.blind.plant import DRIVE, STRANGE_DRIVE, Course, Limb
 
 TICK_S = 1e-4
 STRIBECK_RAD_S = 0.05
@@ -58,17 +60,24 @@ class Baseline:
 class Mechanics:
     """Limbs of one or two parallel hinges."""
 
-    tick_s = TICK_S
+    tick_s: float = TICK_S
+    strange: ClassVar[frozenset[str]] = _strange.ALL
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """All robots of this make are alike."""
+        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""
         links, pull = geometry(limb)
         base = self._baseline
-        drives = np.array([limb.numbers[name] for name in DRIVE])
+        drives = np.array([limb.numbers[name] for name in (*DRIVE, *STRANGE_DRIVE)])
         limits = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
+        drives[len(DRIVE)] = _strange.stops_rad(limb)
         drives[DRIVE.index("play")] += base.play_rad
         drives[DRIVE.index("coulomb")] += base.friction_share * limits
         return _run(
@@ -107,6 +116,7 @@ def _run(
     steps = (len(wanted) - 1) // (samples - 1)
     q, qd, motor, speed = wanted[0].copy(), np.zeros(joints), wanted[0].copy(), np.zeros(joints)
     felt, current, bend = np.zeros(joints), np.zeros(joints), np.zeros(joints)
+    heat = np.zeros(joints)
     torque, acceleration = np.zeros(joints), np.zeros(joints)
     angle = np.zeros(wanted.shape)
     motor_out, torque_out = np.zeros((samples, joints)), np.zeros((samples, joints))
@@ -118,14 +128,17 @@ def _run(
             break
         for j in range(joints):
             kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-            lock, stiction, load, dead = drives[j, 9:]
+            lock, stiction, load, dead = drives[j, 9:13]
+            stop, fade, cog, uneven = drives[j, 13:]
             error = wanted[tick, j] - motor[j]
             error -= min(max(error, -dead), dead)
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])
             asked = min(max(kp * error - kd * felt[j], -limit), limit)
             current[j] = asked + current_keeps * (current[j] - asked)
+            heat[j] = _strange.warmed(heat[j], current[j] / limit, TICK_S)
             pushed = current[j] * (1 + np.copysign(side, current[j]))
-            pushed += cogging[j] * np.cos(per_rad * motor[j])
+            pushed *= _strange.faded(fade, heat[j])
+            pushed += cogging[j] * np.cos(per_rad * motor[j]) + _strange.cogged(cog, motor[j])
             twist = motor[j] - q[j]
             depth, way = abs(twist) - play, np.copysign(1.0, twist)
             gear = 0.0
@@ -133,6 +146,7 @@ def _run(
                 gear = stiff * (1 + flank * way) * depth + damping * way * (speed[j] - qd[j])
                 gear = way * max(gear, 0.0)
             level = coulomb + stiction / (1 + (speed[j] / STRIBECK_RAD_S) ** 2) + load * abs(gear)
+            level += uneven if speed[j] > 0.0 else 0.0
             driven = -np.sign(gear)  # where the load would turn the motor
             if (pushed - gear) * driven > 0.0 and speed[j] * driven > -SLOW_RAD_S:
                 level += lock * (1 - min(max(pushed * driven, 0.0) / abs(gear), 1.0))
@@ -142,6 +156,7 @@ def _run(
             speed[j] = free / (1 + TICK_S / rotor * viscous)
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j]
+            torque[j] += _strange.stopped(q[j], qd[j], stop, kp, kd)
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

@@ -19,12 +19,14 @@ DART: J. Lee et al., Journal of Open Source Software 3(22), 2018.
 """
 
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import dartpy as dart
 import numpy as np
 
 from backends.spec import Body
 from backends.state import Array
+from diagnosis.blind.mechanics import _strange
 from diagnosis.blind.plant import Course, Limb
 
 TICK_S = 2e-4
@@ -58,10 +60,16 @@ class Baseline:
 class Mechanics:
     """Limbs of any number of hinges."""
 
-    tick_s = TICK_S
+    tick_s: float = TICK_S
+    strange: ClassVar[frozenset[str]] = _strange.ALL
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """All robots of this make are alike."""
+        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""
@@ -73,6 +81,7 @@ class _World:
 
     def __init__(self, limb: Limb, baseline: Baseline) -> None:
         self._base, self._numbers = baseline, limb.numbers
+        self._stops_rad = _strange.stops_rad(limb).tolist()
         self._nominal_nm = [b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive]
         self._world = dart.simulation.World()
         self._world.setTimeStep(TICK_S)
@@ -128,6 +137,7 @@ class _World:
         self._links[j].setPosition(0, start_rad)
         self._rotors[j].setPosition(0, start_rad)
         numbers = {name: float(values[j]) for name, values in self._numbers.items()}
+        numbers["stop"] = self._stops_rad[j]
         return _Servo(numbers, self._base, self._nominal_nm[j], self._links[j], self._rotors[j])
 
 
@@ -151,6 +161,7 @@ class _Servo:
         """The encoder's last reading."""
         self.current_nm = 0.0
         """The current, as the torque that it would give without ripple."""
+        self._heat = 0.0
 
     def drive(self, wanted_rad: float, push_nm: float) -> None:
         """Put the forces of one tick on rotor and link."""
@@ -164,16 +175,23 @@ class _Servo:
         self.current_nm = asked + self._keeps * (self.current_nm - asked)
         turn = np.sin(base.per_rad * motor)
         pushed = self.current_nm * (1 + base.ripple * turn)
+        if n["fade"] or n["cogging"]:
+            self._heat = _strange.warmed(self._heat, self.current_nm / n["limit"], TICK_S)
+            pushed *= _strange.faded(n["fade"], self._heat)
+            pushed += _strange.cogged(n["cogging"], motor)
         gear = self._teeth(
             motor - link.getPosition(0), speed - link.getVelocity(0), 1 + base.mesh * turn
         )
         free = speed + TICK_S / n["rotor"] * (pushed - gear)
         held = self._dry_nm + n["stiction"] * np.exp(-abs(speed) / STRIBECK_RAD_S)
-        held += n["load"] * abs(gear)
+        held += n["load"] * abs(gear) + (n["uneven"] if speed > 0.0 else 0.0)
         if free * gear < 0.0 and free * pushed <= 0.0:
             held += n["lock"]
         rotor.setCoulombFriction(0, held)
         rotor.setForce(0, pushed - gear)
+        angle = link.getPosition(0)
+        if angle > n["stop"]:
+            push_nm += _strange.stopped(angle, link.getVelocity(0), n["stop"], n["kp"], n["kd"])
         link.setForce(0, gear + push_nm)
 
     def _teeth(self, bend_rad: float, rate_rad_s: float, stiffer: float) -> float:

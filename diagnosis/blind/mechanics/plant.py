@@ -12,6 +12,7 @@ On top of the ideal mechanism there is always a little play, friction, cogging a
 """
 
 from dataclasses import dataclass
+from typing import ClassVar, Self
 
 import numba
 import numpy as np
@@ -50,10 +51,16 @@ class Baseline:
 class Mechanics:
     """Smooth equations of a limb whose hinges are parallel, one or two of them."""
 
-    tick_s = TICK_S
+    tick_s: float = TICK_S
+    strange: ClassVar[frozenset[str]] = frozenset({"magnet-slip"})
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """All robots of this make are alike."""
+        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see `Mechanics`.

@@ -1,0 +1,85 @@
+"""A make of geared limbs in Python: one robot of it, and the numbers of its laws per joint.
+
+A subclass of `Geared` named `Mechanics` in its own file is one make. It names its baseline and its
+laws of servo and friction (see `_two_mass`), and says what these need.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.blind.mechanics import _strange, _two_mass
+from diagnosis.blind.plant import Course, Limb
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline:
+    """What a robot of a make always has; defaults are those of a typical one."""
+
+    stiffness_kp: float = 100.0
+    """Stiffness of its gears over kp, where the data sheet has them stiffer."""
+    friction_share: float = 1e-3
+    """Dry friction over the torque limit, beside what the data sheet says."""
+    bend_rad: float = 4e-4
+    """Angle over which dry friction builds up after a reversal."""
+
+    ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
+    """Ends between which a number differs from one robot to the next, by name of a field."""
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """One robot of the make: its numbers even between their ends."""
+        ends = {"stiffness_kp": (60.0, 150.0), **cls.ranges}
+        names = [f.name for f in fields(cls) if f.name in ends]
+        return replace(cls(), **{name: float(rng.uniform(*ends[name])) for name in names})
+
+
+class Geared:
+    """Limbs of one or two parallel hinges, each with a servo and a gear; see the protocol."""
+
+    tick_s: float = _two_mass.TICK_S
+    strange: ClassVar[frozenset[str]] = _strange.ALL
+    baseline: ClassVar[type[Baseline]]
+    laws: ClassVar[tuple[Callable, Callable]]
+    """Compiled functions of servo and friction."""
+
+    def __init__(self, baseline: Any = None) -> None:
+        self._base = baseline or self.baseline()
+
+    @classmethod
+    def individual(cls, rng: np.random.Generator) -> Self:
+        """One robot of this make."""
+        return cls(cls.baseline.individual(rng))
+
+    def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
+        """The course from rest at `wanted_rad[0]`."""
+        limit_nm = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
+        numbers = dict(limb.numbers)
+        numbers["coulomb"] = numbers["coulomb"] + self._base.friction_share * limit_nm
+        numbers["stiction"] = numbers["stiction"] + self.stiction(self._base, numbers)
+        chassis = self.chassis(self._base, limit_nm)
+        stiffness = self._base.stiffness_kp * numbers["kp"]
+        own = self.own(self._base, limit_nm)
+        return _two_mass.run(
+            self.laws,
+            replace(chassis, stiffness_nm_rad=stiffness),
+            np.array([np.broadcast_to(row, len(limit_nm)) for row in own], dtype=float),
+            replace(limb, numbers=numbers),
+            wanted_rad,
+            push_nm,
+        )
+
+    def stiction(self, base: Any, numbers: Mapping[str, Array]) -> Array | float:
+        """Stiction that is always there [Nm]."""
+        return 0.0
+
+    def chassis(self, base: Any, limit_nm: Array) -> _two_mass.Chassis:
+        """Numbers of what all makes have; `limit_nm` are the data sheet's torque limits."""
+        raise NotImplementedError
+
+    def own(self, base: Any, limit_nm: Array) -> list:
+        """Numbers of the make's laws, each one for all joints or one per joint."""
+        raise NotImplementedError

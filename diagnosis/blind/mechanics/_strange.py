@@ -1,0 +1,48 @@
+"""Faults that no catalogue has, as laws that equations of motion share; see `plant.STRANGE`."""
+
+import numba
+import numpy as np
+
+from backends.state import Array
+from diagnosis.blind.plant import Limb
+
+ALL = frozenset({"hard-stop", "thermal-fade", "cogging", "one-sided-friction", "magnet-slip"})
+HEAT_S = 3.0
+"""Time constant of a motor's heat [s]."""
+TEETH = 17.0
+"""Periods of a strange cogging per 2 pi rad."""
+STOP_STIFFNESS = 30.0
+"""Stiffness of an end stop over the servo's kp."""
+
+
+def stops_rad(limb: Limb) -> Array:
+    """Where each link meets a stop; infinite where it has none."""
+    upper = np.array([body.joint.range_rad[1] for body in limb.bodies])
+    inside = limb.numbers["stop"]
+    return np.where(inside > 0, upper - inside, np.inf)
+
+
+@numba.njit(cache=True)
+def warmed(heat, load, tick_s):
+    """Heat of a motor after a tick at a share of its torque limit; 1 for lasting full torque."""
+    return heat + tick_s / HEAT_S * (load * load - heat)
+
+
+@numba.njit(cache=True)
+def faded(fade, heat):
+    """Share of its torque that a motor of some heat still gives."""
+    return 1 - min(fade * heat, 0.9)
+
+
+@numba.njit(cache=True)
+def cogged(cogging, motor):
+    """Torque of a motor that cogs."""
+    return cogging * np.sin(TEETH * motor)
+
+
+@numba.njit(cache=True)
+def stopped(angle, speed, stop, kp, kd):
+    """Torque of an end stop on a link: a spring with a damper that only pushes."""
+    if angle <= stop:
+        return 0.0
+    return -max(STOP_STIFFNESS * kp * (angle - stop) + kd * speed, 0.0)

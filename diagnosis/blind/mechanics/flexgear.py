@@ -1,0 +1,75 @@
+"""A make with a strain wave gear: soft, stiffer under load, with friction inside and behind it.
+
+    gear = (k x + c x') (1 + (k x / T)^2) + H z,   z' = (x' - |x'| z) / 0.3 mrad
+    M(q) q'' + h = gear + push - F,                F between the links, behind the spring
+
+x is the twist. The servo closes on the motor, so the link sags and rings where the file says rigid.
+Everything else is `_two_mass`, with Dahl's friction.
+
+Cubic stiffness and hysteresis of strain wave gears: T. D. Tuttle and W. P. Seering, IEEE
+Transactions on Robotics and Automation 12, 1996; H. D. Taghirad and P. R. Belanger, Journal of
+Dynamic Systems, Measurement and Control 120, 1998.
+"""
+
+from dataclasses import dataclass
+
+import numba
+
+from backends.state import Array
+from diagnosis.blind.mechanics import _geared, _two_mass
+from diagnosis.blind.mechanics._geared import Geared
+
+PERIOD_S = 1e-3
+
+
+@dataclass(frozen=True, kw_only=True)
+class Baseline(_geared.Baseline):
+    """What a robot of this make always has."""
+
+    stiffness_kp: float = 65.0
+    """k over kp."""
+    stiffens_share: float = 0.6
+    """T over the torque limit."""
+    hysteresis_share: float = 5e-3
+    """H over the torque limit."""
+    bend_rad: float = 8e-4
+
+    ranges = {
+        "stiffness_kp": (40.0, 90.0),
+        "hysteresis_share": (2e-3, 8e-3),
+        "bend_rad": (5e-4, 1e-3),
+    }
+
+
+@numba.njit(cache=True)
+def servo(target, motor, speed, first, drive, own, state):
+    """PD on the encoder and its difference."""
+    felt = _two_mass.read_speed(motor, PERIOD_S, 0.0, first, state)
+    asked = drive[0] * _two_mass.banded(target - motor, drive[12]) - drive[1] * felt
+    return min(max(asked, -drive[2]), drive[2])
+
+
+@numba.njit(cache=True)
+def friction(speed, own, state):
+    """One bristle."""
+    state[6] = _two_mass.bristle(speed, own[0], state[6])
+    return state[6]
+
+
+class Mechanics(Geared):
+    """Limbs of one or two parallel hinges."""
+
+    baseline, laws = Baseline, (servo, friction)
+
+    def chassis(self, base: Baseline, limit_nm: Array) -> _two_mass.Chassis:
+        """See `Geared`."""
+        return _two_mass.Chassis(
+            period_s=PERIOD_S,
+            stiffens_nm=base.stiffens_share * limit_nm,
+            hysteresis_nm=base.hysteresis_share * limit_nm,
+            behind=True,
+        )
+
+    def own(self, base: Baseline, limit_nm: Array) -> list:
+        """See `Geared`."""
+        return [base.bend_rad]

@@ -1,0 +1,42 @@
+"""What stands for reality: plants and engines, each a file whose name is its name.
+
+A plant is a file of `mechanics`, with equations of its own (see `plant.Mechanics`); it has joints
+alone. A file of `engines` is an engine that is no backend: free air alone.
+"""
+
+import importlib
+from pathlib import Path
+
+from backends.engine import Engine
+from diagnosis.blind.plant import Mechanics
+
+HERE = Path(__file__).parent
+
+
+def _names(folder: str) -> tuple[str, ...]:
+    """Plug-ins of a folder: its files that are not private."""
+    found = sorted(path.stem for path in (HERE / folder).glob("*.py"))
+    return tuple(name for name in found if not name.startswith("_"))
+
+
+PLANTS, ENGINES = _names("mechanics"), _names("engines")
+STICKLESS = (*PLANTS, *ENGINES)
+"""Real sides that hold no stick."""
+TUNED = ("plant",)
+"""Of these the ones that a solver may be tuned on: the others are in no set that does not name
+them."""
+
+
+def engine(name: str) -> type[Engine]:
+    """One of ENGINES."""
+    return importlib.import_module(f"diagnosis.blind.engines.{name}").Backend
+
+
+def mechanics(name: str) -> type[Mechanics]:
+    """The equations of one of PLANTS; called without arguments they are a typical robot's."""
+    return importlib.import_module(f"diagnosis.blind.mechanics.{name}").Mechanics
+
+
+def strange(name: str) -> tuple[str, ...]:
+    """Faults outside of the catalogue that a real side can have, in alphabetical order."""
+    return tuple(sorted(mechanics(name).strange)) if name in PLANTS else ()

@@ -1,0 +1,244 @@
+"""How large the faults of a drawn robot are: some times what it leaves while nothing is wrong.
+
+What a log *leaves* is the root mean square over all samples of its positions less those of the
+file's model, once tolerances have taken what they can: nominal numbers within three of their
+standard deviations, a little delay, twist and dry friction. Even a healthy robot leaves something,
+its *residual*, for its drive law is another. A fault is drawn by what it leaves over the residual,
+noise and floor of its log.
+
+The model is plain MuJoCo, expanded about the robot's true nominal numbers; what tolerances take is
+a bounded linear problem. So the maker needs nothing of a solver to know what is there to be seen.
+
+A robot that leaves more than `MOST_FLOORS` is another robot than its file: another one is drawn. A
+fault that cannot leave what is wanted is as large as it may be, and if that is too little, another
+one is drawn.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from backends.effect import Effect
+from backends.spec import Encoder, Spec
+from backends.state import Array
+from diagnosis.blind import draw, rigs, sides
+from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.make import Simulate, case_rng, motions, readings
+from diagnosis.blind.mechanics import plain
+from diagnosis.blind.plant import Plant
+from diagnosis.blind.strange import largest
+
+FLOOR_RAD = 2.5e-4
+"""What positions of a log can tell at best: one floor (`floor_position_rad` of the diagnosis)."""
+MOST_FLOORS = 5.0
+"""A healthy robot leaves no more."""
+TRIES = 40
+"""Robots, or faults, that are drawn anew at most."""
+SPAN, HALVINGS, CLOSE = 100.0, 8, 0.08
+"""Least magnitude, under the largest; trials at most; what is close enough, as a logarithm."""
+STDS = 3.0
+"""Tolerances reach no further than so many of their standard deviations."""
+TOLERANCES = {
+    "kp-scale": (0.05, None),
+    "kd-scale": (0.05, None),
+    "link-mass": (0.05, None),
+    "rotor-inertia": (0.05, "rotor_inertia_kgm2"),
+    "viscous-friction": (0.02, "kd_nms_rad"),
+    "coulomb-friction": (0.003, "torque_limit_nm"),
+    "command-delay": (1.5e-3, None),
+}
+"""By how much any robot may be off, one standard deviation, and what it is a share of."""
+ONE_SIDED = ("command-delay",)
+TWIST = 0.008
+"""The same of a gear's compliance, over 1 / kp."""
+
+
+class Robot:
+    """A drawn robot in the motions of its case: what it leaves with faults and without."""
+
+    def __init__(
+        self, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
+    ) -> None:
+        self._case, self._catalogue, self._simulate = case, catalogue, simulate
+        spec = rigs.nominal(case.rig)
+        self.spec = _quiet(spec)
+        self._moved = motions(case, self.spec, self.spec, case_rng(case, seed))
+        noise = max(b.joint.encoder.noise_rad for b in spec.hand.driven)
+        self._told_rad = float(np.hypot(noise, FLOOR_RAD))
+
+    @cached_property
+    def residual_rad(self) -> float:
+        """What it leaves while nothing is wrong."""
+        return self.left_rad(())
+
+    @property
+    def scale_rad(self) -> float:
+        """What its faults are measured by: residual, noise and floor together."""
+        return float(np.hypot(self.residual_rad, self._told_rad))
+
+    def left_rad(self, faults: Sequence[Fault]) -> float:
+        """What it leaves with faults, root mean square over samples and joints."""
+        case = dataclasses.replace(
+            self._case, faults=tuple(faults), nominal=draw.nominal_errors(self._case.rig, faults)
+        )
+        rng = np.random.default_rng(0)
+        read = readings(case, self.spec, self._moved, self._catalogue, self._simulate, rng)
+        gap = np.concatenate([one["position"] for one in read]) - self._model[0]
+        return self._untaken(gap.ravel())
+
+    @cached_property
+    def _model(self) -> tuple[Array, Array]:
+        return self._replay(())
+
+    def _replay(self, more: Sequence[Fault]) -> tuple[Array, Array]:
+        """Positions and torques of the file's model with this robot's nominal numbers and more."""
+        plant = Plant(self.spec, plain.Mechanics())
+        for fault in (*draw.nominal_errors(self._case.rig, ()), *more):
+            plant.add(fault.effect, fault.magnitude, fault.joint)
+        rng, sample_s = np.random.default_rng(0), 1 / rigs.rate_hz(self._case.rig)
+        read = [plant.run(m.target_rad, m.push_nm, sample_s, rng) for m in self._moved]
+        position, torque = (np.concatenate([r[k] for r in read]) for k in ("position", "torque"))
+        return position, torque
+
+    @cached_property
+    def _tolerances(self) -> tuple[Array, Array, Array, Array]:
+        """Q and R of the positions per standard deviation, and how far each tolerance reaches."""
+        still, torque = self._model
+        errors = {(f.effect, f.joint): f.magnitude for f in draw.nominal_errors(self._case.rig, ())}
+        columns, taken, least = [], [], []
+        for j, body in enumerate(self.spec.hand.driven):
+            drive, joint = body.joint.drive, body.joint.name
+            assert drive is not None
+            for name, (share, of) in TOLERANCES.items():
+                size = share * (getattr(drive, of) if of else 1.0)
+                bent = Fault(effect=name, joint=joint, magnitude=size)
+                columns.append((self._replay([bent])[0] - still).ravel())
+                taken.append(errors.get((name, joint), 0.0) / size)
+                least.append(0.0 if name in ONE_SIDED else -STDS)
+            twist = np.zeros_like(still)
+            twist[:, j] = -TWIST / drive.kp_nm_rad * torque[:, j]
+            columns.append(twist.ravel())
+            taken.append(0.0)
+            least.append(0.0)
+        q, r = np.linalg.qr(np.stack(columns, axis=1))
+        return q, r, np.array(least) - taken, STDS - np.array(taken)
+
+    def _untaken(self, gap: Array) -> float:
+        q, r, low, high = self._tolerances
+        seen = q.T @ gap
+        found = lsq_linear(r, seen, (np.minimum(low, -1e-9), np.maximum(high, 1e-9)))
+        rest = gap @ gap - seen @ seen + 2 * found.cost
+        return float(np.sqrt(max(rest, 0.0) / len(gap)))
+
+
+def sized(
+    case: Case,
+    times: tuple[float, float],
+    effects: Sequence[str],
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+    seed: int,
+) -> Case:
+    """The case of a drawn robot with the magnitudes of its faults, and what it leaves.
+
+    `times` are the ends between which faults leave more than the robot does, `effects` those that
+    may stand in for what cannot. Raises ValueError where no robot or no fault is found.
+    """
+    rng = np.random.default_rng([seed, 5, case.number])
+    case, robot = _ordinary(case, catalogue, simulate, seed)
+    chosen: list[Fault] = []
+    found: list[float] = []
+    for first in case.faults:
+        wanted = float(np.exp(rng.uniform(*np.log(times))))
+        for fault in _candidates(case, first, chosen, effects, catalogue, rng):
+            magnitude, moved = _solved(robot, fault, wanted * robot.scale_rad)
+            if moved >= times[0] * robot.scale_rad * np.exp(-CLOSE):
+                chosen.append(dataclasses.replace(fault, magnitude=magnitude))
+                found.append(moved / robot.scale_rad)
+                break
+        else:
+            raise ValueError(f"no fault of {TRIES} shows on {case.rig} as {case.real}")
+    return dataclasses.replace(
+        case,
+        faults=tuple(chosen),
+        nominal=draw.nominal_errors(case.rig, chosen),
+        excluded=_excluded(case, chosen),
+        times=tuple(found),
+        residual_floors=robot.residual_rad / FLOOR_RAD,
+        left_floors=robot.left_rad(chosen) / FLOOR_RAD,
+    )
+
+
+def _ordinary(
+    case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
+) -> tuple[Case, Robot]:
+    """The case with the first robot that leaves what healthy ones do, itself or another one."""
+    for _ in range(TRIES):
+        robot = Robot(case, catalogue, simulate, seed)
+        if robot.residual_rad <= MOST_FLOORS * FLOOR_RAD:
+            return case, robot
+        anew = np.random.default_rng([rigs.robot(case.rig) or 0, 4])
+        case = dataclasses.replace(case, rig=rigs.individual(rigs.family(case.rig), anew))
+    raise ValueError(f"{TRIES} robots of {case.real} leave more than {MOST_FLOORS:g} floors each")
+
+
+def _candidates(
+    case: Case,
+    first: Fault,
+    chosen: Sequence[Fault],
+    effects: Sequence[str],
+    catalogue: Mapping[str, type[Effect]],
+    rng: np.random.Generator,
+) -> Iterator[Fault]:
+    """The fault that was dealt, then the same or others elsewhere; magnitudes are the largest."""
+    spec, taken = rigs.nominal(case.rig), [f.effect for f in chosen]
+    strange = first.effect not in catalogue
+    names = list(sides.strange(case.real)) if strange else list(effects)
+    for turn in range(TRIES):
+        name, joint = first.effect, first.joint
+        if turn > 0:
+            name = first.effect if turn % 2 else names[rng.integers(len(names))]
+            joint = draw.arm_joint(name, catalogue, spec, rng)
+        pair = {name, *taken}
+        if name not in taken and not any(one <= pair for one in draw.EXCLUSIVE):
+            most = largest(name, joint, spec, rng)
+            yield Fault(effect=name, joint=joint, magnitude=most)
+
+
+def _solved(robot: Robot, most: Fault, wanted_rad: float) -> tuple[float, float]:
+    """The magnitude that leaves what is wanted, or the largest, and what it leaves [rad]."""
+
+    def left(scale: float) -> float:
+        size = most.magnitude * scale
+        return robot.left_rad([dataclasses.replace(most, magnitude=size)])
+
+    scale, reached = 1.0, left(1.0)
+    if reached <= wanted_rad:
+        return most.magnitude, reached
+    low, high = -np.log(SPAN), 0.0
+    for _ in range(HALVINGS):
+        scale = float(np.exp((low + high) / 2))
+        reached = left(scale)
+        off = np.log(reached / wanted_rad)
+        if abs(off) < CLOSE:
+            break
+        low, high = (low, np.log(scale)) if off > 0 else (np.log(scale), high)
+    return most.magnitude * scale, reached
+
+
+def _excluded(case: Case, faults: Sequence[Fault]) -> tuple[str, ...]:
+    """What the solver's catalogue lacks: in `unknown` the fault that it was drawn to be."""
+    if not case.excluded or case.mode != "unknown":
+        return tuple(e for e in case.excluded if e not in [f.effect for f in faults])
+    return (faults[0].effect,)
+
+
+def _quiet(spec: Spec) -> Spec:
+    """A world whose sensors have no noise."""
+    return spec.with_driven(
+        dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=Encoder()))
+        for b in spec.hand.driven
+    )

@@ -1,0 +1,45 @@
+"""The largest faults that a drawn robot can have, of the catalogue and outside of it."""
+
+import numpy as np
+
+from backends.spec import Spec
+from diagnosis.blind import draw
+
+REACH = 2.0
+"""Largest magnitudes over the large level of the catalogue's sizes."""
+LEAST_SHARE = -0.85
+"""What is a share of a number never takes more of it."""
+COMPLIANCE = 0.6
+"""Largest compliance of a gear over 1 / kp."""
+STRANGE = {
+    "hard-stop": (1.0, "range"),
+    "thermal-fade": (30.0, None),
+    "cogging": (0.3, "limit"),
+    "one-sided-friction": (0.4, "limit"),
+    "magnet-slip": (0.1, None),
+}
+"""Largest magnitudes of `plant.STRANGE`, and what they are a share of."""
+EITHER = ("magnet-slip",)
+"""Of these what goes to either side."""
+
+
+def largest(name: str, joint: str | None, spec: Spec, rng: np.random.Generator) -> float:
+    """The largest magnitude of a fault, to one of its sides at random."""
+    bodies = [b for b in spec.hand.driven if joint in (None, b.joint.name)]
+    if name in STRANGE:
+        share, of = STRANGE[name]
+        whole = {
+            "range": np.ptp(bodies[0].joint.range_rad),
+            "limit": bodies[0].joint.drive.torque_limit_nm if bodies[0].joint.drive else 0.0,
+        }
+        sign = rng.choice([-1.0, 1.0]) if name in EITHER else 1.0
+        return float(share * sign * (whole[of] if of else 1.0))
+    drives = [b.joint.drive for b in bodies if b.joint.drive is not None]
+    if name == "series-elasticity":
+        return COMPLIANCE * min(d.gear_stiffness_nm_rad / d.kp_nm_rad for d in drives)
+    size = draw.SIZES[name]
+    rises = size.falls is None or (size.levels[-1] > 0 and bool(rng.integers(2)))
+    amount = REACH * (size.levels[-1] if rises or size.falls is None else -size.falls[-1])
+    if size.of is not None:
+        return amount * min(getattr(d, size.of) for d in drives)
+    return max(amount, LEAST_SHARE)
