@@ -37,9 +37,7 @@ def case_row(
     names = [f.effect for f in case.faults]
     greedy = said.get("greedy", {"effect": None, "shrinkage": None})
     first = case.faults[0] if case.faults else None
-    right = sorted(verdict) == sorted(truth)
-    right = right or (_is_ordinary(case, healthy) and verdict == [NONE])
-    near = _near(first, said, case, catalogue) if case.mode == UNKNOWN and first else False
+    right, near = rightness(case, said, catalogue, healthy)
     return {
         "number": case.number,
         "mode": case.mode,
@@ -82,6 +80,17 @@ def case_row(
         "solver_sha256": said["solver_sha256"],
         "refused": said["refused"],
     }
+
+
+def rightness(
+    case: Case, said: dict, catalogue: Mapping[str, type[Effect]], healthy: int = 0
+) -> tuple[bool, bool]:
+    """Whether a verdict is right, and whether it is near the true fault instead."""
+    verdict = said.get("verdict", ["refused"])
+    right = sorted(verdict) == _truth(case)
+    right = right or (_is_ordinary(case, healthy) and verdict == [NONE])
+    unknown = case.mode == UNKNOWN and bool(case.faults)
+    return right, unknown and _near(case.faults[0], said, case, catalogue)
 
 
 def fault_rows(
@@ -141,7 +150,7 @@ def _tied(verdict: list[str], truth: list[str], said: dict) -> bool:
 
 def _left_nats(said: dict, oracle: Oracle) -> float | None:
     """By how much the solver's best fit, whatever it named, costs more than the oracle's."""
-    if oracle.cost_nats is None or not said.get("ranking"):
+    if oracle.cost_nats is None or not said.get("ranking") or "leading" in said:
         return None
     best: dict[tuple, float] = {}
     for row in said["ranking"]:
@@ -161,6 +170,9 @@ def _written(fault: Fault, catalogue: Mapping[str, type[Effect]]) -> str:
 
 def _top(said: dict) -> list[str]:
     """The first different effects of the ranking: by how far they improve on the nominal refit."""
+    if "leading" in said:
+        names = [*said.get("verdict", [])[:1], *said["leading"]]
+        return [n for n in dict.fromkeys(names) if n not in (NONE, UNKNOWN)][:TOP]
     ranking = said.get("ranking", [])
     bare = {tuple(r["limb"]): r["cost_nats"] for r in ranking if r["effects"] == [NONE]}
     singles = [r for r in ranking if len(r["effects"]) == 1 and r["effects"] != [NONE]]

@@ -50,11 +50,14 @@ def write_case(
 ) -> None:
     """Make a case's log and say what its solver may use; nothing of the answer is written.
 
-    `make` numbers the logs of sound mechanisms of the same make; None: there are none.
+    `make` numbers the logs of sound mechanisms of the same make; None: there are none. A solver may
+    know whether the log is from a robot, which a plant stands for, or from a simulator.
     """
     log = real_log(case, catalogue, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
-    told = {"excluded": list(case.excluded)} | ({} if make is None else {"make": make})
+    robot = case.real in PLANTS or rigs.robot(case.rig) is not None
+    told = {"excluded": list(case.excluded), "robot": robot}
+    told |= {} if make is None else {"make": make}
     write_json(blind.log(case.number) / "case.json", told)
 
 

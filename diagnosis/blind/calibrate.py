@@ -1,0 +1,179 @@
+"""Fits the curve from what a verdict rests on to the probability that it is right.
+
+A verdict rests on a handful of features: the share of the gap that is explained, what is left, how
+far it leads, and its kind. The share of right answers among such verdicts is a logistic curve of
+the features, one for each kind, fitted to solved sets whose answers are open. It is tried on each
+make by the curve of all other makes, for the robot that a user brings is of one more make.
+
+Ridge regression holds every coefficient but the constant by a normal prior of one: features are
+logarithms and shares, so nothing is claimed that a few rows could not say.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from backends.effect import Effect
+from backends.state import Array
+from diagnosis.blind import judged
+from diagnosis.blind.files import BlindError, BlindSet, open_answers, read_json, write_json
+
+NAMED, UNKNOWN, NONE = "named", "unknown", "none"
+FEATURES: Mapping[str, tuple[str, ...]] = {
+    NAMED: ("constant", "unshared", "left", "tied", "more", "lead"),
+    UNKNOWN: ("constant", "gap", "share"),
+    NONE: ("constant", "gap"),
+}
+"""Which features the probability of each kind of verdict depends on, the constant first."""
+PRIOR_SD, CONSTANT_SD = 1.0, 10.0
+"""Standard deviations of the coefficients' normal priors."""
+BINS = 4
+"""Bins of equal counts in which confidence is held against shares right."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One verdict of a solved case whose answer is open."""
+
+    make: str
+    """Real side that it was reached on."""
+    kind: str
+    """named, unknown or none."""
+    features: Mapping[str, float]
+    """What it rests on, by name; `constant` is 1."""
+    right: bool
+
+
+Curve = dict[str, dict[str, float]]
+"""Coefficients by kind of verdict and feature."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Calibration:
+    """A fitted curve, and how it does on makes that it was not fitted on."""
+
+    curve: Curve
+    """Fitted on all rows."""
+    left_out: Array
+    """Probability of every row by the curve of all other makes, shape (N,)."""
+    table: pd.DataFrame
+    """By bin: cases, confidence, right, excess; `all` and every make first."""
+
+
+def probability(curve: Curve, row: Row) -> float:
+    """The probability that a verdict is right."""
+    score = sum(weight * row.features[name] for name, weight in curve[row.kind].items())
+    return float(1.0 / (1.0 + np.exp(-score)))
+
+
+def fit(every: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Curve:
+    """The curve of some rows, by maximum posterior; a kind without rows gets an even chance."""
+    curve: Curve = {}
+    for kind, wanted in names.items():
+        some = [row for row in every if row.kind == kind]
+        x = np.array([[row.features[name] for name in wanted] for row in some])
+        right = np.array([row.right for row in some], dtype=float)
+        found = _logistic(x.reshape(-1, len(wanted)), right)
+        curve[kind] = dict(zip(wanted, map(float, found.round(4)), strict=True))
+    return curve
+
+
+def _logistic(x: Array, right: Array) -> Array:
+    """Coefficients by Newton's method; the first feature is the constant."""
+    held = np.full(x.shape[1], PRIOR_SD**-2)
+    held[0] = CONSTANT_SD**-2
+    found = np.zeros(x.shape[1])
+    for _ in range(50):
+        chance = 1 / (1 + np.exp(-x @ found))
+        slope = x.T @ (right - chance) - held * found
+        bend = (x * (chance * (1 - chance))[:, None]).T @ x + np.diag(held)
+        step = np.linalg.solve(bend, slope)
+        found += np.clip(step, -2.0, 2.0)
+        if np.abs(step).max() < 1e-9:
+            break
+    return found
+
+
+def calibrate(some: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Calibration:
+    """The curve of all rows, and each make by the curve of the others.
+
+    Raises ValueError where all rows are of one make.
+    """
+    makes = sorted({row.make for row in some})
+    if len(makes) < 2:
+        raise ValueError(
+            f"all cases are of one real side, {', '.join(makes) or 'none'}; a curve is tried on "
+            "makes that it was not fitted on: give sets of two or more"
+        )
+    left_out = np.empty(len(some))
+    for make in makes:
+        curve = fit([row for row in some if row.make != make], names)
+        for k, row in enumerate(some):
+            if row.make == make:
+                left_out[k] = probability(curve, row)
+    return Calibration(
+        curve=fit(some, names), left_out=left_out, table=_table(some, left_out, makes)
+    )
+
+
+def _table(some: Sequence[Row], said: Array, makes: Sequence[str]) -> pd.DataFrame:
+    right = np.array([row.right for row in some], dtype=float)
+    order = np.argsort(said, kind="stable")
+    parts = {"all": np.arange(len(some))}
+    parts |= {m: np.array([k for k, row in enumerate(some) if row.make == m]) for m in makes}
+    parts |= {f"bin {k + 1}": part for k, part in enumerate(np.array_split(order, BINS))}
+    return pd.DataFrame(
+        [
+            {
+                "of": name,
+                "cases": len(part),
+                "confidence": float(said[part].mean()),
+                "right": float(right[part].mean()),
+                "excess": float(said[part].mean() - right[part].mean()),
+            }
+            for name, part in parts.items()
+            if len(part)
+        ]
+    )
+
+
+def write(curve: Curve, path: Path) -> None:
+    """Write the coefficients for the solver to read."""
+    write_json(path, dict(curve))
+
+
+def read(path: Path) -> Curve:
+    """The coefficients as they were written."""
+    return read_json(path)
+
+
+def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Effect]]) -> list[Row]:
+    """The verdicts of solved sets of drawn robots; raises BlindError for wrong answers or none.
+
+    A case that the solver refused has no verdict.
+    """
+    found = []
+    for blind, answers in sets:
+        opened = open_answers(answers, blind.commitment())
+        healthy = int(opened.settings.get("healthy", 0))
+        for case in opened.cases:
+            said = blind.read_result(case.number)
+            if said is None or "features" not in said and not said.get("refused"):
+                raise BlindError(
+                    f"case {case.number:03d} of {blind.path} has no verdict with its features; "
+                    "solve it with: bench blind run"
+                )
+            if not said.get("refused"):
+                right, near = judged.rightness(case, said, catalogue, healthy)
+                found.append(
+                    Row(
+                        make=case.real,
+                        kind=said["kind"],
+                        features=said["features"],
+                        right=right or near,
+                    )
+                )
+    return found
