@@ -118,7 +118,7 @@ def make(
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)
-    cases = _sized(draw.draw(wanted, _catalogue(), seed), wanted, seed, jobs)
+    cases = _sized(draw.draw(wanted, _catalogue(), seed), wanted, seed, workers)
     blind = BlindSet(path=out)
     sound = draw.sound(wanted, cases, seed)
     makes = {make: number for number, make in enumerate(sound) if wanted.healthy}
@@ -146,13 +146,13 @@ def make(
 
 
 def _sized(
-    cases: tuple[draw.Case, ...], wanted: draw.Settings, seed: int, jobs: int
+    cases: tuple[draw.Case, ...], wanted: draw.Settings, seed: int, workers: int | None
 ) -> tuple[draw.Case, ...]:
     """The cases, those of drawn robots with faults that are as large as settings want them."""
     if rigs.robot(cases[0].rig) is None:
         return cases
     tasks = [(case, wanted, seed) for case in cases]
-    return tuple(_told(lambda: _each("size", _size_one, tasks, jobs)))
+    return tuple(_told(lambda: _each("size", _size_one, tasks, workers)))
 
 
 def _load_real(name: str) -> None:
@@ -234,6 +234,28 @@ def score(folder: Path, answers: Path, out: Path | None, workers: int | None) ->
         value = f"{row['value']:.3g}" if row["count"] else "-"
         table.add_row(row["figure"], value, ends, str(row["count"]), row["meaning"])
     return {"status": "done", **found.plain(), "written": [str(file) for file in written]}, table
+
+
+def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, Any], Table]:
+    """Fit the curve of confidence on solved sets and their answers; write it to the file `out`.
+
+    The table holds confidence against shares right, each real side by the curve of the others.
+    """
+    from diagnosis.blind import calibrate as fitting
+
+    pairs = [(BlindSet(path=folder), answers) for folder, answers in sets]
+    rows = _told(lambda: fitting.rows(pairs, _catalogue()))
+    try:
+        found = fitting.calibrate(rows)
+    except ValueError as error:
+        raise UsageError(str(error)) from error
+    fitting.write(found.curve, out)
+    table = Table("of", "cases", "confidence", "right", "excess", header_style="bold")
+    bins = found.table.to_dict("records")
+    for row in bins:
+        shown = (f"{row[name]:.3f}" for name in ("confidence", "right", "excess"))
+        table.add_row(row["of"], str(row["cases"]), *shown)
+    return {"status": "done", "curve": found.curve, "bins": bins, "written": [str(out)]}, table
 
 
 def detectable(
