@@ -75,8 +75,9 @@ def _one(blind: BlindSet, number: int, solve: Solve, solver: Mapping[str, Any]) 
         said = dict(solve(task(blind, number)))
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
         said = {"refused": f"broke: {type(error).__name__}: {error}"}
-    plain = {"refused": None, "catalogue": [], "cpu_s": sum(os.times()[:2]) - began_s}
-    row = {"number": number, "excluded": excluded, **plain, **said, **solver}
+    facts: dict[str, Any] = {"refused": None, "catalogue": []}
+    facts["cpu_s"] = sum(os.times()[:2]) - began_s
+    row = {"number": number, "excluded": excluded, **facts, **said, **solver}
     write_json(blind.result(number), row)
     return row
 
