@@ -11,14 +11,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-import yaml
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
 
 from benchmark import quantities
-from benchmark.errors import CommandError, UsageError
+from benchmark.errors import UsageError
 from benchmark.run_request import requested
 from benchmark.run_spec import SETTINGS, RunSpec
 from benchmark.settings import Setting
+from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 Text = Annotated[str, Field(min_length=1)]
 
@@ -157,14 +157,12 @@ def _given(part: BaseModel) -> dict[str, Any]:
 
 def _checked(path: Path) -> _File:
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = read_plain_yaml(path)
         return _File.model_validate({} if content is None else content)
     except FileNotFoundError:
         raise UsageError(f"no sweep file at {path}") from None
-    except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"{path} is not YAML: {' '.join(str(error).split())}") from error
+    except PlainYamlError as error:
+        raise UsageError(str(error)) from error
     except ValidationError as error:
         raise UsageError(f"{path}: {'; '.join(_complaints(error))}") from error
 

@@ -7,16 +7,14 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import TypeAdapter, ValidationError
 
 from benchmark import registry
-from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.errors import UsageError, unknown
 from benchmark.run_spec import SETTINGS, SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
+from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 SCRIPTED = ("hold-still", "random")
-MOST_BYTES = 1_000_000
-"""Largest file of settings that is read."""
 
 
 def requested(
@@ -110,15 +108,11 @@ def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
 
 def _read(path: Path) -> dict:
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise UsageError(f"{path} has over {MOST_BYTES} bytes; allowed: a file of settings")
-        data = yaml.safe_load(path.read_text(encoding="utf-8"))
+        data = read_plain_yaml(path)
     except FileNotFoundError:
         raise UsageError(f"no file of settings at {path}") from None
-    except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise UsageError(f"{path} is not YAML: {' '.join(str(error).split())[:200]}") from error
+    except PlainYamlError as error:
+        raise UsageError(str(error)) from error
     if not isinstance(data, dict):
         raise UsageError(f"{path} holds no settings; allowed: a run.json, or NAME: VALUE lines")
     return data

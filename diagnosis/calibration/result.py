@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.tactile import Skin
+from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 SCHEMA: Literal[1] = 1
 Size = Annotated[FiniteFloat, Field(ge=0)]
@@ -146,12 +147,11 @@ def write_calibration(path: Path, content: CalibrationFile) -> None:
 def read_calibration(path: Path) -> CalibrationFile:
     """A calibration.yaml, checked; raises CalibrationError."""
     try:
-        data = yaml.safe_load(path.read_text())
+        data = read_plain_yaml(path)
     except FileNotFoundError:
         raise CalibrationError(f"no calibration at {path}; `bench calibrate` writes one") from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        what = " ".join(str(error).split())
-        raise CalibrationError(f"{path} cannot be read as YAML: {what}") from None
+    except PlainYamlError as error:
+        raise CalibrationError(str(error)) from None
     try:
         return CalibrationFile.model_validate(data)
     except ValidationError as error:

@@ -24,6 +24,7 @@ from diagnosis.logs._meta import (
     dump_meta,
     parse_meta,
 )
+from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
@@ -135,14 +136,13 @@ def check_target(folder: Path, form: str, force: bool = False) -> None:
 
 def _yaml(path: Path) -> object:
     try:
-        return yaml.safe_load(path.read_text())
+        return read_plain_yaml(path)
     except FileNotFoundError:
         raise LogError(
             f"{path} does not exist; docs/reference/log-format.md has an example of eight lines"
         ) from None
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        what = " ".join(str(error).split())
-        raise LogError(f"{path} cannot be read as YAML: {what}") from None
+    except PlainYamlError as error:
+        raise LogError(str(error)) from None
 
 
 def _mjcf(folder: Path, meta: LogMeta) -> str | None:

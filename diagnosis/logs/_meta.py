@@ -1,5 +1,6 @@
 """The contents of log.yaml: the log's source, mechanism, units and episodes."""
 
+import reprlib
 from pathlib import PurePath
 from typing import Annotated, Literal
 
@@ -127,7 +128,7 @@ def parse_meta(data: object) -> LogMeta:
 
 def _problem(error: ErrorDetails) -> str:
     place = [str(part) for part in error["loc"] if not str(part).endswith("Mechanism")]
-    given = "" if error["type"] == "missing" else f" (given: {error['input']!r})"
+    given = "" if error["type"] == "missing" else f" (given: {reprlib.repr(error['input'])})"
     message = f"{error['msg'][:1].lower()}{error['msg'][1:]}"
     if error["type"] == "extra_forbidden":
         message, given = "unknown field; correct or remove it", ""

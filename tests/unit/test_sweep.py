@@ -117,7 +117,7 @@ def test_shipped_grids_are_valid(file):
     [
         ("", "has no cell; give 'grid', 'cells' or both"),
         ("[1]", "the file is [1]; allowed: "),
-        ("grid: {seed: [0}", "is not YAML"),
+        ("grid: {seed: [0}", "cannot be read as YAML: line 1"),
         ("gird: {seed: [0]}", "gird is not a setting; allowed: cells, defaults, grid"),
         ("gird: {seed: [0]}", "Did you mean 'grid'?"),
         ("grid: {sed: [0]}", "Did you mean 'seed'?"),
