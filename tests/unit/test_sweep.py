@@ -140,7 +140,7 @@ def test_shipped_grids_are_valid(file):
         ("cells: [{backend: mujoco, task: line}]\ntime_limit: 3", "time_limit is 3; allowed: "),
         ("cells: [{backend: mujoco, task: line}]\ntime_limit: 0s", "allowed: a time above 0"),
         ("cells: [{backend: mujoco, task: line}]\nslurm: {cpus: 0}", "slurm.cpus is 0; allowed: "),
-        ("cells: [{backend: mujoco, task: line}]\nslurm: {mem: 4}", "slurm.mem is no setting"),
+        ("cells: [{backend: mujoco, task: line}]\nslurm: {mem: 4}", "slurm.mem is not a setting"),
     ],
 )
 def test_bad_grids_are_refused(tmp_path, text, words, capfd):
