@@ -1,4 +1,4 @@
-# docker build -t stickbench .
+# docker build -t stickbench --build-arg TORCH_INDEX=ADDRESS .    # address of PyTorch's CPU wheels
 # docker run --rm -v "$PWD/demo:/stickbench/demo" stickbench
 FROM python:3.11-slim
 RUN apt-get update \
@@ -7,7 +7,7 @@ RUN apt-get update \
     && rm -rf /var/lib/apt/lists/*
 WORKDIR /stickbench
 COPY . .
-ARG TORCH_INDEX=https://download.pytorch.org/whl/cpu
+ARG TORCH_INDEX=
 RUN make install PYTHON=python3.11 TORCH_INDEX="$TORCH_INDEX"
 ENV PATH=/stickbench/.venv/bin:$PATH OMP_NUM_THREADS=1
 ENTRYPOINT ["bench"]

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
 
 from benchmark.cli.command import OF_RUN, command
 from benchmark.cli.options import DryRun, Episodes, Force, Out, OutFile, Resume, Run, Workers
@@ -11,7 +12,7 @@ from benchmark.console import row_table
 from benchmark.run_spec import DEPLOYED, SETTINGS
 
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
-SHOWN += ["steps", "wall_s", "env_steps_per_s", "dir"]
+SHOWN += ["steps", "wall_s", "env_steps_per_s"]
 
 
 @command(
@@ -62,7 +63,7 @@ def run(
     if dry_run:
         return commands.plan(asked, out, workers)
     row = commands.run(asked, start, out, workers, resume, force)
-    return row, row_table(row, SHOWN)
+    return row, Group(row_table(row, SHOWN), f"folder: {row['dir']}")
 
 
 @command(DEPLOYED, default=OF_RUN, defaults={"episodes": "100", "out": "none is written"})

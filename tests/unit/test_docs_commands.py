@@ -128,7 +128,6 @@ def python_blocks() -> list[Any]:
     return [pytest.param(code, id=f"{page.stem}-{k}") for k, (page, code) in enumerate(found)]
 
 
-@pytest.mark.timeout(900)
 @pytest.mark.parametrize("code", python_blocks())
 def test_python_blocks_run(code: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run every Python block as it is written, on what the demo ships and a matrix that is kept."""
