@@ -122,7 +122,9 @@ def _marks(out: Path) -> dict[str, dict]:
     try:
         return read_verified(out)
     except (OSError, ValueError) as error:
-        raise CommandError(f"{error}; remove the file, and `bench verify` makes it anew") from error
+        raise CommandError(
+            f"{error}; remove the file, and `bench verify` makes it again"
+        ) from error
 
 
 def leaderboard(

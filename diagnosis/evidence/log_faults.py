@@ -16,7 +16,7 @@ from diagnosis.motion.recordings import CHANNELS, Recording
 STILL_RAD, MOVES_RAD = 2e-3, 2e-2
 """Below this nothing moves; beyond this something must [rad; of a slide a share of its travel]."""
 ALIVE = 3
-"""A sensor that reads fewer different values while its joint is told to move is dead."""
+"""A sensor that reads fewer different values while its joint is commanded to move is dead."""
 ABSURD_SHARE, ABSURD_NOISE = 0.5, 100.0
 """A sample is absurd that leaves its neighbours by this share of the whole range and by so many
 typical steps, for it returns at once."""

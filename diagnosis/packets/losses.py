@@ -58,7 +58,7 @@ def losses(world: World, u: Mapping[int, float], residual: Array) -> Losses | No
 
 
 def arrived(limb: Limb, lost: Losses) -> Limb:
-    """The limb as it was told: where a packet was lost, the last target stood."""
+    """The limb with the commands that arrived: where a packet was lost, the last target stood."""
     commands = []
     for recording, gone in zip(limb.recordings, lost.lost, strict=True):
         latest = np.maximum.accumulate(np.where(gone, 0, np.arange(len(gone))))
@@ -118,5 +118,5 @@ def _cost(left: Array, weight: Array, memory: Array) -> float:
 
 
 def surprise_all(innovations: Array) -> Array:
-    """See `decode.surprise`, of arrays."""
+    """The cost of innovations, see `decode`, for arrays."""
     return np.vectorize(surprise, otypes=[float])(innovations)

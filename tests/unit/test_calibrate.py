@@ -447,7 +447,7 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
         ({"effects": "backlsh=1deg"}, "Did you mean 'backlash'?"),
         ({"spread": "kp-scale=-5%"}, "is negative; allowed: from 0"),
         ({"seeds": 1}, "seeds: extra inputs are not permitted"),
-        ({"hand": "left"}, "it is of the mechanism 'left'"),
+        ({"hand": "left"}, "it is a calibration of 'left'"),
     ],
 )
 def test_a_bad_calibration_names_field_value_and_rule(tmp_path, change, words, capfd):
@@ -494,7 +494,7 @@ SLIDE = """<mujoco><worldbody><body><inertial mass="1" pos="0 0 0" diaginertia="
     ("mechanism", "rows", "words"),
     [
         (TRX, [HEADER, *STILL], "no columns for J1, J3, J4, J6, J7; record every joint"),
-        (TRX, [HEADER, *STILL[:5]], "allowed: from 20"),
+        (TRX, [HEADER, *STILL[:5]], "needed: at least 20"),
         (TRX, [HEADER, *STILL[:100], "0.500,0.0,nan", *STILL[101:]], "not a finite number"),
         (TRX, [HEADER, *STILL[:100], *STILL[200:]], "hole of"),
         ({"hand": "trix"}, [HEADER, *STILL], "Did you mean 'trx'?"),

@@ -265,13 +265,13 @@ def test_curves_of_seeds_are_one_band(tmp_path: Path) -> None:
 
 def test_a_run_without_a_curve_is_refused(folder: Path, tmp_path: Path) -> None:
     """Say that what does not train has no learning curve."""
-    with pytest.raises(UsageError, match="still has no learning curve: hold-still has not trained"):
+    with pytest.raises(UsageError, match="still has no learning curve: hold-still was not trained"):
         view([folder], tmp_path / "x.png", "curve", {})
 
 
 def test_several_runs_make_curves_only(folder: Path, tmp_path: Path) -> None:
     """Refuse to draw two runs in one figure."""
-    with pytest.raises(UsageError, match="--kind figure draws one run, 2 were given"):
+    with pytest.raises(UsageError, match="--kind figure draws one run, but 2 are given"):
         view([folder, folder], tmp_path / "x.png", None, {})
 
 
