@@ -95,8 +95,9 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResu
         known = _centred(known, sound)
     fitter = Fitter(World(said, known), ordinary.exact)
     found = Search(fitter, ordinary).run()
-    sensors = list(sensor_findings(said, asked.catalogue))
-    lost = losses(fitter.world, found.chosen.u, found.chosen.residual)
+    left = found.chosen.residual
+    sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
+    lost = losses(fitter.world, found.chosen.u, left)
     if lost is not None:
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:

@@ -49,6 +49,11 @@ class Parameter:
         """Whether u may be negative as an effect."""
         return self.kind.either_sign
 
+    def is_kin(self, other: "Parameter") -> bool:
+        """Whether both are of one family at one joint: one cause, and the shape of its law."""
+        family = self.kind.family
+        return family is not None and family == other.kind.family and self.joint == other.joint
+
     @property
     def is_tilt(self) -> bool:
         """Whether it turns gravity for all joints at once."""

@@ -35,10 +35,14 @@ class World:
         self.evidence, self.parameters = evidence, tuple(parameters)
         self.runs = 0
 
-    def shown(self, u: Mapping[int, float]) -> Array:
-        """What the sensors show with parameters (by number) at u, as `Evidence.readings` (M,)."""
+    def shown(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
+        """What the sensors show with parameters (by number) at u, as `Evidence.readings` (M,).
+
+        `nudge`: a shift of all starts [rad; of a slide a share of its travel].
+        """
         self.runs += 1
-        return self.evidence.pack(self.evidence.limb.simulate(*self.numbers(u)))
+        shift = nudge * self.evidence.size
+        return self.evidence.pack(self.evidence.limb.simulate(*self.numbers(u), shift))
 
     def numbers(self, u: Mapping[int, float]) -> tuple[Array, Array]:
         """The joints' numbers (K, len(COLUMNS)) and gravity's tilt (2,) [rad]."""

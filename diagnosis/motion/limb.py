@@ -22,8 +22,9 @@ BLOCK_S = 8e-3
 """Samples are compared as means over this: slower than any joint, as white, and far fewer [s]."""
 TICK_S, FINEST_S = 1e-3, 2e-5
 """Longest and shortest step of a rigid drive [s]."""
-STABLE = 0.2
-"""A step is short enough where kp dt^2 is at most this share of the rotor's inertia."""
+STABLE, FINE = 1.0, 0.05
+"""A step is short enough where kp dt^2 is at most so many times the rotor's inertia, which a gear
+may have to be put behind, and this share of all that the drive moves."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -56,12 +57,19 @@ class Limb:
         if not self.rigid:
             return self.spec.timing.drive_s
         dt = TICK_S
-        while dt > FINEST_S and (self._stiffness(dt) > STABLE or dt > self.period_s):
+        kp, rotor = self.nominal[:, KP], self.nominal[:, ROTOR]
+        moved = rotor + self.link_inertia
+        longest = np.sqrt(np.minimum(STABLE * rotor, FINE * moved) / np.maximum(kp, 1e-12)).min()
+        while dt > FINEST_S and dt > min(longest, self.period_s):
             dt /= 2
         return dt
 
-    def _stiffness(self, dt: float) -> float:
-        return float((self.nominal[:, KP] * dt**2 / self.nominal[:, ROTOR]).max())
+    @cached_property
+    def link_inertia(self) -> Array:
+        """The least inertia of each joint's links at starts of episodes [kg m^2], shape (K,)."""
+        starts = np.array([r.start for r in self.recordings])
+        mass = along(chain(self.spec), starts, np.zeros_like(starts)).model[0]
+        return np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
 
     @cached_property
     def stride(self) -> int:
@@ -120,15 +128,18 @@ class Limb:
             other.__dict__[name] = getattr(self, name)
         return other
 
-    def simulate(self, numbers: Array, tilt: Array | None = None) -> Array:
+    def simulate(
+        self, numbers: Array, tilt: Array | None = None, shift: Array | float = 0.0
+    ) -> Array:
         """What the sensors show, as block means (N, 3, K); NaN throughout where it diverges.
 
-        `numbers` (K, len(COLUMNS)) of the joints; `tilt` (2,) of gravity about `AXES` [rad].
+        `numbers` (K, len(COLUMNS)) of the joints; `tilt` (2,) of gravity about `AXES` and
+        `shift` (K,) of the starts [rad].
         """
         numbers = np.ascontiguousarray(numbers)
         found = []
         for number in range(len(self.recordings)):
-            ticks = self.ticks(number, numbers, tilt)
+            ticks = self.ticks(number, numbers, tilt, shift)
             edges = self.edges[number]
             shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
             if ticks is not None:
@@ -137,14 +148,20 @@ class Limb:
             found.append(shown)
         return np.concatenate(found)
 
-    def ticks(self, number: int, numbers: Array, tilt: Array | None = None) -> Array | None:
+    def ticks(
+        self,
+        number: int,
+        numbers: Array,
+        tilt: Array | None = None,
+        shift: Array | float = 0.0,
+    ) -> Array | None:
         """Joints, motors and torques after every tick of an episode (n, 3, K); None: diverged."""
         recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
         share = numbers[:, MASS] / np.where(self.nominal[:, MASS], self.nominal[:, MASS], 1.0) - 1
         share = np.where(self.nominal[:, MASS] > 0.0, share, 0.0)
         model = path.changed(share, np.zeros(len(AXES)) if tilt is None else tilt)
         asked = recording.command, recording.push, clock.row
-        start = unread(recording.start, numbers)
+        start = unread(recording.start, numbers) + shift
         out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
         motion = path.angle_rad, path.speed_rad_s, *model
         given = self.dt, self.stride, *motion, *asked, start, numbers, self.rigid

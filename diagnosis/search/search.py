@@ -11,9 +11,10 @@ import numpy as np
 
 from diagnosis.models.parameters import Parameter
 from diagnosis.motion.columns import MASS
+from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.screening import Screened, Screening
-from diagnosis.verdict.exact import ACCUSE_NATS, TIE_NATS
+from diagnosis.verdict.exact import ACCUSE_NATS, FURTHER_NATS, TIE_NATS
 from diagnosis.verdict.exact import ranked as ranked_by_nats
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 
@@ -28,6 +29,10 @@ CONCERNED = 0.03
 """Effects are sought on joints with at least this share of the excess."""
 PART = 0.05
 """The first of several causes takes at least this share of the gap."""
+SHAPED = 0.3
+"""Another effect of a cause's family gives its law more shape if it takes so much of the rest."""
+OWN = 1.25
+"""An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
 NEAR, NEAR_MORE = 4.0, 3.0
@@ -90,12 +95,16 @@ class Search:
             tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
             now = best
         likely = bool(now.freed) and self._is_likely(now, nominal)
+        if now.freed and now.worst > self.ordinary.floors:
+            now = with_prediction_spread(self.fitter, now)
         return Found(nominal=nominal, chosen=now, singles=singles, tied=tied, is_likely=likely)
 
     def rank(self, fit: Fit) -> float:
         """What sets are sorted by."""
-        exact = sum(self.parameters[k].kind.exact for k in fit.freed)
-        return fit.excess * SENSOR**exact
+        chosen = [self.parameters[k] for k in fit.freed]
+        exact = sum(p.kind.exact for p in chosen)
+        shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
+        return fit.excess * SENSOR**exact * OWN**shared
 
     def _sets(self) -> Iterator[Fit]:
         """The sets tried whose effects are all large enough to be some."""
@@ -135,11 +144,19 @@ class Search:
         """
         if self._is_likely(fit, now):
             return True
+        if now.freed and set(now.freed) < set(fit.freed) and self._is_shape(fit, now):
+            return share_of(fit, now) >= SHAPED
         if not now.freed:
             return share_of(fit, now) >= PART
         if not is_worth(fit, now, self.ordinary):
             return False
         return all(is_worth(fit, self._without(fit, k), self.ordinary) for k in fit.freed)
+
+    def _is_shape(self, fit: Fit, now: Fit) -> bool:
+        """Whether what a set has more is of the family of another cause on the same joint."""
+        (new,) = (self.parameters[k] for k in fit.freed if k not in now.freed)
+        chosen = [self.parameters[k] for k in now.freed]
+        return any(new.is_kin(other) for other in chosen)
 
     def _is_likely(self, fit: Fit, now: Fit) -> bool:
         """Whether the world is exact, and a set much more likely than each with one effect less."""
@@ -147,7 +164,8 @@ class Search:
             return False
         before = [now, *(self._without(fit, k) for k in fit.freed)]
         costs = {id(f): c for c, f in ranked_by_nats(self.fitter.evidence, [fit, *before])}
-        return min(costs[id(f)] for f in before) - costs[id(fit)] >= ACCUSE_NATS
+        asked = ACCUSE_NATS if len(fit.freed) == 1 else FURTHER_NATS
+        return min(costs[id(f)] for f in before) - costs[id(fit)] >= asked
 
     def _without(self, fit: Fit, number: int) -> Fit:
         """The set with one effect less, fitted."""
@@ -205,8 +223,6 @@ class Search:
             return False
         for other in chosen:
             if other.effect == one.effect and None in (other.joint, one.joint):
-                return False
-            if one.joint == other.joint and one.kind.family == other.kind.family is not None:
                 return False
         if one.joint is None or one.place == MASS:
             return True

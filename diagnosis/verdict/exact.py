@@ -9,23 +9,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.evidence import Evidence
+from diagnosis.evidence.evidence import FLOOR_RAD, Evidence
 from diagnosis.search.fit import Fit
 
-ACCUSE_NATS = 10.0
-"""A cause is worth it where it makes the log so much more likely."""
+ACCUSE_NATS, FURTHER_NATS = 10.0, 20.0
+"""A cause is worth it where it makes the log so much more likely; a further one needs more, for what
+the others leave is never all noise: engines integrate otherwise."""
 TIE_NATS = 6.0
 """Causes are tied that are no further behind."""
 MOST_CORRELATION = 0.98
+COARSE = 4.0
+"""Steps of a sensor beyond so many model floors are no noise: they repeat with the motion, so its
+residuals count as little as the most correlated ones."""
 
 
 def weights(evidence: Evidence, residual: Array) -> Array:
     """Root weights (M,) of residuals that are noise: by joint, with the variance that they have."""
     found = np.zeros_like(residual)
-    for part in evidence.parts:
+    coarse = evidence.step > COARSE * FLOOR_RAD * evidence.size
+    for part, steps in zip(evidence.parts, coarse, strict=True):
         r = residual[part]
         if len(r):
             correlation = np.clip(r[1:] @ r[:-1] / (r @ r + 1e-12), 0.0, MOST_CORRELATION)
+            correlation = MOST_CORRELATION if steps else correlation
             share = (1 - correlation) / (1 + correlation)
             found[part] = np.sqrt(share / (np.mean(r * r) + 1e-12))
     return found

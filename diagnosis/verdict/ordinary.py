@@ -19,6 +19,8 @@ HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """Of healthy logs, their largest gap times this is ordinary, and never less than this."""
 ROBOT = 3.5
 """Healthy robots with other drive laws leave 0.5 to 5 floors; between 3 and 3.5 little changes."""
+STEP_ROBOT, STEP_SIMULATOR = 1.7e-3, 7e-4
+"""Robots' encoders have 12 bits a turn and more; simulated ones have none by themselves."""
 SIMULATOR = 1.3
 """A simulator with our drive law leaves the noise, and what its integrator does otherwise."""
 
@@ -34,12 +36,23 @@ class Ordinary:
     """A cause may leave this share of the gap that it explains: its law is a model of many."""
     exact: bool
     """Whether the law is ours, so that likelihoods may name causes as well (`verdict.exact`)."""
+    step_rad: float
+    """Largest quantisation step of an ordinary position sensor [rad; of a slide, of its travel]."""
     everyday: float
     """Share of the everyday tolerances (play, twist, delay, friction) that such a mechanism has."""
 
 
-ROBOTS = Ordinary(floors=ROBOT, source="robot", law=0.3, exact=False, everyday=1.0)
-SIMULATORS = Ordinary(floors=SIMULATOR, source="simulator", law=0.05, exact=True, everyday=0.3)
+ROBOTS = Ordinary(
+    floors=ROBOT, source="robot", law=0.3, exact=False, step_rad=STEP_ROBOT, everyday=1.0
+)
+SIMULATORS = Ordinary(
+    floors=SIMULATOR,
+    source="simulator",
+    law=0.05,
+    exact=True,
+    step_rad=STEP_SIMULATOR,
+    everyday=0.3,
+)
 
 
 def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:

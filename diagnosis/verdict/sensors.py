@@ -5,13 +5,17 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from backends.effect import UNITS, Effect
+from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
+from diagnosis.motion.limb import BLOCK_S
+from diagnosis.motion.recordings import white_noise
 from diagnosis.packets.losses import Losses
+from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, Cause
 
-NOISE_RAD, STEP_RAD = 8e-4, 7e-4
-"""Noise and steps of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
+NOISE_RAD = 8e-4
+"""Noise of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
 BEYOND = 1.5
 """So many times what the mechanism's own sensors are known to have is a finding."""
 SHARE_OFF = 0.1
@@ -20,15 +24,21 @@ NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
 LOSS = "command.loss_share"
 
 
-def sensor_findings(evidence: Evidence, catalogue: Mapping[str, type[Effect]]) -> Iterator[Cause]:
+def sensor_findings(
+    evidence: Evidence, residual: Array, ordinary: Ordinary, catalogue: Mapping[str, type[Effect]]
+) -> Iterator[Cause]:
     """Noise and steps beyond the ordinary, by joint; a step explains the noise that it makes."""
+    left = np.zeros(evidence.logged.shape)
+    left[evidence.logged] = residual
     known = table(evidence.limb.spec, evidence.limb.rigid)
     for j, joint in enumerate(evidence.joints):
         size = evidence.size[j]
         own_noise, own_step = (known[j, COLUMNS.index(n)] for n in (NOISE, RESOLUTION))
         step, noise = float(evidence.step[j]), float(evidence.noise[0, j])
+        if evidence.limb.period_s >= BLOCK_S:  # rows are far apart: motion looks like noise
+            noise = min(noise, float(white_noise(left[j, 0]) * evidence.floor[0, j]))
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
-        if step > max(STEP_RAD * size, BEYOND * own_step):
+        if step > max(ordinary.step_rad * size, BEYOND * own_step):
             yield _finding(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
         elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
