@@ -8,7 +8,7 @@ import pandas as pd
 from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
-from diagnosis.blind.near import is_near
+from diagnosis.blind.near import is_near, plain_names
 from diagnosis.blind.oracle import Oracle
 
 NONE, UNKNOWN = "none", "unknown"
@@ -88,6 +88,9 @@ def rightness(
     """Whether a verdict is right, and whether it is near the true fault instead."""
     verdict = said.get("verdict", ["refused"])
     right = sorted(verdict) == _truth(case)
+    if rigs.robot(case.rig) is not None:
+        named, true = (plain_names(names, case.channels) for names in (verdict, _truth(case)))
+        right = named == true
     right = right or (_is_ordinary(case, healthy) and verdict == [NONE])
     unknown = case.mode == UNKNOWN and bool(case.faults)
     return right, unknown and _near(case.faults[0], said, case, catalogue)

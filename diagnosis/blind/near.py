@@ -2,6 +2,9 @@
 
 A fault outside of the catalogue is *seen* where the verdict is `unknown`. Where something is named
 instead, it is *near* if a mechanic who knows the true fault would let the name pass, on its joint.
+
+Some names of the catalogue say the same of a robot: late is late, whether on the way to the drive
+or back; and without a logged torque, what a servo damps and what oil damps is one number.
 """
 
 from collections.abc import Collection, Mapping
@@ -26,6 +29,18 @@ NEAR: Mapping[str, frozenset[str]] = {
 }
 """By true fault: lost motion for lost motion, dry friction for dry friction, late for late; a motor
 that fades is a weak one, a magnet that slips is a bias, a motor that cogs is rough."""
+
+
+SAME = {"sensor-delay": "command-delay"}
+"""Names that say the same of a robot."""
+SAME_BLIND = {**SAME, "viscous-friction": "kd-scale"}
+"""The same where no torque was logged."""
+
+
+def plain_names(names: Collection[str], channels: Collection[str]) -> list[str]:
+    """Names in order, one for all that say the same of a robot with these channels."""
+    same = SAME if "torque" in channels else SAME_BLIND
+    return sorted(same.get(name, name) for name in names)
 
 
 def is_near(fault: str, named: Collection[str]) -> bool:

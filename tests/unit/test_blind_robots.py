@@ -165,6 +165,21 @@ def test_a_near_name_on_another_joint_is_wrong():
     assert judged.rightness(case, said, blind._catalogue()) == (False, False)
 
 
+@pytest.mark.parametrize(
+    ("rig", "channels", "right"),
+    [
+        ("arm1-7", ("position",), True),
+        ("arm1-7", ("position", "torque"), False),
+        ("joint", ("position",), False),
+    ],
+)
+def test_damping_is_one_number_without_torque(rig, channels, right):
+    """Take kd for viscous friction of a robot whose torque was not logged, and nowhere else."""
+    case = replace(robot("viscous-friction", 9.0), mode="single", rig=rig, channels=channels)
+    said = {"verdict": ["kd-scale"], "joints": ["j0"]}
+    assert judged.rightness(case, said, blind._catalogue()) == (right, False)
+
+
 def test_near_names_are_of_the_catalogue():
     """List near names for every strange fault, names of the catalogue and never its own."""
     assert set(STRANGE) <= set(NEAR) <= set(STRANGE) | set(draw.EFFECTS)
