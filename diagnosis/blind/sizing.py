@@ -67,7 +67,7 @@ class Robot:
         self.spec = _quiet(spec)
         self._moved = motions(case, self.spec, self.spec, case_rng(case, seed))
         noise = max(b.joint.encoder.noise_rad for b in spec.hand.driven)
-        self._told_rad = float(np.hypot(noise, FLOOR_RAD))
+        self._readable_rad = float(np.hypot(noise, FLOOR_RAD))
 
     @cached_property
     def residual_rad(self) -> float:
@@ -77,7 +77,7 @@ class Robot:
     @property
     def scale_rad(self) -> float:
         """What its faults are measured by: residual, noise and floor together."""
-        return float(np.hypot(self.residual_rad, self._told_rad))
+        return float(np.hypot(self.residual_rad, self._readable_rad))
 
     def left_rad(self, faults: Sequence[Fault]) -> float:
         """What it leaves with faults, root mean square over samples and joints."""

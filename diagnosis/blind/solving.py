@@ -45,16 +45,16 @@ Solve = Callable[[Task], Mapping[str, Any]]
 
 def task(blind: BlindSet, number: int) -> Task:
     """A case of a set."""
-    log, told = read_log(blind.log(number)), read_json(blind.log(number) / "case.json")
-    mechanism, make = log.meta.mechanism, told.get("make")
+    log, given = read_log(blind.log(number)), read_json(blind.log(number) / "case.json")
+    mechanism, make = log.meta.mechanism, given.get("make")
     folders = [] if make is None else sorted(blind.healthy(make).iterdir())
     is_hand = isinstance(mechanism, HandMechanism)
     return Task(
         log=log,
         nominal=rigs.nominal(mechanism.hand) if isinstance(mechanism, HandMechanism) else None,
         healthy=tuple(read_log(folder) for folder in folders),
-        excluded=tuple(told["excluded"]),
-        robot=bool(told.get("robot", not is_hand)),
+        excluded=tuple(given["excluded"]),
+        robot=bool(given.get("robot", not is_hand)),
     )
 
 

@@ -74,23 +74,23 @@ def side_figures(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, Figure]
 
 def _excess(cases: pd.DataFrame) -> float | None:
     """Mean confidence less share right."""
-    told = judged_ones(cases)
-    gap = pd.to_numeric(told["confidence"]) - told["right_or_near"].astype(float)
+    some = judged_ones(cases)
+    gap = pd.to_numeric(some["confidence"]) - some["right_or_near"].astype(float)
     return float(gap.mean()) if gap.notna().any() else None
 
 
 def judged_ones(cases: pd.DataFrame) -> pd.DataFrame:
     """Cases whose confidence is judged: `none`, and what there is to be seen."""
-    told = cases[(cases["mode"] == "none") | cases["detectable"]]
-    return told[pd.to_numeric(told["confidence"]).notna()]
+    some = cases[(cases["mode"] == "none") | cases["detectable"]]
+    return some[pd.to_numeric(some["confidence"]).notna()]
 
 
 def confidence(cases: pd.DataFrame, bins: int = 4) -> pd.DataFrame:
     """Mean confidence and share right of all, and in bins of equal counts by confidence."""
-    told = judged_ones(cases).sort_values("confidence", kind="stable")
-    said = pd.to_numeric(told["confidence"]).to_numpy(dtype=float)
-    right = told["right_or_near"].to_numpy(dtype=float)
-    parts = {"all": np.arange(len(told))}
+    some = judged_ones(cases).sort_values("confidence", kind="stable")
+    said = pd.to_numeric(some["confidence"]).to_numpy(dtype=float)
+    right = some["right_or_near"].to_numpy(dtype=float)
+    parts = {"all": np.arange(len(some))}
     parts |= {str(k + 1): one for k, one in enumerate(np.array_split(parts["all"], bins))}
     rows = [
         {
