@@ -2,11 +2,15 @@
 
 import contextlib
 import json
+import os
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
 
 from benchmark.console import Bar
 from benchmark.errors import CommandError
@@ -20,19 +24,18 @@ WARM_S = 8.0
 class Diagnosing:
     """A running diagnosis of one log."""
 
-    def __init__(self, child: subprocess.Popen) -> None:
-        self._child, self._began_s = child, time.monotonic()
+    def __init__(self, child: subprocess.Popen, said: IO[bytes]) -> None:
+        self._child, self._said, self._began_s = child, said, time.monotonic()
 
     def result(self) -> dict:
         """Wait for the diagnosis and return its result; raises CommandError if it failed."""
-        assert self._child.stdout is not None
         with Bar("diagnose the log", 1) as bar:
             while self._child.poll() is None:
                 bar.update(0, self._note())
                 time.sleep(POLL_S)
             bar.update(1)
-        said = self._child.stdout.read().strip() or b"{}"
-        found = json.loads(said)
+        self._said.seek(0)
+        found = json.loads(self._said.read().strip() or b"{}")
         if self._child.returncode != 0:
             reason = found.get("error", f"exit code {self._child.returncode}")
             raise CommandError(f"the diagnosis failed: {reason}")
@@ -48,14 +51,16 @@ class Diagnosing:
 def diagnosing(log: Path, out: Path) -> Iterator[Diagnosing]:
     """Diagnose a log on one core during the block; the process ends with the block."""
     words = ("diagnose", str(log), "--out", str(out), "--workers", "1", "--json")
-    child = subprocess.Popen(
-        [*COMMAND, *words],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,  # Ctrl-C is for the demo, which ends it
-    )
-    try:
-        yield Diagnosing(child)
-    finally:
-        child.kill()
-        child.communicate()
+    with tempfile.TemporaryFile() as said:  # a pipe that nobody reads meanwhile could fill up
+        child = subprocess.Popen(
+            [*COMMAND, *words],
+            stdout=said,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,  # Ctrl-C is for the demo, which ends it
+        )
+        try:
+            yield Diagnosing(child, said)
+        finally:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(child.pid, signal.SIGKILL)
+            child.wait()

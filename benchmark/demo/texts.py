@@ -67,6 +67,7 @@ def seen(plays: Sequence[Play], run: RunSpec, found: Mapping) -> list[str]:
 def next_commands(run: RunSpec, policy: Path, found: Mapping) -> dict[str, str]:
     """Three commands to try, and what each does."""
     again = {text: what for text, what in found["next"].items() if "diagnose" in text}
+    again = again or {"bench list effect": "see what a diagnosis looks for"}
     return {
         f"bench run --backend {run.backend} --task {run.task}": "train such a policy (8 to 16 min)",
         f"bench eval {policy} --backend mujoco --effects none": "evaluate it in the ideal hand",
