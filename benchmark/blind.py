@@ -1,4 +1,4 @@
-"""`bench blind`: hidden cases are made, solved from their logs alone, and scored."""
+"""`bench blind`: make hidden cases, solve them from their logs alone, and score the results."""
 
 import secrets
 from collections.abc import Callable, Iterable, Sequence
@@ -31,12 +31,12 @@ from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, engine, mec
 
 MOST_CASES, MOST_HEALTHY = 999, 20
 KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
-"""Real sides that no rule may be tuned on: only sets that name them have them."""
+"""Real sides on which no solver may be tuned; only sets that name them contain them."""
 FEWEST_EFFECTS = 3
-"""A pair, and another one to take out of the catalogue."""
+"""Smallest number of effects: a pair, and another one to remove from the catalogue."""
 SECRET_BITS = 128
 RIVALS = ("mujoco-sysid",)
-"""Methods besides the solver that are asked by name."""
+"""Methods besides the solver that can be run by name."""
 
 
 def settings(
@@ -50,7 +50,7 @@ def settings(
     healthy: int = 0,
     times: tuple[float, float] = draw.TIMES,
 ) -> draw.Settings:
-    """What options ask for; raises UsageError."""
+    """The settings of these options; raises UsageError."""
     within("--cases", cases, 1, MOST_CASES)
     within("--healthy-logs", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
@@ -77,7 +77,7 @@ def settings(
 
 
 def _rigs(text: str) -> tuple[str, ...]:
-    """Rigs in free air, 'all' being all of these, or one that holds the stick."""
+    """Rigs in free air ('all': all of these), or one that holds the stick."""
     if text == "all":
         return tuple(rigs.FREE)
     places = _words("rig", text, (*rigs.RIGS, *rigs.DRAWN))
@@ -95,7 +95,7 @@ def _rigs(text: str) -> tuple[str, ...]:
 
 
 def _reals(text: str, holding: bool) -> tuple[str, ...]:
-    """Real sides, 'all' being all that can carry the rig, but what is kept apart."""
+    """Real sides; 'all' are those that can carry the rig, without those that must be named."""
     engines = registry.names("backend")
     if holding and set(STICKLESS) & set(text.split(",")):
         raise UsageError(
@@ -111,7 +111,7 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
 def make(
     wanted: draw.Settings, seed: int | None, out: Path, answers: Path, workers: int | None
 ) -> dict[str, Any]:
-    """Draw the cases, write their logs to `out` and what is hidden to `answers`."""
+    """Draw the cases, write their logs to `out` and the answers to `answers`."""
     _check_places(out, answers)
     if seed is not None:
         within("--seed", seed, 0, 2**SECRET_BITS)
@@ -148,15 +148,15 @@ def make(
 def _sized(
     cases: tuple[draw.Case, ...], wanted: draw.Settings, seed: int, workers: int | None
 ) -> tuple[draw.Case, ...]:
-    """The cases, those of drawn robots with faults that are as large as settings want them."""
+    """The cases; those of drawn robots get faults of the size that the settings ask for."""
     if rigs.robot(cases[0].rig) is None:
         return cases
     tasks = [(case, wanted, seed) for case in cases]
-    return tuple(_told(lambda: _each("size", _size_one, tasks, workers)))
+    return tuple(_checked(lambda: _each("size", _size_one, tasks, workers)))
 
 
 def _load_real(name: str) -> None:
-    """Raises CommandError where what a real side needs is not there."""
+    """Raise CommandError if a package that a real side needs is missing."""
     load: Callable[[str], object] = mechanics if name in PLANTS else _engine
     try:
         load(name)
@@ -168,20 +168,20 @@ def _load_real(name: str) -> None:
 
 
 def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
-    """Solve the cases that this solver has not solved yet; what became of them."""
+    """Solve the cases that this solver has not solved yet; returns what became of them."""
     blind = BlindSet(path=folder)
-    promised = _told(blind.commitment)
+    promised = _checked(blind.commitment)
     changed = frozen.changed(promised)
     if changed and not anyway:
         raise UsageError(
-            f"the solver is not the one that {folder} was committed to: {', '.join(changed[:5])}"
-            f"{' and more' if len(changed) > 5 else ''} changed; go back to it, or say --anyway: "
-            "the score then says that the set was tuned on"
+            f"the solver does not fit the commitment of {folder}: {', '.join(changed[:5])}"
+            f"{' and more' if len(changed) > 5 else ''} changed; go back to the old solver, or "
+            "give --anyway: then the score counts as a tuning set"
         )
     solver = frozen.solver()
     blind.note_try(**solver)
-    unheard = [make for make in blind.makes if not _is_told(blind, make, solver)]
-    _each("healthy", _hear_one, [(blind, make, solver) for make in unheard], workers)
+    makes = [make for make in blind.makes if not _is_healthy_done(blind, make, solver)]
+    _each("healthy", _solve_healthy, [(blind, make, solver) for make in makes], workers)
     waiting = [n for n in blind.numbers if not _is_done(blind, n, solver)]
     _each("solve", _solve_one, [(blind, number, solver) for number in waiting], workers)
     said = {f"{n:03d}": blind.read_result(n) or {} for n in blind.numbers}
@@ -199,13 +199,13 @@ def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
 
 
 def run_rival(folder: Path, name: str, workers: int | None) -> dict[str, Any]:
-    """Let a rival name the cause of every case that it was not asked about yet."""
+    """Let a rival name the cause of every case that it has not solved yet."""
     if name not in RIVALS:
         raise unknown("rival", name, RIVALS)
     blind = BlindSet(path=folder)
-    cases = _told(lambda: blind.numbers)
+    cases = _checked(lambda: blind.numbers)
     waiting = [n for n in cases if not blind.rival(name, n).exists()]
-    _told(lambda: _each("rival", _ask_one, [(blind, name, n) for n in waiting], workers))
+    _checked(lambda: _each("rival", _solve_rival, [(blind, name, n) for n in waiting], workers))
     return {
         "status": "done",
         "dir": str(folder),
@@ -217,7 +217,7 @@ def run_rival(folder: Path, name: str, workers: int | None) -> dict[str, Any]:
 
 
 def score(folder: Path, answers: Path, out: Path | None, workers: int | None) -> tuple[dict, Table]:
-    """Open the answers and score; writes the tables to `out` if it is given."""
+    """Open the answers and score; writes the tables to `out` if given."""
     from diagnosis.blind import score as scoring
 
     blind = BlindSet(path=folder)
@@ -226,7 +226,7 @@ def score(folder: Path, answers: Path, out: Path | None, workers: int | None) ->
         tasks = [(blind, case, opened.seed) for case in opened.cases]
         return _each("oracle", _consult_one, tasks, workers)
 
-    found = _told(lambda: scoring.score(blind, answers, _catalogue(), consult))
+    found = _checked(lambda: scoring.score(blind, answers, _catalogue(), consult))
     written = scoring.write(found, out) if out is not None else []
     table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
     for row in scoring.headline(found).to_dict("records"):
@@ -244,7 +244,7 @@ def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, A
     from diagnosis.blind import calibrate as fitting
 
     pairs = [(BlindSet(path=folder), answers) for folder, answers in sets]
-    rows = _told(lambda: fitting.rows(pairs, _catalogue()))
+    rows = _checked(lambda: fitting.rows(pairs, _catalogue()))
     try:
         found = fitting.calibrate(rows)
     except ValueError as error:
@@ -331,8 +331,8 @@ def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
     write_sound(folder, case, _catalogue(), _start, seed)
 
 
-def _hear_one(blind: BlindSet, make: int, solver: dict) -> None:
-    """Write what sound mechanisms of a make leave, nothing where the solver refuses their logs."""
+def _solve_healthy(blind: BlindSet, make: int, solver: dict) -> None:
+    """Write the residuals of a plant's healthy logs, none if the solver refuses the logs."""
     from diagnosis.blind.solve import left_sound
     from diagnosis.logs.log import LogError
 
@@ -344,7 +344,7 @@ def _hear_one(blind: BlindSet, make: int, solver: dict) -> None:
 
 
 def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
-    """Solve a case and write what was said; a solver that breaks has refused."""
+    """Solve a case and write the result; a solver that fails counts as having refused."""
     from diagnosis.blind.solve import solve
 
     excluded = blind.excluded(number)
@@ -353,12 +353,12 @@ def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
         said = solve(blind.log(number), excluded, _catalogue(), start, _sound(blind, number))
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
         left = sorted(set(_catalogue()) - set(excluded))
-        said = {"refused": f"broke: {type(error).__name__}: {error}", "catalogue": left}
+        said = {"refused": f"failed: {type(error).__name__}: {error}", "catalogue": left}
     files.write_json(blind.result(number), {"number": number, **said, **solver})
 
 
 def _sound(blind: BlindSet, number: int) -> tuple[Sound, ...]:
-    """What the limbs of sound mechanisms of a case's make leave; none where none are known."""
+    """The residuals of the healthy logs of a case's plant; empty if there are none."""
     make = blind.make(number)
     if make is None:
         return ()
@@ -366,7 +366,7 @@ def _sound(blind: BlindSet, number: int) -> tuple[Sound, ...]:
     return tuple(Sound(**limb) for limb in files.read_json(file)["limbs"])
 
 
-def _ask_one(blind: BlindSet, name: str, number: int) -> None:
+def _solve_rival(blind: BlindSet, name: str, number: int) -> None:
     from diagnosis.blind.sysid import identify
     from diagnosis.logs.log import LogError
 
@@ -392,7 +392,7 @@ def _start(name: str, specs: Sequence[Spec]) -> Simulator:
 
 
 def _engine(name: str) -> type[Engine]:
-    """A backend, or an engine that is a real side alone."""
+    """A backend, or an engine that is only a real side."""
     return engine(name) if name in ENGINES else registry.load("backend", name)
 
 
@@ -402,7 +402,7 @@ def _catalogue() -> dict[str, type[Effect]]:
 
 
 def _each(what: str, work: Callable, tasks: Sequence[tuple], workers: int | None) -> list:
-    """The work's results in order, one core per task; tasks that were done stay done."""
+    """The results of the tasks in order, one core per task."""
     if not tasks:
         return []
     parallel = joblib.Parallel(n_jobs=workers or usable_cores(), return_as="generator")
@@ -416,21 +416,21 @@ def _each(what: str, work: Callable, tasks: Sequence[tuple], workers: int | None
 
 
 def _is_done(blind: BlindSet, number: int, solver: dict) -> bool:
-    """Whether this very solver has solved a case."""
-    said = _told(lambda: blind.read_result(number))
+    """Whether this version of the solver has solved a case."""
+    said = _checked(lambda: blind.read_result(number))
     return said is not None and said.get("solver_sha256") == solver["solver_sha256"]
 
 
-def _is_told(blind: BlindSet, make: int, solver: dict) -> bool:
-    """Whether this very solver has seen the sound mechanisms of a make."""
+def _is_healthy_done(blind: BlindSet, make: int, solver: dict) -> bool:
+    """Whether this version of the solver has processed the healthy logs of a plant."""
     file = blind.soundness(make)
     if not file.exists():
         return False
-    return _told(lambda: files.read_json(file)).get("solver_sha256") == solver["solver_sha256"]
+    return _checked(lambda: files.read_json(file)).get("solver_sha256") == solver["solver_sha256"]
 
 
-def _told(ask: Callable) -> Any:
-    """What `ask` gives; a set that cannot be used is the user's to mend."""
+def _checked(ask: Callable) -> Any:
+    """The result of `ask`; a BlindError becomes a UsageError."""
     try:
         return ask()
     except BlindError as error:
@@ -441,13 +441,15 @@ def _check_places(out: Path, answers: Path) -> None:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"{out} exists and is not empty; choose another folder or remove it first")
     if out.resolve() in answers.resolve().parents or out.resolve() == answers.resolve():
-        raise UsageError(f"--answers {answers} lies in --out {out}; put it where no solver sees it")
+        raise UsageError(f"--answers {answers} is in --out {out}; put it where no solver sees it")
     if answers.exists():
-        raise UsageError(f"{answers} exists; choose another file, a seal is never replaced")
+        raise UsageError(
+            f"{answers} exists; choose another file, because sealed answers are never replaced"
+        )
 
 
 def _words(kind: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
-    """Names between commas, 'all' being all of them; raises UsageError."""
+    """The names between commas ('all': all of them); raises UsageError."""
     if text == "all":
         return known
     names = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
@@ -455,5 +457,5 @@ def _words(kind: str, text: str, known: tuple[str, ...]) -> tuple[str, ...]:
         if name not in known:
             raise unknown(kind, name, known)
     if not names:
-        raise UsageError(f"no {kind} is named; known: {', '.join(known)}, or all")
+        raise UsageError(f"no {kind} is given; known: {', '.join(known)}, or all")
     return names

@@ -1,8 +1,8 @@
-"""How plainly an effect of touch, stick or contact shows in a case: its readings with and without.
+"""How clearly an effect of touch, stick or contact shows: readings of a case with and without it.
 
-The same motions and noise, once more without the effect. What skin reads is geometry; how joints
-and stick move in a grasp is not, and engines are apart in it by more than sensors see. So an effect
-shows there as far as it moves them further than that.
+The same motions and noise are repeated without the effect. Touch readings follow from geometry. The
+motion of joints and stick in a grasp does not, and engines differ in it by more than the sensors'
+noise. So an effect shows there only as far as its change exceeds the difference between engines.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,19 +29,19 @@ from diagnosis.blind.motion import Motion
 from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
 
 ALIKE_S = 0.5
-"""Readings tell anew after this: a grasp moves slowly [s]."""
+"""Readings count as independent after this time, because a grasp moves slowly [s]."""
 FLIP_NATS = 1.0
-"""What a taxel tells that answers otherwise."""
+"""Information of a taxel that responds differently [nats]."""
 SKIN = ("touch", "contact")
 SLIPPED_M, GONE_M = 1e-3, 15e-3
-"""A stick that is pulled slips from the one on, and is gone at the other."""
+"""A pulled stick slips from the first distance on, and has left the grip at the second [m]."""
 SLIP_NOISE = (0.005, 0.05)
-"""What the tracker's noise makes of logarithms of the pulls in between."""
+"""Standard deviation of the logarithms of these pulls due to the tracker's noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Grasps:
-    """The grasps of a case, to be played on any engine."""
+    """The grasps of a case, which can be played on any engine."""
 
     case: Case
     catalogue: Mapping[str, type[Effect]]
@@ -50,9 +50,9 @@ class Grasps:
     """Of the set."""
 
     def apart_nats(self, fault: Fault, engines: Sequence[str]) -> float:
-        """Log-likelihood ratio with an effect and without, by the channel that tells most.
+        """Log-likelihood ratio with and without an effect, in the most informative channel.
 
-        `engines` are all that there are.
+        `engines` are all engines.
         """
         case = self.case
         less = replace(case, faults=tuple(f for f in case.faults if f is not fault))

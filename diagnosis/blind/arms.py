@@ -1,9 +1,9 @@
-"""Arms that the blind check draws: a data sheet, an MJCF file, and one robot that is not quite it.
+"""Arms of the blind check: a random data sheet, its MJCF file, and a robot that differs from it.
 
-An arm is a pure function of its number of joints and a seed, so a rig's name says all:
-`arm2-1234`. Links are rods; gains give drives 3 to 6 Hz of bandwidth; limits are twice what gravity
-asks for, and more. Arms of one and two joints have parallel hinges, upright or not; arms of three
-and six turn about the vertical first.
+An arm is a pure function of its number of joints and a seed, so its name defines it: `arm2-1234`.
+Links are rods. Gains give the drives a bandwidth of 3 to 6 Hz. Limits are at least twice the
+gravity torques. Arms of one and two joints have parallel hinges, vertical or horizontal; the first
+hinge of arms with three and six joints is vertical.
 """
 
 from dataclasses import dataclass, replace

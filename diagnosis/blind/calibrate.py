@@ -1,12 +1,12 @@
-"""Fits the curve from what a verdict rests on to the probability that it is right.
+"""Fit the probability that a verdict is right, as a curve in its features.
 
-A verdict rests on a handful of features: the share of the gap that is explained, what is left, how
-far it leads, and its kind. The share of right answers among such verdicts is a logistic curve of
-the features, one for each kind, fitted to solved sets whose answers are open. It is tried on each
-make by the curve of all other makes, for the robot that a user brings is of one more make.
+The features are the share of the gap that is explained, what is left, the lead over other
+candidates, and the kind of verdict. The share of right answers is a logistic curve in the features,
+one per kind, fitted to solved sets whose answers are open. Each plant is tested with the curve of
+all other plants, because a user's robot is yet another one.
 
-Ridge regression holds every coefficient but the constant by a normal prior of one: features are
-logarithms and shares, so nothing is claimed that a few rows could not say.
+Every coefficient but the constant has a normal prior with standard deviation one (ridge
+regression). The features are logarithms and shares, so this suits their scale.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -27,11 +27,11 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
     UNKNOWN: ("constant", "gap", "share"),
     NONE: ("constant", "gap"),
 }
-"""Which features the probability of each kind of verdict depends on, the constant first."""
+"""The features for each kind of verdict, the constant first."""
 PRIOR_SD, CONSTANT_SD = 1.0, 10.0
 """Standard deviations of the coefficients' normal priors."""
 BINS = 4
-"""Bins of equal counts in which confidence is held against shares right."""
+"""Number of bins with equal counts in which confidence is compared with the share right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +43,7 @@ class Row:
     kind: str
     """named, unknown or none."""
     features: Mapping[str, float]
-    """What it rests on, by name; `constant` is 1."""
+    """Its features, by name; `constant` is 1."""
     right: bool
 
 
@@ -53,14 +53,14 @@ Curve = dict[str, dict[str, float]]
 
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
-    """A fitted curve, and how it does on makes that it was not fitted on."""
+    """A fitted curve, and its calibration on plants that it was not fitted on."""
 
     curve: Curve
     """Fitted on all rows."""
     left_out: Array
-    """Probability of every row by the curve of all other makes, shape (N,)."""
+    """Probability of every row by the curve of all other plants, shape (N,)."""
     table: pd.DataFrame
-    """By bin: cases, confidence, right, excess; `all` and every make first."""
+    """By bin: cases, confidence, right, excess; `all` and every plant first."""
 
 
 def probability(curve: Curve, row: Row) -> float:
@@ -70,7 +70,7 @@ def probability(curve: Curve, row: Row) -> float:
 
 
 def fit(every: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Curve:
-    """The curve of some rows, by maximum posterior; a kind without rows gets an even chance."""
+    """The maximum posterior curve for some rows; a kind without rows gets probability 0.5."""
     curve: Curve = {}
     for kind, wanted in names.items():
         some = [row for row in every if row.kind == kind]
@@ -98,15 +98,15 @@ def _logistic(x: Array, right: Array) -> Array:
 
 
 def calibrate(some: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Calibration:
-    """The curve of all rows, and each make by the curve of the others.
+    """The curve of all rows, and each plant by the curve of the others.
 
-    Raises ValueError where all rows are of one make.
+    Raises ValueError if all rows are from one plant.
     """
     makes = sorted({row.make for row in some})
     if len(makes) < 2:
         raise ValueError(
-            f"all cases are of one real side, {', '.join(makes) or 'none'}; a curve is tried on "
-            "makes that it was not fitted on: give sets of two or more"
+            f"all cases are of one real side, {', '.join(makes) or 'none'}; a curve is tested on "
+            "plants that it was not fitted on: give sets of two or more"
         )
     left_out = np.empty(len(some))
     for make in makes:

@@ -1,7 +1,7 @@
-"""What is hidden in a set of cases: a pure function of settings and seed. Knows no solver.
+"""Draw what is hidden in a set of cases: a pure function of settings and seed; knows no solver.
 
-Sides, rigs, effects and levels are dealt from shuffled decks, so that a small set is even and no
-number of a case says what is in it.
+Sides, rigs, effects and levels are dealt from shuffled decks, so that a small set is balanced and a
+case's number says nothing about its contents.
 """
 
 import itertools
@@ -17,14 +17,14 @@ from diagnosis.blind import arms, motion, rigs, sides
 
 T = TypeVar("T")
 SHARES = {"single": 6, "pair": 2, "none": 2, "unknown": 3}
-"""How many cases of each mode there are among all, in proportion."""
+"""Proportions of the modes among all cases."""
 LEVELS = ("small", "medium", "large")
 JITTER = 0.2
-"""Magnitudes lie within this of their level, as a logarithm."""
+"""Largest distance of a magnitude from its level, as a logarithm."""
 EVERYWHERE = 0.25
-"""How often an effect is on all joints that it concerns instead of on one."""
+"""Probability that an effect is on all its joints instead of on one."""
 NOMINAL_STD, NOMINAL_CLIP = 0.05, 2.0
-"""Spread of the hidden nominal errors, relative, and where it ends in standard deviations."""
+"""Relative standard deviation of hidden nominal errors, and its cut-off in standard deviations."""
 NOMINAL = {
     "kp-scale": None,
     "kd-scale": None,
@@ -35,9 +35,10 @@ NOMINAL = {
     "series-elasticity": None,
     "gear-damping": None,
 }
-"""Nominal parameters that are off, by the effect that changes them, and what a share is of."""
+"""Nominal parameters that have errors, by the effect that changes them, and their reference
+value."""
 CHANNELS = (("position",), ("position", "torque"), ("position", "motor"))
-"""What is logged, one of these."""
+"""Sets of logged channels, one of which is drawn."""
 HELD_CHANNELS = (
     ("position", "stick", "contact"),
     ("position", "torque", "stick", "contact"),
@@ -53,11 +54,11 @@ class Size:
     """The three magnitudes of an effect."""
 
     levels: tuple[float, float, float]
-    """Zeros: it only falls."""
+    """Zeros if it only decreases."""
     of: str | None = None
-    """Drive number that they are shares of; None: they are in SI units or shares."""
+    """Drive number to which they are relative; None: SI units or shares."""
     falls: tuple[float, float, float] | None = None
-    """Magnitudes to the other side, where it may be either; also positive numbers."""
+    """Magnitudes of the other sign, as positive numbers, if it has both signs."""
 
 
 _SHARE_EITHER = ((0.1, 0.25, 0.6), (0.1, 0.25, 0.5))
@@ -86,7 +87,7 @@ SIZES = {
     "encoder-noise": Size(levels=(5e-4, 1.5e-3, 5e-3)),
     "sensor-delay": Size(levels=(0.002, 0.006, 0.02)),
 }
-"""By effect; what shows in free air."""
+"""Sizes by effect, of those that show in free air."""
 HELD_SIZES = {
     "taxel-threshold": Size(levels=(5e-5, 1.5e-4, 4e-4), falls=(4e-5, 8e-5, 1.5e-4)),
     "taxel-drift": Size(levels=(2e-5, 7e-5, 2.5e-4)),
@@ -97,8 +98,8 @@ HELD_SIZES = {
     "contact-friction": Size(levels=(0.15, 0.3, 0.6), falls=(0.15, 0.3, 0.5)),
     "contact-softness": Size(levels=(4e-5, 1e-4, 2.5e-4)),
 }
-"""What shows with the stick in the hand alone: touch, stick and contact. A grasp presses by up to
-12 N, and engines hold a stick while contacts yield less than 3.5 mm."""
+"""Sizes of effects that show only with the stick in the hand: touch, stick and contact. A grasp
+presses by up to 12 N, and engines hold a stick while contacts yield less than 3.5 mm."""
 EFFECTS, HELD_EFFECTS = tuple(SIZES), tuple(HELD_SIZES)
 ARM_EFFECTS = tuple(effect for effect in EFFECTS if effect != "gear-damping")
 """What an arm can have: its file has no gear whose damping could be off."""
@@ -111,7 +112,7 @@ TIMES = (3.0, 30.0)
 EXCLUSIVE = ({"backlash", "series-elasticity"},)
 """Effects of arms that are no pair: one second hinge has play or a spring."""
 SLIPPING = ("stick-mass", "contact-friction")
-"""Of these what shows where the stick slips."""
+"""Of these, the effects that show where the stick slips."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,7 +131,7 @@ class Fault:
 Make = tuple[str, str, tuple[str, ...]]
 """Real side, rig and channels of a mechanism."""
 SOUND = 1000
-"""Logs of sound mechanisms are numbered from here on, cases below."""
+"""Healthy logs are numbered from here on, cases below."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -141,14 +142,14 @@ class Case:
     mode: str
     """single, pair, none or unknown."""
     real: str
-    """What stands for reality: an engine, or a plant."""
+    """The real side: an engine or a plant."""
     rig: str
     channels: tuple[str, ...]
     protocols: tuple[str, ...]
     variants: int
     """Episodes per protocol."""
     faults: tuple[Fault, ...]
-    """What is to be found."""
+    """The hidden effects."""
     nominal: tuple[Fault, ...]
     """Errors of the nominal parameters, within their uncertainty."""
     excluded: tuple[str, ...]
@@ -166,13 +167,13 @@ class Case:
 
     @property
     def make(self) -> Make:
-        """What logs of a sound mechanism have in common with this one."""
+        """What healthy logs have in common with this case."""
         return self.real, self.rig, self.channels
 
 
 @dataclass(frozen=True, kw_only=True)
 class Settings:
-    """What set is drawn."""
+    """The settings of a set."""
 
     cases: int
     reals: tuple[str, ...]
@@ -190,7 +191,7 @@ class Settings:
 
 
 def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -> tuple[Case, ...]:
-    """The cases of a set; the same seed draws the same."""
+    """Draw the cases of a set; the same seed gives the same cases."""
     rng = np.random.default_rng([seed, 0])
     modes = [m for m, count in _counts(settings).items() for _ in range(count)]
     reals = itertools.islice(_deck(settings.reals, rng), settings.cases)
@@ -231,7 +232,7 @@ def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -
 
 
 def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tuple[Case, ...]]:
-    """Cases of every make in which nothing is hidden but other nominal errors, in random order."""
+    """Healthy cases of every plant: only other nominal errors are hidden; in random order."""
     rng = np.random.default_rng([seed, 3])
     makes = list(dict.fromkeys(case.make for case in cases))
     found: dict[Make, tuple[Case, ...]] = {}
@@ -346,7 +347,7 @@ def _robot(
 def arm_joint(
     name: str, catalogue: Mapping[str, type[Effect]], spec: Spec, rng: np.random.Generator
 ) -> str | None:
-    """One joint at random; None for all of them, where an effect may be on all."""
+    """One joint at random; None: all of them, if the effect can be on all."""
     names = spec.hand.joint_names
     everywhere, one = rng.uniform() < EVERYWHERE, names[rng.integers(len(names))]
     if name in catalogue and not catalogue[name].per_joint:
@@ -355,7 +356,7 @@ def arm_joint(
 
 
 def nominal_errors(rig: str, faults: Sequence[Fault]) -> tuple[Fault, ...]:
-    """Errors of the nominal parameters of a drawn robot, but where a fault changes the same."""
+    """Errors of a drawn robot's nominal parameters, except those that a fault changes."""
     seed = rigs.robot(rig)
     assert seed is not None
     rng, spread = np.random.default_rng([seed, 3]), arms.spread(seed)

@@ -147,7 +147,7 @@ def open_answers(path: Path, commitment: Commitment) -> Answers:
     found = hashlib.sha256(path.read_bytes()).hexdigest()
     if found != commitment.answers_sha256:
         raise BlindError(
-            f"the SHA-256 of {path} is {found}, but {commitment.answers_sha256} was committed to; "
+            f"the SHA-256 of {path} is {found}, but {commitment.answers_sha256} was committed; "
             "these are other answers, or they were changed: give those of this set"
         )
     data = read_json(path)

@@ -1,4 +1,4 @@
-"""Answers and verdicts side by side: one row per case, and one per true effect."""
+"""Compare answers and verdicts: one row per case, and one per true effect."""
 
 from collections.abc import Mapping
 
@@ -14,9 +14,9 @@ from diagnosis.blind.oracle import Oracle
 NONE, UNKNOWN = "none", "unknown"
 TOP = 3
 ORDINARY_FLOORS = 4.0
-"""What healthy robots may leave; with less than this left, `none` is right beside `unknown`."""
+"""Ordinary gap of healthy robots; with less than this left, both `none` and `unknown` are right."""
 HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
-"""The same where healthy logs were given: this over what they leave, and no less than this."""
+"""The same with healthy logs: this multiple of their gap, but at least this."""
 FAULT_COLUMNS = (
     *("number", "mode", "real", "rig", "protocols", "channels", "effect", "level", "magnitude"),
     *("unit", "oracle_nats", "detectable", "found", "joints_right", "error", "covered"),
@@ -31,7 +31,7 @@ def case_row(
     catalogue: Mapping[str, type[Effect]],
     healthy: int = 0,
 ) -> dict:
-    """One case: what was there, what was said, also by the rival, and in which ways it is right."""
+    """One case: the truth, the verdicts of solver and rival, and where they are right."""
     verdict = said.get("verdict", ["refused"])
     truth = _truth(case)
     names = [f.effect for f in case.faults]
@@ -219,6 +219,6 @@ def _measured(fault: Fault, said: dict, case: Case, catalogue: Mapping[str, type
 
 
 def frames(rows: list[dict], faults: list[dict]) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows as tables, by number; without effects the second has columns and no row."""
+    """The rows as tables, by number; without effects the second table has no rows."""
     cases = pd.DataFrame(rows).sort_values("number", ignore_index=True)
     return cases, pd.DataFrame(faults, columns=FAULT_COLUMNS)

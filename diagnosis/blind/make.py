@@ -1,8 +1,8 @@
-"""Makes a blind case: hidden world, random motions, what its sensors would log. Knows no solver.
+"""Make a blind case: hidden world, random motions, sensor readings. Knows no solver.
 
-The real side is an engine, or a plant of other equations. Engines share the drive law with the
-solver, as a simulator and its user share a textbook; plants share nothing. An engine that is no
-backend, as nobody needs it to hold a stick, is a file in `engines`.
+The real side is an engine or a plant. Engines share the drive law with the solver. Plants have
+other equations and share nothing. An engine that is no backend, because it holds no stick, is a
+file in `engines`.
 """
 
 import dataclasses
@@ -37,7 +37,7 @@ from diagnosis.logs.log import (
 FOREVER_S = 1e6
 
 Simulate = Callable[[str, Sequence[Spec]], Simulator]
-"""Puts worlds on the engine of that name."""
+"""Starts worlds on the engine with this name."""
 
 
 def write_case(
@@ -48,10 +48,10 @@ def write_case(
     seed: int,
     make: int | None,
 ) -> None:
-    """Make a case's log and say what its solver may use; nothing of the answer is written.
+    """Write a case's log and the facts that its solver may use, and nothing of the answer.
 
-    `make` numbers the logs of sound mechanisms of the same make; None: there are none. A solver may
-    know whether the log is from a robot, which a plant stands for, or from a simulator.
+    `make` is the number of the plant's healthy logs; None: there are none. A solver may know
+    whether the log is from a robot, which a plant stands for, or from a simulator.
     """
     log = real_log(case, catalogue, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
@@ -64,12 +64,12 @@ def write_case(
 def write_sound(
     folder: Path, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
 ) -> None:
-    """Make a log of a sound mechanism."""
+    """Write a healthy log."""
     write_log(real_log(case, catalogue, simulate, case_rng(case, seed)), folder)
 
 
 def case_rng(case: Case, seed: int) -> np.random.Generator:
-    """What decides the motions and noise of a case."""
+    """The random generator of a case's motions and noise."""
     return np.random.default_rng([seed, 2, case.number])
 
 
@@ -79,7 +79,7 @@ def real_log(
     simulate: Simulate,
     rng: np.random.Generator,
 ) -> Log:
-    """What the hidden world of a case would log."""
+    """The log of the hidden world of a case."""
     spec, noise = rigs.nominal(case.rig), rigs.torque_noise(case.rig)
     moved = motions(case, spec, hidden_world(case, spec, catalogue), rng)
     episodes = readings(case, spec, moved, catalogue, simulate, rng)
@@ -106,7 +106,7 @@ def readings(
     simulate: Simulate,
     rng: np.random.Generator,
 ) -> list[dict[str, Array]]:
-    """What is read in every episode of a case on a rig whose nominal world is `spec`."""
+    """The readings of every episode of a case; `spec` is the rig's nominal world."""
     if case.real in PLANTS:
         return _on_plant(case, spec, moved, rng)
     world = hidden_world(case, spec, catalogue)
@@ -115,7 +115,7 @@ def readings(
 
 
 def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> list[Motion]:
-    """Random episodes: in free air of the nominal hand, in a grasp of the stick that is there."""
+    """Random episodes: in free air with the nominal hand, in a grasp with the hidden stick."""
     rate_hz = rigs.rate_hz(case.rig)
     return [
         HOLDS[protocol](world, rng)
@@ -127,7 +127,7 @@ def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> li
 
 
 def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
-    """The nominal world with the nominal errors and effects of a case; a plant's is nominal."""
+    """The nominal world with a case's nominal errors and effects; nominal for a plant."""
     faults = () if case.real in PLANTS else (*case.nominal, *case.faults)
     return with_effects(
         spec, (catalogue[f.effect](magnitude=f.magnitude, joint=f.joint) for f in faults)
@@ -148,7 +148,7 @@ def _on_plant(
 
 
 def robot(case: Case) -> Mechanics:
-    """The equations of a case's plant: a typical robot's, or those of the one that was drawn."""
+    """The equations of a case's plant: of a typical robot, or of the drawn one."""
     make, seed = mechanics(case.real), rigs.robot(case.rig)
     return make() if seed is None else make.individual(np.random.default_rng([seed, 2]))
 
@@ -160,7 +160,7 @@ def engine_readings(
     rng: np.random.Generator,
     rate_hz: float = rigs.RATE_HZ,
 ) -> list[dict[str, Array]]:
-    """What an engine's sensors read in every episode; those with and without stick side by side."""
+    """The readings of an engine's sensors in every episode."""
     seeds = rng.integers(1 << 53, size=len(motions))
     read: dict[int, dict[str, Array]] = {}
     for held in (False, True):

@@ -1,4 +1,4 @@
-"""Figures of a score: each a share or a median over some cases, with its count and interval."""
+"""Figures of a score: shares or medians over some cases, with count and interval."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from scipy import stats
 from diagnosis.blind.oracle import DETECTABLE_NATS
 
 LEVEL = 0.95
-"""Coverage of the intervals: Wilson's of shares, order statistics of medians."""
+"""Coverage of the intervals: Wilson for shares, order statistics for medians."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -18,7 +18,7 @@ class Figure:
     """One figure."""
 
     value: float | None
-    """None: nothing to count."""
+    """None if there is nothing to count."""
     low: float | None
     high: float | None
     count: int
@@ -26,20 +26,20 @@ class Figure:
 
 @dataclass(frozen=True, kw_only=True)
 class Measure:
-    """How a figure comes about."""
+    """Definition of a figure."""
 
     name: str
     meaning: str
     column: str
     of: Callable[[pd.DataFrame], pd.Series]
-    """Which rows count."""
+    """Selects the rows that count."""
     median: bool = False
     faults: bool = False
-    """Over true effects instead of cases."""
+    """Whether it is over true effects instead of cases."""
 
 
 def share(hits: pd.Series) -> Figure:
-    """Share of hits among what is not empty."""
+    """Share of hits among the values that are not empty."""
     hits = hits.dropna().astype(bool)
     if hits.empty:
         return Figure(value=None, low=None, high=None, count=0)
@@ -54,7 +54,7 @@ def share(hits: pd.Series) -> Figure:
 
 
 def median(values: pd.Series) -> Figure:
-    """Median of what is not empty; the interval is between two order statistics."""
+    """Median of the values that are not empty; its interval is between two order statistics."""
     numbers = np.sort(values.dropna().to_numpy(dtype=float))
     if not len(numbers):
         return Figure(value=None, low=None, high=None, count=0)
@@ -104,31 +104,31 @@ def _none(t: pd.DataFrame) -> pd.Series:
 MEASURES = (
     Measure(
         name="top1",
-        meaning="single effects named, and nothing else",
+        meaning="single effects: named, and nothing else",
         column="right",
         of=_mode("single"),
     ),
     Measure(
         name="top1_or_tied",
-        meaning="the same, or named one that the solver says it cannot tell from it",
+        meaning="the same, or one named that the solver cannot distinguish from it",
         column="right_or_tied",
         of=_mode("single"),
     ),
     Measure(
         name="search_missed",
-        meaning="single effects that fit better than the best fit found, by the limit",
+        meaning="single effects: the truth fits better than the best fit found, by the limit",
         column="missed",
         of=_mode("single"),
     ),
     Measure(
         name="top3",
-        meaning="single effects among the first three of the ranking",
+        meaning="single effects: among the first three of the ranking",
         column="in_top",
         of=_mode("single"),
     ),
     Measure(
         name="joint_right",
-        meaning="of single effects named: on just its joints",
+        meaning="single effects named: on exactly their joints",
         column="joints_right",
         of=_named,
     ),
@@ -146,13 +146,18 @@ MEASURES = (
     ),
     Measure(
         name="unknown_recall",
-        meaning="effects outside of the catalogue called `unknown`",
+        meaning="effects outside the catalogue: called `unknown`",
         column="right",
         of=_mode("unknown"),
     ),
-    Measure(name="unknown_recall_weak", meaning="of these the weak ones", column="right", of=_weak),
     Measure(
-        name="unknown_recall_strong", meaning="of these the strong ones", column="right", of=_strong
+        name="unknown_recall_weak", meaning="of these, the weak ones", column="right", of=_weak
+    ),
+    Measure(
+        name="unknown_recall_strong",
+        meaning="of these, the strong ones",
+        column="right",
+        of=_strong,
     ),
     Measure(
         name="unknown_recall_apart",
@@ -174,25 +179,25 @@ MEASURES = (
     ),
     Measure(
         name="pairs_exact",
-        meaning="pairs of which both are named, and nothing else",
+        meaning="pairs: both named, and nothing else",
         column="right",
         of=_mode("pair"),
     ),
     Measure(
         name="pairs_one",
-        meaning="pairs of which at least one is named",
+        meaning="pairs: at least one named",
         column="one_of",
         of=_mode("pair"),
     ),
     Measure(
         name="spurious_second",
-        meaning="single effects named beside another that is not there",
+        meaning="single effects: named together with another one that is not there",
         column="spurious",
         of=_mode("single"),
     ),
     Measure(
         name="magnitude_error_median",
-        meaning="relative error of magnitudes of effects found",
+        meaning="effects found: relative error of the magnitude",
         column="error",
         of=_faulty,
         median=True,
@@ -207,14 +212,14 @@ MEASURES = (
     ),
     Measure(
         name="shrinkage_vs_oracle",
-        meaning="gap closed over what the true effects close",
+        meaning="gap that the verdict closes, over what the true effects close",
         column="shrinkage_ratio",
         of=_faulty,
         median=True,
     ),
     Measure(
         name="below_named",
-        meaning="effects too small to detect: called right all the same",
+        meaning="effects too small to detect: named all the same",
         column="right",
         of=_below,
     ),
@@ -230,7 +235,7 @@ MEASURES = (
 
 
 def enriched(cases: pd.DataFrame) -> pd.DataFrame:
-    """The cases with what follows from their columns."""
+    """The cases with columns that are derived from the others."""
     oracle = pd.to_numeric(cases["shrinkage_oracle"]).where(lambda s: s > 0)
     return cases.assign(
         wrong=~cases["right"],

@@ -1,6 +1,6 @@
-"""What a blind case commands: short random motions of its own, not those the solver was tuned on.
+"""The commands of a blind case: short random motions, different from the tuning protocols.
 
-Every joint moves at once, each in its own rhythm, from rest in the centre of its range.
+All joints move at once, each with its own timing, from rest in the centre of its range.
 """
 
 import math
@@ -17,15 +17,15 @@ LENGTH_S = 3.0
 REST_S = 0.15
 """Rest before the first motion [s]."""
 ASIDE_M = (5.0, 0.0, 0.0)
-"""Where the stick floats without weight, for engines that must have one [m]."""
+"""Position at which the stick floats without weight, for engines that need one [m]."""
 STEP_S, STEP_SHARES = (0.2, 0.5), (0.02, 0.45)
-"""How long a level is held, and how high it is as a share of the room."""
+"""Duration of a level, and its height as a share of the range."""
 TRIANGLE_SHARE, TRIANGLE_HZ = (0.15, 0.35), (0.4, 0.9)
 SINES, SINE_HZ, SINE_SHARE = 7, (0.4, 10.0), (0.12, 0.25)
 PUSH_SHARES = (0.12, 0.35)
 """Known pushes, as shares of the torque limit."""
 HOLD_SHARE = 0.3
-"""Where a joint is held under a push, at most, as a share of the room."""
+"""Largest position at which a joint is held under a push, as a share of the range."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class Motion:
     push_nm: Array
     """External torques from each sample on [Nm], shape (T, J)."""
     start: InitialState
-    """Where joints and stick of the one world start."""
+    """Start of joints and stick of the single world."""
     pull_n: Array | None = None
     """Force on the stick along its axis, towards its lower end [N], shape (T,); None: none."""
 
@@ -49,7 +49,7 @@ def times_s(rate_hz: float = RATE_HZ) -> Array:
 
 
 def center_rad(spec: Spec) -> Array:
-    """Where every episode starts [rad], shape (J,)."""
+    """Start of every episode [rad], shape (J,)."""
     return np.array([np.mean(b.joint.range_rad) for b in spec.hand.driven])
 
 
@@ -109,7 +109,7 @@ def _push(inside_s: Array, rng: np.random.Generator) -> tuple[Array, Array]:
 
 
 def evenly(rng: np.random.Generator, ends: tuple[float, float], count: int) -> Array:
-    """Numbers between two ends, even in their logarithm."""
+    """Random numbers between two ends, uniform in their logarithm."""
     return np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]), count))
 
 

@@ -1,10 +1,10 @@
-"""Names that a mechanic would give a fault which no catalogue has: fixed before any case is drawn.
+"""Names that a mechanic would accept for a fault outside the catalogue, fixed before the draw.
 
-A fault outside of the catalogue is *seen* where the verdict is `unknown`. Where something is named
-instead, it is *near* if a mechanic who knows the true fault would let the name pass, on its joint.
+A fault outside the catalogue is *seen* if the verdict is `unknown`. If an effect is named instead,
+it is *near* if a mechanic who knows the true fault would accept the name, on its joint.
 
-Some names of the catalogue say the same of a robot: late is late, whether on the way to the drive
-or back; and without a logged torque, what a servo damps and what oil damps is one number.
+Some names of the catalogue mean the same for a robot: a delay is a delay, whether on the way to the
+drive or back. Without a logged torque, the damping of a servo and of oil is one number.
 """
 
 from collections.abc import Collection, Mapping
@@ -44,5 +44,5 @@ def plain_names(names: Collection[str], channels: Collection[str]) -> list[str]:
 
 
 def is_near(fault: str, named: Collection[str]) -> bool:
-    """Whether all names that were given instead of a fault are near it; of none, they are not."""
+    """Whether all names given instead of a fault are near it; False if none is given."""
     return bool(named) and set(named) <= NEAR.get(fault, frozenset())

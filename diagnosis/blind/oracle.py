@@ -1,8 +1,8 @@
-"""What a solver could know at best: the true effect refitted against nominal errors alone.
+"""The oracle: what a solver could know at best, from refitting the true effects.
 
-A case counts as detectable when the true effects, put in by the answers, lower the cost of the
-nominal refit by DETECTABLE_NATS; of a pair each must do so beside the other. This uses the solver's
-own fitter, with the answers opened.
+A case is detectable if the true effects, taken from the answers, lower the cost of the nominal
+refit by DETECTABLE_NATS. In a pair, each must do so in addition to the other. The oracle uses the
+solver's own fitter.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -26,17 +26,17 @@ from diagnosis.diagnose import shrinkage
 from diagnosis.logs.log import Log, read_log
 
 DETECTABLE_NATS = 6.0
-"""Chosen before any case was drawn: what the solver's first rules asked of an accusation."""
+"""Limit of detectability, chosen before any case was drawn."""
 STRONG_NATS = 100.0
-"""From here on an effect outside of the catalogue is a strong unknown."""
+"""From here on an effect outside the catalogue counts as strong."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Oracle:
-    """What the answers explain of one case."""
+    """How much the true effects explain of one case."""
 
     nats: tuple[float | None, ...]
-    """By how much each true effect lowers the cost beside the others; None: not replayable."""
+    """Cost reduction of each true effect in addition to the others; None: not replayable."""
     shrinkage: float | None
     """Share of the squared held-out gap that is gone with all of them; None: not replayable."""
     cost_nats: float | None
@@ -44,12 +44,12 @@ class Oracle:
 
     @property
     def detectable(self) -> bool:
-        """Whether every effect shows; random ones, which no replay shows, count as showing."""
+        """Whether every effect is detectable; random ones, which no replay shows, count as such."""
         return all(n is None or n >= DETECTABLE_NATS for n in self.nats)
 
     @property
     def strong(self) -> bool:
-        """Whether every effect shows strongly."""
+        """Whether every effect is strong."""
         return all(n is None or n >= STRONG_NATS for n in self.nats)
 
 
@@ -59,9 +59,9 @@ def consult(
     catalogue: Mapping[str, type[Effect]],
     apart_nats: Callable[[Fault], float],
 ) -> Oracle:
-    """The oracle's word on a case; `apart_nats` on effects of touch, stick and contact.
+    """Ask the oracle about a case; `apart_nats` judges effects of touch, stick and contact.
 
-    Of a drawn robot `sizing` has said what there is to be seen.
+    For a drawn robot the result of `sizing` is used.
     """
     if case.left_floors is not None:
         return Oracle(nats=(None,) * len(case.faults), shrinkage=None, cost_nats=None)
@@ -83,7 +83,7 @@ def consult(
 
 
 def detectable(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
-    """See `Oracle.detectable`, from a log alone and without what else the oracle says."""
+    """`Oracle.detectable` of a log, without the oracle's other results."""
     nats = _nats(case, _explained(case, log, catalogue))
     return Oracle(nats=tuple(nats.values()), shrinkage=None, cost_nats=None).detectable
 

@@ -1,10 +1,10 @@
-"""A real mechanism of other equations than the engines' and the solver's drives, and its effects.
+"""A plant: a real mechanism with other equations than engines and solver, and its effects.
 
-It shares no code with them: what an effect means is said here once more, and the equations of
-motion stand in `mechanics`, one file each, whose name is the plant's. On top of the effects there
-is always a little more that every real drive has, and the truth of a case is what dominates it.
+It shares no code with them. The meaning of every effect is implemented here again, and the
+equations of motion are in `mechanics`, one file per plant. Besides the effects, a plant always has
+small faults that every real drive has; the hidden effects of a case dominate them.
 
-A file of `mechanics` holds one class named `Mechanics`; what it must provide is said below, once.
+A file of `mechanics` holds one class named `Mechanics`, whose interface is defined below.
 """
 
 import dataclasses
@@ -43,7 +43,7 @@ STRANGE = {
     slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
 """
 STRANGE_DRIVE = ("stop", "fade", "cogging", "uneven")
-"""Of these what equations of motion have, in the order in which they take them; 0: absent."""
+"""Those that the equations of motion implement, in their order; 0: absent."""
 NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
     "backlash": ("play", "add"),
@@ -69,17 +69,17 @@ CHANGES = {
     "encoder-noise": ("noise", "add"),
     "sensor-delay": ("late", "add"),
 }
-"""What an effect does to which of NUMBERS; a tilt of gravity is apart."""
+"""How each effect changes NUMBERS; a tilt of gravity is separate."""
 WORMS = ("backlash", "self-lock")
 """Effects that concern worm gears alone, unless a joint is named."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Limb:
-    """A chain of driven hinges from the palm outwards, as the effects left it."""
+    """A chain of driven hinges from the palm outwards, with the effects."""
 
     bodies: tuple[Body, ...]
-    """Their drives are the nominal ones; `numbers` outrank them."""
+    """Their drives are the nominal ones; `numbers` override them."""
     numbers: Mapping[str, Array]
     """By name of NUMBERS, shape (joints,)."""
     gravity_m_s2: Array
@@ -90,32 +90,31 @@ Course = tuple[Array, Array, Array]
 
 
 class Mechanics(Protocol):
-    """Equations of motion of one limb: the drive law of one make, and what it always has on top.
+    """Equations of motion of one limb: the drive law of a plant with its own small faults.
 
-    `Mechanics()` is the make's typical robot. It may read the limb's `numbers` by name, and knows
-    neither commands' nor readings' errors: these are the plant's. The same call gives the same
-    course.
+    `Mechanics()` is a typical robot. It may read the limb's `numbers` by name. Errors of commands
+    and readings are applied by `Plant`. The same call gives the same motion.
     """
 
     tick_s: float
     """Its period [s]; a sample is a whole number of them."""
     strange: ClassVar[frozenset[str]]
-    """Which of STRANGE its equations have; 'magnet-slip' every plant has."""
+    """Those of STRANGE that its equations have; every plant has 'magnet-slip'."""
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """One robot of this make: what differs from one to the next is drawn."""
+        """One robot of this kind, with its own random numbers."""
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
-        """The course from rest at `wanted_rad[0]`; ValueError for limbs that it does not know.
+        """The motion from rest at `wanted_rad[0]`; raises ValueError for unsupported limbs.
 
-        `wanted_rad` are the targets that drives follow at every tick, `push_nm` external torques
+        `wanted_rad` are the targets of the drives at every tick; `push_nm` are external torques
         from every sample on.
         """
 
 
 class Plant:
-    """One real mechanism: the numbers of a rig, which effects change."""
+    """One real mechanism: the numbers of a rig, changed by effects."""
 
     def __init__(self, spec: Spec, mechanics: Mechanics) -> None:
         self._mechanics = mechanics
@@ -170,7 +169,7 @@ class Plant:
         rng: np.random.Generator,
         slipped: bool = False,
     ) -> dict[str, Array]:
-        """What is read in one episode of T samples from rest: position, motor, torque, (T, J).
+        """The readings of one episode of T samples from rest: position, motor, torque, (T, J).
 
         `slipped`: the episode lies in the second half of its log, after a magnet has slipped.
         """
@@ -246,6 +245,6 @@ def _limbs(spec: Spec) -> list[list[int]]:
     for j, body in enumerate(driven):
         carrier = body.parent or ""
         if carrier not in limbs and carrier in [b.name for b in driven]:
-            raise ValueError("a plant knows limbs that do not branch only")
+            raise ValueError("a plant supports only limbs that do not branch")
         limbs[body.name] = [*limbs.pop(carrier, []), j]
     return list(limbs.values())

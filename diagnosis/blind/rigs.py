@@ -1,7 +1,7 @@
-"""The mechanisms of the blind check: all that maker and solver both know beside the log format.
+"""The mechanisms of the blind check: what maker and solver both know, besides the log format.
 
-A log names its rig; the numbers here are its data sheet. Real sides differ from it by nominal
-errors within the log's uncertainty, and by what is hidden.
+A log names its rig, and the numbers here are its data sheet. Real sides differ from it by nominal
+errors within the log's uncertainty and by the hidden effects.
 """
 
 import dataclasses
@@ -92,7 +92,7 @@ ARMS = {"arm1": 1, "arm2": 2, "arm3": 3, "arm6": 6}
 RIGS = (*FREE, *HOLDING)
 """Rigs in free air, and those that hold the stick in some episodes."""
 DRAWN = ("arm", *ARMS)
-"""Rigs in free air that are drawn anew for every case: each is one robot."""
+"""Rigs in free air that are drawn for every case: each is one robot."""
 RATE_HZ = 200.0
 """Samples per second of a hand's log."""
 TORQUE_NOISE = 0.02
@@ -100,7 +100,7 @@ TORQUE_NOISE = 0.02
 
 
 def members(names: Sequence[str]) -> tuple[str, ...]:
-    """Rigs by name, `arm` replaced by those that it stands for."""
+    """Rigs by name; `arm` is replaced by its members."""
     several = (name for name, joints in ARMS.items() if joints > 1)
     return tuple(dict.fromkeys(n for one in names for n in (several if one == "arm" else [one])))
 
@@ -116,12 +116,12 @@ def family(rig: str) -> str:
 
 
 def robot(rig: str) -> int | None:
-    """The seed of a drawn arm, which is one robot; None of a rig that is always the same."""
+    """The seed of a drawn arm, which is one robot; None for a rig that is always the same."""
     return int(rig.split("-")[1]) if "-" in rig else None
 
 
 def nominal(rig: str) -> Spec:
-    """The nominal world of a rig: what a solver is told of the mechanism."""
+    """The nominal world of a rig: what a solver knows about the mechanism."""
     seed = robot(rig)
     if seed is not None:
         return arms.spec(ARMS[family(rig)], seed)
@@ -145,7 +145,7 @@ def torque_noise(rig: str) -> float:
 
 
 def described(rig: str) -> tuple[HandMechanism | MjcfMechanism, str | None]:
-    """How a log describes a rig: its mechanism, and the text of an MJCF file."""
+    """The description of a rig in a log: its mechanism, and the text of an MJCF file."""
     seed = robot(rig)
     if seed is None:
         return HandMechanism(hand=rig), None

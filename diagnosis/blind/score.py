@@ -1,4 +1,4 @@
-"""Scores a blind set: opens the answers, holds the results against them, writes the tables."""
+"""Score a blind set: open the answers, compare the results with them, write the tables."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from diagnosis.blind.oracle import DETECTABLE_NATS, STRONG_NATS, Oracle
 from diagnosis.blind.sysid import NAME as SYSID
 
 Consult = Callable[[Answers], list[Oracle]]
-"""Asks the oracle about all cases, in order, maybe on several cores."""
+"""Asks the oracle about all cases, in order, possibly on several cores."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -23,13 +23,13 @@ class Score:
 
     figures: dict[str, Figure]
     frozen: bool
-    """Whether all results come from the solver that was committed to."""
+    """Whether all results are from the solver of the commitment."""
     rules_versions: tuple[int, ...]
-    """Versions of the rules behind the results."""
+    """Versions of the rules that gave the results."""
     solvers_tried: int
-    """Versions of the solver that were ever run on this set."""
+    """Number of solver versions that were run on this set."""
     healthy: int
-    """Logs of sound mechanisms of every make that the solver was given."""
+    """Number of healthy logs per plant that the solver was given."""
     tables: dict[str, pd.DataFrame]
 
     def plain(self) -> dict:
@@ -115,12 +115,12 @@ def headline(found: Score) -> pd.DataFrame:
 
 _TITLES = {
     "sides": "By real side: shares right, with their counts",
-    "confidence": "Mean confidence less share right, in bins of equal counts",
+    "confidence": "Mean confidence minus share right, in bins of equal counts",
     "groups": "By real side, rig, channels and protocols",
     "baselines": "Baselines on the same cases",
     "confusion": "Confusion: truth by row, verdict by column; detectable cases without pairs",
-    "effects": "Per effect: found of cases by level, smallest magnitude found by at least half",
-    "reliability": "Confidence against share right",
+    "effects": "Per effect: cases found by level, smallest magnitude found in at least half",
+    "reliability": "Confidence and share right",
     "cases": "Cases",
 }
 _CASE_COLUMNS = ["number", "mode", "real", "rig", "channels", "hidden", "excluded", "oracle_nats"]
@@ -128,21 +128,21 @@ _CASE_COLUMNS += ["left_nats", "verdict", "right", "confidence", "shrinkage", "s
 
 
 def markdown(found: Score) -> str:
-    """The score to read."""
+    """The score as Markdown."""
     when = (
-        "by the solver that was committed to before the cases were drawn"
+        "by the solver to which the set was committed before it was drawn"
         if found.frozen
-        else "**not** by the solver that was committed to: a tuning set, no blind result"
+        else "**not** by the solver to which the set was committed: a tuning set, no blind result"
     )
     versions = ", ".join(map(str, found.rules_versions))
     parts = [
         "# Blind score\n",
-        f"{len(found.tables['cases'])} cases, solved {when}; rules version {versions}; "
+        f"{len(found.tables['cases'])} cases, solved {when} (rules {versions}); "
         f"{found.solvers_tried} versions of the solver were run on this set; with {found.healthy} "
-        "logs of sound mechanisms of every make. Intervals: "
-        "Wilson 95 % of shares, order statistics of medians. Headline figures are over cases "
+        "healthy logs of every plant. Intervals: "
+        "Wilson 95 % for shares, order statistics for medians. Headline figures are over cases "
         f"whose true effects lower the cost by {DETECTABLE_NATS:g} nats or more; weaker ones "
-        f"stand apart (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
+        f"are listed separately (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
         tables.markdown(headline(found)),
     ]
     for name, title in _TITLES.items():

@@ -1,7 +1,7 @@
-"""What stands for reality: plants and engines, each a file whose name is its name.
+"""The real sides: plants and engines, each a file with its name.
 
-A plant is a file of `mechanics`, with equations of its own (see `plant.Mechanics`); it has joints
-alone. A file of `engines` is an engine that is no backend: free air alone.
+A plant is a file in `mechanics` with its own equations (see `plant.Mechanics`); it has joints, but
+no stick. A file in `engines` is an engine that is no backend: free air only.
 """
 
 import importlib
@@ -23,8 +23,7 @@ PLANTS, ENGINES = _names("mechanics"), _names("engines")
 STICKLESS = (*PLANTS, *ENGINES)
 """Real sides that hold no stick."""
 TUNED = ("plant",)
-"""Of these the ones that a solver may be tuned on: the others are in no set that does not name
-them."""
+"""Those on which a solver may be tuned; the others are only in sets that name them."""
 
 
 def engine(name: str) -> type[Engine]:
@@ -33,10 +32,10 @@ def engine(name: str) -> type[Engine]:
 
 
 def mechanics(name: str) -> type[Mechanics]:
-    """The equations of one of PLANTS; called without arguments they are a typical robot's."""
+    """The equations of one of PLANTS; without arguments they are those of a typical robot."""
     return importlib.import_module(f"diagnosis.blind.mechanics.{name}").Mechanics
 
 
 def strange(name: str) -> tuple[str, ...]:
-    """Faults outside of the catalogue that a real side can have, in alphabetical order."""
+    """Faults outside the catalogue that a real side can have, in alphabetical order."""
     return tuple(sorted(mechanics(name).strange)) if name in PLANTS else ()

@@ -1,4 +1,4 @@
-"""How large the faults of a drawn robot are: some times what it leaves while nothing is wrong.
+"""The size of a drawn robot's faults: a multiple of its gap while it is healthy.
 
 What a log *leaves* is the root mean square over all samples of its positions less those of the
 file's model, once tolerances have taken what they can: nominal numbers within three of their
@@ -34,13 +34,13 @@ from diagnosis.blind.strange import largest
 FLOOR_RAD = 2.5e-4
 """What positions of a log can tell at best: one floor (`floor_position_rad` of the diagnosis)."""
 MOST_FLOORS = 5.0
-"""A healthy robot leaves no more."""
+"""Largest gap of a healthy robot."""
 TRIES = 40
-"""Robots, or faults, that are drawn anew at most."""
+"""Largest number of robots, or faults, that are drawn."""
 SPAN, HALVINGS, CLOSE = 100.0, 8, 0.08
 """Least magnitude, under the largest; trials at most; what is close enough, as a logarithm."""
 STDS = 3.0
-"""Tolerances reach no further than so many of their standard deviations."""
+"""Tolerances end at this many standard deviations."""
 TOLERANCES = {
     "kp-scale": (0.05, None),
     "kd-scale": (0.05, None),
@@ -57,7 +57,7 @@ TWIST = 0.008
 
 
 class Robot:
-    """A drawn robot in the motions of its case: what it leaves with faults and without."""
+    """A drawn robot in the motions of its case: its gaps with and without faults."""
 
     def __init__(
         self, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
@@ -71,16 +71,16 @@ class Robot:
 
     @cached_property
     def residual_rad(self) -> float:
-        """What it leaves while nothing is wrong."""
+        """Its gap while it is healthy."""
         return self.left_rad(())
 
     @property
     def scale_rad(self) -> float:
-        """What its faults are measured by: residual, noise and floor together."""
+        """The scale of its faults: residual, noise and floor together."""
         return float(np.hypot(self.residual_rad, self._readable_rad))
 
     def left_rad(self, faults: Sequence[Fault]) -> float:
-        """What it leaves with faults, root mean square over samples and joints."""
+        """Its gap with faults, root mean square over samples and joints."""
         case = dataclasses.replace(
             self._case, faults=tuple(faults), nominal=draw.nominal_errors(self._case.rig, faults)
         )
@@ -142,10 +142,10 @@ def sized(
     simulate: Simulate,
     seed: int,
 ) -> Case:
-    """The case of a drawn robot with the magnitudes of its faults, and what it leaves.
+    """The case of a drawn robot with the magnitudes of its faults, and its gaps.
 
     `times` are the ends between which faults leave more than the robot does, `effects` those that
-    may stand in for what cannot. Raises ValueError where no robot or no fault is found.
+    may stand in for what cannot. Raises ValueError if no robot or no fault is found.
     """
     rng = np.random.default_rng([seed, 5, case.number])
     case, robot = _ordinary(case, catalogue, simulate, seed)

@@ -1,4 +1,4 @@
-"""Solves one blind case from its log alone."""
+"""Solve one blind case from its log alone."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -22,11 +22,10 @@ def solve(
     simulate: Simulate,
     sound: Sequence[Sound] = (),
 ) -> dict:
-    """What the solver says of a log without the excluded effects; magnitudes in SI units.
+    """The solver's result for a log without the excluded effects; magnitudes in SI units.
 
-    `simulate` puts worlds on the nominal engine, for grasps; `sound` is what sound mechanisms of
-    the same make leave.
-    A log that it refuses gives its reason as `refused`, and is no answer.
+    `simulate` starts worlds on the nominal engine, for grasps; `sound` are the residuals of healthy
+    logs of the same plant. A refused log gives its reason as `refused` and counts as no answer.
     """
     known = {name: kind for name, kind in catalogue.items() if name not in excluded}
     log, nominal = _read(folder)
@@ -39,7 +38,7 @@ def solve(
 
 
 def left_sound(folders: Iterable[Path], catalogue: Mapping[str, type[Effect]]) -> tuple[Sound, ...]:
-    """What every limb of sound mechanisms leaves, see `diagnosis.diagnose.healthy`."""
+    """The residuals of every limb in healthy logs, see `diagnosis.diagnose.healthy`."""
     return healthy([_read(folder) for folder in folders], catalogue)
 
 

@@ -1,4 +1,4 @@
-"""Lets any solve function answer a blind set, and puts its answers where the score looks for them.
+"""Let any solve function answer a blind set, and write its answers where the score reads them.
 
     found = solve_set(Path("blind/a"), by_share, jobs=2)
 
@@ -31,13 +31,13 @@ class Task:
 
     log: Log
     nominal: Spec | None
-    """The nominal world of a hand; None where the log's MJCF says it."""
+    """The nominal world of a hand; None if the log has an MJCF."""
     healthy: tuple[Log, ...]
-    """Logs of the same mechanism while nothing was wrong."""
+    """Healthy logs of the same mechanism."""
     excluded: tuple[str, ...]
-    """Effects that the solver's catalogue must lack."""
+    """Effects that are removed from the solver's catalogue."""
     robot: bool
-    """The log comes from a robot, as far as the solver knows, and not from a simulator."""
+    """Whether the log is from a robot, as far as the solver knows, and not from a simulator."""
 
 
 Solve = Callable[[Task], Mapping[str, Any]]
@@ -59,9 +59,9 @@ def task(blind: BlindSet, number: int) -> Task:
 
 
 def solve_set(folder: Path, solve: Solve, jobs: int = 1) -> list[dict[str, Any]]:
-    """What a solve function says of every case of a set, in order, written as its results.
+    """Run a solve function on every case of a set, in order, and write its results.
 
-    A case on which it breaks is a wrong answer, and says why.
+    A case on which it fails is a wrong answer with the reason.
     """
     blind, solver = BlindSet(path=folder), frozen.solver()
     blind.note_try(**solver)
@@ -74,7 +74,7 @@ def _one(blind: BlindSet, number: int, solve: Solve, solver: Mapping[str, Any]) 
     try:
         said = dict(solve(task(blind, number)))
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
-        said = {"refused": f"broke: {type(error).__name__}: {error}"}
+        said = {"refused": f"failed: {type(error).__name__}: {error}"}
     facts: dict[str, Any] = {"refused": None, "catalogue": []}
     facts["cpu_s"] = sum(os.times()[:2]) - began_s
     row = {"number": number, "excluded": excluded, **facts, **said, **solver}
@@ -83,7 +83,7 @@ def _one(blind: BlindSet, number: int, solve: Solve, solver: Mapping[str, Any]) 
 
 
 def by_share(one: Task) -> dict[str, Any]:
-    """What the solver that decides by shares of the gap says of a case."""
+    """The result of the solver that decides by shares of the gap."""
     from diagnosis.models.catalogue import catalogue
     from diagnosis.solver import solve
     from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS
@@ -102,7 +102,7 @@ def by_share(one: Task) -> dict[str, Any]:
 
 
 def plain(found: Any) -> dict[str, Any]:
-    """A `verdict.result.Result` as the score reads it: magnitudes in SI units or shares."""
+    """A `verdict.result.Result` in the form of the score: magnitudes in SI units or shares."""
     from diagnosis.verdict.probability import features
 
     lead = [cause for limb in found.limbs for cause in limb.leading]

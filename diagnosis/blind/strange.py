@@ -1,4 +1,4 @@
-"""The largest faults that a drawn robot can have, of the catalogue and outside of it."""
+"""The largest faults that a drawn robot can have, inside and outside the catalogue."""
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from diagnosis.blind import draw
 REACH = 2.0
 """Largest magnitudes over the large level of the catalogue's sizes."""
 LEAST_SHARE = -0.85
-"""What is a share of a number never takes more of it."""
+"""Largest magnitude that is relative to a number."""
 COMPLIANCE = 0.6
 """Largest compliance of a gear over 1 / kp."""
 STRANGE = {

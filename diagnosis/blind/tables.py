@@ -10,9 +10,9 @@ from diagnosis.blind.measures import Figure, figures, share
 
 GROUPS = ("real", "rig", "channels", "protocols")
 CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
-"""Ends of the bins of the reliability table."""
+"""Limits of the bins of the reliability table."""
 FOUND_SHARE = 0.5
-"""An effect counts as found at a level that so many of its cases are found at."""
+"""An effect counts as found at a level if this share of its cases is found."""
 COMPARED = (
     "top1",
     "top1_or_tied",
@@ -25,7 +25,7 @@ COMPARED = (
     "spurious_second",
     "shrinkage_vs_oracle",
 )
-"""Figures that a baseline has."""
+"""The figures of a baseline."""
 
 
 def by_group(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
@@ -40,7 +40,7 @@ def by_group(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
 
 
 def by_side(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
-    """What is asked of every real side: shares right by mode, coverage, and how sure it was."""
+    """Figures of every real side: shares right by mode, coverage, and confidence."""
     rows = []
     for real in (*sorted(cases["real"].unique()), "all"):
         part = cases if real == "all" else cases[cases["real"] == real]
@@ -80,7 +80,7 @@ def _excess(cases: pd.DataFrame) -> float | None:
 
 
 def judged_ones(cases: pd.DataFrame) -> pd.DataFrame:
-    """Cases whose confidence is judged: `none`, and what there is to be seen."""
+    """Cases whose confidence is judged: `none`, and detectable ones."""
     some = cases[(cases["mode"] == "none") | cases["detectable"]]
     return some[pd.to_numeric(some["confidence"]).notna()]
 
@@ -141,7 +141,7 @@ def by_effect(faults: pd.DataFrame) -> pd.DataFrame:
 
 
 def reliability(cases: pd.DataFrame) -> pd.DataFrame:
-    """How often verdicts of a confidence are right, over `none` and detectable cases."""
+    """Share of right verdicts by confidence, over `none` and detectable cases."""
     told = cases[(cases["mode"] == "none") | cases["detectable"]]
     confidence = pd.to_numeric(told["confidence"])
     rows = []
@@ -155,7 +155,7 @@ def reliability(cases: pd.DataFrame) -> pd.DataFrame:
 
 
 def baselines(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
-    """The solver beside simpler ones on the same cases."""
+    """The solver and simpler methods on the same cases."""
     rows: list[dict[str, object]] = [{"method": "this solver", **_values(figures(cases, faults))}]
     rows.append({"method": "chance: an effect of the catalogue at random", **_chance(cases)})
     for method, restated in _RIVALS.items():
@@ -243,7 +243,7 @@ def markdown(table: pd.DataFrame) -> str:
 
 
 def cell(value: object) -> str:
-    """A value as tables show it: numbers to three digits, nothing for none."""
+    """A value in a table: numbers to three digits, empty for None."""
     if value is None or (isinstance(value, float) and pd.isna(value)):
         return ""
     return f"{value:.3g}" if isinstance(value, float) else str(value)

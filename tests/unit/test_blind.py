@@ -241,7 +241,7 @@ def test_changed_answers_are_refused(solved, tmp_path):
     folder, answers = solved
     forged = tmp_path / "forged.json"
     forged.write_text(answers.read_text().replace("0.", "0.0", 1))
-    with pytest.raises(UsageError, match="was committed to"):
+    with pytest.raises(UsageError, match="was committed"):
         blind.score(folder, forged, None, 1)
 
 

@@ -1,7 +1,7 @@
-"""A make of geared limbs in Python: one robot of it, and the numbers of its laws per joint.
+"""A plant with geared limbs in Python: one robot, and the numbers of its laws per joint.
 
-A subclass of `Geared` named `Mechanics` in its own file is one make. It names its baseline and its
-laws of servo and friction (see `_two_mass`), and says what these need.
+A subclass of `Geared` named `Mechanics` in its own file is one plant. It defines its baseline and
+its laws of servo and friction (see `_two_mass`), and the numbers that these need.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,21 +17,21 @@ from diagnosis.blind.plant import Course, Limb
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """What a robot of a make always has; defaults are those of a typical one."""
+    """The small faults that every robot of a plant has; defaults are those of a typical one."""
 
     stiffness_kp: float = 100.0
     """Stiffness of its gears over kp, where the data sheet has them stiffer."""
     friction_share: float = 1e-3
-    """Dry friction over the torque limit, beside what the data sheet says."""
+    """Dry friction over the torque limit, in addition to the data sheet."""
     bend_rad: float = 4e-4
     """Angle over which dry friction builds up after a reversal."""
 
     ranges: ClassVar[Mapping[str, tuple[float, float]]] = {}
-    """Ends between which a number differs from one robot to the next, by name of a field."""
+    """Range of a number over robots, by name of its field."""
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """One robot of the make: its numbers even between their ends."""
+        """One robot of the plant: its numbers are uniform in their ranges."""
         ends = {"stiffness_kp": (60.0, 150.0), **cls.ranges}
         names = [f.name for f in fields(cls) if f.name in ends]
         return replace(cls(), **{name: float(rng.uniform(*ends[name])) for name in names})
@@ -51,11 +51,11 @@ class Geared:
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """One robot of this make."""
+        """One robot of this plant."""
         return cls(cls.baseline.individual(rng))
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
-        """The course from rest at `wanted_rad[0]`."""
+        """The motion from rest at `wanted_rad[0]`."""
         limit_nm = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
         numbers = dict(limb.numbers)
         numbers["coulomb"] = numbers["coulomb"] + self._base.friction_share * limit_nm
@@ -73,13 +73,13 @@ class Geared:
         )
 
     def stiction(self, base: Any, numbers: Mapping[str, Array]) -> Array | float:
-        """Stiction that is always there [Nm]."""
+        """Stiction that every robot has [Nm]."""
         return 0.0
 
     def chassis(self, base: Any, limit_nm: Array) -> _two_mass.Chassis:
-        """Numbers of what all makes have; `limit_nm` are the data sheet's torque limits."""
+        """Numbers that all plants have; `limit_nm` are the torque limits of the data sheet."""
         raise NotImplementedError
 
     def own(self, base: Any, limit_nm: Array) -> list:
-        """Numbers of the make's laws, each one for all joints or one per joint."""
+        """Numbers of the plant's laws, one for all joints or one per joint."""
         raise NotImplementedError

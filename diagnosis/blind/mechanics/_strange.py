@@ -1,4 +1,4 @@
-"""Faults that no catalogue has, as laws that equations of motion share; see `plant.STRANGE`."""
+"""Faults outside the catalogue, as laws that equations of motion share; see `plant.STRANGE`."""
 
 import numba
 import numpy as np
@@ -36,7 +36,7 @@ def faded(fade, heat):
 
 @numba.njit(cache=True)
 def cogged(cogging, motor):
-    """Torque of a motor that cogs."""
+    """Torque of a motor with cogging."""
     return cogging * np.sin(TEETH * motor)
 
 

@@ -1,4 +1,4 @@
-"""What digital servos on a geared limb have in common; a make adds its laws of servo and friction.
+"""Digital servos on a geared limb; a plant adds its laws of servo and friction.
 
     J w' = i (1 - fade heat) + ripple sin(n motor) + cogging sin(17 motor) - gear - viscous w - F
     M(q) q'' + h(q, q') = gear + push + stop                      a plane chain, see `_chain`
@@ -32,12 +32,12 @@ TICK_S = 5e-5
 STRIBECK_RAD_S = 0.05
 """Speed at which stiction has faded to a third."""
 STATES = 12
-"""Numbers of state that a make's laws may keep per joint: servo from 0 on, friction from 6 on."""
+"""Length of the state per joint of a plant's laws: servo from 0 on, friction from 6 on."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Chassis:
-    """What this file needs of a make; scalars or one number per joint."""
+    """The numbers that this file needs of a plant; scalars or one number per joint."""
 
     period_s: float | Array = 1e-3
     """Period of the servo [s]."""
@@ -68,7 +68,7 @@ def run(
     wanted_rad: Array,
     push_nm: Array,
 ) -> Course:
-    """The course of a limb; `own` are the numbers of a make's laws, shape (K, joints)."""
+    """The motion of a limb; `own` are the numbers of a plant's laws, shape (K, joints)."""
     links, pull = geometry(limb)
     shape, numbers = push_nm.shape[1], dict(limb.numbers)
     nominal = np.array([b.joint.drive.gear_stiffness_nm_rad for b in limb.bodies if b.joint.drive])
@@ -107,7 +107,7 @@ def banded(error, dead):
 
 @numba.njit(cache=True)
 def read_speed(motor, period_s, keeps, first, state):
-    """Speed as a servo knows it: the encoder's difference over a period, through a filter.
+    """Speed as measured by a servo: the encoder's difference over a period, filtered.
 
     Keeps the last reading in state[0] and the filtered speed in state[1].
     """
@@ -119,9 +119,10 @@ def read_speed(motor, period_s, keeps, first, state):
 
 @numba.njit(cache=True)
 def bristle(speed, bend_rad, bend):
-    """Relative bend of a bristle that yields by `bend_rad` before it slides: z' = (w - |w| z) / d.
+    """Relative deflection of a bristle that yields by `bend_rad` before it slides.
 
-    Dahl, Aerospace report TOR-0158, 1968; implicit in z. At constant speed it is the sign of it.
+    z' = (w - |w| z) / d: Dahl, Aerospace report TOR-0158, 1968; implicit in z. At constant speed z
+    is the sign of the speed.
     """
     slid = TICK_S * speed / bend_rad
     return (bend + slid) / (1 + abs(slid))

@@ -7,7 +7,7 @@
     gear = k(flank) x + c x',   x: how deep a flank is pressed, which only pushes
 
 Bristles of relative bend `a` yield by some d before they slide (Dahl, Aerospace TOR-0158, 1968), so
-a drive that stands gives way a little and creeps back. The worm holds where the load outdoes the
+a drive that stands gives way a little and creeps back. The worm holds where the load exceeds the
 motor, by the share that the motor does not help. Semi-implicit Euler at 0.1 ms.
 
 On top of the effects there is always a little play, friction and cogging, one flank that is stiffer
@@ -35,7 +35,7 @@ SLOW_RAD_S = 2e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """What is always there, on every joint."""
+    """The small faults of every joint."""
 
     play_rad: float = 2e-4
     """Half play."""
@@ -68,7 +68,7 @@ class Mechanics:
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this make are alike."""
+        """All robots of this plant are alike."""
         return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:

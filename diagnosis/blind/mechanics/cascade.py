@@ -1,4 +1,4 @@
-"""A make whose servo has loops in loops: current, speed with an integral that leaks, position.
+"""A plant with cascaded servo loops: current, speed with a leaky integral, position.
 
     u = kp band(target - motor) - kd f,   once a millisecond
     i* = clip(u + I),   I' = (leak u - I) / 0.6 s             the integral of the speed loop
@@ -26,7 +26,7 @@ LEAK_S = 0.6
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline(_geared.Baseline):
-    """What a robot of this make always has."""
+    """The small faults of every robot of this plant."""
 
     leak: float = 0.025
     """Gain of the integral at rest."""

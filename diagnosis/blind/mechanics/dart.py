@@ -37,7 +37,7 @@ ROTOR_AXIS = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """What is always there, on every joint."""
+    """The small faults of every joint."""
 
     play_rad: float = 2.5e-4
     """Half play."""
@@ -68,7 +68,7 @@ class Mechanics:
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this make are alike."""
+        """All robots of this plant are alike."""
         return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:

@@ -1,4 +1,4 @@
-"""A make that smooths: a filtered speed, a motor that cogs, an encoder that is not quite centred.
+"""A plant with a filtered speed, a cogging motor and an eccentric encoder.
 
     i  = clip(kp band(target - e) - kd f),   f' = (e' - f) / D,   once a millisecond
     e  = motor + E sin(motor + 1), in steps of 2 pi / 65536
@@ -25,7 +25,7 @@ STEP_RAD = 2 * np.pi / 65536
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline(_geared.Baseline):
-    """What a robot of this make always has."""
+    """The small faults of every robot of this plant."""
 
     filter_s: float = 1.5e-3
     """D."""

@@ -1,4 +1,4 @@
-"""A make with a strain wave gear: soft, stiffer under load, with friction inside and behind it.
+"""A plant with a strain wave gear: soft, stiffer under load, friction inside and behind it.
 
     gear = (k x + c x') (1 + (k x / T)^2) + H z,   z' = (x' - |x'| z) / 0.3 mrad
     M(q) q'' + h = gear + push - F,                F between the links, behind the spring
@@ -24,7 +24,7 @@ PERIOD_S = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline(_geared.Baseline):
-    """What a robot of this make always has."""
+    """The small faults of every robot of this plant."""
 
     stiffness_kp: float = 65.0
     """k over kp."""

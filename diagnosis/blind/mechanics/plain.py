@@ -4,7 +4,7 @@
 
 Links of any number of hinges, rigid drives. Play and a soft gear are a second hinge behind the
 motor's, held by a limit or a spring. Friction that depends on speed, load or direction is the
-joint's `frictionloss`, set anew at every step. 0.5 ms, `implicitfast`, no contacts; a friction
+joint's `frictionloss`, set at every step. 0.5 ms, `implicitfast`, no contacts; a friction
 constraint is as hard as MuJoCo lets it be without changing the step.
 
 E. Todorov, T. Erez, Y. Tassa, MuJoCo, IROS 2012; https://mujoco.readthedocs.io, "Computation".
@@ -37,7 +37,7 @@ class Mechanics:
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this make are alike."""
+        """All robots of this plant are alike."""
         return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:

@@ -32,7 +32,7 @@ CORNER = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline:
-    """What is always there, on every joint."""
+    """The small faults of every joint."""
 
     play_rad: float = 3e-4
     """Half play."""
@@ -59,7 +59,7 @@ class Mechanics:
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this make are alike."""
+        """All robots of this plant are alike."""
         return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:

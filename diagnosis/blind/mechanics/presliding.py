@@ -1,4 +1,4 @@
-"""A make whose gears rub as bristles do: a reversal is felt long before anything slides.
+"""A plant with presliding friction: a reversal shows long before anything slides.
 
     i    = clip(kp band(target - motor) - kd speed), once a millisecond
     F    = (level + stiction exp(-|w| / V)) z
@@ -26,7 +26,7 @@ PERIOD_S = 1e-3
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline(_geared.Baseline):
-    """What a robot of this make always has."""
+    """The small faults of every robot of this plant."""
 
     bend_rad: float = 1e-3
     """d."""

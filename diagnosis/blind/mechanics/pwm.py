@@ -1,4 +1,4 @@
-"""A make with a hobby servo's electronics: a slow loop, coarse numbers, a battery's voltage.
+"""A plant with a hobby servo's electronics: slow loop, coarse numbers, battery voltage.
 
     i  = round(clip(kp band(target - e) - kd e')),   every 2 or 2.5 ms, in steps of limit / 128
     |i| <= 1.25 limit (1 - |w| / W), at least a tenth of the limit      back-EMF
@@ -30,7 +30,7 @@ LEAST = 0.1
 
 @dataclass(frozen=True, kw_only=True)
 class Baseline(_geared.Baseline):
-    """What a robot of this make always has."""
+    """The small faults of every robot of this plant."""
 
     slow: float = 0.0
     """Period of 2.5 ms from 0.5 on, else 2 ms."""
