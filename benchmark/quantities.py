@@ -58,6 +58,15 @@ def number(text: str, flag: str) -> float:
     return float(text)
 
 
+def span(text: str, flag: str) -> tuple[float, float]:
+    """Two numbers such as '3:30', the lower one above 0 and first; raises UsageError otherwise."""
+    low, colon, high = text.partition(":")
+    ends = (number(low, flag), number(high, flag)) if colon else (math.nan, math.nan)
+    if not 0 < ends[0] < ends[1] < math.inf:
+        raise UsageError(f"{flag} is '{text}'; allowed: LOW:HIGH above 0, such as 3:30")
+    return ends
+
+
 def count(text: str, flag: str) -> int:
     """A whole number such as '2e6' or '2000000'; raises UsageError otherwise."""
     try:

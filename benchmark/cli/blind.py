@@ -1,22 +1,25 @@
-"""`bench blind make`, `run`, `detectable` and `score`: the diagnosis tested on hidden effects."""
+"""`bench blind make`, `run`, `score` and more: the diagnosis tested on hidden effects."""
 
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from benchmark import quantities
 from benchmark.cli.command import command
 from benchmark.cli.options import (
     Cases,
     HiddenEffects,
     NewFolder,
     Out,
+    OutFile,
     Protocol,
     Real,
     Rig,
     Seed,
     Workers,
 )
+from benchmark.errors import UsageError
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
 Answers = Annotated[
@@ -51,6 +54,13 @@ def make(
             metavar="N", help="Logs of sound mechanisms that the solver is given beside, 0 to 20."
         ),
     ] = 0,
+    times: Annotated[
+        str,
+        typer.Option(
+            metavar="LOW:HIGH",
+            help="Of drawn arms: how many times what the robot leaves by itself its fault leaves.",
+        ),
+    ] = "3:30",
     seed: Annotated[
         int | None, typer.Option(metavar="N", help="Decides every random draw.")
     ] = None,
@@ -62,7 +72,16 @@ def make(
     """
     from benchmark import blind
 
-    wanted = blind.settings(cases, real, rig, modes, hidden_effects, protocol, healthy=healthy_logs)
+    wanted = blind.settings(
+        cases,
+        real,
+        rig,
+        modes,
+        hidden_effects,
+        protocol,
+        healthy=healthy_logs,
+        times=quantities.span(times, "--times"),
+    )
     return blind.make(wanted, seed, out, answers, workers)
 
 
@@ -139,3 +158,28 @@ def score(
     from benchmark import blind
 
     return blind.score(folder, answers, out, workers)
+
+
+@app.command(context_settings=HELP)
+@command()
+def calibrate(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of solved sets.")
+    ],
+    answers: Annotated[
+        list[Path],
+        typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),
+    ],
+    out: OutFile,
+) -> Any:
+    """Fit the curve of confidence to solved sets, and test it on each real side by the others.
+
+    Example: [bold]bench blind calibrate blind/a --answers sealed/a.json --out curve.json[/bold]
+    """
+    from benchmark import blind
+
+    if len(folders) != len(answers):
+        raise UsageError(
+            f"{len(folders)} sets and {len(answers)} --answers; give one for each, in order"
+        )
+    return blind.calibrate(list(zip(folders, answers, strict=True)), out)

@@ -86,11 +86,18 @@ Protocol = Annotated[
 Real = Annotated[
     str,
     typer.Option(
-        metavar="NAMES", help="What stands for reality: engines or plants, between commas."
+        metavar="NAMES",
+        help="What stands for reality: engines of `bench list backend`, or dart, drake, exudyn, or "
+        "plants of diagnosis/blind/mechanics; between commas.",
     ),
 ]
 Rig = Annotated[
-    str, typer.Option(metavar="NAMES", help="What is moved: some of finger,hand,joint, or held.")
+    str,
+    typer.Option(
+        metavar="NAMES",
+        help="What is moved: some of finger,hand,joint; held, with the stick; or arm, drawn "
+        "robots of 2, 3 and 6 joints (arm1, arm2, arm3, arm6 alone).",
+    ),
 ]
 
 # How much, how fast, how it is drawn.
