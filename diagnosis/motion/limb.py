@@ -22,6 +22,8 @@ BLOCK_S = 8e-3
 """Samples are compared as means over this: slower than any joint, as white, and far fewer [s]."""
 TICK_S, FINEST_S = 1e-3, 2e-5
 """Longest and shortest step of a rigid drive [s]."""
+TICKS = 10
+"""Ticks between samples are enough where those are far apart."""
 STABLE, FINE = 1.0, 0.05
 """A step is short enough where kp dt^2 is at most so many times the rotor's inertia, which a gear
 may have to be put behind, and this share of all that the drive moves."""
@@ -56,7 +58,7 @@ class Limb:
         """Step of the replay [s]: the drive's period, or what a rigid drive needs."""
         if not self.rigid:
             return self.spec.timing.drive_s
-        dt = TICK_S
+        dt = max(TICK_S, self.period_s / TICKS)
         kp, rotor = self.nominal[:, KP], self.nominal[:, ROTOR]
         moved = rotor + self.link_inertia
         longest = np.sqrt(np.minimum(STABLE * rotor, FINE * moved) / np.maximum(kp, 1e-12)).min()
