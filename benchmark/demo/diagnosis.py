@@ -44,7 +44,7 @@ class Diagnosing:
     def _note(self) -> str:
         passed_s = time.monotonic() - self._began_s
         why = ", compiling once after an installation" if passed_s > WARM_S else ""
-        return f"{passed_s:.0f} s{why}"
+        return f"running for {passed_s:.0f} s{why}"
 
 
 @contextlib.contextmanager
