@@ -12,7 +12,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import FLOOR_RAD, Evidence
 from diagnosis.search.fit import Fit
 
-ACCUSE_NATS, FURTHER_NATS = 10.0, 20.0
+ACCUSE_NATS, FURTHER_NATS = 10.0, 50.0
 """A cause is worth it where it makes the log so much more likely; a further one needs more, for
 what the others leave is never all noise: engines integrate otherwise."""
 TIE_NATS = 6.0
