@@ -1,6 +1,7 @@
 """From what a search found to what is said of a limb: named, none or unknown, and how sure."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -32,7 +33,7 @@ def decide(
     unknown = not named and nominal.worst > ordinary.floors
     share = found.share(chosen) if chosen.freed else 0.0
     tied = [f for f in found.tied if named]
-    causes = tuple(_cause(fitter, found, chosen, k) for k in chosen.freed) if named else ()
+    causes = tuple(_causes(fitter, found)) if named else ()
     leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
     effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
     left = chosen.worst if named or unknown else nominal.worst
@@ -75,6 +76,18 @@ def _probability(
     )
     kind = curve.NAMED if named else curve.UNKNOWN if unknown else curve.NONE
     return curve.probability(kind, values)
+
+
+def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
+    """The chosen effects; of a family at a joint, the one that takes most by itself."""
+    alone = {f.freed: f.excess for f in found.singles}
+    parameters, chosen = fitter.parameters, found.chosen
+    for k in chosen.freed:
+        kin = [a for a in chosen.freed if parameters[a].is_kin(parameters[k])]
+        if kin and k != min(kin, key=lambda a: alone.get((a,), np.inf)):
+            continue
+        shape = tuple(parameters[a].effect for a in kin if a != k)
+        yield replace(_cause(fitter, found, chosen, k), shape=shape)
 
 
 def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:

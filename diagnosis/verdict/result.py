@@ -20,6 +20,8 @@ class Cause:
     unit: str
     share: float
     """Share of the gap that it takes by itself."""
+    shape: tuple[str, ...] = ()
+    """Effects of its family that give its law more shape on that joint: no causes themselves."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,7 +33,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
     else:
         yield f"{' and '.join(map(_cause, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
-        yield f"In addition, a sensor shows {_cause(cause)}."
+        yield f"In addition, this log shows {_cause(cause)}."
     if result.tied:
         others = " or ".join(" with ".join(names) for names in result.tied)
         yield f"This log cannot distinguish it from {others}; to do so, {result.experiment}."

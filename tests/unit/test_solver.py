@@ -117,3 +117,10 @@ def test_a_gain_beyond_its_file_keeps_its_sign():
     result = solve(make_log(meta, log.samples, log.mjcf_xml))
     assert all(np.isfinite([c.value, c.low, c.high]).all() for c in result.causes)
     assert all(c.low > -100.0 for c in result.causes if c.effect == "kp-scale")
+
+
+def test_kinds_of_friction_at_a_joint_are_one_cause():
+    """Name the dry friction of a joint once, with what else shapes its law beside it."""
+    result = solve(log_of(Real(coulomb_nm={0: 4.0})))
+    assert result.verdict == ("coulomb-friction",)
+    assert len(result.causes) == 1
