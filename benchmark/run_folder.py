@@ -10,8 +10,8 @@ import fcntl
 import json
 import os
 import re
+import weakref
 from pathlib import Path
-from typing import IO
 
 from baselines.baseline import Progress
 from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
@@ -21,13 +21,12 @@ from benchmark.run_spec import RunSpec
 from leaderboard.identity import run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
-LOCK_FILE = ".lock"
 START_FILE = "start.onnx"
 """The policy that training starts from."""
 SCHEMA = 1
 _CHECKPOINT = re.compile(r"checkpoint-(\d+)\.pt")
 _OWN = re.compile(
-    r"\..*\.tmp|\.lock|checkpoint-\d+\.pt|start\.onnx|policy\.onnx|contract\.json|run\.json"
+    r"\..*\.tmp|checkpoint-\d+\.pt|start\.onnx|policy\.onnx|contract\.json|run\.json"
     r"|progress\.csv|episodes\.parquet"
 )
 """Files that a run writes."""
@@ -103,7 +102,6 @@ class RunFolder:
 
     def __init__(self, path: Path, run: RunSpec) -> None:
         self.path, self._run = path, run
-        self._lock: IO | None = None
 
     def claim(self, resume: bool, force: bool) -> dict | None:
         """Prepare the folder; returns the finished run.json if there is nothing left to do.
@@ -147,9 +145,10 @@ class RunFolder:
     def _lock_folder(self) -> None:
         """Lock the folder while this process lives; raises UsageError if it is locked."""
         self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = (self.path / LOCK_FILE).open("a")
+        lock = os.open(self.path, os.O_RDONLY)
+        weakref.finalize(self, os.close, lock)
         try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             raise UsageError(
                 f"another process runs in {self.path}; wait for it, or choose another --out"

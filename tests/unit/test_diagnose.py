@@ -268,7 +268,7 @@ BAD = {
         {"samples": lambda f: f.head(400)},
         "2.0 s in free air, allowed: from 2.5 s; record steps",
     ),
-    "shorter": ({"samples": lambda f: f.head(9)}, "has 9 samples; allowed: from 20"),
+    "shorter": ({"samples": lambda f: f.head(9)}, "has 9 samples; needed: at least 20"),
     "grasp": (
         {"meta": {"episodes": [{"episode": 0, "protocol": "grasp"}]}},
         "not identifiable from this log: no free-air episode",
