@@ -23,7 +23,7 @@ ABOUT = {
     PATHS: "the paths of the stick's lower end",
     FILM: "a video of the hand in every engine, 10 s",
     "report.html": "the report of the diagnosis",
-    "diagnosis.json": "the same as data",
+    "diagnosis.json": "the diagnosis as data",
     POLICY: "the policy, as the folder of a run",
     LOG: "the log that was diagnosed",
 }
