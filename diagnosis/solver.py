@@ -29,7 +29,7 @@ from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Search
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
-from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, Ordinary, of_healthy
+from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
 from diagnosis.verdict.sensors import loss_finding, sensor_findings
 
@@ -98,13 +98,26 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResu
     left = found.chosen.residual
     sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
     lost = losses(fitter.world, found.chosen.u, left)
-    if lost is not None:
+    told = replace(said, limb=arrived(said.limb, lost)) if lost else said
+    if lost and _is_convincing(told, found.chosen, known, ordinary):
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
-            told = replace(said, limb=arrived(said.limb, lost))
             fitter = Fitter(World(told, known), ordinary.exact)
             found = Search(fitter, ordinary).run()
     return decide(fitter, found, ordinary, sensors)
+
+
+def _is_convincing(
+    told: Evidence, chosen: Fit, known: Sequence[Parameter], ordinary: Ordinary
+) -> bool:
+    """Whether losses take half of what a set of causes leaves; an exact world has its likelihood.
+
+    Losses are exact wherever they are found, so that an ordinary gap may be theirs.
+    """
+    if ordinary.exact:
+        return True
+    after = Fitter(World(told, known)).fit(chosen.freed, near=chosen.u)
+    return share_of(after, chosen) >= FURTHER
 
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:

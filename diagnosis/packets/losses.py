@@ -21,6 +21,9 @@ CLEAR_NATS = 3.0
 """A packet shows where the other decision would be worse by this."""
 LEAST_NATS, LEAST_LOST = 20.0, 4
 """Packets were lost where saying which makes the log so much more likely, and are so many."""
+DEPENDENT = 4.0
+"""Losses that follow each other, or avoid each other, by so many standard deviations are none: a
+late or sticking drive is like that."""
 CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
 """Residuals count for their memory up to so many medians; innovations have at least this scale
 [floors], and residuals live on at most so much."""
@@ -90,6 +93,8 @@ def _decoded(
     nats = _cost(flat, weight, memory) - _cost(left, weight, memory) - price * lost.sum()
     if count < LEAST_LOST or nats < LEAST_NATS or not SHARES[0] <= share <= SHARES[1]:
         return None
+    if abs(_dependence(lost, clear)) > DEPENDENT:
+        return None
     wide = NINETY * np.sqrt(share * (1 - share) / told)
     parts = np.split(lost, found.begins[1:-1])
     return Losses(
@@ -100,6 +105,17 @@ def _decoded(
         nats=float(nats),
         lost=tuple(parts),
     )
+
+
+def _dependence(lost: Array, clear: Array) -> float:
+    """Whether a loss makes the next more likely, in standard deviations: a bus loses at random."""
+    pairs = clear[1:] & clear[:-1]
+    count, share = int(pairs.sum()), float(lost[clear].mean())
+    if count == 0:
+        return 0.0
+    both = int((lost[1:] & lost[:-1] & pairs).sum())
+    expected = count * share**2
+    return (both - expected) / max(np.sqrt(expected * (1 - share**2)), 1.0)
 
 
 def _scale(left: Array, logged: Array) -> tuple[Array, Array]:
