@@ -18,7 +18,7 @@ from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance
 from benchmark.run_spec import RunSpec
-from leaderboard.identity import run_digest
+from leaderboard.identity import LATER, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
 START_FILE = "start.onnx"
@@ -123,8 +123,8 @@ class RunFolder:
             found = read_run(self.path)
             if found["digest"] != self._run.digest:
                 raise UsageError(
-                    f"{self.path} holds another run ({found['digest']}, this is "
-                    f"{self._run.digest}); choose another --out, or --force to replace it"
+                    f"{self.path} holds another run ({self._differences(found['spec'])}); choose "
+                    "another --out, or --force to replace it"
                 )
             if found["status"] == "done":
                 check_policy(self.path, found)
@@ -138,6 +138,13 @@ class RunFolder:
             half_written.unlink()
         self.write_run("interrupted", "the run has not finished")
         return None
+
+    def _differences(self, spec: dict) -> str:
+        """The settings in which a run that was found differs from this one."""
+        own = dataclasses.asdict(self._run)
+        other = [n for n in own if own[n] != spec.get(n, LATER.get(n))]
+        said = [f"{name} {spec.get(name)}, not {own[name]}" for name in other]
+        return "; ".join(said) or "of another version of the hand"
 
     def _names(self) -> list[str]:
         return [file.name for file in self.path.iterdir()] if self.path.is_dir() else []

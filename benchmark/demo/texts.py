@@ -39,7 +39,7 @@ def table(plays: Sequence[Play]) -> Table:
     for one in plays:
         scores = one.recording.scores if one.recording else {}
         numbers = (f"{scores[n]:{form}}" if scores else "-" for n, (_, form) in SCORES.items())
-        note = "trained here" if one.trained else ""
+        note = "trained in this engine" if one.trained else ""
         made.add_row(one.engine, *numbers, Text(one.reason or note))
     return made
 

@@ -35,6 +35,8 @@ _PARQUET_MAGIC = b"PAR1"
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
     """Meta, samples, the MJCF's text and warnings; raises LogError."""
     if not folder.is_dir():
+        if folder.is_file():
+            raise LogError(f"{folder} is a file; give its folder, which holds {META_FILE}, too")
         raise LogError(f"no log folder at {folder}; give a folder that holds {META_FILE}")
     meta = parse_meta(_yaml(folder / META_FILE))
     found = [folder / name for name in (PARQUET_FILE, CSV_FILE) if (folder / name).is_file()]

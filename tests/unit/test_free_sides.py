@@ -160,7 +160,7 @@ def test_slides_are_refused(name):
     body = spec.hand.driven[0]
     slide = dataclasses.replace(body, joint=dataclasses.replace(body.joint, slides=True))
     bodies = tuple(slide if b.name == body.name else b for b in spec.hand.bodies)
-    with pytest.raises(ValueError, match=r"joint\.slides is refused: only hinges"):
+    with pytest.raises(ValueError, match=r"joint\.slides is refused: only hinge"):
         sides.engine(name)(
             [dataclasses.replace(spec, hand=dataclasses.replace(spec.hand, bodies=bodies))]
         )
@@ -172,5 +172,5 @@ def test_exudyn_builds_no_link_of_two_bodies():
     base, *links = spec.hand.bodies
     cap = dataclasses.replace(base, name="cap", parent=links[-1].name)
     hand = dataclasses.replace(spec.hand, bodies=(base, *links, cap))
-    with pytest.raises(ValueError, match="cap is fixed on finger1_distal"):
+    with pytest.raises(ValueError, match="cap is fixed to finger1_distal"):
         sides.engine("exudyn")([dataclasses.replace(spec, hand=hand)])
