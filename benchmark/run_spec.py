@@ -14,7 +14,7 @@ from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.effects import parse_effects, parse_spread
 from benchmark.settings import Choice, Name, Number, Setting, Switch, Text, setting, settings_of
-from leaderboard.identity import run_digest
+from leaderboard.identity import learner_name, run_digest
 from tasks.task import RADIUS_M
 
 HANDS = {"trx": trx}
@@ -87,9 +87,7 @@ class RunSpec:
     @property
     def learner(self) -> str:
         """The algorithm with its changed hyperparameters, such as 'sb3-ppo lr=0.0003'."""
-        changed = [f"{name}={value}" for name, value in self.overrides.items()]
-        start = [] if self.start_sha256 is None else [f"from {self.start_sha256[:8]}"]
-        return " ".join([self.algo, *changed, *start])
+        return learner_name(self.algo, self.overrides, self.start_sha256)
 
     def world(self) -> Spec:
         """The nominal world: hand and stick with the effects applied in order."""

@@ -18,6 +18,13 @@ def run_digest(fields: Mapping[str, Any], world_digest: str) -> str:
     return _sha256([counted, world_digest])[:12]
 
 
+def learner_name(algo: str, overrides: Mapping[str, Any], start_sha256: str | None) -> str:
+    """The algorithm with its changed hyperparameters and its start, such as 'sb3-ppo lr=0.0003'."""
+    changed = [f"{name}={value}" for name, value in overrides.items()]
+    start = [] if start_sha256 is None else [f"from {start_sha256[:8]}"]
+    return " ".join([algo, *changed, *start])
+
+
 def row_key(digest: str, policy_sha256: str | None, scores: Mapping[str, Any]) -> str:
     """What a row claims, as 16 hex digits: the run, its policy and its scores."""
     return _sha256([digest, policy_sha256, dict(scores)])[:16]

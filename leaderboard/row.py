@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from leaderboard.details import SCORES
-from leaderboard.identity import row_key, run_digest
+from leaderboard.identity import learner_name, row_key, run_digest
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -75,9 +75,7 @@ class RunIdentity(_Part):
     @property
     def learner(self) -> str:
         """The algorithm with what is not its default, such as 'sb3-ppo lr=0.0003'."""
-        changed = [f"{name}={value}" for name, value in self.overrides.items()]
-        start = [] if self.start_sha256 is None else [f"from {self.start_sha256[:8]}"]
-        return " ".join([self.algo, *changed, *start])
+        return learner_name(self.algo, self.overrides, self.start_sha256)
 
 
 class Scores(_Part):
