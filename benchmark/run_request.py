@@ -45,6 +45,8 @@ def requested(
         fields["worlds"] = SMOKE_WORLDS
         fields["steps"] = min(fields.get("steps", SMOKE_STEPS), SMOKE_STEPS)
     fields["overrides"] = checked_overrides(algo, {**kept, **(overrides or {})})
+    if fields.get("start_sha256") is not None and start is None:
+        raise UsageError(f"the run of {config} started from a policy; give that run as --from RUN")
     if start is not None:
         fields["start_sha256"] = _policy_sha256(start, algo)
     return RunSpec(**fields)
@@ -89,7 +91,7 @@ def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """Fields of a RunSpec and hyperparameters from a run.json, or from settings as YAML."""
     data = _read(path)
     if isinstance(data.get("spec"), dict):
-        fields = {name: v for name, v in data["spec"].items() if name != "start_sha256"}
+        fields = dict(data["spec"])
         kept = fields.pop("overrides", {})
         if strange := sorted(set(fields) - set(RunSpec.__dataclass_fields__)):
             raise UsageError(

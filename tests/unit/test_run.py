@@ -10,10 +10,12 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from backends import trx
+from baselines.ppo import read_trained
 from baselines.saved import PolicyError, SavedPolicy
 from benchmark import registry
 from benchmark.cli import app as cli
@@ -23,6 +25,7 @@ from benchmark.run_spec import RunSpec
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
 SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "2"]
+CIRCLE = "mujoco-circle-sb3-ppo-contact-centers-s0-43bbd86c"
 BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 
 
@@ -269,20 +272,24 @@ def test_eval_takes_fewer_episodes(finished, capfd):
 
 
 @pytest.mark.parametrize("algo", ["sb3-ppo", "rsl-ppo"])
-def test_training_starts_from_a_saved_policy(finished, algo, tmp_path, capfd):
-    """Begin with the policy's own actions; a learning rate of almost nothing leaves them so."""
-    words = [*SMOKE, "--backend", "mujoco", "--algo", algo, "--from", str(finished)]
+def test_training_starts_from_a_saved_policy(algo, tmp_path, capfd):
+    """Begin with the policy's own actions, whichever learner; a tiny learning rate keeps them."""
+    start, tuned = ROOT / "leaderboard/policies" / CIRCLE, tmp_path / "tuned"
+    words = [*SMOKE, "--backend", "mujoco", "--algo", algo, "--from", str(start)]
     words += ["--set", "lr=1e-12", "--set", "target_kl=1e9", "--steps", "512"]
-    assert cli.call([*words, "--out", str(tmp_path / "tuned")]) == 0
-    row = json.loads(capfd.readouterr().out)
-    before = json.loads((finished / "run.json").read_text())["scores"]
-    assert row["tracked"] == pytest.approx(before["tracked"], abs=0.03)
-    assert row["p_err_cm"] == pytest.approx(before["p_err_cm"], abs=0.1)
-    kept = json.loads((tmp_path / "tuned/run.json").read_text())
+    assert cli.call([*words, "--out", str(tuned)]) == 0
+    rng, trained = np.random.default_rng(0), read_trained(start / "policy.onnx")
+    seen = rng.normal(trained.mean, trained.std, (500, trained.mean.shape[1])).astype(np.float32)
+    observation = registry.load("observation", "contact-centers")(trx.HAND)
+    first, again = (SavedPolicy(folder, observation)(seen) for folder in (start, tuned))
+    assert np.std(first) > 0.1
+    assert np.abs(again - first).max() < 0.02
+    kept = json.loads((tuned / "run.json").read_text())
     assert kept["spec"]["overrides"] == {"lr": 1e-12, "target_kl": 1e9}
     assert kept["hyperparameters"]["lr"] == 1e-12
     assert kept["hyperparameters"]["gamma"] == 0.99
-    assert kept["spec"]["start_sha256"] is not None
+    assert cli.call(["run", "--config", str(tuned / "run.json"), "--dry-run"]) == 2
+    assert "give that run as --from RUN" in capfd.readouterr().err
 
 
 def test_a_run_file_is_a_configuration(finished, tmp_path, capfd):
