@@ -26,7 +26,7 @@ from diagnosis.packets.losses import arrived, losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.replay import limbs
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Search
+from diagnosis.search.search import Found, Search
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
@@ -48,6 +48,15 @@ class Asked:
     origin: Ordinary
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Judged:
+    """What is said of a limb, and the fits that it rests on."""
+
+    result: LimbResult
+    fitter: Fitter
+    found: Found
+
+
 def solve(
     log: Log,
     healthy: Sequence[Log] = (),
@@ -56,14 +65,27 @@ def solve(
     catalogue: Mapping[str, type[Effect]] | None = None,
     origin: Ordinary | None = None,
 ) -> Result:
-    """What is wrong with the mechanism of a log; raises LogError where the log cannot say.
+    """What is wrong with the mechanism of a log; arguments and errors are those of `judged`."""
+    began = time.process_time()
+    limbs, notes = judged(log, healthy, nominal=nominal, catalogue=catalogue, origin=origin)
+    return combine([one.result for one in limbs], time.process_time() - began, notes)
+
+
+def judged(
+    log: Log,
+    healthy: Sequence[Log] = (),
+    *,
+    nominal: Spec | None = None,
+    catalogue: Mapping[str, type[Effect]] | None = None,
+    origin: Ordinary | None = None,
+) -> tuple[list[Judged], list[str]]:
+    """All limbs of a log's mechanism, and notes on the log; raises LogError where it cannot say.
 
     `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
     `origin`: what is ordinary where no healthy logs say so; by default robots' of a user's MJCF,
     and simulators' of a hand known by name.
     """
-    began = time.process_time()
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     if nominal is None and not rigid:
         raise LogError("this log's mechanism is a hand known by name; give its nominal world")
@@ -74,19 +96,19 @@ def solve(
         catalogue=catalogue or every_effect(),
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
-    found, notes = [], list[str]()
+    found, notes = list[Judged](), list[str]()
     for part in limbs(asked.nominal):
         said, more = _evidence(part, log, asked)
         found.append(_limb(said, [_evidence(part, h, asked)[0] for h in healthy], asked))
         notes.extend(more)
-    return combine(found, time.process_time() - began, notes)
+    return found, notes
 
 
 LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
 
 
-def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResult:
+def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> Judged:
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
@@ -104,7 +126,8 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> LimbResu
         if sensors[-1].effect in asked.catalogue:
             fitter = Fitter(World(told, known), ordinary.exact)
             found = Search(fitter, ordinary).run()
-    return decide(fitter, found, ordinary, sensors)
+    result = decide(fitter, found, ordinary, sensors)
+    return Judged(result=result, fitter=fitter, found=found)
 
 
 def _is_convincing(
