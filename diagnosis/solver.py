@@ -53,6 +53,8 @@ class Judged:
     """What is said of a limb, and the fits that it rests on."""
 
     result: LimbResult
+    evidence: Evidence
+    """As recorded: that of the fits has the commands that arrived, where packets were lost."""
     fitter: Fitter
     found: Found
 
@@ -127,7 +129,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> Judged:
             fitter = Fitter(World(told, known), ordinary.exact)
             found = Search(fitter, ordinary).run()
     result = decide(fitter, found, ordinary, sensors)
-    return Judged(result=result, fitter=fitter, found=found)
+    return Judged(result=result, evidence=said, fitter=fitter, found=found)
 
 
 def _is_convincing(
