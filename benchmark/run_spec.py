@@ -43,7 +43,9 @@ class RunSpec:
         "built",
     )
     radius_m: float = setting("Size of the figure.", Number(0.1, 5, "cm"), RADIUS_M, "radius")
-    speed: float = setting("Pace of the figure, times the training pace.", Number(0.05, 5), 1.0)
+    speed: float = setting(
+        "Pace of the figure, times the training pace.", Number(0.05, 5), 1.0, "pace"
+    )
     steps: int = setting(
         "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000
     )
@@ -98,7 +100,7 @@ class RunSpec:
 
 SETTINGS: dict[str, Setting] = settings_of(RunSpec)
 """The settings of a run, by name as typed."""
-DEPLOYED = ("backend", "task", "radius", "speed", "stick", "effects")
+DEPLOYED = ("backend", "task", "radius", "pace", "stick", "effects")
 """Settings that may differ between training and evaluation of a policy."""
 
 

@@ -132,7 +132,7 @@ def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> Wo
 
 
 def _setting(text: str) -> dict[str, Any]:
-    """Fields of a RunSpec from text such as 'radius=3cm,speed=0.5'; raises UsageError."""
+    """Fields of a RunSpec from text such as 'radius=3cm,pace=0.5'; raises UsageError."""
     pairs = [item.strip().partition("=") for item in text.split(",")]
     for name, _, value in pairs:
         if name not in SETTINGS or not value:

@@ -11,7 +11,7 @@ READING = (
     "drawn, then episodes within each) in brackets; IQM is the mean of the middle half of all "
     "episodes. `tracked` ranks: the fraction of all reference steps with the stick held, the lower "
     "end within 1 cm and the axis within 5 degrees. Rows are ranked together only where task, "
-    f"radius, speed, engine, world digest and steps are equal. Under {MIN_SEEDS} seeds there are "
+    f"radius, pace, engine, world digest and steps are equal. Under {MIN_SEEDS} seeds there are "
     "values, but neither intervals nor ranks. Intervals from few seeds are too short: they hold "
     "the true mean about 76 times in 100 at 3 seeds, 85 at 5, 90 at 10. ✓ beside the count: the "
     "policies of all its seeds were replayed by `bench verify` and score what their rows say."
@@ -37,7 +37,7 @@ def starts(cells: dict[str, Any]) -> str:
 
 def figure_name(cells: dict[str, Any]) -> str:
     """Size and pace of the drawn figure."""
-    return f"{cells['radius_m'] * 100:g} cm, speed {cells['speed']:g}"
+    return f"{cells['radius_m'] * 100:g} cm, pace {cells['speed']:g}"
 
 
 def count(cells: dict[str, Any]) -> str:

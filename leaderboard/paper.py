@@ -37,10 +37,10 @@ class PaperSetting:
 
 SETTINGS = {
     "v-": PaperSetting(
-        words="half the pace", change="speed=0.5", row=PaperRow(p_err_cm=1.19, q_err_deg=2.23)
+        words="half the pace", change="pace=0.5", row=PaperRow(p_err_cm=1.19, q_err_deg=2.23)
     ),
     "v+": PaperSetting(
-        words="1.5 times the pace", change="speed=1.5", row=PaperRow(p_err_cm=1.41, q_err_deg=3.16)
+        words="1.5 times the pace", change="pace=1.5", row=PaperRow(p_err_cm=1.41, q_err_deg=3.16)
     ),
     "r-": PaperSetting(
         words="radius of 1 cm", change="radius=1cm", row=PaperRow(p_err_cm=0.85, q_err_deg=1.70)

@@ -75,7 +75,7 @@ def title(shared: dict[str, Any]) -> str:
 
 def figure(shared: dict[str, Any]) -> str:
     """The task, in words."""
-    size = f"{shared['radius_m'] * 100:g} cm, speed {shared['speed']:g}"
+    size = f"{shared['radius_m'] * 100:g} cm, pace {shared['speed']:g}"
     stick = "" if shared["stick"] == "reference" else f", {shared['stick']} stick"
     return f"{shared['task']}, {size}{stick}"
 

@@ -59,7 +59,7 @@ def transfer(
         list[str] | None,
         typer.Option(
             metavar="SETTINGS",
-            help="Deploy in these, too, such as radius=3cm or task=eight,speed=0.5; repeatable.",
+            help="Deploy in these, too, such as radius=3cm or task=eight,pace=0.5; repeatable.",
         ),
     ] = None,
     episodes: Episodes = None,

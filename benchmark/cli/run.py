@@ -76,7 +76,7 @@ def evaluate(
 ) -> Any:
     """Evaluate a saved policy in any world, task setting and stick.
 
-    Example: [bold]bench eval runs/NAME --backend mujoco --radius 3cm --speed 1.5[/bold]
+    Example: [bold]bench eval runs/NAME --backend mujoco --radius 3cm --pace 1.5[/bold]
     """
     from benchmark import commands
 

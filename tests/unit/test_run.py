@@ -256,7 +256,7 @@ def test_eval_reproduces_the_row_and_needs_no_torch(finished):
 def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
     """Deploy in another engine, figure, setting, stick and effects, and write it down."""
     out = tmp_path / "eval"
-    options = ["--task", "eight", "--radius", "3cm", "--speed", "1.5", "--stick", "fabric"]
+    options = ["--task", "eight", "--radius", "3cm", "--pace", "1.5", "--stick", "fabric"]
     options += ["--effects", "backlash=2deg", "--backend", "bullet", "--workers", "1"]
     assert cli.call(["eval", str(finished), *options, "--json", "--out", str(out)]) == 0
     row = json.loads(capfd.readouterr().out)

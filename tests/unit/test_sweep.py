@@ -127,8 +127,8 @@ def test_shipped_grids_are_valid(file):
         ("grid: {calibration: [3]}", "grid.calibration.0 is 3; allowed: "),
         ("grid: {smoke: [yes, 2]}", "grid.smoke.1: --smoke is 2; allowed: true or false"),
         (
-            "defaults: {speed: .nan}\ncells: [{}]",
-            "defaults.speed: --speed is nan; allowed: 0.05 to 5",
+            "defaults: {pace: .nan}\ncells: [{}]",
+            "defaults.pace: --pace is nan; allowed: 0.05 to 5",
         ),
         ("cells: [{backend: mujoco}]", "task is missing (required)"),
         ("cells: [{backend: bulet, task: line}]", "Did you mean 'bullet'?"),

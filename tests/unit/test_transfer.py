@@ -271,29 +271,29 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
         "--effects",
         "built",
     ]
-    asked = ("radius=3cm,speed=0.5", "stick=steel", "task=eight", "task=line")
+    asked = ("radius=3cm,pace=0.5", "stick=steel", "task=eight", "task=line")
     settings = [part for text in asked for part in ("--setting", text)]
     assert cli.call([*arguments, *settings, "--out", str(tmp_path), *TRANSFER]) == 0
     found = {row["deploy"]: row for row in json.loads(capfd.readouterr().out)["matrix"]}
     assert list(found) == [
         "mujoco built",
-        "mujoco built radius=3cm,speed=0.5",
+        "mujoco built radius=3cm,pace=0.5",
         "mujoco built stick=steel",
         "mujoco built task=eight",
         "mujoco built task=line",
     ]
     assert found["mujoco built task=eight"]["p_err_cm"] != found["mujoco built"]["p_err_cm"]
-    larger = found["mujoco built radius=3cm,speed=0.5"]
+    larger = found["mujoco built radius=3cm,pace=0.5"]
     assert larger["p_err_cm"] > found["mujoco built"]["p_err_cm"]
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("pace=2", "allowed: task=..., radius=..., speed=..., stick=..."),
-        ("speed", "allowed: task=..., radius=..."),
-        ("speed=fast", "'fast'; allowed: a number such as 0.5"),
-        ("speed=99", "allowed"),
+        ("speed=2", "allowed: task=..., radius=..., pace=..., stick=..."),
+        ("pace", "allowed: task=..., radius=..."),
+        ("pace=fast", "'fast'; allowed: a number such as 0.5"),
+        ("pace=99", "allowed"),
         ("radius=3", "allowed: a number with its unit"),
         ("stick=stele", "no stick named 'stele'"),
         ("task=cirle", "no task named 'cirle'"),

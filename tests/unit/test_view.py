@@ -97,7 +97,7 @@ def test_pictures_say_what_they_are(folder: Path, tmp_path: Path) -> None:
 
 def test_settings_are_drawn_and_named(folder: Path, tmp_path: Path) -> None:
     """Replay another figure, size, pace and stick as `bench eval` does, and say so on it."""
-    out, options = tmp_path / "paths.png", ["--radius", "1cm", "--speed", "0.5", "--stick", "thin"]
+    out, options = tmp_path / "paths.png", ["--radius", "1cm", "--pace", "0.5", "--stick", "thin"]
     options += ["--task", "eight"]
     words = ["view", str(folder), *options, "--episodes", "1", "--out", str(out)]
     assert cli.call([*words, "--workers", "1"]) == 0
@@ -105,7 +105,7 @@ def test_settings_are_drawn_and_named(folder: Path, tmp_path: Path) -> None:
     title = " ".join(text["Title"].split())
     assert title.startswith("eight, mujoco, trained on circle, hold-still, 1 episode, thin stick")
     assert "radius 1 cm, 0.5 times the pace" in title
-    assert "--task eight --speed 0.5 --stick thin --radius 1cm" in text["Source"]
+    assert "--task eight --pace 0.5 --stick thin --radius 1cm" in text["Source"]
 
 
 def test_recording_is_that_of_the_engine(recording: Recording) -> None:
