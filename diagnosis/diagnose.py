@@ -33,7 +33,6 @@ from diagnosis.attribution.verdict import (
     unaccused,
 )
 from diagnosis.beside.beside import (
-    beside,
     corrected,
     lost,
     magnitude,
@@ -42,11 +41,12 @@ from diagnosis.beside.beside import (
     sensed,
     told_apart,
 )
-from diagnosis.beside.finding import Finding, Report
 from diagnosis.beside.fingerprints import widened
 from diagnosis.beside.lost_motion import plays
 from diagnosis.beside.slow import at_rest, unjudged
 from diagnosis.calibration.worlds import Simulate
+from diagnosis.finding import Finding, Report
+from diagnosis.grasp.in_hand import in_hand
 from diagnosis.leading import leading
 from diagnosis.logs.log import Log, LogError
 from diagnosis.recording.excitation import FREE
@@ -95,7 +95,9 @@ def diagnose(
     parts = tuple(map(at_rest, whole))
     clear = list(compress(parts, told))
     uncertainty = log.meta.nominal_uncertainty
-    settled = frozenset(joint for one in found if one.instead for joint in one.joints)
+    settled = frozenset(
+        joint for one in found if getattr(one, "instead", False) for joint in one.joints
+    )
     judge_one = partial(judge_limb, catalogue=catalogue, uncertainty=uncertainty, settled=settled)
     limbs = list(side_by_side(judge_one, clear))
     losses, heard = lost(clear, [one.verdict for one in limbs], catalogue)
@@ -103,7 +105,7 @@ def diagnose(
     before = (*found, *losses)
     kept = [one for one in limbs if outdone(one.verdict, before) is None]
     world = corrected(_with(nominal, kept, catalogue), found, catalogue)
-    held = beside(log, world, catalogue, simulate)
+    held = in_hand(log, world, catalogue, simulate)
     others = dataclasses.replace(
         held,
         findings=(*before, *held.findings),

@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field
 from diagnosis.attribution.locate import Place
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.verdict import LimbVerdict
-from diagnosis.beside.finding import Finding, Spot
+from diagnosis.finding import Finding, Spot
 from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 

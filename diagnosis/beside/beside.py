@@ -1,6 +1,6 @@
-"""Findings without replays of free air: sensors, lost packets, touch, stick and contact.
+"""Findings without replays of free air: sensors and lost packets.
 
-A diagnosis calls `sensed` before it judges limbs, `lost` and `beside` afterwards.
+A diagnosis calls `sensed` before it judges limbs, `lost` afterwards.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,14 +13,9 @@ from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
-from diagnosis.beside._regrasp import Simulate
-from diagnosis.beside.feel import feel
-from diagnosis.beside.finding import Finding, Report
 from diagnosis.beside.fingerprints import sensors
-from diagnosis.beside.grip import MOTION, NEEDS, grip
 from diagnosis.beside.losses import dropouts
-from diagnosis.beside.yields import RADIUS, SOFTNESS
-from diagnosis.logs.log import Log
+from diagnosis.finding import Finding
 
 LOST, STEPS = "command-dropout", "encoder-resolution"
 
@@ -52,39 +47,6 @@ def lost(
     return dropouts(parts, limbs) if LOST in catalogue else ((), tuple(parts))
 
 
-def beside(
-    log: Log,
-    nominal: Spec,
-    catalogue: Mapping[str, type[Effect]],
-    simulate: Simulate | None = None,
-) -> Report:
-    """All that the log says of touch, stick and contact.
-
-    `nominal` is best the world with the effects that replays found. Without `simulate`, which puts
-    worlds on the nominal engine, stick and contact are left out. A mechanism without fingertips has
-    neither skin nor stick.
-    """
-    if not nominal.hand.fingertips:
-        return Report()
-    held = (
-        grip(log, nominal, catalogue, simulate) if simulate else Report(missing=_unasked(catalogue))
-    )
-    world = held.world or nominal
-    shape, known = ((w.stick.radius_m, w.contact.compliance_m_n) for w in (world, nominal))
-    touch = feel(log, world, catalogue, mended=shape != known)
-    return Report(
-        findings=(*touch.findings, *held.findings),
-        spots=(*touch.spots, *held.spots),
-        missing=(*touch.missing, *held.missing),
-    )
-
-
-def _unasked(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
-    """What to say of stick and contact where there is no engine to replay them on."""
-    names = [name for name in (RADIUS, SOFTNESS, *MOTION) if name in catalogue]
-    return (f"{', '.join(names)}: {NEEDS}",) if names else ()
-
-
 def corrected(
     nominal: Spec, found: Sequence[Finding], catalogue: Mapping[str, type[Effect]]
 ) -> Spec:
@@ -101,7 +63,9 @@ def corrected(
 def outdone(limb: LimbVerdict, found: Sequence[Finding]) -> Finding | None:
     """The finding that takes the place of a limb's verdict; None where there is none."""
     joints = set(limb.attribution.fitter.evidence.joints)
-    return next((one for one in found if one.instead and joints & set(one.joints)), None)
+    return next(
+        (one for one in found if getattr(one, "instead", False) and joints & set(one.joints)), None
+    )
 
 
 def magnitude(one: Finding, catalogue: Mapping[str, type[Effect]]) -> Magnitude | None:

@@ -16,8 +16,10 @@ from backends.state import Array
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import UNKNOWN
-from diagnosis.beside.finding import Finding, gap, share, together
+from diagnosis.beside.sensing import Finding, together
 from diagnosis.beside.slow import is_slow
+from diagnosis.finding import Finding as Beside
+from diagnosis.finding import gap, share
 from diagnosis.replay.replay import replay as play
 
 LEAST_STEP_RAD = 1e-5
@@ -89,7 +91,7 @@ def sensors(
     return (*together(steps, names), *together(noises, names), *together(unknown, names))
 
 
-def widened(part: Evidence, found: Sequence[Finding]) -> Evidence:
+def widened(part: Evidence, found: Sequence[Beside]) -> Evidence:
     """Evidence whose position residuals allow for half of the steps that were found.
 
     Their error is white where a joint moves and stays as long as it holds, so both parts of a

@@ -19,9 +19,10 @@ from diagnosis.attribution.fit import CALM, Fitter
 from diagnosis.attribution.profile import Fit
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import LimbVerdict
-from diagnosis.beside.finding import Finding, gap, share
 from diagnosis.beside.hearing import Heard, hear
 from diagnosis.beside.packets import SHARES, counts, decisive, news
+from diagnosis.beside.sensing import Finding
+from diagnosis.finding import gap, share
 
 ACCUSE_NATS = 30.0
 """Losses must lower the cost by this."""

@@ -28,9 +28,10 @@ from diagnosis.attribution.evidence import Evidence, Recording
 from diagnosis.attribution.experiments import LOGGING
 from diagnosis.attribution.intervals import Z90
 from diagnosis.attribution.rules import rules
-from diagnosis.beside.finding import PUSH, Finding, gap, share
+from diagnosis.beside.sensing import PUSH, Finding
 from diagnosis.beside.slow import is_slow
 from diagnosis.calibration.backlash import SAME_HOLD_RAD
+from diagnosis.finding import gap, share
 
 BACKLASH, DEAD_ZONE = "backlash", "dead-zone"
 HARD = 0.9

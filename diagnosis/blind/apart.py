@@ -13,8 +13,6 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.beside._regrasp import ends_m
-from diagnosis.beside.held import tip_gaps_m
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
 from diagnosis.blind.grasp import GRASP, HOLDS
@@ -27,6 +25,8 @@ from diagnosis.blind.make import (
 )
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
+from diagnosis.grasp.simulate_grasps import ends_m
+from diagnosis.motion.held import tip_gaps_m
 
 ALIKE_S = 0.5
 """Readings count as independent after this time, because a grasp moves slowly [s]."""

@@ -18,3 +18,13 @@ def catalogue() -> Mapping[str, type[Effect]]:
         for name in names
         if not name.startswith("_")
     }
+
+
+def of_part(catalogue: Mapping[str, type[Effect]], *parts: str) -> dict[str, str]:
+    """Names of the effects that change numbers of some parts of the spec, by number."""
+    return {
+        number: name
+        for name, kind in catalogue.items()
+        for number in kind.spec_fields()
+        if number.split(".")[0] in parts
+    }

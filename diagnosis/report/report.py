@@ -14,10 +14,10 @@ from diagnosis.attribution.gather import FREE_AIR, LEAST_SAMPLES
 from diagnosis.attribution.locate import PHASES, Place
 from diagnosis.attribution.rules import rules
 from diagnosis.attribution.verdict import NONE, UNKNOWN, LimbVerdict
-from diagnosis.beside.finding import Finding, Spot
-from diagnosis.beside.held import PROTOCOLS as HELD
 from diagnosis.diagnose import Diagnosis
+from diagnosis.finding import Finding, Spot
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.report import wording
 from diagnosis.report._figures import overlays, shrinking
 

@@ -8,8 +8,8 @@ from diagnosis.attribution.attribute import Ranked
 from diagnosis.attribution.magnitudes import Magnitude
 from diagnosis.attribution.rules import Rules
 from diagnosis.attribution.verdict import NONE, UNKNOWN
-from diagnosis.beside.finding import Finding
 from diagnosis.diagnose import Diagnosis
+from diagnosis.finding import Finding
 from diagnosis.leading import Leading
 from diagnosis.shrinkage import Share
 

@@ -9,8 +9,8 @@ from backends.shard import simulate
 from benchmark import registry
 from benchmark._diagnosis_texts import effects_text
 from benchmark.run_spec import RunSpec
-from diagnosis.beside.grip import grip
 from diagnosis.diagnose import Diagnosis, diagnose
+from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 from diagnosis.report.report import page
@@ -144,6 +144,6 @@ def test_a_free_log_asks_for_a_grasp():
 def test_a_free_log_asks_to_pull_for_friction():
     """Ask for pulls where an effect shows in motion alone, for grasps elsewhere."""
     sought = {name: registry.load("effect", name) for name in ("stick-radius", "contact-friction")}
-    radius, friction = grip(log("none"), NOMINAL, sought, on("mujoco")).missing
+    radius, friction = identify_grasp_parameters(log("none"), NOMINAL, sought, on("mujoco")).missing
     assert radius.startswith("stick-radius") and "grasp with the channel stick" in radius
     assert friction.startswith("contact-friction") and "grasp,pull --variants 2" in friction

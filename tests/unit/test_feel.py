@@ -12,15 +12,14 @@ from benchmark import registry
 from benchmark.cli import app as cli
 from benchmark.registry import ROOT
 from benchmark.run_spec import RunSpec
-from diagnosis.attribution.rules import rules
-from diagnosis.beside._skin import Faults, Pressed, alone, expected
-from diagnosis.beside._taxel_fits import Fitting
-from diagnosis.beside.feel import _skins, feel
-from diagnosis.beside.finding import Report
-from diagnosis.beside.held import held
 from diagnosis.blind import rigs
+from diagnosis.finding import RIGHT, Report
 from diagnosis.logs.log import Log, read_log
+from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
+from diagnosis.skin.forward_model import Faults, Pressed, alone, expected
+from diagnosis.skin.skin_faults import _skins, identify_skin_faults
+from diagnosis.skin.taxel_fits import Fitting
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
@@ -51,7 +50,7 @@ def tracked(clean: Log) -> Log:
 @cache
 def told(effects: str, kind: str) -> Report:
     """What the skin's diagnosis says of them."""
-    return feel(log(effects, kind), NOMINAL, CATALOGUE)
+    return identify_skin_faults(log(effects, kind), NOMINAL, CATALOGUE)
 
 
 def found(effects: str, kind: str) -> dict:
@@ -88,9 +87,9 @@ def test_dead_taxels(kind):
 def test_confidence_is_what_former_findings_were_right():
     """Be as sure of a fault that is far ahead as former ones were right, else less."""
     (one,) = told("taxel-dropout=20%", "contact").findings
-    assert one.confidence == pytest.approx(rules().right.grasp)
+    assert one.confidence == pytest.approx(RIGHT)
     tied = replace(one, ties=(("taxel-drift", 0.0),))
-    assert tied.confidence == pytest.approx(rules().right.grasp / 2)
+    assert tied.confidence == pytest.approx(RIGHT / 2)
 
 
 @pytest.mark.slow
@@ -252,7 +251,7 @@ def test_depths_say_nothing_of_thresholds():
 def test_no_grasp_no_touch():
     """Ask for the grasp protocol where no stick is held."""
     free = log("taxel-dropout=50%", "touch", protocol="steps", variants=1)
-    report = feel(free, NOMINAL, CATALOGUE)
+    report = identify_skin_faults(free, NOMINAL, CATALOGUE)
     assert report.findings == ()
     assert "record --protocol grasp" in report.missing[0]
 
@@ -266,14 +265,14 @@ def test_a_finger_that_lets_go_accuses_nobody(tmp_path):
     playing = read_log(tmp_path / "log")
     readings = held(playing, NOMINAL)[0].touch
     assert not readings.any(axis=2).all()
-    assert feel(playing, NOMINAL, CATALOGUE).findings == ()
+    assert identify_skin_faults(playing, NOMINAL, CATALOGUE).findings == ()
 
 
 def test_what_is_nominal_is_no_finding():
     """Find nothing where the nominal skin has the fault; find it against the ideal one."""
     effects = "taxel-threshold=0.2mm"
     known = RunSpec(backend="mujoco", task="circle", effects=effects).world()
-    assert feel(log(effects, "contact"), known, CATALOGUE).findings == ()
+    assert identify_skin_faults(log(effects, "contact"), known, CATALOGUE).findings == ()
     (one,) = told(effects, "contact").findings
     assert one.value == pytest.approx(0.2 * MM, abs=0.02 * MM)
     assert np.isfinite(one.confidence)
@@ -286,7 +285,7 @@ def test_what_is_nominal_is_no_finding():
 def test_effects_out_of_the_catalogue_are_unknown(effects):
     """Answer unknown where the fault is not in the catalogue, though others could imitate it."""
     without = {k: v for k, v in CATALOGUE.items() if k != effects.split("=")[0]}
-    report = feel(log(effects, "contact"), NOMINAL, without)
+    report = identify_skin_faults(log(effects, "contact"), NOMINAL, without)
     assert [one.effect for one in report.findings] == ["unknown"]
 
 
@@ -304,7 +303,7 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
 def test_a_small_threshold_shows_where_the_stick_is_as_told(shift_mm, mended, named):
     """Name a threshold within a sample's blur, unless the log says how thick the stick is."""
     noisy = tracked(log(f"taxel-threshold={shift_mm}mm", "contact"))
-    found = [one.effect for one in feel(noisy, NOMINAL, CATALOGUE, mended).findings]
+    found = [one.effect for one in identify_skin_faults(noisy, NOMINAL, CATALOGUE, mended).findings]
     assert found == ["taxel-threshold"] * named
 
 

@@ -10,11 +10,11 @@ from diagnosis_logs import ENGINES
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.run_spec import RunSpec
-from diagnosis.beside.beside import beside
-from diagnosis.beside.grip import grip, motions
-from diagnosis.beside.held import gaps_m, held
-from diagnosis.beside.yields import _better, _readings, line, shapes
+from diagnosis.grasp.contact_geometry import _better, _readings, line, shapes
+from diagnosis.grasp.grasp_parameters import identify_grasp_parameters, motions
+from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import gaps_m, held
 from diagnosis.recording.record import Plan, record
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
@@ -49,7 +49,7 @@ def log(
 
 @cache
 def shapes_of(effects: str, backend: str = "mujoco"):
-    return grip(log(effects, backend), NOMINAL, some(*SHAPES), on_mujoco)
+    return identify_grasp_parameters(log(effects, backend), NOMINAL, some(*SHAPES), on_mujoco)
 
 
 def test_a_line_is_its_two_numbers():
@@ -84,7 +84,7 @@ def test_a_lost_stick_ends_the_grasp():
 def test_a_soft_contact_is_no_light_stick():
     """Name the softness, not a mass that an engine's contacts would yield alike with."""
     few = some(*SHAPES, *MOTIONS)
-    report = grip(log("contact-softness=0.06mm/N"), NOMINAL, few, on_mujoco)
+    report = identify_grasp_parameters(log("contact-softness=0.06mm/N"), NOMINAL, few, on_mujoco)
     (one,) = report.findings
     assert one.effect == "contact-softness"
     assert one.value == pytest.approx(0.06e-3, rel=0.05)
@@ -183,7 +183,7 @@ def test_a_wrong_joint_zero_is_no_radius():
 def test_motion_on_the_nominal_engine(effect, size, within):
     """Measure friction and mass by replays where the engine is the nominal one."""
     real = log(f"{effect}={100 * size:.0f}%")
-    report = grip(real, NOMINAL, some(*MOTIONS), on_mujoco)
+    report = identify_grasp_parameters(real, NOMINAL, some(*MOTIONS), on_mujoco)
     (one,) = report.findings
     assert one.effect == effect
     assert one.value == pytest.approx(size, abs=within)
@@ -207,7 +207,9 @@ def test_another_engine_is_not_another_mass():
 
 def test_one_grasp_may_agree_by_chance():
     """Ask for a second grasp before mass or friction is named."""
-    report = grip(log("stick-mass=100%", variants=1), NOMINAL, some(*MOTIONS), on_mujoco)
+    report = identify_grasp_parameters(
+        log("stick-mass=100%", variants=1), NOMINAL, some(*MOTIONS), on_mujoco
+    )
     assert report.findings == ()
     assert "--variants 2" in report.missing[0]
 
@@ -215,7 +217,7 @@ def test_one_grasp_may_agree_by_chance():
 def test_no_stick_no_grip():
     """Ask for the stick's pose where it was not logged."""
     blind = log("stick-radius=20%", channels="torque")
-    report = grip(blind, NOMINAL, CATALOGUE, on_mujoco)
+    report = identify_grasp_parameters(blind, NOMINAL, CATALOGUE, on_mujoco)
     assert report.findings == ()
     assert "with the channel stick" in report.missing[0]
 
@@ -223,5 +225,5 @@ def test_no_stick_no_grip():
 def test_a_radius_that_nobody_may_name_is_no_threshold():
     """Judge taxels on the stick that is there, though its radius is out of the catalogue."""
     thin = log("stick-radius=-10%", "bullet", channels="stick,contact")
-    report = beside(thin, NOMINAL, some("contact-softness", "taxel-threshold"), on_mujoco)
+    report = in_hand(thin, NOMINAL, some("contact-softness", "taxel-threshold"), on_mujoco)
     assert {one.effect for one in report.findings} == {"unknown"}

@@ -12,10 +12,10 @@ from benchmark import registry
 from benchmark.effects import parse_effects
 from diagnosis.attribution.evidence import Evidence
 from diagnosis.attribution.gather import gather
-from diagnosis.beside.finding import Finding
 from diagnosis.beside.lost_motion import lost_motion, plays
 from diagnosis.beside.slow import at_rest, is_slow, unjudged
 from diagnosis.diagnose import diagnose
+from diagnosis.finding import Finding
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.replay import replay

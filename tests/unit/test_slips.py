@@ -10,10 +10,10 @@ from diagnosis_logs import ENGINES
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.run_spec import RunSpec
-from diagnosis.beside import _slip, slips
-from diagnosis.beside.grip import grip
-from diagnosis.beside.held import held
+from diagnosis.grasp import pull_test, slip_model
+from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
 
 CATALOGUE = {
@@ -43,11 +43,11 @@ def log(effects: str, backend: str = "mujoco") -> Log:
 
 @cache
 def told(effects: str, backend: str = "mujoco"):
-    report = grip(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
+    report = identify_grasp_parameters(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
     return {one.effect: one for one in report.findings}
 
 
-def fall(mass_kg: float, friction_n: float) -> _slip.Slip:
+def fall(mass_kg: float, friction_n: float) -> slip_model.Slip:
     """A slip by Newton's law in small steps, read as a log would be."""
     fine = DT_S / 100
     time = np.arange(0.0, 0.4, fine)
@@ -57,7 +57,7 @@ def fall(mass_kg: float, friction_n: float) -> _slip.Slip:
         push = (pull[k] - friction_n) / mass_kg + 9.81
         speed = max(speed + push * fine, 0.0)
         travel[k + 1] = travel[k] + speed * fine
-    return _slip.Slip(
+    return slip_model.Slip(
         time_s=time[::100],
         pull_n=pull[::100],
         travel_m=travel[::100],
@@ -69,7 +69,7 @@ def fall(mass_kg: float, friction_n: float) -> _slip.Slip:
 @pytest.mark.parametrize("mass_kg", [0.015, 0.03, 0.09])
 def test_newton_tells_mass_and_friction(mass_kg):
     """Recover both numbers of a slip that obeys Newton's law."""
-    found = _slip.newton([fall(mass_kg, 12.0), fall(mass_kg, 15.0)], 0.03)
+    found = slip_model.newton([fall(mass_kg, 12.0), fall(mass_kg, 15.0)], 0.03)
     assert found.log_mass == pytest.approx(np.log(mass_kg / 0.03), abs=0.05)
     assert found.friction_n == pytest.approx([12.0, 15.0], rel=0.005)
     assert found.left < 1.0
@@ -131,7 +131,9 @@ def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
 def test_friction_outside_of_the_catalogue_is_unknown():
     """Call a slip `unknown` that only friction could explain, which nobody may name."""
     kinds = {n: k for n, k in CATALOGUE.items() if n != "contact-friction"}
-    report = grip(log("contact-friction=40%", "bullet"), NOMINAL, kinds, on_mujoco)
+    report = identify_grasp_parameters(
+        log("contact-friction=40%", "bullet"), NOMINAL, kinds, on_mujoco
+    )
     assert [one.effect for one in report.findings] == ["unknown"]
 
 
@@ -139,14 +141,14 @@ def test_a_stick_that_does_not_slip_says_nothing():
     """Tell nothing of a pull that was too weak, nor of one that began at once."""
     parts = held(log("none"), NOMINAL, ("pull",))
     weak = [part.every(np.arange(len(part.time_s)) < 210) for part in parts]
-    assert slips.told(NOMINAL, weak, on_mujoco) is None
+    assert pull_test.pull_fit(NOMINAL, weak, on_mujoco) is None
     early = dataclasses.replace(parts[0], pull_n=parts[0].pull_n + 1.0)
-    assert _slip.slip(early, NOMINAL.gravity_m_s2) is None
+    assert slip_model.slip(early, NOMINAL.gravity_m_s2) is None
 
 
 def test_a_vague_mass_says_what_would_tell():
     """Say how near the nominal mass is known to be, and what would tell more."""
-    report = grip(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
+    report = identify_grasp_parameters(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
     (said,) = report.missing
     assert "stick-mass" in said and "weigh the stick" in said
 
@@ -178,7 +180,7 @@ def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend)
 
 def test_a_mass_is_as_sure_in_the_world_that_has_it():
     """Doubt a light stick, not a heavy one of which a world has more already."""
-    seen = slips.Told(
+    seen = pull_test.PullFit(
         friction=0.0,
         friction_std=0.03,
         mass=-0.02,

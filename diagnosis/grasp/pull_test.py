@@ -18,11 +18,10 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.attribution.verdict import UNKNOWN
-from diagnosis.beside._regrasp import Simulate, regrasp
-from diagnosis.beside._slip import GONE_M, Slip, newton, slip, valley
-from diagnosis.beside.finding import STICK, Finding, share
-from diagnosis.beside.held import Held
+from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, share
+from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
+from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
+from diagnosis.motion.held import Held
 
 FRICTION, MASS = "contact-friction", "stick-mass"
 FINE_S = 1e-3
@@ -46,7 +45,7 @@ LAWFUL, ODD = 1.25, 1.8
 better model leaves more than the other is of another kind."""
 NEARLY = 0.05
 """Where it holds it is used though replays leave less by this: it is any engine's."""
-SURE_Z, Z90 = 3.0, 1.645
+SURE_Z = 3.0
 HEAVY_Z = 2.2
 """A heavy stick is asked for less: no contact makes one look so."""
 FIRM = 0.03
@@ -65,7 +64,7 @@ OTHERWISE = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class PullFit:
     """What pulls tell, over what is nominal."""
 
     friction: float
@@ -129,7 +128,7 @@ class Told:
         """Whether sticks slip by Newton's law where replays creep: contacts of another engine."""
         return self.is_lawful and self.ahead > FIRM
 
-    def beside(self, other: "Told") -> "Told":
+    def beside(self, other: "PullFit") -> "PullFit":
         """This, seen in a world that has what is sure in another one already."""
         friction, mass = (
             v * s for v, s in zip((other.friction, other.mass), other.sure, strict=True)
@@ -156,13 +155,15 @@ def _finding(
     )
 
 
-def corrected(world: Spec, told: Told) -> Spec:
+def corrected(world: Spec, told: PullFit) -> Spec:
     """The world with what is sure."""
     friction, mass = (v * s for v, s in zip((told.friction, told.mass), told.sure, strict=True))
     return changed(world, friction, mass)
 
 
-def told(world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = False) -> Told | None:
+def pull_fit(
+    world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = False
+) -> PullFit | None:
     """What some episodes tell of friction and mass; None where no stick slips.
 
     Where contacts are `soft`, replays creep otherwise than a log: Newton's law is tried first.
@@ -184,12 +185,12 @@ def told(world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = Fa
     return replace(replayed, gives_way=newton.is_lawful and not soft)
 
 
-def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> Told:
+def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> PullFit:
     """The mass that Newton's law tells, and friction over what the forces of replays can hold."""
     real, held_n = newton(seen, world.stick.mass_kg), np.array([one.held_n for one in shown])
     ratios = np.log(real.friction_n / (world.stick.friction * held_n))
     wander = float(np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen]))
-    return Told(
+    return PullFit(
         friction=float(ratios.mean()),
         friction_std=_spread(ratios, FRICTION_FLOOR),
         mass=real.log_mass,
@@ -213,7 +214,7 @@ def _replays(
     fine = [_finely(part) for part in parts]
     worlds = [changed(world, mass=float(np.log(m))) for m in masses]
     rows = []
-    for shown in regrasp(simulate, worlds, fine):
+    for shown in simulate_grasps(simulate, worlds, fine):
         played = [(replace(p, stick=s.stick), s.force_n) for p, s in zip(fine, shown, strict=True)]
         slips = [slip(p, world.gravity_m_s2, force_n) for p, force_n in played]
         rows.append([one for one in slips if one is not None])
@@ -240,7 +241,7 @@ def _by_replays(
     seen: Sequence[Slip],
     played: Sequence[Sequence[Slip]],
     simulate: Simulate,
-) -> Told:
+) -> PullFit:
     """The mass whose replays fit, once more where friction is what the first ones make of it."""
     first = _shifted(seen, played, REPLAYED, world.stick.mass_kg)
     near = np.exp(first.mass) * np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4])
@@ -254,7 +255,7 @@ def _shifted(
     played: Sequence[Sequence[Slip]],
     masses: Sequence[float],
     mass_kg: float,
-) -> Told:
+) -> PullFit:
     """The mass whose replays fit where each may slip later, which tells friction."""
     costs, ratios = np.zeros(len(masses)), np.zeros((len(masses), len(seen)))
     for m, slips in enumerate(played):
@@ -267,7 +268,7 @@ def _shifted(
     mass, half = valley(np.log(masses), costs)
     k = int(np.argmin(costs))
     left = float(np.sqrt(costs[k] / sum(s.end for s in seen)))
-    return Told(
+    return PullFit(
         friction=float(ratios[k].mean()),
         friction_std=_spread(ratios[k], FRICTION_FLOOR),
         mass=mass,

@@ -8,7 +8,7 @@ import numpy as np
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState, State, quat_z_axis
-from diagnosis.beside.held import Held
+from diagnosis.motion.held import Held
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
 """Puts worlds on an engine."""
@@ -38,7 +38,9 @@ def ends_m(stick: Array, length_m: float) -> Array:
     return np.concatenate([stick[..., :3] - half, stick[..., :3] + half], axis=-1)
 
 
-def regrasp(simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]) -> list[list[Shown]]:
+def simulate_grasps(
+    simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]
+) -> list[list[Shown]]:
     """What every world shows in every episode: a list per world of one per episode.
 
     Joints and stick start where the log has them; all episodes have one rate.

@@ -12,7 +12,7 @@ from scipy.special import expit, logit, ndtr
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
-from diagnosis.beside._skin import ALIKE, Faults, Pressed, expected
+from diagnosis.skin.forward_model import ALIKE, Faults, Pressed, expected
 
 DEEPEST_M = 0.5e-3
 """Beyond this, depths count as this."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.beside._regrasp import Shown, ends_m
-from diagnosis.beside.held import Held, white_noise
+from diagnosis.grasp.simulate_grasps import Shown, ends_m
+from diagnosis.motion.held import Held, white_noise
 
 EPS = (5e-5, 5e-5, 5e-4)
 """Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""

@@ -13,14 +13,11 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from backends.touch import taxel_grid
-from diagnosis.attribution.rules import rules
-from diagnosis.attribution.verdict import UNKNOWN
-from diagnosis.beside._skin import Faults, Pressed, joined, nats
-from diagnosis.beside._taxel_fits import Fitting, Guess
-from diagnosis.beside.finding import TOUCH, Finding, Report, Spot, share
-from diagnosis.beside.held import CALMER, Held, blur_m, gaps_m, held, pressed_m, smoothed
-from diagnosis.beside.yields import FLOOR_M, Z90
+from diagnosis.finding import TIE_NATS, TOUCH, UNKNOWN, Z90, Finding, Report, Spot, share
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import CALMER, FLOOR_M, Held, blur_m, gaps_m, held, pressed_m, smoothed
+from diagnosis.skin.forward_model import Faults, Pressed, joined, nats
+from diagnosis.skin.taxel_fits import Fitting, Guess
 
 THRESHOLD = "taxel-threshold"
 EFFECTS = {
@@ -49,6 +46,8 @@ MOST = 2
 """Faults that are named at once: more of them imitate any other."""
 ACCUSE_NATS = 6.0
 """A fault must raise the likelihood of the judging samples by this, and what is unknown as well."""
+EXPLAINED = 0.9
+"""Or faults must explain this share of the squared gap."""
 SETTLED_GAP = 1.5
 """A gap that counts as none, for the geometry has errors that come again where it is the same."""
 BLUR_M = 1e-5
@@ -64,7 +63,7 @@ MISPLACED = (
 )
 
 
-def feel(
+def identify_skin_faults(
     log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], mended: bool = False
 ) -> Report:
     """The touch effects that a log shows, and which of them it cannot show.
@@ -279,13 +278,13 @@ def _search(skins: Skins, start: Faults, sought: list[str]) -> tuple[tuple[Findi
             break
         lead = leads.pop(best)
         behind = {name: lead - other for name, other in leads.items()}
-        near = tuple((n, nats) for n, nats in behind.items() if nats < rules().tie_nats)
+        near = tuple((n, nats) for n, nats in behind.items() if nats < TIE_NATS)
         anew = [(skin.beside(o.effect, start, guess.faults), nats, ties) for o, nats, ties in found]
         found = [(one, nats, ties) for one, nats, ties in anew if one is not None]
         found.append((guess, min([lead, *behind.values()]), near))
         faults, sought = guess.faults, [name for name in sought if name != best]
     before, after = skin.gap(start), skin.gap(faults)
-    explained = share(before, after) >= rules().explained_share
+    explained = share(before, after) >= EXPLAINED
     strained = any(guess.extreme for guess, _, _ in found)
     left = skins.foretold(faults)
     if strained or left >= ACCUSE_NATS or (after > SETTLED_GAP and not explained):

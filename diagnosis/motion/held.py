@@ -28,6 +28,8 @@ SMOOTH, CUBIC = 21, 3
 """Samples and degree of the cubics that noise is smoothed by."""
 CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
 """Noise that they leave [1]."""
+FLOOR_M = 2.5e-5
+"""Nominal worlds on Bullet and SAPIEN differ from rigid contacts by 0.010 mm."""
 STEP_RAD = 1e-4
 """Turn of a joint for the arm it moves a tip by."""
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M
-from diagnosis.beside._skin import SHARP, Faults, Pressed, alone, gap, nats
-from diagnosis.beside._skin_leftover import left
+from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
+from diagnosis.skin.residual_structure import left
 
 CLOSE_NATS = 1.35
 """Half of the 90 % point of a squared normal number: ends of an interval."""

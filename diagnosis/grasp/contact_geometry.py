@@ -20,17 +20,14 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.attribution.verdict import UNKNOWN
-from diagnosis.beside._alike import judged
-from diagnosis.beside._regrasp import Simulate, regrasp
-from diagnosis.beside.finding import STICK, Finding, Spot, share
-from diagnosis.beside.held import Held, gaps_m
+from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Spot, share
+from diagnosis.grasp.grasp_likelihood import judged
+from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
+from diagnosis.motion.held import FLOOR_M, Held, gaps_m
 
 RADIUS, SOFTNESS = "stick-radius", "contact-softness"
 SETTLED_S = 0.3
 """Gaps and forces are taken after this."""
-FLOOR_M = 2.5e-5
-"""Nominal worlds on Bullet and SAPIEN differ from rigid contacts by 0.010 mm."""
 SOFT_M_N = 0.03e-3
 """Smallest compliance that is worth a finding: MuJoCo's own changes by 0.02 with the mass."""
 ODD_M, ODD_SHARE = 6e-5, 0.15
@@ -50,7 +47,7 @@ FIRM = 1.15
 line, or nearly."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
-Z90, SURE_Z = 1.645, 3.0
+SURE_Z = 3.0
 MISPLACED = (
     "not identifiable from this log: fingers and stick disagree by {:.2f} mm; correct joint zeros"
 )
@@ -199,7 +196,7 @@ def _replayed(
     world: Spec, nominal: Spec, parts: Sequence[Held], simulate: Simulate
 ) -> tuple[Array, Array]:
     """Forces and gaps to the nominal stick in a replay of a world, both (E, F)."""
-    shown = regrasp(simulate, [world], parts)[0]
+    shown = simulate_grasps(simulate, [world], parts)[0]
     pairs = list(zip(parts, shown, strict=True))
     force = np.array([_middle(p, s.force_n) for p, s in pairs])
     played = [replace(p, joint_rad=s.joint_rad, stick=s.stick) for p, s in pairs]
@@ -262,7 +259,10 @@ def _is_own(
     rigid, yielding = readings
     tried = (rigid, replace(rigid, is_own=True), yielding)
     worlds = [_with(nominal, seen) for seen in tried]
-    return min(judged(shown, parts, nominal)[1] for shown in regrasp(simulate, worlds, parts)) < OWN
+    return (
+        min(judged(shown, parts, nominal)[1] for shown in simulate_grasps(simulate, worlds, parts))
+        < OWN
+    )
 
 
 def _spots(nominal: Spec, seen: Seen) -> tuple[Spot, ...]:

@@ -14,14 +14,13 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.attribution.rules import rules
-from diagnosis.beside import slips
-from diagnosis.beside._alike import SAME, judged
-from diagnosis.beside._regrasp import Simulate, regrasp
-from diagnosis.beside.finding import STICK, Finding, Report
-from diagnosis.beside.held import Held, held
-from diagnosis.beside.yields import RADIUS, SOFTNESS, shapes
+from diagnosis.finding import STICK, TIE_NATS, Finding, Report
+from diagnosis.grasp import pull_test
+from diagnosis.grasp.contact_geometry import RADIUS, SOFTNESS, shapes
+from diagnosis.grasp.grasp_likelihood import SAME, judged
+from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import Held, held
 
 MOTION = {
     "contact-friction": (-0.8, -0.6, -0.4, -0.2, 0.3, 0.8, 1.5),
@@ -44,6 +43,8 @@ CLOSE_NATS = 1.35
 FINER = (-0.8, -0.5, -0.25, 0.25, 0.5, 0.8)
 """Where later rounds look, as shares of the way from the best magnitude to its neighbours."""
 ROUNDS = 2
+EXPLAINED = 0.9
+"""An effect must explain this share of the squared gap: less, and the engines differ."""
 WHOLE = 0.95
 """An effect that explains this share of the squared gap by itself leaves nothing to the shapes."""
 STILL = 0.01
@@ -102,14 +103,19 @@ class Swept:
         return float(self.magnitudes[ends[0]]), float(self.magnitudes[ends[1]])
 
 
-def grip(
-    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], simulate: Simulate
+def identify_grasp_parameters(
+    log: Log,
+    nominal: Spec,
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate | None,
 ) -> Report:
     """The effects of stick and contact that a log shows, and why it cannot show others.
 
-    `simulate` puts worlds on the nominal engine.
+    `simulate` puts worlds on the nominal engine; without it nothing is looked for.
     """
     sought = [name for name in (RADIUS, SOFTNESS, *MOTION) if name in catalogue]
+    if simulate is None:
+        return Report(missing=(f"{', '.join(sought)}: {NEEDS}",) if sought else ())
     parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
     if not sought:
         return Report()
@@ -119,7 +125,7 @@ def grip(
         asked = ((still, NEEDS), (moving, PULLS))
         return Report(missing=tuple(f"{', '.join(names)}: {why}" for names, why in asked if names))
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
-    pulled = slips.told(nominal, pulls, simulate) if pulls else None
+    pulled = pull_test.pull_fit(nominal, pulls, simulate) if pulls else None
     if pulled is not None:
         return _pulled_out(nominal, parts, pulls, pulled, catalogue, simulate)
     moved = {name: catalogue[name] for name in MOTION if name in catalogue}
@@ -141,7 +147,7 @@ def _pulled_out(
     nominal: Spec,
     parts: Sequence[Held],
     pulls: Sequence[Held],
-    first: slips.Told,
+    first: pull_test.PullFit,
     catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
 ) -> Report:
@@ -150,21 +156,21 @@ def _pulled_out(
     Soft contacts yield along the stick as well, and bear as much as they are soft: they look light
     where the stick creeps rather than slips by Newton's law.
     """
-    shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate, first.is_firm)
+    shape = shapes(pull_test.corrected(nominal, first), parts, catalogue, simulate, first.is_firm)
     if shape.soft and not first.is_lawful:
         first = replace(first, mass=0.0)
-        shape = shapes(slips.corrected(nominal, first), parts, catalogue, simulate)
-    again = slips.told(shape.world, pulls, simulate, shape.soft)
+        shape = shapes(pull_test.corrected(nominal, first), parts, catalogue, simulate)
+    again = pull_test.pull_fit(shape.world, pulls, simulate, shape.soft)
     last = again.beside(first) if again else first
     if shape.soft:
-        std = float(np.hypot(last.friction_std, slips.SOFT_FLOOR))
+        std = float(np.hypot(last.friction_std, pull_test.SOFT_FLOOR))
         left = last.left if last.is_lawful else np.inf
         last = replace(last, left=left, friction_std=std)
     sought = [name for name in MOTION if name in catalogue]
     return Report(
         findings=(*shape.findings, *last.findings(catalogue)),
         spots=shape.spots,
-        missing=(*shape.missing, *(last.missing if slips.MASS in sought else ())),
+        missing=(*shape.missing, *(last.missing if pull_test.MASS in sought else ())),
         world=shape.world,
     )
 
@@ -183,10 +189,10 @@ def motions(
         return Report()
     agreed = {s.effect: s.lead for s in singles}
     best = max(singles, key=lambda s: agreed[s.effect])
-    explained = best.share >= rules().explained_share and best.gaps[best.best] < SAME
+    explained = best.share >= EXPLAINED and best.gaps[best.best] < SAME
     if best.lead >= ACCUSE_NATS and explained:
         behind = {n: best.lead - lead for n, lead in agreed.items() if n != best.effect}
-        ties = [(n, nats) for n, nats in behind.items() if nats < rules().tie_nats]
+        ties = [(n, nats) for n, nats in behind.items() if nats < TIE_NATS]
         return Report(findings=(_finding(best, base_gap, ties),))
     text = f"{', '.join(k for k in kinds if k in MOTION)}: {ENGINE.format(base_gap)}"
     return Report(missing=(text,))
@@ -218,7 +224,7 @@ def _sweep(
     asked = [0.0, *(MOTION | YIELDING)[name]]
     for _ in range(1 + ROUNDS):
         worlds = [kind(magnitude=size).on_spec(world) for size in asked]
-        for size, shown in zip(asked, regrasp(simulate, worlds, parts), strict=True):
+        for size, shown in zip(asked, simulate_grasps(simulate, worlds, parts), strict=True):
             done[size] = judged(shown, parts, world)
         asked = _closer(done)
     sizes = sorted(done)
