@@ -21,6 +21,7 @@ from typing import IO, Any
 from benchmark import run_folder
 from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
+from benchmark.variables import without_variables
 
 LOGS = "logs"
 """Folder for the output of the cells, in the sweep's folder."""
@@ -170,7 +171,7 @@ def _process(cell: Cell, cores: int, log: IO[bytes]) -> Iterator[subprocess.Pope
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=log,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        env={**without_variables(), "OMP_NUM_THREADS": "1"},
         start_new_session=True,
     )
     try:

@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import sys
+from pathlib import Path
 from types import TracebackType
 
 from rich.console import Console, RenderableType
@@ -25,13 +26,30 @@ ROW_WIDTH = 140
 """Width that a row with its folder needs, in characters."""
 _real_stdout: int | None = None
 _level = logging.WARNING
+_log: list[logging.Handler] = []
+"""The log file, if there is one."""
+
+
+def log_to(path: Path | None) -> None:
+    """From now on, append to a file what is printed on standard error, line by line with times."""
+    _log[:] = [] if path is None else [logging.FileHandler(path, encoding="utf-8")]
+    for handler in _log:
+        handler.setFormatter(logging.Formatter("%(asctime)s %(name)s: %(message)s"))
+    logging.captureWarnings(bool(_log))
+
+
+def _note(text: str) -> None:
+    for handler in _log:
+        for line in text.splitlines():
+            handler.handle(logging.LogRecord("bench", logging.INFO, "", 0, line, None, None))
 
 
 def set_level(verbose: bool, quiet: bool) -> None:
     """Set how much is printed on standard error besides errors: everything, or no progress."""
     global _level
     _level = logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING
-    logging.basicConfig(stream=sys.stderr, format="%(name)s: %(message)s", force=True)
+    handlers = [logging.StreamHandler(sys.stderr), *_log]
+    logging.basicConfig(handlers=handlers, format="%(name)s: %(message)s", force=True)
     logging.getLogger().setLevel(logging.INFO if verbose else _level)
 
 
@@ -44,6 +62,13 @@ def say(text: str) -> None:
     """Print a progress message, unless -q was given."""
     if _level < logging.ERROR:
         ERR.print(text, markup=False)
+        _note(text)
+
+
+def fail(text: str) -> None:
+    """Print why the command failed."""
+    ERR.print(f"bench: {text}", markup=False)
+    _note(text)
 
 
 def divert_stdout() -> None:
@@ -135,6 +160,7 @@ class Bar:
         """Show that `done` of the total is finished, with a note."""
         self._bar.update(self._task, completed=done, note=note)
         part = 20 * done // max(self._total, 1)
-        if not ERR.is_terminal and part > self._said:
+        if part > self._said and _level < logging.ERROR:
             self._said = part
-            say(f"{self._what} {done}/{self._total} {note}")
+            line = f"{self._what} {done}/{self._total} {note}"
+            _note(line) if ERR.is_terminal else say(line)

@@ -1,6 +1,6 @@
 """`bench doctor`: check whether engines and learners are installed and work, and how to fix them.
 
-With `--physics`: compare each engine with closed forms and with the reference engine.
+`bench doctor physics`: compare each engine with closed forms and with the reference engine.
 """
 
 import subprocess

@@ -13,16 +13,18 @@ from types import FrameType
 from typing import Annotated
 
 import typer
+from typer.main import get_command
 
 from benchmark import console, errors
-from benchmark.cli import blind
-from benchmark.cli.check import doctor, list_parts, measure_speed, verify
+from benchmark.cli import blind, doctor
+from benchmark.cli.check import list_parts, measure_speed, verify
 from benchmark.cli.demo import demo
 from benchmark.cli.gap import calibrate, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
 from benchmark.cli.log import excite, import_logs, record
 from benchmark.cli.run import evaluate, run, view
 from benchmark.provenance import version
+from benchmark.variables import in_effect, name_variables
 
 INTERRUPTED = errors.Interrupted.exit_code
 """Exit code after Ctrl-C; typer gives it back as a command's result."""
@@ -38,7 +40,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     },
     "Logs": {"record": record, "excite": excite, "import": import_logs},
     "The gap": {"calibrate": calibrate, "diagnose": diagnose},
-    "This machine": {"speed": measure_speed, "list": list_parts, "doctor": doctor},
+    "This machine": {"speed": measure_speed, "list": list_parts},
 }
 """By panel of the help."""
 
@@ -54,8 +56,9 @@ def _assembled() -> typer.Typer:
     made.callback()(_bench)
     for panel, commands in COMMANDS.items():
         for name, command in commands.items():
-            made.command(name, rich_help_panel=panel, context_settings=HELP)(command)
-    made.add_typer(blind.app, name="blind", rich_help_panel="The gap", context_settings=HELP)
+            made.command(name, rich_help_panel=panel)(command)
+    made.add_typer(blind.app, name="blind", rich_help_panel="The gap")
+    made.add_typer(doctor.app, name="doctor", rich_help_panel="This machine")
     return made
 
 
@@ -70,8 +73,16 @@ def _bench(
         bool,
         typer.Option("--version", help="Print the version.", callback=_show_version, is_eager=True),
     ] = False,
+    log_file: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Append what is printed on standard error, as plain lines with their time.",
+        ),
+    ] = None,
 ) -> None:
     """Stickbench: one tactile hand, one stick, the same tasks in every physics engine."""
+    console.log_to(log_file)
 
 
 app = _assembled()
@@ -92,27 +103,32 @@ def main() -> None:
 
 def call(arguments: list[str]) -> int:
     """Run a command; its exit code."""
-    as_json = "--json" in arguments
+    commands = name_variables(get_command(app))
     try:
-        code = app(arguments, prog_name="bench", standalone_mode=False)
+        code = commands(arguments, prog_name="bench", standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
         return code if isinstance(code, int) else 0
     except errors.CommandError as error:
-        if console.is_verbose():
-            traceback.print_exc()
-        return _fail(str(error), error.exit_code, as_json)
+        _trace()
+        message, code = str(error), error.exit_code
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
-        return _fail(f"cannot use{where}: {error.strerror or error}", 1, as_json)
+        message, code = f"cannot use{where}: {error.strerror or error}", 1
     except (KeyboardInterrupt, typer.Abort):
-        return _fail("interrupted", INTERRUPTED, as_json)
+        message, code = "interrupted", INTERRUPTED
     except typer.TyperException as error:
-        return _fail(_usage(error), 2, as_json)
+        message, code = _usage(error), errors.UsageError.exit_code
     except Exception as error:  # noqa: BLE001 - the net below all that was not foreseen
-        if console.is_verbose():
-            traceback.print_exc()
-        return _fail(_unforeseen(error), 1, as_json)
+        _trace()
+        message, code = _unforeseen(error), 1
+    return _fail(message, code, in_effect(commands, arguments), "--json" in arguments)
+
+
+def _trace() -> None:
+    """Print the trace of the error that is handled, with -v."""
+    if console.is_verbose():
+        console.say(traceback.format_exc().rstrip())
 
 
 def _unforeseen(error: Exception) -> str:
@@ -134,9 +150,12 @@ def _usage(error: typer.TyperException) -> str:
     return f"{message}{stop} See `{command} --help`."
 
 
-def _fail(message: str, code: int, as_json: bool) -> int:
-    console.ERR.print(f"bench: {message}", markup=False)
-    if as_json:
+def _fail(message: str, code: int, variables: list[str], as_json: bool) -> int:
+    """Say what failed, and with wrong usage which environment variables had a part in it."""
+    if code == errors.UsageError.exit_code and variables:
+        message = f"{message} (from the environment: {', '.join(variables)})"
+    console.fail(message)
+    if as_json or any(name.endswith("_JSON") for name in variables):
         status = "interrupted" if code == INTERRUPTED else "error"
         console.emit({"status": status, "error": message}, True)
     return code

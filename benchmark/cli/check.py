@@ -1,4 +1,4 @@
-"""`bench speed`, `list` and `doctor`: what is installed, and how good it is."""
+"""`bench speed`, `verify` and `list`: how fast it is, whether it holds, what there is."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -29,7 +29,7 @@ def measure_speed(
     seed: Seed = 0,
     out: Out = None,
 ) -> Any:
-    """Measure environment steps per second, beside the bare engine's in the same worlds.
+    """Measure environment steps per second, and of the bare engine in the same worlds.
 
     With --out, writes speed.csv, speed.json and a picture; docs/results/speed.md says what is
     measured.
@@ -76,7 +76,7 @@ def list_parts(
         typer.Argument(metavar="[KIND]", help="One kind: " + ", ".join((*registry.KINDS, "stick"))),
     ] = None,
     support: Annotated[
-        bool, typer.Option("--support", help="What every engine makes of every number.")
+        bool, typer.Option("--support", help="How each engine supports every number.")
     ] = False,
 ) -> Any:
     """Name every backend, task, observation, algorithm, effect and stick.
@@ -88,26 +88,3 @@ def list_parts(
     if support and kind:
         raise UsageError(f"--support lists engines; leave '{kind}' or --support out")
     return listing.support() if support else listing.parts(kind)
-
-
-@command(defaults={"backend": "all", "out": "none"})
-def doctor(
-    physics: Annotated[
-        bool,
-        typer.Option("--physics", help="Hold engines to closed forms and to one another (1 min)."),
-    ] = False,
-    backend: Backends = "all",
-    out: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Markdown file for the tables of --physics."),
-    ] = None,
-) -> Any:
-    """Check every engine and learner: version, whether it works, and what would mend it.
-
-    Example: [bold]bench doctor[/bold], or [bold]bench doctor --physics --backend bullet[/bold]
-    """
-    from benchmark.doctor import examine, examine_physics
-
-    if not physics and (backend != "all" or out):
-        raise UsageError("--backend and --out belong to --physics: add it or leave them out")
-    return examine_physics(backend, out) if physics else examine()

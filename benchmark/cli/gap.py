@@ -79,8 +79,8 @@ def diagnose(
         list[Path] | None,
         typer.Option(
             metavar="LOG",
-            help="Log of the same mechanism, moved alike, while nothing was wrong with it: what it "
-            "leaves is not accused; repeatable.",
+            help="Log of the same mechanism, moved alike, while nothing was wrong with it: "
+            "residuals that such a log also shows are not attributed to a fault; repeatable.",
         ),
     ] = None,
     nominal: Nominal = "mujoco",

@@ -58,9 +58,10 @@ def record(
     force: Force = False,
     workers: Workers = None,
 ) -> Any:
-    """Put an engine through the excitation protocols and write a log as a robot's would be.
+    """Run the excitation protocols on an engine and write a log as a robot's would be.
 
-    The log names hand and stick; the effects stand in its provenance.json, which nothing reads.
+    The log names hand and stick; the effects stand in its provenance.json, which a diagnosis does
+    not read.
 
     Example: [bold]bench record --backend mujoco --effects backlash=1.5deg@J3 --out logs/one[/bold]
     """
@@ -101,7 +102,7 @@ def excite(
     seed: Seed = 0,
     force: Force = False,
 ) -> Any:
-    """Write commands that tell effects apart, as CSV, for your own robot to play and log.
+    """Write commands that make effects distinguishable, as CSV, for your own robot to play and log.
 
     Example: [bold]bench excite --joints shoulder,elbow --range=-60:60deg --out commands.csv[/bold]
     """

@@ -125,7 +125,11 @@ Format = Annotated[
 
 # What every command takes.
 Json = Annotated[
-    bool, typer.Option("--json", help="Print one JSON object on standard output, all else beside.")
+    bool,
+    typer.Option(
+        "--json",
+        help="Print one JSON object on standard output, everything else on standard error.",
+    ),
 ]
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say more on standard error; show tracebacks.")

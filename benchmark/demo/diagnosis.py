@@ -14,6 +14,7 @@ from typing import IO
 
 from benchmark.console import Bar
 from benchmark.errors import CommandError
+from benchmark.variables import without_variables
 
 COMMAND = (sys.executable, "-m", "benchmark")
 POLL_S = 0.2
@@ -56,6 +57,7 @@ def diagnosing(log: Path, out: Path) -> Iterator[Diagnosing]:
             [*COMMAND, *words],
             stdout=said,
             stderr=subprocess.DEVNULL,
+            env=without_variables(),
             start_new_session=True,  # Ctrl-C is for the demo, which ends it
         )
         try:

@@ -90,7 +90,7 @@ class Kept:
 
     @cached_property
     def physics(self) -> dict[str, Any]:
-        """What `bench doctor --physics --json` found."""
+        """What `bench doctor physics --json` found."""
         return self._json("physics.json")
 
     def _json(self, name: str) -> dict[str, Any]:

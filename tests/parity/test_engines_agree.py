@@ -1,4 +1,4 @@
-"""How far the engines are from the reference, as `bench doctor --physics` measures it."""
+"""How far the engines are from the reference, as `bench doctor physics` measures it."""
 
 from dataclasses import fields, replace
 from pathlib import Path

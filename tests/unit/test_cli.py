@@ -175,10 +175,15 @@ ALIKE = {"NAMES": "NAME", "NUMBERS": "N", "FILE": "PATH", "DIR": "PATH"}
 
 def declared() -> Iterator[tuple[str, Any]]:
     """Every command with each of its options."""
-    groups = {"bench": COMMANDS, "bench blind": COMMANDS.commands["blind"]}
-    for path, group in groups.items():
-        for name, one in group.commands.items():
-            yield from ((f"{path} {name}", p) for p in one.params if p.opts[0].startswith("--"))
+    for words, one in below(COMMANDS, ("bench",)):
+        yield from ((" ".join(words), p) for p in one.params if p.opts[0].startswith("--"))
+
+
+def below(group: Any, words: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], Any]]:
+    """Every command that does something, with its words."""
+    for name, one in group.commands.items():
+        path = (*words, name)
+        yield from below(one, path) if hasattr(one, "commands") else [(path, one)]
 
 
 def test_an_option_means_the_same_everywhere():

@@ -1,4 +1,4 @@
-"""`bench doctor --physics`: what it takes, writes, prints and exits with."""
+"""`bench doctor physics`: what it takes, writes, prints and exits with."""
 
 import json
 import math
@@ -12,7 +12,7 @@ from benchmark.cli import app as cli
 from benchmark.physics import free, suite
 from benchmark.physics.check import Check
 
-PHYSICS = ["doctor", "--physics", "--backend", "mujoco"]
+PHYSICS = ["doctor", "physics", "--backend", "mujoco"]
 
 
 def diverged(engine: type[Engine]) -> Iterator[Check]:
@@ -30,9 +30,10 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["doctor", "--backend", "bullet"], "belong to --physics"),
-        (["doctor", "--out", "x.md"], "belong to --physics"),
-        (["doctor", "--physics", "--backend", "bulet"], "Did you mean 'bullet'?"),
+        (["doctor", "--physics"], "run `bench doctor physics`"),
+        (["doctor", "--json", "--physics"], "run `bench doctor physics`"),
+        (["doctor", "--backend", "bullet"], "See `bench doctor installation --help`"),
+        (["doctor", "physics", "--backend", "bulet"], "Did you mean 'bullet'?"),
     ],
 )
 def test_wrong_usage_exits_2(

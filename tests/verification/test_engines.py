@@ -1,4 +1,4 @@
-"""Every engine against closed forms and conservation laws, as `bench doctor --physics` does."""
+"""Every engine against closed forms and conservation laws, as `bench doctor physics` does."""
 
 from collections.abc import Callable
 from dataclasses import replace
