@@ -1,8 +1,8 @@
 """`bench blind`: make hidden cases, solve them from their logs alone, and score the results."""
 
+import hashlib
 import secrets
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import asdict
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -21,8 +21,7 @@ from benchmark.extras import install_command
 from benchmark.provenance import usable_cores
 from benchmark.quantities import within
 from benchmark.run_folder import write_atomically
-from diagnosis.attribution.sound import Sound
-from diagnosis.blind import draw, files, frozen, motion, rigs
+from diagnosis.blind import binding, draw, files, frozen, motion, rigs, solving
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
@@ -35,8 +34,6 @@ KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
 FEWEST_EFFECTS = 3
 """Smallest number of effects: a pair, and another one to remove from the catalogue."""
 SECRET_BITS = 128
-RIVALS = ("mujoco-sysid",)
-"""Methods besides the solver that can be run by name."""
 
 
 def settings(
@@ -132,17 +129,36 @@ def make(
     text = files.seal(wanted, seed, cases)
     answers.parent.mkdir(parents=True, exist_ok=True)
     write_atomically(answers, text)
-    promised = frozen.commitment(text, len(cases))
+    promised = frozen.commitment(blind, hashlib.sha256(text.encode()).hexdigest(), len(cases))
     blind.commit(promised)
+    return {"status": "done", "dir": str(out), "answers": str(answers), **_promise(promised)}
+
+
+def _promise(promised: files.Commitment) -> dict[str, Any]:
     return {
-        "status": "done",
-        "dir": str(out),
-        "answers": str(answers),
-        "cases": len(cases),
+        "cases": promised.cases,
         "answers_sha256": promised.answers_sha256,
-        "rules_version": promised.rules_version,
         "solver_sha256": promised.solver_sha256,
     }
+
+
+def commit(folder: Path) -> dict[str, Any]:
+    """Commit a set on which no solver was run to the solver as it is now."""
+    blind = BlindSet(path=folder)
+    before = _checked(blind.commitment)
+    if tried := blind.tried():
+        raise UsageError(
+            f"{len(tried)} solvers were run on {folder}, the first at {tried[0]['time']}; only a "
+            "set that nothing was solved on can be committed to another solver: make a new one"
+        )
+    for number, digest in before.logs_sha256.items():
+        if blind.log_sha256(int(number)) != digest:
+            raise UsageError(
+                f"the log of case {number} in {folder} was changed; make the set again"
+            )
+    promised = frozen.commitment(blind, before.answers_sha256, before.cases)
+    blind.commit(promised)
+    return {"status": "done", "dir": str(folder), **_promise(promised)}
 
 
 def _sized(
@@ -178,12 +194,10 @@ def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
             f"{' and more' if len(changed) > 5 else ''} changed; go back to the old solver, or "
             "give --anyway: then the score counts as a tuning set"
         )
-    solver = frozen.solver()
-    blind.note_try(**solver)
-    makes = [make for make in blind.makes if not _is_healthy_done(blind, make, solver)]
-    _each("healthy", _solve_healthy, [(blind, make, solver) for make in makes], workers)
+    solver = frozen.solver_sha256()
+    blind.note_try(solver)
     waiting = [n for n in blind.numbers if not _is_done(blind, n, solver)]
-    _each("solve", _solve_one, [(blind, number, solver) for number in waiting], workers)
+    _each("solve", _solve_one, [(blind, number) for number in waiting], workers)
     said = {f"{n:03d}": blind.read_result(n) or {} for n in blind.numbers}
     refused = {number: one["refused"] for number, one in said.items() if one.get("refused")}
     return {
@@ -194,39 +208,29 @@ def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
         "solved": len(waiting),
         "refused": refused,
         "frozen": not changed,
-        **solver,
+        "solver_sha256": solver,
     }
 
 
-def run_rival(folder: Path, name: str, workers: int | None) -> dict[str, Any]:
-    """Let a rival name the cause of every case that it has not solved yet."""
-    if name not in RIVALS:
-        raise unknown("rival", name, RIVALS)
-    blind = BlindSet(path=folder)
-    cases = _checked(lambda: blind.numbers)
-    waiting = [n for n in cases if not blind.rival(name, n).exists()]
-    _checked(lambda: _each("rival", _solve_rival, [(blind, name, n) for n in waiting], workers))
-    return {
-        "status": "done",
-        "dir": str(folder),
-        "rival": name,
-        "cases": len(cases),
-        "was_done": len(cases) - len(waiting),
-        "solved": len(waiting),
-    }
+def score(
+    folder: Path, answers: Path, out: Path | None, workers: int | None, replay: int = 0
+) -> tuple[dict, Table]:
+    """Open the answers and score; writes the tables to `out` if given.
 
-
-def score(folder: Path, answers: Path, out: Path | None, workers: int | None) -> tuple[dict, Table]:
-    """Open the answers and score; writes the tables to `out` if given."""
+    `replay`: so many cases, drawn at random, are solved again and compared first.
+    """
     from diagnosis.blind import score as scoring
 
     blind = BlindSet(path=folder)
+    _checked(lambda: binding.checked(blind))
+    again = partial(solving.solved, blind, solve=solving.solver(_nominal_engine))
+    replayed = _checked(lambda: binding.replay(blind, replay, again))
 
     def consult(opened: files.Answers) -> list:
         tasks = [(blind, case, opened.seed) for case in opened.cases]
         return _each("oracle", _consult_one, tasks, workers)
 
-    found = _checked(lambda: scoring.score(blind, answers, _catalogue(), consult))
+    found = _checked(lambda: scoring.score(blind, answers, _catalogue(), consult, len(replayed)))
     written = scoring.write(found, out) if out is not None else []
     table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
     for row in scoring.headline(found).to_dict("records"):
@@ -331,50 +335,12 @@ def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
     write_sound(folder, case, _catalogue(), _start, seed)
 
 
-def _solve_healthy(blind: BlindSet, make: int, solver: dict) -> None:
-    """Write the residuals of a plant's healthy logs, none if the solver refuses the logs."""
-    from diagnosis.blind.solve import left_sound
-    from diagnosis.logs.log import LogError
-
-    try:
-        left = left_sound(sorted(blind.healthy(make).iterdir()), _catalogue())
-    except LogError:
-        left = ()
-    files.write_json(blind.soundness(make), {"limbs": [asdict(one) for one in left], **solver})
+def _solve_one(blind: BlindSet, number: int) -> None:
+    solving.solve_case(blind, number, solving.solver(_nominal_engine))
 
 
-def _solve_one(blind: BlindSet, number: int, solver: dict) -> None:
-    """Solve a case and write the result; a solver that fails counts as having refused."""
-    from diagnosis.blind.solve import solve
-
-    excluded = blind.excluded(number)
-    start = partial(_start, frozen.ENGINE)
-    try:
-        said = solve(blind.log(number), excluded, _catalogue(), start, _sound(blind, number))
-    except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
-        left = sorted(set(_catalogue()) - set(excluded))
-        said = {"refused": f"failed: {type(error).__name__}: {error}", "catalogue": left}
-    files.write_json(blind.result(number), {"number": number, **said, **solver})
-
-
-def _sound(blind: BlindSet, number: int) -> tuple[Sound, ...]:
-    """The residuals of the healthy logs of a case's plant; empty if there are none."""
-    make = blind.make(number)
-    if make is None:
-        return ()
-    file = blind.soundness(make)
-    return tuple(Sound(**limb) for limb in files.read_json(file)["limbs"])
-
-
-def _solve_rival(blind: BlindSet, name: str, number: int) -> None:
-    from diagnosis.blind.sysid import identify
-    from diagnosis.logs.log import LogError
-
-    try:
-        said = identify(blind.log(number), blind.excluded(number), _catalogue())
-    except LogError as error:
-        said = {"effect": "refused", "shrinkage": None, "refused": str(error)}
-    files.write_json(blind.rival(name, number), said)
+def _nominal_engine(specs: Sequence[Spec]) -> Simulator:
+    return _start(frozen.ENGINE, specs)
 
 
 def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
@@ -415,18 +381,10 @@ def _each(what: str, work: Callable, tasks: Sequence[tuple], workers: int | None
     return found
 
 
-def _is_done(blind: BlindSet, number: int, solver: dict) -> bool:
+def _is_done(blind: BlindSet, number: int, solver: str) -> bool:
     """Whether this version of the solver has solved a case."""
     said = _checked(lambda: blind.read_result(number))
-    return said is not None and said.get("solver_sha256") == solver["solver_sha256"]
-
-
-def _is_healthy_done(blind: BlindSet, make: int, solver: dict) -> bool:
-    """Whether this version of the solver has processed the healthy logs of a plant."""
-    file = blind.soundness(make)
-    if not file.exists():
-        return False
-    return _checked(lambda: files.read_json(file)).get("solver_sha256") == solver["solver_sha256"]
+    return said is not None and said.get("solver_sha256") == solver
 
 
 def _checked(ask: Callable) -> Any:

@@ -86,19 +86,13 @@ def make(
 
 
 @app.command(context_settings=HELP)
-@command(defaults={"rival": "none"}, kept="solved cases are kept; the same command goes on")
+@command(kept="solved cases are kept; the same command goes on")
 def run(
     folder: Folder,
     anyway: Annotated[
         bool,
-        typer.Option("--anyway", help="Solve although rules or code changed since the draw."),
+        typer.Option("--anyway", help="Solve although the solver changed since the commitment."),
     ] = False,
-    rival: Annotated[
-        str | None,
-        typer.Option(
-            metavar="mujoco-sysid", help="Ask another method instead, for a line of the score."
-        ),
-    ] = None,
     workers: Workers = None,
 ) -> Any:
     """Diagnose every case from its log alone; cases that this solver has solved are skipped.
@@ -107,9 +101,19 @@ def run(
     """
     from benchmark import blind
 
-    if rival is None:
-        return blind.run(folder, workers, anyway)
-    return blind.run_rival(folder, rival, workers)
+    return blind.run(folder, workers, anyway)
+
+
+@app.command(context_settings=HELP)
+@command()
+def commit(folder: Folder) -> Any:
+    """Commit a set that nothing was solved on to the solver as it is now.
+
+    Example: [bold]bench blind commit blind/a[/bold]
+    """
+    from benchmark import blind
+
+    return blind.commit(folder)
 
 
 @app.command(context_settings=HELP)
@@ -147,23 +151,54 @@ def score(
     folder: Folder,
     answers: Answers,
     out: Out = None,
+    replay: Annotated[
+        int,
+        typer.Option(metavar="K", help="Solve so many cases at random again, and compare.", min=0),
+    ] = 0,
     workers: Workers = None,
 ) -> Any:
     """Check the answers against their hash, open them and score the results.
 
-    With --out, writes score.md, score.json and the tables as CSV.
+    Results of other logs than the committed ones are refused. With --out, writes score.md,
+    score.json and the tables as CSV.
 
     Example: [bold]bench blind score blind/a --answers sealed/a.json --out blind/a-score[/bold]
     """
     from benchmark import blind
 
-    return blind.score(folder, answers, out, workers)
+    return blind.score(folder, answers, out, workers, replay)
+
+
+@app.command(context_settings=HELP)
+@command(kept="what is drawn and solved is kept; the same command goes on")
+def judge(
+    out: NewFolder,
+    sets: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="SET...", help="Names of sets; all by default.", show_default=False),
+    ] = None,
+    steps: Annotated[
+        str, typer.Option(metavar="NAMES", help="Some of draw,solve,score.")
+    ] = "draw,solve,score",
+    workers: Workers = None,
+) -> Any:
+    """Draw, solve and score the sets of the repository that a solver is judged on.
+
+    Answers go to the folder sealed, scores to the folder scores beside the sets.
+
+    Example: [bold]bench blind judge makes-1 --out judged -j 2[/bold]
+    """
+    from benchmark import blind_sets
+
+    return blind_sets.judge(sets or [], out, [s.strip() for s in steps.split(",")], workers)
 
 
 @app.command(context_settings=HELP)
 @command()
 def calibrate(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of solved sets.")],
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="DIR...", help="Folders of solved sets.")
+    ],
     answers: Annotated[
         list[Path],
         typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),

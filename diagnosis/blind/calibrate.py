@@ -167,7 +167,8 @@ def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Eff
                     "solve it with: bench blind run"
                 )
             if not said.get("refused"):
-                right, near = judged.rightness(case, said, catalogue, healthy)
+                beyond = not judged.is_ordinary(case, healthy)
+                right, near = judged.rightness(case, said, catalogue, beyond)
                 found.append(
                     Row(
                         make=case.real,

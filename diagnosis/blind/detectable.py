@@ -1,9 +1,8 @@
 """The smallest detectable magnitudes, by bisection with the oracle on randomly drawn cases.
 
-A magnitude is detectable if, in at least half of the draws, the true effect lowers the cost of the
-nominal refit by the oracle's limit when it is refitted too. A replay cannot show noise, steps and
-lost packets; they are detectable if the diagnosis names them and nothing else. For touch, stick and
-contact, grasps with and without the effect must differ by that limit.
+A magnitude is detectable if the oracle calls it so in at least half of the draws. A replay cannot
+show noise, steps and lost packets; they are detectable if the solver names them and nothing else.
+For touch, stick and contact, grasps with and without the effect must differ by the oracle's limit.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,15 +14,14 @@ import numpy as np
 import pandas as pd
 
 from backends.effect import UNITS, Effect
-from diagnosis.attribution.candidates import RANDOM
 from diagnosis.blind import draw, rigs
 from diagnosis.blind.apart import SKIN, Grasps
 from diagnosis.blind.draw import Case, Fault
 from diagnosis.blind.make import Simulate, real_log
 from diagnosis.blind.oracle import DETECTABLE_NATS, detectable
 from diagnosis.blind.tables import markdown
-from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, LogError
+from diagnosis.solver import solve
 
 BELOW = 8.0
 """The search begins at the smallest level over this and ends at the largest detectable level."""
@@ -126,10 +124,10 @@ def _shows(
 def _seen(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
     """Whether a case's one effect is detectable."""
     name = case.faults[0].effect
-    if name not in RANDOM:
+    if catalogue[name].least is not None:
         return detectable(case, log, catalogue)
     try:
-        return diagnose(log, rigs.nominal(case.rig), catalogue).verdict == (name,)
+        return solve(log, nominal=rigs.nominal(case.rig), catalogue=catalogue).verdict == (name,)
     except LogError:
         return False
 

@@ -1,12 +1,10 @@
 """The files of a blind set: the public ones, and the sealed answers.
 
-    DIR/commitment.json        hash of the answers, hashes of rules and solver, before any is solved
+    DIR/commitment.json        hashes of the answers, the logs and the solver, before any is solved
     DIR/cases/NNN/             one log each, and case.json: effects that are removed from the
                                solver's catalogue, and the number of the plant
     DIR/healthy/NN/NNNN/       healthy logs of plant NN, if there are any
-    DIR/results/NNN.json       the solver's result
-    DIR/results/make-NN.json   the solver's result on the healthy logs of plant NN
-    DIR/rivals/NAME/NNN.json   the result of another method, if one was run
+    DIR/results/NNN.json       the solver's result, with the hashes of log and solver, and its time
     DIR/tried.json             every version of the solver that was run on this set
 
 The answers are a separate file, outside DIR.
@@ -16,12 +14,13 @@ import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from diagnosis.blind.draw import Case, Fault, Settings
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 class BlindError(ValueError):
@@ -33,12 +32,17 @@ class Commitment:
     """The commitment that is published before anything is solved."""
 
     answers_sha256: str
-    rules_version: int
+    logs_sha256: dict[str, str]
+    """Of every case, by its number: `BlindSet.log_sha256`."""
     solver_sha256: str
     """Hash of all files below together."""
     files: dict[str, str]
-    """SHA-256 of every file of the solver, its rules among them."""
-    cases: int
+    """SHA-256 of every file of the solver."""
+
+    @property
+    def cases(self) -> int:
+        """Their number."""
+        return len(self.logs_sha256)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,22 +68,26 @@ class BlindSet:
         """Folder of the healthy logs of a plant, by its number."""
         return self.path / "healthy" / f"{make:02d}"
 
-    @property
-    def makes(self) -> list[int]:
-        """Numbers of the plants that have healthy logs."""
-        return sorted(int(path.name) for path in (self.path / "healthy").glob("*"))
+    def given(self, number: int) -> dict:
+        """The facts that a solver may use beside a case's log."""
+        return read_json(self.log(number) / "case.json")
 
-    def soundness(self, make: int) -> Path:
-        """File of the solver's result on the healthy logs of a plant."""
-        return self.path / "results" / f"make-{make:02d}.json"
+    def healthy_logs(self, number: int) -> list[Path]:
+        """Folders of the healthy logs of a case's plant."""
+        make = self.given(number).get("make")
+        return [] if make is None else sorted(self.healthy(make).iterdir())
 
-    def make(self, number: int) -> int | None:
-        """Number of a case's plant; None if it has no healthy logs."""
-        return read_json(self.log(number) / "case.json").get("make")
+    def log_sha256(self, number: int) -> str:
+        """Hash of all that a solver is given of a case: its log, its facts and healthy logs."""
+        digest = hashlib.sha256()
+        for folder in (self.log(number), *self.healthy_logs(number)):
+            for file in sorted(folder.iterdir()):
+                digest.update(f"{file.name} {_sha256(file)}\n".encode())
+        return digest.hexdigest()
 
     def excluded(self, number: int) -> tuple[str, ...]:
         """Effects that are removed from the solver's catalogue in a case."""
-        return tuple(read_json(self.log(number) / "case.json")["excluded"])
+        return tuple(self.given(number)["excluded"])
 
     def commitment(self) -> Commitment:
         """The commitment of the set; raises BlindError if there is none."""
@@ -102,25 +110,16 @@ class BlindSet:
         file = self.result(number)
         return read_json(file) if file.exists() else None
 
-    def rival(self, name: str, number: int) -> Path:
-        """File of a rival's result for a case."""
-        return self.path / "rivals" / name / f"{number:03d}.json"
-
-    def read_rival(self, name: str, number: int) -> dict:
-        """A rival's result for a case; empty if it was not run."""
-        file = self.rival(name, number)
-        return read_json(file) if file.exists() else {}
-
     def tried(self) -> list[dict]:
         """All versions of the solver that were run on this set, in order."""
         file = self.path / "tried.json"
         return read_json(file)["solvers"] if file.exists() else []
 
-    def note_try(self, rules_version: int, solver_sha256: str) -> None:
+    def note_try(self, solver_sha256: str) -> None:
         """Record that a version of the solver is run on this set."""
         found = self.tried()
         if solver_sha256 not in [one["solver_sha256"] for one in found]:
-            found.append({"rules_version": rules_version, "solver_sha256": solver_sha256})
+            found.append({"solver_sha256": solver_sha256, "time": now()})
             write_json(self.path / "tried.json", {"solvers": found})
 
 
@@ -144,7 +143,7 @@ def open_answers(path: Path, commitment: Commitment) -> Answers:
     """The answers, if they fit the commitment; raises BlindError."""
     if not path.is_file():
         raise BlindError(f"no answers at {path}; give the file that `bench blind make` wrote")
-    found = hashlib.sha256(path.read_bytes()).hexdigest()
+    found = _sha256(path)
     if found != commitment.answers_sha256:
         raise BlindError(
             f"the SHA-256 of {path} is {found}, but {commitment.answers_sha256} was committed; "
@@ -159,6 +158,15 @@ def _case(row: dict) -> Case:
     hidden = {key: tuple(Fault(**fault) for fault in row[key]) for key in ("faults", "nominal")}
     lists = {key: tuple(row[key]) for key in ("channels", "protocols", "excluded")}
     return Case(**{**row, **lists, **hidden})
+
+
+def _sha256(file: Path) -> str:
+    return hashlib.sha256(file.read_bytes()).hexdigest()
+
+
+def now() -> str:
+    """The time, to the second, UTC."""
+    return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
 
 
 def dumps(data: Any) -> str:

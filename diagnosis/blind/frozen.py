@@ -5,13 +5,11 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-import yaml
-
-from diagnosis.blind.files import Commitment
+from diagnosis.blind.files import BlindSet, Commitment
 
 ROOT = Path(__file__).resolve().parents[2]
-ENTRY = "diagnosis.diagnose"
-RULES = "diagnosis/attribution/rules.yaml"
+ENTRIES = ("diagnosis.solver", "diagnosis.diagnose")
+"""What solves logs of free air, and those with the stick in the hand."""
 ENGINE = "mujoco"
 """The engine on which the solver replays grasps, whatever engine is real."""
 
@@ -44,19 +42,18 @@ def _named(tree: ast.AST) -> list[str]:
 def solver_files() -> dict[str, str]:
     """SHA-256 of every file that decides the solver's results, as this process first read them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
-    names = sorted({*imported(ENTRY), *imported(f"backends.{ENGINE}"), *effects, RULES})
+    entries = (*ENTRIES, f"backends.{ENGINE}")
+    names = sorted({*effects, *(name for entry in entries for name in imported(entry))})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}
 
 
-def commitment(answers: str, cases: int) -> Commitment:
-    """The commitment for these answers and the current solver."""
-    files = solver_files()
+def commitment(blind: BlindSet, answers_sha256: str, cases: int) -> Commitment:
+    """The commitment for these answers, the logs as they are, and the current solver."""
     return Commitment(
-        answers_sha256=hashlib.sha256(answers.encode()).hexdigest(),
-        rules_version=int(yaml.safe_load((ROOT / RULES).read_text())["version"]),
-        solver_sha256=_together(files),
-        files=files,
-        cases=cases,
+        answers_sha256=answers_sha256,
+        logs_sha256={f"{n:03d}": blind.log_sha256(n) for n in range(cases)},
+        solver_sha256=solver_sha256(),
+        files=solver_files(),
     )
 
 
@@ -67,12 +64,8 @@ def changed(promised: Commitment) -> list[str]:
     return [name for name in names if files.get(name) != promised.files.get(name)]
 
 
-def solver() -> dict:
-    """The identity of this solver: its rules and the hash of all its files."""
-    now = commitment("", 0)
-    return {"rules_version": now.rules_version, "solver_sha256": now.solver_sha256}
-
-
-def _together(files: dict[str, str]) -> str:
-    lines = "".join(f"{name} {digest}\n" for name, digest in sorted(files.items()))
+def solver_sha256() -> str:
+    """The hash of all files of this solver."""
+    files = sorted(solver_files().items())
+    lines = "".join(f"{name} {digest}\n" for name, digest in files)
     return hashlib.sha256(lines.encode()).hexdigest()

@@ -9,7 +9,7 @@ from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case, Fault
 from diagnosis.blind.near import is_near, plain_names
-from diagnosis.blind.oracle import Oracle
+from diagnosis.blind.oracle import Oracle, Shown
 
 NONE, UNKNOWN = "none", "unknown"
 TOP = 3
@@ -19,25 +19,24 @@ HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """The same with healthy logs: this multiple of their gap, but at least this."""
 FAULT_COLUMNS = (
     *("number", "mode", "real", "rig", "protocols", "channels", "effect", "level", "magnitude"),
-    *("unit", "oracle_nats", "detectable", "found", "joints_right", "error", "covered"),
+    *("unit", "oracle_floors", "detectable", "found", "joints_right", "error", "covered"),
 )
 
 
 def case_row(
     case: Case,
     said: dict,
-    sysid: dict,
     oracle: Oracle,
     catalogue: Mapping[str, type[Effect]],
     healthy: int = 0,
 ) -> dict:
-    """One case: the truth, the verdicts of solver and rival, and where they are right."""
+    """One case: the truth, the solver's verdict, and where it is right."""
     verdict = said.get("verdict", ["refused"])
     truth = _truth(case)
     names = [f.effect for f in case.faults]
-    greedy = said.get("greedy", {"effect": None, "shrinkage": None})
     first = case.faults[0] if case.faults else None
-    right, near = rightness(case, said, catalogue, healthy)
+    beyond = oracle.beyond and not is_ordinary(case, healthy)
+    right, near = rightness(case, said, catalogue, beyond)
     return {
         "number": case.number,
         "mode": case.mode,
@@ -49,10 +48,11 @@ def case_row(
         "hidden": "; ".join(_written(f, catalogue) for f in case.faults),
         "excluded": ", ".join(case.excluded),
         "level": first.level if first else None,
-        "oracle_nats": min((n for n in oracle.nats if n is not None), default=None),
-        "left_nats": _left_nats(said, oracle),
-        "detectable": oracle.detectable,
-        "strong": oracle.strong,
+        "oracle_floors": min(
+            (s.floors for s in oracle.shown if s.floors is not None), default=None
+        ),
+        "oracle_nats": min((s.nats for s in oracle.shown if s.nats is not None), default=None),
+        "detectable": beyond if case.mode == UNKNOWN else oracle.detectable,
         "verdict": " + ".join(sorted(verdict)),
         "right": right,
         "right_or_tied": right or _tied(verdict, truth, said),
@@ -60,39 +60,41 @@ def case_row(
         "right_or_near": right or near,
         "residual_floors": case.residual_floors,
         "left_floors": case.left_floors,
-        "ordinary": _is_ordinary(case, healthy),
         "accuses": not {NONE, UNKNOWN, "refused"} >= set(verdict),
         "one_of": bool(set(names) & set(verdict)),
         "spurious": bool(set(names) & set(verdict)) and bool(set(verdict) - set(names)),
         "in_top": bool(names) and names[0] in _top(said),
         "joints_right": _joints_right(first, said, case, catalogue) if first else None,
         "confidence": said.get("confidence"),
-        "shrinkage": said.get("shrinkage"),
-        "shrinkage_nominal": said.get("shrinkage_nominal"),
-        "shrinkage_greedy": greedy["shrinkage"],
-        "shrinkage_oracle": oracle.shrinkage,
-        "shrinkage_sysid": sysid.get("shrinkage"),
-        "greedy": greedy["effect"],
-        "sysid": sysid.get("effect"),
-        "catalogue": len(said["catalogue"]),
+        "gap": said.get("gap_nominal"),
+        "gap_oracle": oracle.gap,
+        "left": said.get("left"),
+        "left_oracle": oracle.left,
+        "share": said.get("share"),
+        "share_oracle": oracle.share,
+        "first": next(iter(said.get("leading", [])), None),
+        "catalogue": len(catalogue) - len(said["excluded"]),
         "cpu_s": said.get("cpu_s"),
-        "rules_version": said["rules_version"],
         "solver_sha256": said["solver_sha256"],
         "refused": said["refused"],
     }
 
 
 def rightness(
-    case: Case, said: dict, catalogue: Mapping[str, type[Effect]], healthy: int = 0
+    case: Case, said: dict, catalogue: Mapping[str, type[Effect]], beyond: bool
 ) -> tuple[bool, bool]:
-    """Whether a verdict is right, and whether it is near the true fault instead."""
+    """Whether a verdict is right, and whether it is near the true fault instead.
+
+    `beyond`: whether a fault outside of the catalogue leaves more than is ordinary; else `none` is
+    right as well.
+    """
     verdict = said.get("verdict", ["refused"])
     right = sorted(verdict) == _truth(case)
     if rigs.robot(case.rig) is not None:
         named, true = (plain_names(names, case.channels) for names in (verdict, _truth(case)))
         right = named == true
-    right = right or (_is_ordinary(case, healthy) and verdict == [NONE])
     unknown = case.mode == UNKNOWN and bool(case.faults)
+    right = right or (unknown and not beyond and verdict == [NONE])
     return right, unknown and _near(case.faults[0], said, case, catalogue)
 
 
@@ -114,12 +116,12 @@ def fault_rows(
             "level": fault.level,
             "magnitude": abs(fault.magnitude) / UNITS[catalogue[fault.effect].unit][1],
             "unit": catalogue[fault.effect].unit,
-            "oracle_nats": nats,
+            "oracle_floors": shown.floors,
             "detectable": oracle.detectable,
             "found": fault.effect in said.get("verdict", []),
             **_measured(fault, said, case, catalogue),
         }
-        for fault, nats in zip(case.faults, oracle.nats, strict=True)
+        for fault, shown in zip(case.faults, oracle.shown or [Shown()] * 2, strict=False)
     ]
 
 
@@ -130,8 +132,8 @@ def _truth(case: Case) -> list[str]:
     return sorted(f.effect for f in case.faults) or [NONE]
 
 
-def _is_ordinary(case: Case, healthy: int) -> bool:
-    """Whether a fault outside of the catalogue leaves no more than healthy robots do."""
+def is_ordinary(case: Case, healthy: int) -> bool:
+    """Whether a drawn robot's fault outside of the catalogue leaves no more than is ordinary."""
     if case.mode != UNKNOWN or case.left_floors is None or case.residual_floors is None:
         return False
     most = max(HEALTHY_MORE * case.residual_floors, HEALTHY_LEAST) if healthy else ORDINARY_FLOORS
@@ -151,17 +153,6 @@ def _tied(verdict: list[str], truth: list[str], said: dict) -> bool:
     return len(verdict) == 1 and pair in [sorted(tie) for tie in said.get("indistinguishable", [])]
 
 
-def _left_nats(said: dict, oracle: Oracle) -> float | None:
-    """By how much the solver's best fit, whatever it named, costs more than the oracle's."""
-    if oracle.cost_nats is None or not said.get("ranking") or "leading" in said:
-        return None
-    best: dict[tuple, float] = {}
-    for row in said["ranking"]:
-        limb = tuple(row["limb"])
-        best[limb] = min(best.get(limb, row["cost_nats"]), row["cost_nats"])
-    return sum(best.values()) - oracle.cost_nats
-
-
 def _written(fault: Fault, catalogue: Mapping[str, type[Effect]]) -> str:
     """A fault as on the command line; one that no catalogue has in SI units."""
     where = f"@{fault.joint}" if fault.joint else ""
@@ -172,15 +163,8 @@ def _written(fault: Fault, catalogue: Mapping[str, type[Effect]]) -> str:
 
 
 def _top(said: dict) -> list[str]:
-    """The first different effects of the ranking: by how far they improve on the nominal refit."""
-    if "leading" in said:
-        names = [*said.get("verdict", [])[:1], *said["leading"]]
-        return [n for n in dict.fromkeys(names) if n not in (NONE, UNKNOWN)][:TOP]
-    ranking = said.get("ranking", [])
-    bare = {tuple(r["limb"]): r["cost_nats"] for r in ranking if r["effects"] == [NONE]}
-    singles = [r for r in ranking if len(r["effects"]) == 1 and r["effects"] != [NONE]]
-    singles.sort(key=lambda r: r["cost_nats"] - bare.get(tuple(r["limb"]), 0.0))
-    names = [*said.get("verdict", [])[:1], *(r["effects"][0] for r in singles)]
+    """The first different effects: what is named first, and the causes that lead."""
+    names = [*said.get("verdict", [])[:1], *said.get("leading", [])]
     return [n for n in dict.fromkeys(names) if n not in (NONE, UNKNOWN)][:TOP]
 
 

@@ -7,8 +7,6 @@ import numpy as np
 import pandas as pd
 from scipy import stats
 
-from diagnosis.blind.oracle import DETECTABLE_NATS
-
 LEVEL = 0.95
 """Coverage of the intervals: Wilson for shares, order statistics for medians."""
 
@@ -69,22 +67,6 @@ def _mode(name: str) -> Callable[[pd.DataFrame], pd.Series]:
     return lambda t: (t["mode"] == name) & t["detectable"]
 
 
-def _weak(t: pd.DataFrame) -> pd.Series:
-    return _mode("unknown")(t) & ~t["strong"]
-
-
-def _strong(t: pd.DataFrame) -> pd.Series:
-    return _mode("unknown")(t) & t["strong"]
-
-
-def _apart(t: pd.DataFrame) -> pd.Series:
-    return _mode("unknown")(t) & (pd.to_numeric(t["left_nats"]) >= DETECTABLE_NATS)
-
-
-def _beyond(t: pd.DataFrame) -> pd.Series:
-    return _mode("unknown")(t) & ~t["ordinary"].astype(bool)
-
-
 def _named(t: pd.DataFrame) -> pd.Series:
     return _mode("single")(t) & t["one_of"]
 
@@ -115,12 +97,6 @@ MEASURES = (
         of=_mode("single"),
     ),
     Measure(
-        name="search_missed",
-        meaning="single effects: the truth fits better than the best fit found, by the limit",
-        column="missed",
-        of=_mode("single"),
-    ),
-    Measure(
         name="top3",
         meaning="single effects: among the first three of the ranking",
         column="in_top",
@@ -146,36 +122,21 @@ MEASURES = (
     ),
     Measure(
         name="unknown_recall",
-        meaning="effects outside the catalogue: called `unknown`",
+        meaning="effects outside the catalogue, beyond what is ordinary: called `unknown`",
         column="right",
         of=_mode("unknown"),
     ),
     Measure(
-        name="unknown_recall_weak", meaning="of these, the weak ones", column="right", of=_weak
-    ),
-    Measure(
-        name="unknown_recall_strong",
-        meaning="of these, the strong ones",
-        column="right",
-        of=_strong,
-    ),
-    Measure(
-        name="unknown_recall_apart",
-        meaning="of these: no fit found comes within the limit of the true effect",
-        column="right",
-        of=_apart,
-    ),
-    Measure(
         name="unknown_near",
-        meaning="effects outside of the catalogue, beyond what is ordinary, given a near name",
+        meaning="of these: given a near name",
         column="near",
-        of=_beyond,
+        of=_mode("unknown"),
     ),
     Measure(
         name="unknown_seen_or_near",
         meaning="of these: called `unknown`, or given a near name",
         column="right_or_near",
-        of=_beyond,
+        of=_mode("unknown"),
     ),
     Measure(
         name="pairs_exact",
@@ -212,14 +173,14 @@ MEASURES = (
     ),
     Measure(
         name="shrinkage_vs_oracle",
-        meaning="gap that the verdict closes, over what the true effects close",
+        meaning="share of the gap that the verdict takes, over what the true effects take",
         column="shrinkage_ratio",
         of=_faulty,
         median=True,
     ),
     Measure(
         name="below_named",
-        meaning="effects too small to detect: named all the same",
+        meaning="effects too small to detect: called right all the same",
         column="right",
         of=_below,
     ),
@@ -236,12 +197,11 @@ MEASURES = (
 
 def enriched(cases: pd.DataFrame) -> pd.DataFrame:
     """The cases with columns that are derived from the others."""
-    oracle = pd.to_numeric(cases["shrinkage_oracle"]).where(lambda s: s > 0)
+    oracle = pd.to_numeric(cases["share_oracle"]).where(lambda s: s > 0)
     return cases.assign(
         wrong=~cases["right"],
-        missed=pd.to_numeric(cases["left_nats"]) >= DETECTABLE_NATS,
         says_none=cases["verdict"] == "none",
-        shrinkage_ratio=pd.to_numeric(cases["shrinkage"]) / oracle,
+        shrinkage_ratio=pd.to_numeric(cases["share"]) / oracle,
     )
 
 

@@ -1,56 +1,81 @@
-"""The oracle: what a solver could know at best, from refitting the true effects.
+"""The oracle: what a solver could know at best, from a fit of the true effects.
 
-A case is detectable if the true effects, taken from the answers, lower the cost of the nominal
-refit by DETECTABLE_NATS. In a pair, each must do so in addition to the other. The oracle uses the
-solver's own fitter.
+A fault *shows* by what is left without it, while all other true effects are fitted: more than is
+ordinary, or, where the drive law is exact, a log that is less likely by `DETECTABLE_NATS`. The
+oracle uses the solver's own fitter, and its table of what is ordinary.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from backends.effect import Effect
 from backends.state import Array
-from diagnosis.attribution.attribute import LAST
-from diagnosis.attribution.candidates import RANDOM, nuisances
-from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.fit import Fitter
-from diagnosis.attribution.gather import gather
-from diagnosis.attribution.profile import Fit
-from diagnosis.attribution.rules import rules
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
-from diagnosis.diagnose import shrinkage
-from diagnosis.logs.log import Log, read_log
+from diagnosis.blind.sides import PLANTS
+from diagnosis.evidence.evidence import evidence
+from diagnosis.evidence.log_faults import checked
+from diagnosis.logs.log import Log, LogError, read_log
+from diagnosis.models.parameters import Parameter, parameters
+from diagnosis.models.world import World
+from diagnosis.motion.columns import STIFFNESS
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.replay import limbs
+from diagnosis.search.fit import Fit, Fitter
+from diagnosis.verdict.exact import ranked
+from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, Ordinary
 
 DETECTABLE_NATS = 6.0
-"""Limit of detectability, chosen before any case was drawn."""
-STRONG_NATS = 100.0
-"""From here on an effect outside the catalogue counts as strong."""
+"""Limit of detectability by likelihood, chosen before any case was drawn."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shown:
+    """How clearly one true effect shows."""
+
+    floors: float | None = None
+    """The largest gap of a joint without it; None of what only touch, stick and contact show."""
+    nats: float | None = None
+    """By how much less likely the log is without it; None where no likelihood is exact."""
+    is_replayed: bool = True
+    """Whether a replay shows it: not so noise, steps and lost packets, which have signatures."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Oracle:
     """How much the true effects explain of one case."""
 
-    nats: tuple[float | None, ...]
-    """Cost reduction of each true effect in addition to the others; None: not replayable."""
-    shrinkage: float | None
-    """Share of the squared held-out gap that is gone with all of them; None: not replayable."""
-    cost_nats: float | None
-    """Cost of the fit with all of them, to all samples, over all limbs; None: not replayable."""
+    ordinary: float | None = None
+    """The largest gap that is ordinary on its real side [floors]; None of a drawn robot."""
+    shown: tuple[Shown, ...] = ()
+    """Its true effects; none of a drawn robot, whose faults `sizing` made large enough."""
+    gap: float | None = None
+    """What tolerances alone leave [floors]."""
+    left: float | None = None
+    """What the true effects leave [floors]."""
+    share: float | None = None
+    """The share of the excess that they take."""
 
     @property
     def detectable(self) -> bool:
-        """Whether every effect is detectable; random ones, which no replay shows, count as such."""
-        return all(n is None or n >= DETECTABLE_NATS for n in self.nats)
+        """Whether every effect shows; those with signatures of their own count as such."""
+        return all(not s.is_replayed or self._is_beyond(s) or _is_likely(s) for s in self.shown)
 
     @property
-    def strong(self) -> bool:
-        """Whether every effect is strong."""
-        return all(n is None or n >= STRONG_NATS for n in self.nats)
+    def beyond(self) -> bool:
+        """Whether every effect leaves more than is ordinary."""
+        return all(_is_likely(s) if s.floors is None else self._is_beyond(s) for s in self.shown)
+
+    def _is_beyond(self, one: Shown) -> bool:
+        return one.floors is not None and one.floors > (self.ordinary or 0.0)
+
+
+def _is_likely(one: Shown) -> bool:
+    return one.nats is not None and one.nats >= DETECTABLE_NATS
 
 
 def consult(
@@ -61,77 +86,124 @@ def consult(
 ) -> Oracle:
     """Ask the oracle about a case; `apart_nats` judges effects of touch, stick and contact.
 
-    For a drawn robot the result of `sizing` is used.
+    For a drawn robot the result of `sizing` is used. Of a log that says nothing it says nothing.
     """
     if case.left_floors is not None:
-        return Oracle(nats=(None,) * len(case.faults), shrinkage=None, cost_nats=None)
-    touching = {f: apart_nats(f) for f in case.faults if f.effect in HELD_EFFECTS}
-    if not _shown(case):
-        told = tuple(touching.get(fault) for fault in case.faults)
-        return Oracle(nats=told, shrinkage=None, cost_nats=None)
-    limbs = list(_explained(case, read_log(folder), catalogue))
-    before, after, cost_nats = [], [], 0.0
-    for fitter, whole, _ in limbs:
-        every = Fitter(fitter.evidence, fitter.nuisances, None)
-        cost_nats += every.refit(every.at(whole.effects, whole.deviations), LAST).cost
-        before.append(fitter.left(fitter.at((), _zeros(fitter))))
-        after.append(fitter.left(whole))
-    gone = shrinkage(np.concatenate(before), np.concatenate(after)).value
-    nats = touching | _nats(case, limbs)
-    told = tuple(nats.get(fault) for fault in case.faults)
-    return Oracle(nats=told, shrinkage=gone, cost_nats=cost_nats)
+        return Oracle()
+    try:
+        found = _free(case, read_log(folder), catalogue)
+    except LogError:
+        return Oracle()
+    shown = tuple(
+        Shown(nats=apart_nats(fault)) if fault.effect in HELD_EFFECTS else one
+        for fault, one in zip(case.faults, found.shown, strict=True)
+    )
+    return Oracle(**{**vars(found), "shown": shown})
 
 
 def detectable(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
-    """`Oracle.detectable` of a log, without the oracle's other results."""
-    nats = _nats(case, _explained(case, log, catalogue))
-    return Oracle(nats=tuple(nats.values()), shrinkage=None, cost_nats=None).detectable
+    """`Oracle.detectable` of a log in free air."""
+    return _free(case, log, catalogue).detectable
 
 
-Explained = tuple[Fitter, Fit, dict[Fault, float]]
-"""A limb, its fit with all true effects, and by how much each lowers the cost beside the others."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Explained:
+    """A limb with its tolerances alone, with all true effects, and without each of them."""
+
+    fitter: Fitter
+    nominal: Fit
+    whole: Fit
+    without: dict[Fault, Fit] = field(default_factory=dict)
+
+    def nats(self, fault: Fault) -> float:
+        """How much less likely the limb's log is without a fault."""
+        less = self.without[fault]
+        costs = {id(f): cost for cost, f in ranked(self.fitter.evidence, [less, self.whole])}
+        return costs[id(less)] - costs[id(self.whole)] if less is not self.whole else 0.0
 
 
-def _explained(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> Iterator[Explained]:
-    """Every limb of a case."""
-    shown = _shown(case)
-    for part in gather(log, rigs.nominal(case.rig), rules().floor):
-        fitter = Fitter(part, nuisances(part.nominal, log.meta.nominal_uncertainty))
-        nominal = fitter.nominal()
-        starts = [_zeros(fitter), nominal.deviations]
-        whole = _fitted(fitter, _here(shown, part, catalogue), starts)
-        lost = {}
-        for fault in shown:
-            left = _here([f for f in shown if f is not fault], part, catalogue)
-            less = _fitted(fitter, left, [whole.deviations, nominal.deviations])
-            lost[fault] = less.cost - whole.cost
-        yield fitter, whole, lost
+def _free(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> Oracle:
+    """What the joints in free air show of a case."""
+    origin = ROBOTS if case.real in PLANTS else SIMULATORS
+    found = [_explained(case, one, catalogue) for one in fitters(case, log, catalogue, origin)]
+    known = {kind for one in found for kind in {p.effect for p in one.fitter.parameters}}
+    shown = tuple(
+        Shown(
+            floors=max(one.without[fault].worst for one in found),
+            nats=sum(one.nats(fault) for one in found) if origin.exact else None,
+            is_replayed=fault.effect in known,
+        )
+        for fault in case.faults
+    )
+    before = sum(one.nominal.excess for one in found)
+    after = sum(one.whole.excess for one in found)
+    return Oracle(
+        ordinary=origin.floors,
+        shown=shown,
+        gap=max(one.nominal.worst for one in found),
+        left=max(one.whole.worst for one in found),
+        share=1.0 - after / before if before > 0.0 else None,
+    )
 
 
-def _nats(case: Case, limbs: Iterable[Explained]) -> dict[Fault, float]:
-    """By how much each effect that a replay can show lowers the cost of all limbs."""
-    lost = [one for _, _, one in limbs]
-    return {fault: sum(one[fault] for one in lost) for fault in _shown(case)}
+def fitters(
+    case: Case, log: Log, catalogue: Mapping[str, type[Effect]], origin: Ordinary
+) -> Iterator[Fitter]:
+    """The solver's fitter of every limb of a log."""
+    for part in limbs(rigs.nominal(case.rig)):
+        rigid = rigs.robot(case.rig) is not None
+        limb, _ = checked(Limb(spec=part, recordings=recordings(log, part), rigid=rigid))
+        said = evidence(limb)
+        known = parameters(catalogue, said, log.meta.nominal_uncertainty, origin.everyday)
+        yield Fitter(World(said, known), origin.exact)
 
 
-def _shown(case: Case) -> list[Fault]:
-    """The effects that a replay can show."""
-    return [f for f in case.faults if f.effect not in (*RANDOM, *HELD_EFFECTS)]
+def _explained(case: Case, fitter: Fitter, catalogue: Mapping[str, type[Effect]]) -> _Explained:
+    nominal = fitter.fit()
+    starts = {fault: _starts(fault, fitter, catalogue) for fault in case.faults}
+    whole = _fitted(fitter, list(starts.values()), [nominal.u, {}])
+    near = [{k: u for k, u in whole.u.items() if k not in whole.freed}, nominal.u]
+    without = {}
+    for fault in case.faults:
+        rest = [start for other, start in starts.items() if other is not fault]
+        without[fault] = _fitted(fitter, rest, near) if starts[fault] else whole
+    return _Explained(fitter=fitter, nominal=nominal, whole=whole, without=without)
 
 
-def _fitted(fitter: Fitter, effects: tuple[Effect, ...], starts: Sequence[Array]) -> Fit:
-    """Effects refitted from their magnitudes, with nominal parameters free from several starts."""
-    return min((fitter.refit(fitter.at(effects, d)) for d in starts), key=lambda fit: fit.cost)
+def _fitted(
+    fitter: Fitter, starts: Sequence[Mapping[int, float]], near: Sequence[Mapping[int, float]]
+) -> Fit:
+    """Effects fitted from their true sizes, with tolerances from several starts: the best."""
+    start = {number: u for one in starts for number, u in one.items()}
+    fits = [fitter.fit(tuple(start), start, others) for others in near]
+    return min(fits, key=lambda fit: fit.excess)
 
 
-def _here(
-    faults: Sequence[Fault], evidence: Evidence, catalogue: Mapping[str, type[Effect]]
-) -> tuple[Effect, ...]:
-    """The effects that act on a limb."""
-    near = [f for f in faults if f.joint is None or f.joint in evidence.joints]
-    effects = [catalogue[f.effect](magnitude=f.magnitude, joint=f.joint) for f in near]
-    return tuple(e for e in effects if e.on_spec(evidence.nominal) != evidence.nominal)
+def _starts(
+    fault: Fault, fitter: Fitter, catalogue: Mapping[str, type[Effect]]
+) -> dict[int, float]:
+    """The parameters of a limb that a fault is, by number, at its size."""
+    part, kind = fitter.evidence.limb.spec, catalogue[fault.effect]
+    if fault.joint not in (None, *fitter.evidence.joints):
+        return {}
+    joints = kind(magnitude=fault.magnitude, joint=fault.joint).joints(part)
+    found = {}
+    for number, one in enumerate(fitter.parameters):
+        joint = None if one.joint is None else fitter.evidence.joints[one.joint]
+        if one.effect == fault.effect and (joint in joints if kind.per_joint else joint is None):
+            nominal = fitter.evidence.limb.nominal[one.joint or 0]
+            low = -one.most if one.either_sign else 0.0
+            found[number] = float(np.clip(_size(one, fault.magnitude, nominal), low, one.most))
+    return found
 
 
-def _zeros(fitter: Fitter) -> Array:
-    return np.zeros(len(fitter.nuisances))
+def _size(one: Parameter, magnitude: float, nominal: Array) -> float:
+    """The coordinate u of an effect with a magnitude, see `models.parameters.magnitude`."""
+    if one.is_tilt:
+        return 0.0 if one.place else magnitude
+    if one.kind.coordinate == "compliance":
+        return magnitude / (one.unit * nominal[STIFFNESS])
+    if one.kind.coordinate == "logarithm":
+        share = magnitude if one.kind.dimension == "share" else magnitude / nominal[one.place]
+        return float(np.log1p(share))
+    return magnitude / one.unit

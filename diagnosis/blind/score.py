@@ -8,10 +8,10 @@ import pandas as pd
 
 from backends.effect import Effect
 from diagnosis.blind import judged, tables
-from diagnosis.blind.files import Answers, BlindError, BlindSet, open_answers, write_json
+from diagnosis.blind.binding import SEAL, checked
+from diagnosis.blind.files import Answers, BlindSet, open_answers, write_json
 from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
-from diagnosis.blind.oracle import DETECTABLE_NATS, STRONG_NATS, Oracle
-from diagnosis.blind.sysid import NAME as SYSID
+from diagnosis.blind.oracle import DETECTABLE_NATS, Oracle
 
 Consult = Callable[[Answers], list[Oracle]]
 """Asks the oracle about all cases, in order, possibly on several cores."""
@@ -24,8 +24,8 @@ class Score:
     figures: dict[str, Figure]
     frozen: bool
     """Whether all results are from the solver of the commitment."""
-    rules_versions: tuple[int, ...]
-    """Versions of the rules that gave the results."""
+    replayed: int
+    """Number of cases that were solved again, with the same result."""
     solvers_tried: int
     """Number of solver versions that were run on this set."""
     healthy: int
@@ -38,11 +38,11 @@ class Score:
             "cases": len(self.tables["cases"]),
             **{name: figure.value for name, figure in self.figures.items()},
             "frozen": self.frozen,
-            "rules_versions": list(self.rules_versions),
+            "replayed": self.replayed,
+            "seal": list(SEAL),
             "solvers_tried": self.solvers_tried,
             "healthy": self.healthy,
             "detectable_nats": DETECTABLE_NATS,
-            "strong_nats": STRONG_NATS,
             "intervals": {
                 name: {"low": f.low, "high": f.high, "count": f.count}
                 for name, f in self.figures.items()
@@ -52,36 +52,32 @@ class Score:
 
 
 def score(
-    blind: BlindSet, answers: Path, catalogue: Mapping[str, type[Effect]], consult: Consult
+    blind: BlindSet,
+    answers: Path,
+    catalogue: Mapping[str, type[Effect]],
+    consult: Consult,
+    replayed: int = 0,
 ) -> Score:
-    """The score of a set; raises BlindError for wrong answers or unfinished results."""
+    """The score of a set; raises BlindError for wrong answers, unfinished or foreign results."""
     promised = blind.commitment()
     opened = open_answers(answers, promised)
-    cases = opened.cases
-    results = {case.number: blind.read_result(case.number) for case in cases}
-    missing = [number for number, said in results.items() if said is None]
-    if missing:
-        raise BlindError(
-            f"{len(missing)} of {len(cases)} cases have no result, case {missing[0]:03d} first; "
-            f"solve them with: bench blind run {blind.path}"
-        )
+    results = checked(blind)
     rows, faults = [], []
     healthy = int(opened.settings.get("healthy", 0))
-    for case, oracle in zip(cases, consult(opened), strict=True):
-        said = results[case.number] or {}
-        sysid = blind.read_rival(SYSID, case.number)
-        rows.append(judged.case_row(case, said, sysid, oracle, catalogue, healthy))
+    for case, oracle in zip(opened.cases, consult(opened), strict=True):
+        said = results[case.number]
+        rows.append(judged.case_row(case, said, oracle, catalogue, healthy))
         faults += judged.fault_rows(case, said, oracle, catalogue)
     by_case, by_fault = judged.frames(rows, faults)
     by_case = enriched(by_case)
     return Score(
         figures=figures(by_case, by_fault),
         frozen=set(by_case["solver_sha256"]) == {promised.solver_sha256},
-        rules_versions=tuple(sorted(set(by_case["rules_version"]))),
+        replayed=replayed,
         solvers_tried=len(blind.tried()),
         healthy=healthy,
         tables={
-            "cases": by_case.drop(columns=["wrong", "says_none", "missed", "solver_sha256"]),
+            "cases": by_case.drop(columns=["wrong", "says_none", "solver_sha256"]),
             "sides": tables.by_side(by_case, by_fault),
             "groups": tables.by_group(by_case, by_fault),
             "confusion": tables.confusion(by_case),
@@ -123,8 +119,8 @@ _TITLES = {
     "reliability": "Confidence and share right",
     "cases": "Cases",
 }
-_CASE_COLUMNS = ["number", "mode", "real", "rig", "channels", "hidden", "excluded", "oracle_nats"]
-_CASE_COLUMNS += ["left_nats", "verdict", "right", "confidence", "shrinkage", "shrinkage_oracle"]
+_CASE_COLUMNS = ["number", "mode", "real", "rig", "channels", "hidden", "excluded"]
+_CASE_COLUMNS += ["oracle_floors", "verdict", "right", "confidence", "gap", "left", "share"]
 
 
 def markdown(found: Score) -> str:
@@ -134,15 +130,19 @@ def markdown(found: Score) -> str:
         if found.frozen
         else "**not** by the solver to which the set was committed: a tuning set, no blind result"
     )
-    versions = ", ".join(map(str, found.rules_versions))
+    again = f"{found.replayed} of them were solved again, with the same results"
     parts = [
         "# Blind score\n",
-        f"{len(found.tables['cases'])} cases, solved {when} (rules {versions}); "
+        f"{len(found.tables['cases'])} cases, solved {when}; {again}. "
         f"{found.solvers_tried} versions of the solver were run on this set; with {found.healthy} "
-        "healthy logs of every plant. Intervals: "
-        "Wilson 95 % for shares, order statistics for medians. Headline figures are over cases "
-        f"whose true effects lower the cost by {DETECTABLE_NATS:g} nats or more; weaker ones "
-        f"are listed separately (`below`). Strong unknowns: {STRONG_NATS:g} nats or more.\n",
+        "healthy logs of every plant. "
+        "Intervals: Wilson 95 % for shares, order statistics for medians. Headline figures are "
+        "over cases whose true effects show: more is left without them than is ordinary, or, where "
+        f"the law is exact, the log is less likely by {DETECTABLE_NATS:g} nats. Effects outside of "
+        "the catalogue count beyond what is ordinary. Weaker ones are listed separately (`below`)."
+        "\n",
+        *(f"- {line}" for line in SEAL),
+        "",
         tables.markdown(headline(found)),
     ]
     for name, title in _TITLES.items():

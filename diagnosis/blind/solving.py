@@ -1,16 +1,15 @@
-"""Let any solve function answer a blind set, and write its answers where the score reads them.
+"""Let a solve function answer a blind set, and write its answers where the score reads them.
 
     found = solve_set(Path("blind/a"), by_share, jobs=2)
 
 A solve function gets a `Task`, which is all that a solver may know of a case, and gives plain data
-(`diagnosis.blind.solve.solve` says which). It is a function of a module, so that other processes
-find it by its name.
+(`plain` says which). It is a function of a module, so that other processes find it by its name.
 """
 
-import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +18,10 @@ import joblib
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from diagnosis.blind import frozen, rigs
-from diagnosis.blind.files import BlindSet, read_json, write_json
-from diagnosis.logs.log import HandMechanism, Log, read_log
+from diagnosis.blind.files import BlindSet, now, write_json
+from diagnosis.calibration.worlds import Simulate
+from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.models.catalogue import catalogue
 
 NAMED, NONE, UNKNOWN = "named", "none", "unknown"
 
@@ -39,66 +40,108 @@ class Task:
     robot: bool
     """Whether the log is from a robot, as far as the solver knows, and not from a simulator."""
 
+    @property
+    def known(self) -> dict[str, type[Effect]]:
+        """The solver's catalogue."""
+        return {name: kind for name, kind in catalogue().items() if name not in self.excluded}
+
 
 Solve = Callable[[Task], Mapping[str, Any]]
 
 
 def task(blind: BlindSet, number: int) -> Task:
     """A case of a set."""
-    log, given = read_log(blind.log(number)), read_json(blind.log(number) / "case.json")
-    mechanism, make = log.meta.mechanism, given.get("make")
-    folders = [] if make is None else sorted(blind.healthy(make).iterdir())
+    log, given = read_log(blind.log(number)), blind.given(number)
+    mechanism = log.meta.mechanism
     is_hand = isinstance(mechanism, HandMechanism)
     return Task(
         log=log,
         nominal=rigs.nominal(mechanism.hand) if isinstance(mechanism, HandMechanism) else None,
-        healthy=tuple(read_log(folder) for folder in folders),
+        healthy=tuple(map(read_log, blind.healthy_logs(number))),
         excluded=tuple(given["excluded"]),
         robot=bool(given.get("robot", not is_hand)),
     )
 
 
 def solve_set(folder: Path, solve: Solve, jobs: int = 1) -> list[dict[str, Any]]:
-    """Run a solve function on every case of a set, in order, and write its results.
-
-    A case on which it fails is a wrong answer with the reason.
-    """
-    blind, solver = BlindSet(path=folder), frozen.solver()
-    blind.note_try(**solver)
+    """Run a solve function on every case of a set, in order, and write its results."""
+    blind = BlindSet(path=folder)
+    blind.note_try(frozen.solver_sha256())
     parallel = joblib.Parallel(n_jobs=jobs)
-    return parallel(joblib.delayed(_one)(blind, n, solve, solver) for n in blind.numbers)
+    return parallel(joblib.delayed(solve_case)(blind, n, solve) for n in blind.numbers)
 
 
-def _one(blind: BlindSet, number: int, solve: Solve, solver: Mapping[str, Any]) -> dict[str, Any]:
-    began_s, excluded = sum(os.times()[:2]), list(blind.excluded(number))
-    try:
-        said = dict(solve(task(blind, number)))
-    except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
-        said = {"refused": f"failed: {type(error).__name__}: {error}"}
-    facts: dict[str, Any] = {"refused": None, "catalogue": []}
-    facts["cpu_s"] = sum(os.times()[:2]) - began_s
-    row = {"number": number, "excluded": excluded, **facts, **said, **solver}
+def solve_case(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
+    """Solve one case and write its result."""
+    row = solved(blind, number, solve)
     write_json(blind.result(number), row)
     return row
 
 
+def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
+    """The result of a case, bound to its log, the solver and the time.
+
+    A case on which the function fails is a wrong answer with the reason.
+    """
+    began_s, found = sum(os.times()[:2]), dict[str, Any]()
+    try:
+        one = task(blind, number)
+        found = {"refused": None, "catalogue": sorted(one.known), **solve(one)}
+    except LogError as error:
+        found = {"refused": str(error)}
+    except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case
+        found = {"refused": f"failed: {type(error).__name__}: {error}"}
+    return {
+        "number": number,
+        "log_sha256": blind.log_sha256(number),
+        "solver_sha256": frozen.solver_sha256(),
+        "time": now(),
+        "excluded": list(blind.excluded(number)),
+        "cpu_s": sum(os.times()[:2]) - began_s,
+        **found,
+    }
+
+
+def solver(simulate: Simulate) -> Solve:
+    """This repository's solver; `simulate` starts worlds on the nominal engine, for grasps."""
+    return partial(_by_all, simulate=simulate)
+
+
+def _by_all(one: Task, simulate: Simulate) -> dict[str, Any]:
+    holds = any(one.log.stick(e.episode) is not None for e in one.log.episodes)
+    return by_diagnosis(one, simulate) if holds else by_share(one)
+
+
+def by_diagnosis(one: Task, simulate: Simulate) -> dict[str, Any]:
+    """The result of the whole diagnosis, which knows touch, stick and contact as well."""
+    from diagnosis.diagnose import diagnose
+
+    assert one.nominal is not None
+    found = diagnose(one.log, one.nominal, one.known, simulate=simulate)
+    return {
+        "verdict": list(found.verdict),
+        "joints": list(found.joints),
+        "magnitudes": [_magnitude(m, *m.interval) for m in found.magnitudes],
+        "confidence": found.confidence,
+        "leading": [one.effect for one in found.leading],
+        "indistinguishable": [row["effects"] for row in found.indistinguishable],
+        "cpu_s": found.cpu_s,
+    }
+
+
 def by_share(one: Task) -> dict[str, Any]:
     """The result of the solver that decides by shares of the gap."""
-    from diagnosis.models.catalogue import catalogue
     from diagnosis.solver import solve
     from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS
 
-    known: dict[str, type[Effect]] = {
-        name: kind for name, kind in catalogue().items() if name not in one.excluded
-    }
     found = solve(
         one.log,
         one.healthy,
         nominal=one.nominal,
-        catalogue=known,
+        catalogue=one.known,
         origin=ROBOTS if one.robot else SIMULATORS,
     )
-    return {"catalogue": sorted(known), **plain(found)}
+    return plain(found)
 
 
 def plain(found: Any) -> dict[str, Any]:
@@ -113,7 +156,7 @@ def plain(found: Any) -> dict[str, Any]:
     return {
         "verdict": list(found.verdict),
         "joints": list(found.joints),
-        "magnitudes": [_magnitude(cause) for cause in found.causes],
+        "magnitudes": [_magnitude(cause, cause.low, cause.high) for cause in found.causes],
         "confidence": found.probability,
         "kind": kind,
         "share": found.share,
@@ -131,23 +174,17 @@ def plain(found: Any) -> dict[str, Any]:
         "indistinguishable": [
             [name.split("@")[0] for name in tie] + list(found.verdict) for tie in ties
         ],
-        "shrinkage": _shrinkage(found.gap_before, found.gap_after),
-        "shrinkage_nominal": _shrinkage(found.gap_before, found.gap_nominal),
+        "gap_nominal": found.gap_nominal,
         "cpu_s": found.cpu_s,
     }
 
 
-def _magnitude(cause: Any) -> dict[str, Any]:
+def _magnitude(cause: Any, low: float, high: float) -> dict[str, Any]:
+    """In SI units or as a share."""
     size = UNITS[cause.unit][1]
     return {
         "effect": cause.effect,
         "joints": list(cause.joints),
         "magnitude": cause.value * size,
-        "interval": [cause.low * size, cause.high * size],
+        "interval": [low * size, high * size],
     }
-
-
-def _shrinkage(before: float, after: float) -> float | None:
-    """Share of the squared gap that is gone; None where there was none."""
-    found = 1 - (after / before) ** 2 if before > 0 else math.nan
-    return found if math.isfinite(found) else None

@@ -43,9 +43,8 @@ def left_out(log: Log) -> tuple[str, ...]:
     from backends.mjcf import MjcfError, left_out
 
     xml, settings = _parts(log)
-    read = {joint: log.samples[log.column("position", joint)] for joint in log.joints}
     try:
-        return left_out(xml, {j: (float(q.min()), float(q.max())) for j, q in read.items()})
+        return left_out(xml)
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
 

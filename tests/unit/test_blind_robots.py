@@ -155,14 +155,15 @@ def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
     """Take `none` below what is ordinary, and a mechanic's name apart from `unknown`."""
     said = {"verdict": verdict, "joints": ["j0"] if near else []}
     case = robot("one-sided-friction", left)
-    assert judged.rightness(case, said, blind._catalogue(), healthy) == (right, near)
+    beyond = not judged.is_ordinary(case, healthy)
+    assert judged.rightness(case, said, blind._catalogue(), beyond) == (right, near)
 
 
 def test_a_near_name_on_another_joint_is_wrong():
     """Ask a near name to stand on the joint that is at fault."""
     said = {"verdict": ["coulomb-friction"], "joints": ["j5"]}
     case = robot("one-sided-friction", 9.0)
-    assert judged.rightness(case, said, blind._catalogue()) == (False, False)
+    assert judged.rightness(case, said, blind._catalogue(), True) == (False, False)
 
 
 @pytest.mark.parametrize(
@@ -177,7 +178,7 @@ def test_damping_is_one_number_without_torque(rig, channels, right):
     """Take kd for viscous friction of a robot whose torque was not logged, and nowhere else."""
     case = replace(robot("viscous-friction", 9.0), mode="single", rig=rig, channels=channels)
     said = {"verdict": ["kd-scale"], "joints": ["j0"]}
-    assert judged.rightness(case, said, blind._catalogue()) == (right, False)
+    assert judged.rightness(case, said, blind._catalogue(), True) == (right, False)
 
 
 def test_near_names_are_of_the_catalogue():
