@@ -7,19 +7,22 @@ What a sound robot would leave decides, see `verdict.ordinary`.
 """
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence
+from diagnosis.evidence.gap import squared_gaps
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
+from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.packets.losses import arrived, losses
@@ -27,12 +30,15 @@ from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.replay import limbs
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found, Search
+from diagnosis.search.whole import on_whole
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
 from diagnosis.verdict.sensors import loss_finding, sensor_findings
 
+Progress = Callable[[str, float], None]
+"""Is told what is being done, and the share of all that is done."""
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
 
@@ -66,10 +72,13 @@ def solve(
     nominal: Spec | None = None,
     catalogue: Mapping[str, type[Effect]] | None = None,
     origin: Ordinary | None = None,
+    progress: Progress | None = None,
 ) -> Result:
     """What is wrong with the mechanism of a log; arguments and errors are those of `judged`."""
     began = time.process_time()
-    limbs, notes = judged(log, healthy, nominal=nominal, catalogue=catalogue, origin=origin)
+    limbs, notes = judged(
+        log, healthy, nominal=nominal, catalogue=catalogue, origin=origin, progress=progress
+    )
     return combine([one.result for one in limbs], time.process_time() - began, notes)
 
 
@@ -80,13 +89,14 @@ def judged(
     nominal: Spec | None = None,
     catalogue: Mapping[str, type[Effect]] | None = None,
     origin: Ordinary | None = None,
+    progress: Progress | None = None,
 ) -> tuple[list[Judged], list[str]]:
     """All limbs of a log's mechanism, and notes on the log; raises LogError where it cannot say.
 
     `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
     `origin`: what is ordinary where no healthy logs say so; by default robots' of a user's MJCF,
-    and simulators' of a hand known by name.
+    and simulators' of a hand known by name. `progress`: see `Progress`.
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     if nominal is None and not rigid:
@@ -98,10 +108,15 @@ def judged(
         catalogue=catalogue or every_effect(),
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
+    tell = progress or (lambda text, done: None)
+    tell("reading the log", 0.0)
+    parts = limbs(asked.nominal)
     found, notes = list[Judged](), list[str]()
-    for part in limbs(asked.nominal):
+    for number, part in enumerate(parts):
+        share = partial(_share, tell, number, len(parts))
         said, more = _evidence(part, log, asked)
-        found.append(_limb(said, [_evidence(part, h, asked)[0] for h in healthy], asked))
+        sound = [_evidence(part, h, asked)[0] for h in healthy]
+        found.append(_limb(said, sound, asked, share))
         notes.extend(more)
     return found, notes
 
@@ -110,15 +125,19 @@ LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
 
 
-def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> Judged:
+def _share(tell: Progress, number: int, count: int, text: str, done: float) -> None:
+    """Tell of one limb's share as a part of all."""
+    tell(text, (number + done) / count)
+
+
+def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: Progress) -> Judged:
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        sound = [Fitter(World(one, _parameters(one, asked))).fit() for one in healthy]
+        sound = [Fitter(World(_part(one), _parameters(one, asked))).fit() for one in healthy]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
-    fitter = Fitter(World(said, known), ordinary.exact)
-    found = Search(fitter, ordinary).run()
+    fitter, found = _searched(said, known, ordinary, progress)
     left = found.chosen.residual
     sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
     lost = losses(fitter.world, found.chosen.u, left)
@@ -126,23 +145,44 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked) -> Judged:
     if lost and _is_convincing(told, found.chosen, known, ordinary):
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
-            fitter = Fitter(World(told, known), ordinary.exact)
-            found = Search(fitter, ordinary).run()
+            fitter, found = _searched(told, known, ordinary, progress)
     result = decide(fitter, found, ordinary, sensors)
     return Judged(result=result, evidence=said, fitter=fitter, found=found)
+
+
+def _searched(
+    said: Evidence, known: Sequence[Parameter], ordinary: Ordinary, progress: Progress
+) -> tuple[Fitter, Found]:
+    """What a search finds, on a part of a long log, then fitted to all of it."""
+    part = _part(said)
+    fitter = Fitter(World(part, known), ordinary.exact)
+    found = Search(fitter, ordinary, progress).run()
+    if part is said:
+        return fitter, found
+    whole = Fitter(World(said, known), ordinary.exact)
+    return whole, on_whole(whole, found, ordinary)
+
+
+def _part(said: Evidence) -> Evidence:
+    """The evidence, or that of a part that is long enough to search on."""
+    limb = said.limb
+    some = excerpt(limb.recordings)
+    return said if some == limb.recordings else evidence(replace(limb, recordings=some))
 
 
 def _is_convincing(
     told: Evidence, chosen: Fit, known: Sequence[Parameter], ordinary: Ordinary
 ) -> bool:
-    """Whether losses take half of what a set of causes leaves; an exact world has its likelihood.
+    """Whether losses take half of what a set of causes leaves.
 
-    Losses are exact wherever they are found, so that an ordinary gap may be theirs.
+    Losses are exact wherever they are found, so that an ordinary gap may be theirs: where the law
+    is exact as well, the likelihood of an ordinary gap is enough.
     """
-    if ordinary.exact:
+    if ordinary.exact and chosen.worst <= ordinary.floors:
         return True
     after = Fitter(World(told, known)).fit(chosen.freed, near=chosen.u)
-    return share_of(after, chosen) >= FURTHER
+    before = replace(chosen, gap2=squared_gaps(told, chosen.residual))
+    return share_of(after, before) >= FURTHER
 
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:

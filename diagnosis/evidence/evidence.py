@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from backends.state import Array
+from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
 from diagnosis.motion.limb import BLOCK_S, Limb
 from diagnosis.motion.recordings import white_noise
@@ -83,12 +84,19 @@ def evidence(limb: Limb) -> Evidence:
     torque = _torque(limb)
     angle = np.hypot(FLOOR_RAD * size, step / np.sqrt(12.0))
     model = np.stack([angle, angle, FLOOR_SHARE * torque])
+    counts = _counts(limb)
+    if not counts.any():
+        raise LogError(
+            f"not identifiable from this log: samples are {1e3 * limb.period_s:.0f} ms apart and no "
+            f"target stands still for {REST_S} s, so neither motion nor rests can be judged; log "
+            f"every {1e3 * SLOW_S:.0f} ms or faster, or record steps"
+        )
     samples = max(1, round(BLOCK_S / limb.period_s))
     seconds = [time_s.astype(int) for time_s in limb.time_s]
     starts = np.cumsum([0, *(s.max() + 1 for s in seconds)])
     return Evidence(
         limb=limb,
-        measured=np.where(_counts(limb)[:, None], limb.measured, np.nan),
+        measured=np.where(counts[:, None], limb.measured, np.nan),
         floor=np.hypot(model, noise / np.sqrt(samples)),
         noise=noise,
         step=step,

@@ -10,6 +10,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.logs.log import LogError
+from diagnosis.motion.columns import LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 
@@ -20,6 +21,8 @@ ALIVE = 3
 ABSURD_SHARE, ABSURD_NOISE = 0.5, 100.0
 """A sample is absurd that leaves its neighbours by this share of the whole range and by so many
 typical steps, for it returns at once."""
+BEYOND_LIMIT = 3.0
+"""No drive's torque is beyond so many times the limit of its file."""
 OPPOSED, UNRELATED = -0.3, 0.1
 """Torques are of the wrong sign below this correlation with what the drive law asks for, and are
 noise where they hardly have any."""
@@ -29,7 +32,8 @@ TORQUE = CHANNELS.index("torque")
 def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
     """The limb's log without what cannot be, and notes of it; raises LogError."""
     _require_motion(limb)
-    cleaned = [_cleaned(recording) for recording in limb.recordings]
+    most = BEYOND_LIMIT * limb.nominal[:, LIMIT]
+    cleaned = [_cleaned(recording, most) for recording in limb.recordings]
     notes = []
     if count := sum(number for _, number in cleaned):
         notes.append(f"{count} absurd samples of {', '.join(limb.joints)} are left out")
@@ -59,12 +63,17 @@ def _require_motion(limb: Limb) -> None:
             )
 
 
-def _cleaned(recording: Recording) -> tuple[Recording, int]:
-    """The recording with absurd samples as NaN, and how many there are."""
+def _cleaned(recording: Recording, most: Array) -> tuple[Recording, int]:
+    """The recording with absurd samples as NaN, and how many there are.
+
+    A step's torque peaks in a single sample: absurd are those beyond `most` (K,) [Nm].
+    """
     measured, count = recording.measured.copy(), 0
     for c in range(measured.shape[1]):
         for j in range(measured.shape[2]):
             wrong = absurd(measured[:, c, j])
+            if c == TORQUE:
+                wrong &= np.abs(measured[:, c, j]) > most[j]
             measured[wrong, c, j] = np.nan
             count += int(wrong.sum())
     return (replace(recording, measured=measured), count) if count else (recording, 0)

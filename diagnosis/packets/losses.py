@@ -48,7 +48,7 @@ def losses(world: World, u: Mapping[int, float], residual: Array) -> Losses | No
     evidence = world.evidence
     left = np.zeros(evidence.logged.shape)
     left[evidence.logged] = residual
-    flat = left.transpose(2, 1, 0).reshape(len(evidence.second), -1)
+    flat = np.ascontiguousarray(left.transpose(2, 1, 0).reshape(len(evidence.second), -1))
     logged = evidence.logged.any(axis=2).T.ravel()
     found = responses(world, u)
     if not len(found.unit):
@@ -130,9 +130,4 @@ def _scale(left: Array, logged: Array) -> tuple[Array, Array]:
 
 def _cost(left: Array, weight: Array, memory: Array) -> float:
     innovations = (left[1:] - memory * left[:-1]) * weight
-    return float(np.sum(surprise_all(innovations)))
-
-
-def surprise_all(innovations: Array) -> Array:
-    """The cost of innovations, see `decode`, for arrays."""
-    return np.vectorize(surprise, otypes=[float])(innovations)
+    return float(np.sum(surprise.py_func(innovations)))

@@ -24,6 +24,8 @@ DAMPINGS = (1.0, 0.4, 0.12)
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
 """A fit ends when a step wins less than this and this share of the cost; where the law is exact,
 single nats count."""
+HOPELESS = 4.0
+"""A fit that leaves so many times what another left does not catch up."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
 RIDGE = 1e-9
@@ -73,10 +75,12 @@ class Fitter:
         joints: Iterable[int] | None = None,
         slopes: Mapping[int, Array] | None = None,
         steps: int = STEPS,
+        beat: float = np.inf,
     ) -> Fit:
         """All tolerances and the freed effects, from `start` and from where `near` has the others.
 
         `joints`: only their tolerances move. `slopes`: of tolerances, where known well enough.
+        A fit that then leaves far more than the excess `beat` ends early.
         """
         u = {**(near or {}), **(start or {})}
         problem = Problem.of(self.parameters, freed, start or {}, joints)
@@ -111,6 +115,8 @@ class Fitter:
                     break
             if (won < DONE + self.done_share * cost and step > 0) or step == steps - 1:
                 break
+            if step == AGAIN and self._excess(shown) > HOPELESS * beat:
+                break
             fresh = [k for k in problem.numbers if k in freed or step == AGAIN]
             known |= self.slopes(fresh, u, freed, self.bare(u, freed))
         residual = self.evidence.readings - shown
@@ -124,6 +130,16 @@ class Fitter:
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
+
+    def unfitted(self) -> Fit:
+        """The nominal numbers as they stand."""
+        residual = self.evidence.readings - self.world.shown({})
+        if not np.isfinite(residual).all():
+            return self._diverged((), {})
+        return Fit(freed=(), u={}, residual=residual, gap2=squared_gaps(self.evidence, residual))
+
+    def _excess(self, shown: Array) -> float:
+        return excess(squared_gaps(self.evidence, self.evidence.readings - shown))
 
     def _diverged(self, freed: Sequence[int], u: Mapping[int, float]) -> Fit:
         """A start from which there is no motion: it leaves an infinite gap."""

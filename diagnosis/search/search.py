@@ -4,11 +4,12 @@ From the fit of the tolerances alone, effects are added one at a time to the bes
 all are screened by one linear step, the best are fitted. What a set leaves decides (`excess`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from backends.state import Array
 from diagnosis.models.parameters import Parameter
 from diagnosis.motion.columns import MASS
 from diagnosis.search.chaos import with_prediction_spread
@@ -21,6 +22,12 @@ from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 """At most so many causes, sought from so many of the best sets with one less; so many candidates of
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
+MIXED = 2
+"""From so many causes on, only the best set is added to: the first two may have been mixed up."""
+BENT, MORE = 2.0, 3
+"""Beyond so many ordinary gaps, tolerances are bent; so many candidates beside the screening's."""
+KIN = 6.0
+"""Kin are fitted from so many of their least sizes, beside their levels."""
 EACH = 2
 """At most so many causes on one joint."""
 QUIET = 1.2
@@ -67,13 +74,18 @@ class Found:
 class Search:
     """One limb's search."""
 
-    def __init__(self, fitter: Fitter, ordinary: Ordinary) -> None:
-        self.fitter, self.ordinary = fitter, ordinary
+    def __init__(
+        self, fitter: Fitter, ordinary: Ordinary, progress: Callable[[str, float], None]
+    ) -> None:
+        self.fitter, self.ordinary, self.progress = fitter, ordinary, progress
         self.parameters: Sequence[Parameter] = fitter.parameters
         self.tried: dict[frozenset[int], Fit] = {}
 
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set."""
+        self.progress(
+            f"fit of the nominal numbers of {', '.join(self.fitter.evidence.joints)}", 0.0
+        )
         nominal = self.fitter.fit()
         if self.ordinary.exact:
             nominal = self.fitter.fit(near=nominal.u)
@@ -83,15 +95,16 @@ class Search:
         for causes in range(1, MOST + 1):
             if now.worst < QUIET and not self.ordinary.exact:
                 break
-            for one in beam:
-                self._add(one)
+            for number, one in enumerate(beam):
+                self._add(one, causes - 1 + number / len(beam), 1.0 / len(beam))
             fresh = self._polished([f for f in self._sets() if len(f.freed) == causes])
             if causes == 1:
                 singles = tuple(fresh)
-            if not fresh or not self._is_worth(fresh[0], now):
+            if not fresh or not self._is_worth(fresh[0], now, nominal):
                 break
             best = fresh[0]
-            beam = [f for f in fresh[:BEAM] if f.excess < NEAR * best.excess + NEAR_MORE]
+            width = BEAM if causes < MIXED else 1
+            beam = [f for f in fresh[:width] if f.excess < NEAR * best.excess + NEAR_MORE]
             tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
             now = best
         likely = bool(now.freed) and self._is_likely(now, nominal)
@@ -137,7 +150,7 @@ class Search:
         if old is None or (fit.excess, _squares(fit)) < (old.excess, _squares(old)):
             self.tried[name] = fit
 
-    def _is_worth(self, fit: Fit, now: Fit) -> bool:
+    def _is_worth(self, fit: Fit, now: Fit, nominal: Fit) -> bool:
         """Whether a set is worth more than the best with one effect less, and needs all of its own.
 
         The first effect may be a part of what is wrong.
@@ -148,9 +161,9 @@ class Search:
             return share_of(fit, now) >= SHAPED
         if not now.freed:
             return share_of(fit, now) >= PART
-        if not is_worth(fit, now, self.ordinary):
+        if not is_worth(fit, now, self.ordinary, nominal):
             return False
-        return all(is_worth(fit, self._without(fit, k), self.ordinary) for k in fit.freed)
+        return all(is_worth(fit, self._without(fit, k), self.ordinary, nominal) for k in fit.freed)
 
     def _is_shape(self, fit: Fit, now: Fit) -> bool:
         """Whether what a set has more is of the family of another cause on the same joint."""
@@ -175,17 +188,54 @@ class Search:
             self._keep(self.fitter.fit(rest, near=near))
         return self.tried[frozenset(rest)]
 
-    def _add(self, fit: Fit) -> None:
-        """Fit the most promising sets with one more effect."""
-        screening = Screening(self.fitter, fit)
-        asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
-        for one in screening.screened(asked)[:FITTED]:
+    def _add(self, fit: Fit, begun: float, rounds: float) -> None:
+        """Fit the most promising sets with one more effect: so many `rounds` after `begun`."""
+        promising, slopes = self._promising(fit)
+        for number, one in enumerate(promising):
+            done = 1.0 - 0.5 ** (begun + rounds * number / len(promising))
+            self.progress(
+                f"fit of {self._name(one.number)}, {number + 1} of {len(promising)}", done
+            )
             freed = (*fit.freed, one.number)
             if one.to and frozenset(freed) not in self.tried:
                 for start, near in self._starts(one, fit):
-                    joints = self._joints(one.number)
-                    slopes = screening.slopes if near is fit.u else None
-                    self._keep(self.fitter.fit(freed, {one.number: start}, near, joints, slopes))
+                    begin, joints = {one.number: start}, self._joints(one.number)
+                    known = slopes if near is fit.u else None
+                    least = self._least(len(freed)) + NEAR_MORE
+                    self._keep(self.fitter.fit(freed, begin, near, joints, known, beat=least))
+
+    def _promising(self, fit: Fit) -> tuple[list[Screened], Mapping[int, Array]]:
+        """What to add to a fit, the best first, and the slopes of its tolerances.
+
+        A linear step from a fit that was bent to a large gap, or that sticks and slips, hides what
+        it is. So the first effects are sought from where tolerances are none as well, and further
+        ones among those that explain much alone.
+        """
+        asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
+        screening = Screening(self.fitter, fit)
+        found = screening.screened(asked)[:FITTED]
+        if not fit.freed and fit.worst > BENT * self.ordinary.floors:
+            plain = self.fitter.unfitted()
+            more = Screening(self.fitter, plain).screened(asked)[:MORE]
+            more += self._kin(found[0].number) if found else []
+        else:
+            alone = [Screened(number=k, gain=0.0, to=u) for k, u in self._singles() if k in asked]
+            more = alone[:MORE]
+        known = {one.number for one in found}
+        unlike = {one.number: one for one in more if one.number not in known}
+        return [*found, *unlike.values()], screening.slopes
+
+    def _kin(self, number: int) -> list[Screened]:
+        """Effects of a family at a joint: where one promises much, another may be the law."""
+        one = self.parameters[number]
+        kin = [k for k, p in enumerate(self.parameters) if p.is_kin(one) and p.nameable]
+        sizes = {k: KIN * self.parameters[k].least for k in kin}
+        return [Screened(number=k, gain=0.0, to=size) for k, size in sizes.items()]
+
+    def _singles(self) -> list[tuple[int, float]]:
+        """Effects and their sizes as single causes, the best first."""
+        fits = self._ranked([f for f in self._sets() if len(f.freed) == 1])
+        return [(k, fit.u[k]) for fit in fits for k in fit.freed]
 
     def _starts(self, one: Screened, fit: Fit) -> Iterator[tuple[float, Mapping[int, float]]]:
         """Sizes to start from, from where the tolerances are and from where they are none."""
@@ -199,6 +249,16 @@ class Search:
             size = min(level * parameter.least, high)
             if not UNLIKE[0] < size / abs(first) < UNLIKE[1]:
                 yield size, alone
+
+    def _least(self, causes: int) -> float:
+        """The least excess that a set of so many causes leaves so far."""
+        left = (f.excess for f in self._sets() if len(f.freed) == causes)
+        return min(left, default=np.inf)
+
+    def _name(self, number: int) -> str:
+        one = self.parameters[number]
+        joints = self.fitter.evidence.joints
+        return f"{one.effect} on {'all joints' if one.joint is None else joints[one.joint]}"
 
     def _joints(self, number: int) -> tuple[int, ...] | None:
         """Joints whose tolerances are fitted with an effect first; None: all."""

@@ -10,11 +10,15 @@ SHARE = 0.7
 """A cause is named where it takes so much of the gap: less, and it is a part of something else."""
 FURTHER = 0.5
 """Each further cause takes so much of what the others leave."""
-SHAPE, SHAPE_LEFT = 0.9, 1.05
+LAW_MOST = 3.0
+"""So many ordinary gaps more is the most that a law's own error leaves: beyond, it is another."""
+SHAPE, SHAPE_LEFT = 0.9, 1.3
 """In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
 it takes so much and leaves so few floors."""
-SHAPE_FROM = 1.5
+SHAPE_FROM = 1.4
 """Smaller gaps have no shape [floors]."""
+SHAPE_LAW = 0.07
+"""A rest below this share of the whole gap has no shape: laws that explain the gap are off by it."""
 HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """Of healthy logs, their largest gap times this is ordinary, and never less than this."""
 ROBOT = 3.5
@@ -85,17 +89,20 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     share = share_of(fit, nominal)
     if nominal.worst <= ordinary.floors:
         return _has_shape(share, fit, nominal)
-    return share >= SHARE and fit.worst <= ordinary.floors + ordinary.law * nominal.worst
+    law = min(ordinary.law * nominal.worst, LAW_MOST * ordinary.floors)
+    return share >= SHARE and fit.worst <= ordinary.floors + law
 
 
-def is_worth(fit: Gap, before: Gap, ordinary: Ordinary) -> bool:
+def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:
     """Whether one more cause is worth it: it takes half of what the others leave.
 
-    Of an ordinary rest it takes nearly all, as of an ordinary gap.
+    Of an ordinary rest it takes nearly all, as of an ordinary gap, and of more than the others'
+    laws may be off by.
     """
     share = share_of(fit, before)
     if before.worst <= ordinary.floors:
-        return _has_shape(share, fit, before)
+        beyond = before.worst >= SHAPE_LAW * nominal.worst
+        return beyond and _has_shape(share, fit, before)
     return share >= FURTHER
 
 

@@ -7,6 +7,8 @@ from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult
 
 BORDER = 0.7
 """A gap of more than this share of an ordinary one is called near the limit."""
+FAR = 10.0
+"""Where so many ordinary gaps are left, the mechanism's file is of another robot."""
 FROM = {
     "robot": "healthy robots leave up to",
     "simulator": "a simulator with this drive law leaves up to",
@@ -28,6 +30,11 @@ def _sentences(result: LimbResult) -> Iterator[str]:
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)
         yield f"The gap is {gap}, and no effect explains it; {limit}."
+        if result.left > FAR * result.ordinary:
+            yield (
+                "The nominal model is off by factors: check units, zeros, gains and limits in the "
+                "mechanism's file."
+            )
         for cause in result.leading:
             yield f"{_cause(cause)} would explain {100 * cause.share:.0f} % of the gap."
     else:

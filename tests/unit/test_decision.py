@@ -44,6 +44,11 @@ def test_a_large_gap_is_named_by_size():
     assert not is_named(gap(12.0), gap(20.0), ROBOTS)
 
 
+def test_an_absurd_gap_is_not_named():
+    """Leave a world that is off by factors unnamed, though a cause takes most of its gap."""
+    assert not is_named(gap(60.0), gap(300.0), ROBOTS)
+
+
 def test_an_ordinary_gap_is_named_by_shape():
     """Ask for nearly all of an ordinary gap, and for less than a floor to be left."""
     assert is_named(gap(0.9), gap(2.5), ROBOTS)
@@ -53,9 +58,15 @@ def test_an_ordinary_gap_is_named_by_shape():
 
 def test_each_further_cause_halves_what_is_left():
     """Ask for half of a large rest, and for nearly all of an ordinary one."""
-    assert is_worth(gap(5.0), gap(9.0), ROBOTS)
-    assert not is_worth(gap(7.0), gap(9.0), ROBOTS)
-    assert not is_worth(gap(1.5), gap(2.5), ROBOTS)
+    assert is_worth(gap(5.0), gap(9.0), ROBOTS, gap(9.0))
+    assert not is_worth(gap(7.0), gap(9.0), ROBOTS, gap(9.0))
+    assert not is_worth(gap(1.5), gap(2.5), ROBOTS, gap(9.0))
+    assert is_worth(gap(0.9), gap(2.5), ROBOTS, gap(9.0))
+
+
+def test_a_small_rest_of_a_large_gap_accuses_no_further_cause():
+    """Leave an ordinary rest to the laws that explained fifty floors."""
+    assert not is_worth(gap(0.9), gap(2.5), ROBOTS, gap(50.0))
 
 
 def test_healthy_logs_say_what_is_ordinary():

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from arms import Real, log_of
+from arms import HZ, KD, KP, LIMIT, Real, log_of
 
 from diagnosis.logs.log import HandMechanism, LogError, make_log
 from diagnosis.solver import solve
@@ -108,6 +108,58 @@ def test_leaves_out_an_absurd_sample_and_a_torque_of_noise():
     assert result.verdict == ("none",)
     assert len(result.notes) == 2
     assert "absurd" in result.notes[0] and "noise" in result.notes[1]
+
+
+def test_leaves_out_torques_of_the_wrong_sign():
+    """Note torques that oppose what the drives ask for, and judge by the rest."""
+
+    def oppose(samples):
+        angle = samples["position_rad.J0"]
+        speed = np.gradient(angle, 1.0 / HZ)
+        drive = KP * (samples["command_rad.J0"] - angle) - KD * speed
+        samples["torque_nm.J0"] = -np.clip(drive, -LIMIT, LIMIT)
+
+    result = solve(changed(oppose))
+    assert result.verdict == ("none",)
+    assert "wrong sign" in result.notes[0]
+
+
+def test_tells_its_progress_from_the_start():
+    """Begin at nothing, never go back, and name what is fitted."""
+    told = []
+    solve(log_of(Real(kp={0: 0.6})), progress=lambda text, done: told.append((text, done)))
+    done = [share for _, share in told]
+    assert done[0] == 0.0 and done == sorted(done) and done[-1] < 1.0
+    assert any("kp-scale on J0" in text for text, _ in told)
+
+
+def thinned(log, every, protocols):
+    """The log with one of so many samples, of these protocols alone."""
+    kept = {e.episode for e in log.episodes if e.protocol in protocols}
+    samples = log.samples[log.samples["episode"].isin(kept)]
+    episodes = [e for e in log.meta.episodes if e.episode in kept]
+    channels = {
+        name: c.model_copy(update={"rate_hz": HZ / every}) for name, c in log.meta.channels.items()
+    }
+    meta = log.meta.model_copy(update={"episodes": episodes, "channels": channels})
+    return make_log(meta, samples.iloc[::every].reset_index(drop=True), log.mjcf_xml)
+
+
+def test_of_a_slow_log_only_rests_are_judged():
+    """See at rests of a log of 10 Hz that a gain is low; refuse one without rests."""
+    log = log_of(Real(kp={0: 0.4}))
+    assert "kp-scale" in {c.effect for c in solve(thinned(log, 20, ("steps",))).limbs[0].leading}
+    with pytest.raises(LogError, match="no target stands still"):
+        solve(thinned(log, 20, ("multisine",)))
+
+
+def test_a_large_uncertainty_is_no_fault():
+    """Take a gain within three of the file's own deviations as ordinary, and give finite numbers."""
+    log = log_of(Real(kp={0: 0.6}))
+    meta = log.meta.model_copy(update={"nominal_uncertainty": 0.2})
+    result = solve(make_log(meta, log.samples, log.mjcf_xml))
+    assert result.verdict == ("none",)
+    assert np.isfinite([n.value for n in result.limbs[0].nominal]).all()
 
 
 def test_a_gain_beyond_its_file_keeps_its_sign():
