@@ -87,9 +87,9 @@ def evidence(limb: Limb) -> Evidence:
     counts = _counts(limb)
     if not counts.any():
         raise LogError(
-            f"not identifiable from this log: samples are {1e3 * limb.period_s:.0f} ms apart and no "
-            f"target stands still for {REST_S} s, so neither motion nor rests can be judged; log "
-            f"every {1e3 * SLOW_S:.0f} ms or faster, or record steps"
+            f"not identifiable from this log: samples are {1e3 * limb.period_s:.0f} ms apart and "
+            f"no target stands still for {REST_S} s, so neither motion nor rests can be judged; "
+            f"log every {1e3 * SLOW_S:.0f} ms or faster, or record steps"
         )
     samples = max(1, round(BLOCK_S / limb.period_s))
     seconds = [time_s.astype(int) for time_s in limb.time_s]

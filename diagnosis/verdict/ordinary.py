@@ -18,7 +18,7 @@ it takes so much and leaves so few floors."""
 SHAPE_FROM = 1.4
 """Smaller gaps have no shape [floors]."""
 SHAPE_LAW = 0.07
-"""A rest below this share of the whole gap has no shape: laws that explain the gap are off by it."""
+"""A rest below this share of the gap has no shape: laws that explain the gap are off by it."""
 HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """Of healthy logs, their largest gap times this is ordinary, and never less than this."""
 ROBOT = 3.5

@@ -154,7 +154,7 @@ def test_of_a_slow_log_only_rests_are_judged():
 
 
 def test_a_large_uncertainty_is_no_fault():
-    """Take a gain within three of the file's own deviations as ordinary, and give finite numbers."""
+    """Take a gain within three of the file's own deviations as ordinary, in finite numbers."""
     log = log_of(Real(kp={0: 0.6}))
     meta = log.meta.model_copy(update={"nominal_uncertainty": 0.2})
     result = solve(make_log(meta, log.samples, log.mjcf_xml))
