@@ -261,10 +261,15 @@ class Spec:
     """One complete simulated world: everything that an engine needs to build it."""
 
     hand: Hand
+    """What is driven: bodies, joints, drives and fingertips."""
     stick: Stick
+    """What is held."""
     contact: Contact
+    """Spin friction and softness of the fingertip contacts."""
     timing: Timing
+    """Periods of drive and policy, and the settling time of an episode."""
     gravity_m_s2: Vec3 = (0.0, 0.0, -9.81)
+    """Gravity [m/s2], world frame."""
 
     @cached_property
     def digest(self) -> str:

@@ -35,6 +35,7 @@ class RunSpec:
     )
     algo: str = setting("Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo")
     hand: str = "trx"
+    """The hand; there is one."""
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
     effects: str = setting(
         "What the world adds to the ideal hand: 'built', 'none', or effects with sizes such as "
