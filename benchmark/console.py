@@ -88,10 +88,10 @@ def emit(result: dict, as_json: bool, table: RenderableType | None = None) -> No
             out.write(json.dumps(result, allow_nan=False) + "\n")
             return
         console = Console(file=out, width=_width(), highlight=False)
-        console.print(_listed(result) if table is None else table)
+        console.print(listed(result) if table is None else table)
 
 
-def _listed(result: dict) -> Table:
+def listed(result: dict) -> Table:
     """The keys and values of a result; nested ones get the name of their parent."""
     table = Table("what", "value", header_style="bold")
     for key, value in result.items():

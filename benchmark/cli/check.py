@@ -7,7 +7,7 @@ import typer
 
 from benchmark import quantities, registry
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends, Out, Seed, Workers
+from benchmark.cli.options import Backends, Made, Out, Seed, Workers
 from benchmark.errors import UsageError
 
 
@@ -27,7 +27,7 @@ def measure_speed(
         str, typer.Option(metavar="TIME", help="Time for each measurement, such as 500ms or 1min.")
     ] = "4s",
     seed: Seed = 0,
-    out: Out = None,
+    out: Made = None,
 ) -> Any:
     """Measure environment steps per second, and of the bare engine in the same worlds.
 

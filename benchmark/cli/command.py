@@ -108,12 +108,15 @@ def _of_setting(one: Setting, required: bool, default: str | None) -> inspect.Pa
     plain = isinstance(one.kind, Switch) and one.default is False
     between = ", " if isinstance(one.kind, Number) else ": "
     text = between.join(filter(None, [one.help.rstrip("."), one.kind.allowed])) + "."
-    shown = None if required else default or one.shown_default
+    if required:
+        text += " [dim](required)[/dim]"
+    elif not (default or plain):
+        text += f" [dim]\\[default: {one.shown_default}][/dim]"
     option = typer.Option(
         *flags,
-        help=f"{text} [dim](required)[/dim]" if required else text,
+        help=text,
         metavar=one.kind.metavar or None,
-        show_default=False if plain else shown or False,
+        show_default=default or False,
         autocompletion=completes(one.kind.kind) if isinstance(one.kind, Name) else None,
     )
     value: Any = bool if isinstance(one.kind, Switch) else str

@@ -6,7 +6,16 @@ from typing import Annotated, Any
 import typer
 
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends, DryRun, Episodes, IncludeSmoke, Out, Runs, Workers
+from benchmark.cli.options import (
+    Backends,
+    DryRun,
+    Episodes,
+    IncludeSmoke,
+    Made,
+    Out,
+    Runs,
+    Workers,
+)
 
 GOES_ON = "what was written is kept; the same command goes on"
 
@@ -64,7 +73,7 @@ def transfer(
     ] = None,
     episodes: Episodes = None,
     include_smoke: IncludeSmoke = False,
-    out: Out = None,
+    out: Made = None,
     workers: Workers = None,
 ) -> Any:
     """Evaluate policies in other worlds: train x deploy matrix, retention, rank agreement.
@@ -103,7 +112,7 @@ def leaderboard(
         bool, typer.Option(help="Write leaderboard.html, too; it shows OUT/figures/*.png.")
     ] = True,
     include_smoke: IncludeSmoke = False,
-    out: Out = None,
+    out: Made = None,
 ) -> Any:
     """Write leaderboard.csv, .md and .html from run folders or kept result rows.
 

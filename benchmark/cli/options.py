@@ -24,6 +24,13 @@ def completes(kind: str) -> Callable[[str], list[str]]:
 
 # What is written, and what is in the way.
 Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
+Made = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", metavar="DIR", help="Folder to write to; files of an earlier call are replaced."
+    ),
+]
+"""Where tables and pictures go that are made from runs."""
 NewFolder = Annotated[
     Path, typer.Option("--out", metavar="DIR", help="Folder to write to; must be new.")
 ]
@@ -59,8 +66,8 @@ Backends = Annotated[
 Nominal = Annotated[
     str,
     typer.Option(
-        metavar="|".join(registry.names("backend")),
-        help="Engine of the nominal world.",
+        metavar="NAME",
+        help=f"Engine of the nominal world: {', '.join(registry.names('backend'))}.",
         autocompletion=completes("backend"),
     ),
 ]

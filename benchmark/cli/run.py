@@ -5,11 +5,22 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Group
+from rich.table import Table
 
 from benchmark.cli.command import OF_RUN, command
-from benchmark.cli.options import DryRun, Episodes, Force, Out, OutFile, Resume, Run, Workers
-from benchmark.console import row_table
-from benchmark.run_spec import DEPLOYED, SETTINGS
+from benchmark.cli.options import (
+    DryRun,
+    Episodes,
+    Force,
+    Made,
+    Out,
+    OutFile,
+    Resume,
+    Run,
+    Workers,
+)
+from benchmark.console import listed, row_table
+from benchmark.run_spec import DEPLOYED, SETTINGS, RunSpec
 
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s"]
@@ -61,9 +72,17 @@ def run(
 
     asked = commands.settings(settings, calibration, overrides or [], config, start)
     if dry_run:
-        return commands.plan(asked, out, workers)
+        plan = commands.plan(asked, out, workers)
+        return plan, _planned(asked, plan)
     row = commands.run(asked, start, out, workers, resume, force)
     return row, Group(row_table(row, SHOWN), f"folder: {row['dir']}")
+
+
+def _planned(asked: RunSpec, plan: dict[str, Any]) -> Table:
+    """A planned run, its settings as they are typed."""
+    shown = {one.name: one.kind.show(getattr(asked, one.field)) for one in SETTINGS.values()}
+    rest = {name: value for name, value in plan.items() if name != "would_run"}
+    return listed({**shown, "set": dict(asked.overrides), **rest})
 
 
 @command(DEPLOYED, default=OF_RUN, defaults={"episodes": "100", "out": "none is written"})
@@ -71,7 +90,7 @@ def evaluate(
     run_folder: Run,
     settings: dict[str, Any],
     episodes: Episodes = None,
-    out: Out = None,
+    out: Made = None,
     workers: Workers = None,
 ) -> Any:
     """Evaluate a saved policy in any world, task setting and stick.

@@ -109,6 +109,7 @@ def _entry(param: Any, term: str) -> str:
     """An item of a definition list."""
     plain = Text.from_markup(param.help or "").plain
     text = _safe(plain).replace("(required)", "**Required.**")
+    text = re.sub(r"\\\[default: (.*)\\\]$", r"*Default: \1.*", text)
     again = getattr(param, "multiple", False) and "repeatable" not in plain
     said = [text, _bounds(param), _default(param), "May be given several times." if again else ""]
     return f"`{term}`\n: {' '.join(' '.join(said).split())}\n"

@@ -129,6 +129,26 @@ def test_dry_run_writes_nothing(tmp_path, capfd):
     assert not out.exists()
 
 
+def test_dry_run_shows_settings_as_they_are_typed(tmp_path, capfd):
+    """Name the options with values and units that could be given again."""
+    words = [*RUN, "--dry-run", "--radius", "3cm", "--pace", "0.5", "--set", "lr=1e-4"]
+    assert cli.call([*words, "--out", str(tmp_path / "run"), "--workers", "1"]) == 0
+    rows = [[cell.strip() for cell in line.split("│")[1:3]] for line in said(capfd)]
+    assert ["radius", "3cm"] in rows and ["pace", "0.5"] in rows and ["set lr", "0.0001"] in rows
+
+
+def said(capfd) -> list[str]:
+    """The lines of a table on standard output."""
+    return [line for line in capfd.readouterr().out.splitlines() if "│" in line]
+
+
+def test_help_shows_every_default_alike(capfd):
+    """Show values as they are typed; in parentheses stands what is said in words."""
+    assert cli.call(["run", "-h"]) == 0
+    found = " ".join(capfd.readouterr().out.replace("│", " ").split())
+    assert "[default: 2cm]" in found and "[default: 1e6]" in found and "[default: (all)]" in found
+
+
 @pytest.mark.parametrize(
     ("text", "value"), [("3cm", 0.03), ("20 mm", 0.02), (".5e-1m", 0.05), ("1e1mm", 0.01)]
 )
