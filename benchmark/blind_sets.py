@@ -48,7 +48,7 @@ def _judge(
     if "draw" in steps and not folder.exists():
         _draw(options, folder, answers, workers)
     if not folder.exists():
-        raise UsageError(f"{folder} is not drawn; give --steps {','.join(STEPS)}")
+        raise UsageError(f"{folder} is not drawn; give --stages {','.join(STEPS)}")
     if "solve" in steps:
         blind.run(folder, workers, False)
     found: dict[str, Any] = {"cases": options["cases"], "dir": str(folder)}

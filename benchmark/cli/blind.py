@@ -175,9 +175,9 @@ def judge(
     out: NewFolder,
     sets: Annotated[
         list[str] | None,
-        typer.Argument(metavar="SET...", help="Names of sets; all by default.", show_default=False),
+        typer.Argument(metavar="SET", help="Names of sets; all by default.", show_default=False),
     ] = None,
-    steps: Annotated[
+    stages: Annotated[
         str, typer.Option(metavar="NAMES", help="Some of draw,solve,score.")
     ] = "draw,solve,score",
     workers: Workers = None,
@@ -190,7 +190,7 @@ def judge(
     """
     from benchmark import blind_sets
 
-    return blind_sets.judge(sets or [], out, [s.strip() for s in steps.split(",")], workers)
+    return blind_sets.judge(sets or [], out, [s.strip() for s in stages.split(",")], workers)
 
 
 @app.command(context_settings=HELP)
