@@ -65,6 +65,12 @@ def _forces(model: Any, j: int, name: str) -> str | None:
         return f"joint '{name}' has a spring (stiffness); allowed: none; delete it"
     if np.any(model.dof_dampingpoly[j]):
         return f"joint '{name}' has damping that is not linear; give one number"
+    for what, value in (
+        ("frictionloss", model.dof_frictionloss[j]),
+        ("damping", model.dof_damping[j]),
+    ):
+        if not value >= 0.0:
+            return f"joint '{name}' has {what} {value:g}, which drives it; allowed: from 0"
     if model.dof_armature[j] <= 0.0:
         return (
             f"joint '{name}' has no armature: the inertia on the motor's side of the gear, which "

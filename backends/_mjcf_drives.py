@@ -12,6 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
+from backends._mjcf_text import MjcfError
 from backends.spec import Drive
 from backends.state import Array
 
@@ -32,10 +33,6 @@ inertia.
 
 The gear takes STIFFNESS^2 + 4 DAMPING STIFFNESS = 2.6.
 """
-
-
-class MjcfError(ValueError):
-    """A mechanism cannot be built; the message says what was given, what is allowed, what to do."""
 
 
 class Servo(Protocol):

@@ -14,9 +14,11 @@ import numpy as np
 
 from backends import sticks, trx
 from backends._mjcf_checks import problems
-from backends._mjcf_drives import Inertias, MjcfError, Servo, drives
+from backends._mjcf_drives import Inertias, Servo, drives
+from backends._mjcf_text import MjcfError, bounded
 from backends.spec import Body, Drive, Joint, Spec, Timing, Vec3
 from backends.state import Array
+from files.bounded import one_line
 
 __all__ = ["MjcfError", "Servo", "left_out", "mechanism"]
 
@@ -25,6 +27,8 @@ POSES = 32
 evaluated."""
 ROOM = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE): 1.0}
 """Range of a joint without limits, to either side [rad or m]."""
+LEAST_KGM2 = 1e-9
+"""Least inertia that a joint moves: that of a needle of 1 mg and 5 cm [kg m^2], of a slide [kg]."""
 FROM_FILES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
 """Geoms whose shape is in another file; the MJCF holds only its name."""
 
@@ -43,7 +47,9 @@ def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
     mujoco.mj_kinematics(model, data)
     names = [model.joint(j).name for j in range(model.njnt)]
     chosen = [servos[name] for name in names]
-    bank, period_s = drives(names, chosen, _inertias(model))
+    inertias = _inertias(model)
+    _refuse_weightless(names, inertias)
+    bank, period_s = drives(names, chosen, inertias)
     weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     hand = dataclasses.replace(
         trx.HAND,
@@ -77,16 +83,15 @@ def left_out(xml: str) -> tuple[str, ...]:
 
 def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:
     """The compiled model, without meshes, and its name."""
+    text = bounded(xml)
     try:
-        model = mujoco.MjSpec.from_string(xml)
+        model = mujoco.MjSpec.from_string(text)
         for part in (*model.geoms, *model.meshes, *model.hfields, *model.textures):
             if not isinstance(part, mujoco.MjsGeom) or part.type in FROM_FILES:
                 model.delete(part)
         return model.compile(), model.modelname
     except (ValueError, RuntimeError) as error:
-        said = " ".join(str(error).split())
-        hint = "; no other file is read: write it out" if "file" in said else ""
-        raise MjcfError(f"MuJoCo cannot compile it: {said}{hint}") from None
+        raise MjcfError(f"MuJoCo cannot compile it: {one_line(str(error))}") from None
 
 
 def _inertias(model: mujoco.MjModel) -> Inertias:
@@ -107,6 +112,17 @@ def _inertias(model: mujoco.MjModel) -> Inertias:
         coulomb_nm=model.dof_frictionloss.copy(),
         viscous_nms_rad=np.array(model.dof_damping, dtype=float),
     )
+
+
+def _refuse_weightless(names: Sequence[str], inertias: Inertias) -> None:
+    """Raise MjcfError if a joint moves next to nothing, which is a slip of the pen."""
+    moved = np.einsum("pjj->pj", inertias.link_kgm2).max(axis=0)
+    for name, inertia in zip(names, moved, strict=True):
+        if not inertia >= LEAST_KGM2:
+            raise MjcfError(
+                f"joint '{name}' moves {inertia:.2g} kg m^2, of a slide kg; allowed: from "
+                f"{LEAST_KGM2:g}; correct the masses and inertias of its bodies"
+            )
 
 
 def _bodies(

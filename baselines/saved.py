@@ -8,13 +8,11 @@ import numpy as np
 import onnxruntime
 
 from backends.state import Array
+from baselines._network import PolicyError, check_network
+from files.bounded import FileError, one_line, read_json
 from tasks.observation import Observation
 
 POLICY_FILE, CONTRACT_FILE = "policy.onnx", "contract.json"
-
-
-class PolicyError(Exception):
-    """A saved policy cannot be used; the message says why."""
 
 
 class SavedPolicy:
@@ -32,19 +30,24 @@ class SavedPolicy:
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
         path = folder / POLICY_FILE
+        check_network(path, observation.width, len(observation.hand.driven))
         try:
             self._session = onnxruntime.InferenceSession(str(path), options)
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
-            raise PolicyError(f"{path} cannot be read as a policy: {error}") from error
-        shape = self._session.get_inputs()[0].shape
-        if shape[-1] != observation.width:
-            raise PolicyError(
-                f"{path} takes {shape[-1]} numbers, its contract says {observation.width}"
-            )
+            said = one_line(str(error))
+            raise PolicyError(f"{path} cannot be read as a policy: {said}") from error
+        self._path, self._width = path, len(observation.hand.driven)
 
     def __call__(self, observation: Array) -> Array:
         """Actions (N, J) in [-1, 1] from observations (N, width)."""
-        return np.asarray(self._session.run(["action"], {"observation": observation})[0])
+        action = np.asarray(self._session.run(["action"], {"observation": observation})[0])
+        wanted = (len(observation), self._width)
+        if action.shape != wanted or not np.isfinite(action).all():
+            raise PolicyError(
+                f"{self._path} gives actions of shape {action.shape}; allowed: {wanted}, a row per "
+                "observation, all of them finite"
+            )
+        return action
 
 
 def write_contract(folder: Path, observation: Observation) -> None:
@@ -59,11 +62,15 @@ def read_contract(folder: Path) -> dict:
     """The contract of a saved policy; raises PolicyError when it is missing or damaged."""
     path = folder / CONTRACT_FILE
     try:
-        return json.loads(path.read_text())
+        contract = read_json(path)
     except FileNotFoundError:
         raise PolicyError(f"no policy here: {path} does not exist") from None
-    except (OSError, ValueError) as error:
-        raise PolicyError(f"{path} cannot be read: {error}") from error
+    except FileError as error:
+        raise PolicyError(str(error)) from error
+    channels = contract.get("observation") if isinstance(contract, dict) else None
+    if not isinstance(channels, list) or not all(isinstance(c, dict) for c in channels):
+        raise PolicyError(f"{path} is no contract: it lists no observation, channel by channel")
+    return contract
 
 
 def file_sha256(path: Path) -> str:

@@ -21,6 +21,8 @@ from benchmark.settings import Setting
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 Text = Annotated[str, Field(min_length=1)]
+MOST_CELLS = 5_000
+"""Most cells of a sweep."""
 
 
 def _checked_by(one: Setting) -> Any:
@@ -116,6 +118,7 @@ def read_grid(path: Path) -> Grid:
     lists = _given(file.grid)
     if not lists and not file.cells:
         raise UsageError(f"{path} has no cell; give 'grid', 'cells' or both")
+    _refuse_many(path, lists, len(file.cells))
     combinations = itertools.product(*lists.values()) if lists else ()
     chosen = [dict(zip(lists, values, strict=True)) for values in combinations]
     chosen += [_given(cell) for cell in file.cells]
@@ -128,6 +131,13 @@ def read_grid(path: Path) -> Grid:
         time_limit_s=_time_limit_s(file, path),
         slurm=file.slurm,
     )
+
+
+def _refuse_many(path: Path, lists: dict[str, Any], more: int) -> None:
+    """Raise UsageError if the grid has more cells than a sweep can keep an eye on."""
+    count = (math.prod(map(len, lists.values())) if lists else 0) + more
+    if count > MOST_CELLS:
+        raise UsageError(f"{path} has {count:.6g} cells; allowed: up to {MOST_CELLS}; cut it up")
 
 
 def _time_limit_s(file: _File, path: Path) -> float:

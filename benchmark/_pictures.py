@@ -11,6 +11,9 @@ from matplotlib.figure import Figure
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
+from benchmark.errors import CommandError
+from benchmark.extras import install_command
+
 PALETTE = 128
 """Number of colours of a PNG or GIF."""
 SAMPLED = 4
@@ -45,7 +48,13 @@ def write_png(image: Image.Image, caption: Caption, out: Path) -> None:
 
 def write_mp4(frames: Iterable[np.ndarray], size: tuple[int, int], rate: float, out: Path) -> None:
     """Write frames (height, width, 3) uint8 as H.264 video."""
-    import imageio_ffmpeg
+    try:
+        import imageio_ffmpeg
+    except ImportError as error:
+        raise CommandError(
+            f"{out.name} needs the package 'imageio-ffmpeg', which is not installed; install it "
+            f"with: {install_command(__name__)}, or choose --out with .gif"
+        ) from error
 
     def write(path: Path) -> None:
         options = {"fps": rate, "codec": "libx264", "output_params": ["-f", "mp4"]}

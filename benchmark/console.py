@@ -71,6 +71,15 @@ def fail(text: str) -> None:
     _note(text)
 
 
+def open_closed_streams() -> None:
+    """Give the standard streams that were closed before the start a place that takes everything."""
+    for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
+        if getattr(sys, name) is None:
+            nowhere = os.open(os.devnull, os.O_RDWR)
+            os.dup2(nowhere, number)
+            setattr(sys, name, os.fdopen(number, mode, closefd=False))
+
+
 def divert_stdout() -> None:
     """From now on, send everything that libraries print on standard output to standard error."""
     global _real_stdout

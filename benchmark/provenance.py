@@ -65,9 +65,12 @@ def _commit() -> str:
         return "unknown"
 
     def git(*words: str) -> str:
-        done = subprocess.run(
-            ["git", "-C", str(_ROOT), *words], capture_output=True, text=True, check=False
-        )
+        try:
+            done = subprocess.run(
+                ["git", "-C", str(_ROOT), *words], capture_output=True, text=True, check=False
+            )
+        except OSError:  # git is not installed
+            return ""
         return done.stdout.strip() if done.returncode == 0 else ""
 
     commit = git("rev-parse", "--short=12", "HEAD")

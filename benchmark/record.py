@@ -23,6 +23,8 @@ from diagnosis.recording.excitation import OPEN_LOOP
 from diagnosis.recording.record import ALWAYS, CHANNELS, Plan, Policy
 from tasks.batch import SimulationDivergedError
 
+MOST_EPISODES = 1000
+"""Most episodes in a log, which is held in memory as a whole."""
 _STEPS = 100
 """Steps of the progress bar."""
 
@@ -71,6 +73,14 @@ def plan(
     if world.policy is not None and "policy" not in protocols:
         raise UsageError(
             "--policy is given without protocol 'policy'; add it, or leave --policy out"
+        )
+    within("--variants", variants, 1, MOST_EPISODES)
+    within("--repeats", repeats, 1, MOST_EPISODES)
+    episodes = len(protocols) * variants * repeats
+    if episodes > MOST_EPISODES:
+        raise UsageError(
+            f"{len(protocols)} protocols, {variants} variants and {repeats} repeats are {episodes} "
+            f"episodes; allowed: up to {MOST_EPISODES} in a log; record several"
         )
     named = CHANNELS if channels == "all" else tuple(dict.fromkeys((*ALWAYS, *_words(channels))))
     return Plan(

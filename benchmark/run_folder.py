@@ -18,6 +18,7 @@ from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance
 from benchmark.run_spec import RunSpec
+from files.bounded import FileError, one_line, read_json
 from leaderboard.identity import LATER, run_digest
 
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
@@ -49,10 +50,13 @@ def read_run(folder: Path) -> dict:
     if not path.exists():
         raise UsageError(f"{folder} is not a run folder: it has no {RUN_FILE}")
     try:
-        run = json.loads(path.read_text())
+        run = read_json(path)
         run_spec(run)
+    except FileError as error:
+        raise CommandError(f"{path} is damaged: {error}") from error
     except (ValueError, TypeError, KeyError, AttributeError) as error:
-        raise CommandError(f"{path} is damaged: {type(error).__name__}: {error}") from error
+        said = one_line(f"{type(error).__name__}: {error}")
+        raise CommandError(f"{path} is damaged: {said}") from error
     if run_digest(run["spec"], run.get("spec_digest", "")) != run.get("digest"):
         raise CommandError(
             f"{path} was changed after it was written: its digest does not fit its settings; "

@@ -21,6 +21,8 @@ from benchmark.evaluate import EVALUATION_SEED
 from benchmark.provenance import provenance, usable_cores
 from benchmark.quantities import within
 from benchmark.run_spec import DEPLOYED, HANDS, RunSpec, read_settings
+from files.bounded import FileError
+from files.tables import read_parquet
 from leaderboard.transfer import COLUMNS, IDENTITY, agreement, matrix
 from leaderboard.transfer_files import write_transfer
 from leaderboard.transfer_text import FLOOR, interval, title
@@ -223,10 +225,10 @@ def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFr
 
 def _read(path: Path) -> pd.DataFrame:
     try:
-        return pd.read_parquet(path)
-    except (OSError, ValueError) as error:
+        return read_parquet(path)
+    except FileError as error:
         raise CommandError(
-            f"{path} cannot be read ({error}); remove it to evaluate again"
+            f"an evaluation of before cannot be read: {error}; remove it to evaluate again"
         ) from error
 
 

@@ -15,6 +15,7 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import Episodes
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import EPISODES_FILE, RUN_FILE, write_atomically
+from files.tables import read_parquet
 from leaderboard.identity import row_key
 from leaderboard.verified import VERIFIED_FILE, read_verified, verified_text
 
@@ -89,7 +90,7 @@ def _verdict(folder: Path, workers: int) -> Verdict:
             reason = "its spec_digest is not that of its hand, stick and effects"
             return Verdict(folder=folder, state="refused", reason=reason)
         again = run.deploy(spec, folder, workers, episodes=row["scores"]["episodes"])
-        kept = pd.read_parquet(folder / EPISODES_FILE)
+        kept = read_parquet(folder / EPISODES_FILE)
     except (CommandError, OSError, ValueError, KeyError, TypeError) as error:
         return Verdict(folder=folder, state="refused", reason=str(error))
     key = row_key(row["digest"], row["policy_sha256"], row["scores"])

@@ -4,9 +4,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-from pandas.errors import EmptyDataError, ParserError
-
+from files.tables import read_csv
 from leaderboard import transfer_text as text
 
 MATRIX_FILE, AGREEMENT_FILE = "matrix.csv", "agreement.csv"
@@ -18,7 +16,7 @@ def matrices(folders: Iterable[Path]) -> tuple[list[dict[str, Any]], list[str]]:
     for folder in folders:
         try:
             shown.append(_section(folder))
-        except (OSError, EmptyDataError, ParserError, KeyError, ValueError) as error:
+        except (OSError, KeyError, ValueError, TypeError) as error:
             broken.append(
                 f"{folder.name}: cannot be shown ({error}); allowed: a folder of `bench transfer`"
             )
@@ -26,8 +24,8 @@ def matrices(folders: Iterable[Path]) -> tuple[list[dict[str, Any]], list[str]]:
 
 
 def _section(folder: Path) -> dict[str, Any]:
-    matrix = pd.read_csv(folder / MATRIX_FILE)
-    agreement = pd.read_csv(folder / AGREEMENT_FILE).fillna({"note": ""})
+    matrix = read_csv(folder / MATRIX_FILE)
+    agreement = read_csv(folder / AGREEMENT_FILE).fillna({"note": ""})
     return {
         "name": folder.name.replace("-", " "),
         "panels": [

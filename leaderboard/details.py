@@ -11,6 +11,8 @@ from typing import Any
 
 import pandas as pd
 
+from files.bounded import one_line
+from files.tables import read_csv, read_parquet
 from leaderboard.curves import CURVE, thin
 
 EPISODES_FILE, PROGRESS_FILE = "episodes.parquet", "progress.csv"
@@ -30,10 +32,10 @@ def read_details(folder: Path) -> dict[str, dict[str, list]]:
     """
     details: dict[str, dict[str, list]] = {}
     if (folder / EPISODES_FILE).exists():
-        scores = _read(folder / EPISODES_FILE, pd.read_parquet, SCORES)
+        scores = _read(folder / EPISODES_FILE, read_parquet, SCORES)
         details["episodes"] = {name: rounded(scores[name], 6) for name in SCORES}
     if (folder / PROGRESS_FILE).exists():
-        progress = _read(folder / PROGRESS_FILE, pd.read_csv, ("steps", *CURVE))
+        progress = _read(folder / PROGRESS_FILE, read_csv, ("steps", *CURVE))
         curve = thin(progress, POINTS)
         steps = [int(step) for step in curve.pop("steps")]
         details["curve"] = {"steps": steps, **{k: rounded(v, 4) for k, v in curve.items()}}
@@ -57,8 +59,8 @@ def kept_text(row: dict, details: Mapping[str, dict[str, list]]) -> str:
 def _read(path: Path, read: Callable[[Path], pd.DataFrame], columns: tuple[str, ...]) -> Any:
     try:
         return read(path)[list(columns)].astype(float)
-    except (OSError, ValueError, KeyError) as error:
-        reason = " ".join(str(error).split())
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        reason = one_line(str(error))
         raise DetailsError(
             f"{path}: cannot be used ({reason}); its row has no such details"
         ) from error

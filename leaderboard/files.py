@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from files.tables import csv_text
 from leaderboard._markdown import markdown
 from leaderboard._matrices import MATRIX_FILE
 from leaderboard._page import page
@@ -23,7 +24,7 @@ def write(board: Board, folder: Path, html: bool = True) -> list[Path]:
 def contents(board: Board, folder: Path, html: bool = True) -> dict[str, bytes]:
     """What `write` writes, by file name; the page shows what lies in the folder."""
     texts = {
-        CSV_FILE: board.frame.to_csv(index=False, float_format="%.6g", lineterminator="\n"),
+        CSV_FILE: csv_text(board.frame, float_format="%.6g"),
         MARKDOWN_FILE: markdown(board),
     }
     if html:

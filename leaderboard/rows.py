@@ -6,6 +6,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from files.bounded import FileError, read_bytes
 from leaderboard.details import DetailsError, read_details
 from leaderboard.row import Row
 
@@ -30,9 +31,9 @@ def read_rows(paths: Iterable[Path | str]) -> tuple[list[Row], list[str]]:
             problems.add(f"{path}: no result here; allowed: a .json file or a folder with run.json")
     for file in {file.resolve(): file for file in sorted(files)}.values():
         try:
-            read[file] = Row.model_validate_json(file.read_bytes())
+            read[file] = Row.model_validate_json(read_bytes(file))
             read[file] = _with_details(read[file], file)
-        except DetailsError as error:
+        except (DetailsError, FileError) as error:
             problems.add(str(error))
         except OSError as error:
             problems.add(f"{file}: cannot be read ({error.strerror}); allowed: a readable file")

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from files.bounded import read_json
+from files.tables import csv_text, read_parquet
 from leaderboard._heatmap import draw_heatmap
 from leaderboard._whole import write_all
 from leaderboard.transfer import agreement, matrix
@@ -45,12 +47,12 @@ def derived(episodes: pd.DataFrame, reference: str, notes: Sequence[str]) -> dic
 
 def read_sources(folder: Path) -> tuple[pd.DataFrame, str, list[str]]:
     """Episodes, reference and notes of a folder that `write_transfer` wrote."""
-    about = json.loads((folder / ABOUT_FILE).read_text(encoding="utf-8"))
-    return pd.read_parquet(folder / EPISODES_FILE), about["reference"], about["notes"]
+    about = read_json(folder / ABOUT_FILE)
+    return read_parquet(folder / EPISODES_FILE), about["reference"], about["notes"]
 
 
 def _csv(table: pd.DataFrame) -> bytes:
-    return table.to_csv(index=False, float_format="%.6g", lineterminator="\n").encode()
+    return csv_text(table, float_format="%.6g").encode()
 
 
 def _bytes(write: Callable[[io.BytesIO], object]) -> bytes:

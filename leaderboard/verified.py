@@ -7,6 +7,8 @@ import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from files.bounded import read_json
+
 VERIFIED_FILE = "verified.json"
 
 
@@ -18,7 +20,7 @@ def read_verified(folder: Path) -> dict[str, dict]:
     path = folder / VERIFIED_FILE
     if not path.exists():
         return {}
-    marks = json.loads(path.read_text())
+    marks = read_json(path)
     if not isinstance(marks, dict) or not all(isinstance(mark, dict) for mark in marks.values()):
         raise ValueError(f"{path} holds no marks by row")
     return marks

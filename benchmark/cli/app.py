@@ -8,6 +8,7 @@ import signal
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -25,9 +26,12 @@ from benchmark.cli.log import excite, import_logs, record
 from benchmark.cli.run import evaluate, run, view
 from benchmark.provenance import version
 from benchmark.variables import in_effect, name_variables
+from files.bounded import FileError
 
 INTERRUPTED = errors.Interrupted.exit_code
 """Exit code after Ctrl-C; typer gives it back as a command's result."""
+LONGEST = 2000
+"""Characters of a message that are printed."""
 HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
     "A first look": {"demo": demo},
@@ -94,6 +98,7 @@ def _stop(number: int, frame: FrameType | None) -> None:
 
 def main() -> None:
     """Entry point: run a command and turn every failure into one message and an exit code."""
+    console.open_closed_streams()
     signal.signal(signal.SIGTERM, _stop)
     asks = {"-h", "--help", "--version", "--show-completion", "--install-completion"}
     if len(sys.argv) > 1 and asks.isdisjoint(sys.argv) and "_BENCH_COMPLETE" not in os.environ:
@@ -105,6 +110,7 @@ def call(arguments: list[str]) -> int:
     """Run a command; its exit code."""
     commands = name_variables(get_command(app))
     try:
+        _refuse_no_text(arguments)
         code = commands(arguments, prog_name="bench", standalone_mode=False)
         if code == INTERRUPTED:
             raise KeyboardInterrupt
@@ -112,6 +118,10 @@ def call(arguments: list[str]) -> int:
     except errors.CommandError as error:
         _trace()
         message, code = str(error), error.exit_code
+    except FileError as error:
+        message, code = str(error), errors.UsageError.exit_code
+    except MemoryError:
+        message, code = "the memory is full; take less at a time, or fewer --workers", 1
     except OSError as error:
         where = f" {error.filename}" if error.filename else ""
         message, code = f"cannot use{where}: {error.strerror or error}", 1
@@ -129,6 +139,15 @@ def _trace() -> None:
     """Print the trace of the error that is handled, with -v."""
     if console.is_verbose():
         console.say(traceback.format_exc().rstrip())
+
+
+def _refuse_no_text(arguments: list[str]) -> None:
+    """Raise UsageError for an argument that is no text: it could be neither kept nor printed."""
+    for word in arguments:
+        try:
+            word.encode()
+        except UnicodeEncodeError:
+            raise errors.UsageError(f"{ascii(word)} is no UTF-8; write it in UTF-8") from None
 
 
 def _unforeseen(error: Exception) -> str:
@@ -154,8 +173,16 @@ def _fail(message: str, code: int, variables: list[str], as_json: bool) -> int:
     """Say what failed, and with wrong usage which environment variables had a part in it."""
     if code == errors.UsageError.exit_code and variables:
         message = f"{message} (from the environment: {', '.join(variables)})"
-    console.fail(message)
-    if as_json or any(name.endswith("_JSON") for name in variables):
-        status = "interrupted" if code == INTERRUPTED else "error"
-        console.emit({"status": status, "error": message}, True)
+    message = _printable(message)
+    with suppress(OSError):  # nobody reads it
+        console.fail(message)
+        if as_json or any(name.endswith("_JSON") for name in variables):
+            status = "interrupted" if code == INTERRUPTED else "error"
+            console.emit({"status": status, "error": message}, True)
     return code
+
+
+def _printable(message: str) -> str:
+    """A message without signs that steer a terminal, of bounded length."""
+    text = "".join(c if c.isprintable() or c == "\n" else "?" for c in message)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]} ... ({len(text)} characters)"

@@ -6,6 +6,7 @@ assumed. The friction and the constant offset that they identified are not in th
 diagnosis can find them.
 """
 
+import io
 import zlib
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from diagnosis.logs.log import (
     make_log,
     name_of,
 )
+from files.bounded import FileError, one_line, read_bytes
 
 MASS_KG = 95.1089
 """Moving mass with motor and screw, as identified by the authors [kg]."""
@@ -75,9 +77,12 @@ def _log(path: Path) -> Log:
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     try:
-        data = loadmat(path)
+        data = loadmat(io.BytesIO(read_bytes(path, importer.MOST_BYTES)))
         return {name: np.asarray(data[name], dtype=float).ravel() for name in _NAMES}
     except KeyError as error:
         raise LogError(f"{path} has no {error}; an EMPS file has {', '.join(_NAMES)}") from None
+    except FileError as error:
+        raise LogError(str(error)) from None
     except _UNREADABLE as error:
-        raise LogError(f"{path} cannot be read as a MATLAB file: {error}") from None
+        said = one_line(str(error))
+        raise LogError(f"{path} cannot be read as a MATLAB file: {said}") from None

@@ -20,6 +20,8 @@ from diagnosis.logs.log import (
     MjcfMechanism,
     make_log,
 )
+from files.bounded import FileError, one_line
+from files.tables import read_csv
 
 RAD_PER_COUNT = 2 * np.pi / 4096
 HOME = 2047
@@ -80,7 +82,7 @@ def _log(path: Path) -> Log:
 def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
     """The table from the first reading on, its times from zero, and the servos that answered."""
     try:
-        table = pd.read_csv(path)
+        table = read_csv(path)
         time = pd.to_datetime(table["timestamp"], format="ISO8601")
         named = [c[5:-1] for c in table.columns if c.startswith("pos (")]
         if not named:
@@ -94,8 +96,10 @@ def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
         return table[known].reset_index(drop=True), servos
     except KeyError as error:
         raise LogError(f"{path} has no column {error}; is it a play test?") from None
-    except (OSError, ValueError, UnicodeDecodeError) as error:
-        what = " ".join(str(error).split())
+    except FileError as error:
+        raise LogError(str(error)) from None
+    except (ValueError, TypeError, OverflowError) as error:
+        what = one_line(str(error))
         raise LogError(f"{path} cannot be read as a play test: {what}") from None
 
 

@@ -4,7 +4,6 @@ This module knows file formats only; the numbers are checked in other modules.
 """
 
 import csv
-import io
 import json
 import os
 import shutil
@@ -25,11 +24,14 @@ from diagnosis.logs._meta import (
     parse_meta,
 )
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from files import bounded, tables
+from files.bounded import FileError
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
 FORMS = ("parquet", "csv")
-_PARQUET_MAGIC = b"PAR1"
+MOST_MJCF_BYTES = 1_000_000
+"""Largest MJCF file that is read."""
 
 
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
@@ -152,40 +154,29 @@ def _mjcf(folder: Path, meta: LogMeta) -> str | None:
         return None
     path = folder / meta.mechanism.mjcf
     try:
-        return path.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(
-            f"the mechanism's file {path} cannot be read: {error}; copy the MJCF there"
-        ) from None
+        return bounded.read_text(path, MOST_MJCF_BYTES)
+    except FileNotFoundError:
+        raise LogError(f"the mechanism's file {path} is missing; copy the MJCF there") from None
+    except FileError as error:
+        raise LogError(f"the mechanism's file {error}") from None
 
 
 def _parquet(path: Path) -> pd.DataFrame:
-    data = path.read_bytes()
-    if data[:4] != _PARQUET_MAGIC:
-        raise LogError(f"{path} is not a parquet file; write it again, or as {CSV_FILE}")
-    if len(data) < 12 or data[-4:] != _PARQUET_MAGIC:
-        raise LogError(f"{path} is incomplete: its end is missing; copy or record it again")
     try:
-        return pq.read_table(pa.BufferReader(data)).to_pandas()
-    except (pa.ArrowException, OSError) as error:
-        what = " ".join(str(error).split())
-        raise LogError(f"{path} is damaged: {what}; copy or record it again") from None
+        return tables.read_parquet(path)
+    except FileError as error:
+        raise LogError(str(error)) from None
 
 
 def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise LogError(f"{path} cannot be read as UTF-8 text: {error}") from None
-    header = _header(path, text)
-    _refuse_cut(path, text, len(header), odd)
-    touch = {name: str for name in header if name.startswith("touch.")}
-    try:
-        frame = pd.read_csv(io.StringIO(text), names=header, header=0, dtype=touch)
-    except (pd.errors.ParserError, ValueError) as error:
-        raise LogError(
-            f"{path}: {' '.join(str(error).split())}; correct or remove that line"
-        ) from None
+        text = bounded.read_text(path, tables.MOST_BYTES)
+        header = _header(path, text)
+        _refuse_cut(path, text, len(header), odd)
+        touch = {name: str for name in header if name.startswith("touch.")}
+        frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
+    except FileError as error:
+        raise LogError(str(error)) from None
     for name in touch:
         frame[name] = [_numbers(path, name, row, cell) for row, cell in enumerate(frame[name])]
     return frame

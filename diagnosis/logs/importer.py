@@ -1,10 +1,13 @@
 """Importers: convert published recordings into the log format, with their mechanism."""
 
-import json
 from abc import ABC, abstractmethod
 from pathlib import Path
 
 from diagnosis.logs.log import Log, LogError
+from files import bounded
+
+MOST_BYTES = 100_000_000
+"""Largest recording that is read."""
 
 
 class Importer(ABC):
@@ -28,9 +31,9 @@ def files(path: Path, pattern: str) -> list[Path]:
 def read_json(path: Path) -> dict:
     """A JSON object; raises LogError."""
     try:
-        data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise LogError(f"{path} cannot be read as JSON: {error}") from None
+        data = bounded.read_json(path, MOST_BYTES)
+    except bounded.FileError as error:
+        raise LogError(str(error)) from None
     if not isinstance(data, dict):
         raise LogError(f"{path} holds no JSON object; is it a recording of this kind?")
     return data

@@ -3,12 +3,13 @@
 Whatever cannot be read is one line: what is wrong, where, and what is allowed. Dates stay text.
 """
 
-import stat
 from pathlib import Path
 from typing import Any
 
 import yaml
 from yaml.constructor import ConstructorError
+
+from files.bounded import FileError, one_line, read_text
 
 MOST_BYTES = 1_000_000
 """Largest file that is read."""
@@ -18,11 +19,9 @@ MOST_DEPTH = 50
 """Deepest nesting."""
 MERGE = "tag:yaml.org,2002:merge"
 """Tag of `<<`, which takes over the keys of another mapping."""
-MOST_WORDS = 160
-"""Characters of a parser's message that are repeated."""
 
 
-class PlainYamlError(ValueError):
+class PlainYamlError(FileError):
     """A file is no plain YAML; the message is complete."""
 
 
@@ -54,26 +53,21 @@ _Loader.yaml_implicit_resolvers = {
 def read_plain_yaml(path: Path) -> Any:
     """The data of a YAML file; raises PlainYamlError, or FileNotFoundError where there is none."""
     try:
-        kind = path.stat()
-        if not stat.S_ISREG(kind.st_mode):
-            raise PlainYamlError(f"{path} is no file with text")
-        if kind.st_size > MOST_BYTES:
-            raise PlainYamlError(f"{path} has {kind.st_size} bytes; allowed: up to {MOST_BYTES}")
-        data = yaml.load(path.read_text(encoding="utf-8"), Loader=_Loader)  # noqa: S506 - safe
+        data = yaml.load(read_text(path, MOST_BYTES), Loader=_Loader)  # noqa: S506 - safe
         _refuse_large(path, data)
         return data
     except (PlainYamlError, FileNotFoundError):
         raise
-    except OSError as error:
-        raise PlainYamlError(f"{path} cannot be read: {error.strerror}") from error
+    except FileError as error:
+        raise PlainYamlError(str(error)) from error
     except RecursionError as error:
         raise PlainYamlError(f"{path} is nested too deeply") from error
     except yaml.MarkedYAMLError as error:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
-        what = _short(error.problem or str(error))
+        what = one_line(error.problem or str(error))
         raise PlainYamlError(f"{path} cannot be read as YAML: {where}{what}") from error
     except (yaml.YAMLError, ValueError) as error:
-        raise PlainYamlError(f"{path} cannot be read as YAML: {_short(str(error))}") from error
+        raise PlainYamlError(f"{path} cannot be read as YAML: {one_line(str(error))}") from error
 
 
 def _refuse_large(path: Path, data: Any) -> None:
@@ -90,9 +84,3 @@ def _refuse_large(path: Path, data: Any) -> None:
         inner = value.values() if isinstance(value, dict) else value
         if isinstance(value, list | dict):
             waiting.extend((one, depth + 1) for one in inner)
-
-
-def _short(text: str) -> str:
-    """A message on one line, of bounded length."""
-    line = " ".join(text.split())
-    return line if len(line) <= MOST_WORDS else f"{line[:MOST_WORDS]} ..."

@@ -9,12 +9,13 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 FLOORS = {
-    "backends": set(),
-    "tasks": {"backends"},
-    "baselines": {"tasks", "backends"},
-    "diagnosis": {"baselines", "tasks", "backends"},
-    "leaderboard": set(),
-    "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends"},
+    "files": set(),
+    "backends": {"files"},
+    "tasks": {"backends", "files"},
+    "baselines": {"tasks", "backends", "files"},
+    "diagnosis": {"baselines", "tasks", "backends", "files"},
+    "leaderboard": {"files"},
+    "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends", "files"},
 }
 HOMES = {
     "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"}

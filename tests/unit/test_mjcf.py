@@ -378,7 +378,7 @@ def test_a_drive_without_a_limit_gets_one_that_never_matters():
         (lambda: robot_log(PENDULUM, {"a": servo()}, linear=True), "'a' turns in the MJCF"),
         (lambda: robot_log(RAIL, MECHANISMS["rail"][1]), "'x' slides in the MJCF"),
         (lambda: robot_log(ARM, {"yaw": servo()}), "robot.xml: joint 'shoulder' has no drive"),
-        (lambda: robot_log("<mujoco", {"a": servo()}), "robot.xml: MuJoCo cannot compile"),
+        (lambda: robot_log("<mujoco", {"a": servo()}), "robot.xml: it is no XML"),
     ],
 )
 def test_logs_that_do_not_fit_their_mjcf_are_refused(log, words):

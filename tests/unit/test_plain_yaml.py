@@ -30,7 +30,7 @@ def test_plain_data_is_read(tmp_path):
         ("a: [", "cannot be read as YAML: line 1"),
         ("{[1]: 2}", "a key is no name"),
         ("x" * 1_000_001, "allowed: up to 1000000"),
-        (b"\xff\xfe\x00", "cannot be read as YAML"),
+        (b"\xff\xfe\x00", "cannot be read as UTF-8"),
     ],
 )
 def test_what_is_not_plain_is_refused_in_one_line(tmp_path, text, said):
@@ -48,5 +48,5 @@ def test_what_is_not_plain_is_refused_in_one_line(tmp_path, text, said):
 def test_a_device_is_no_file(tmp_path):
     """Refuse what has no end."""
     (tmp_path / "a.yaml").symlink_to("/dev/zero")
-    with pytest.raises(PlainYamlError, match="no file with text"):
+    with pytest.raises(PlainYamlError, match="no file with data"):
         read_plain_yaml(tmp_path / "a.yaml")

@@ -367,7 +367,7 @@ def test_a_damaged_evaluation_is_reported(runs, tmp_path, capfd):
     capfd.readouterr()
     assert cli.call(arguments) == 1
     found = json.loads(capfd.readouterr().out)
-    assert f"{own} cannot be read" in found["problems"][0]
+    assert f"{own} is incomplete" in found["problems"][0]
     assert [(row["deploy"], row["retention"]) for row in found["matrix"]] == [("mujoco none", None)]
     for file in files:
         file.write_bytes(b"")
