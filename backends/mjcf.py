@@ -29,6 +29,8 @@ ROOM = {int(mujoco.mjtJoint.mjJNT_HINGE): np.pi, int(mujoco.mjtJoint.mjJNT_SLIDE
 """Range of a joint without limits, to either side [rad or m]."""
 LEAST_KGM2 = 1e-9
 """Least inertia that a joint moves: that of a needle of 1 mg and 5 cm [kg m^2], of a slide [kg]."""
+NEAR = 0.01
+"""Distance from an end stop at which it may act, over the joint's range."""
 FROM_FILES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
 """Geoms whose shape is in another file; the MJCF holds only its name."""
 
@@ -68,17 +70,31 @@ def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
     )
 
 
-def left_out(xml: str) -> tuple[str, ...]:
-    """What the MJCF text has and the mechanism lacks, in words; raises MjcfError."""
+def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
+    """What the MJCF text has and the mechanism lacks, in words; raises MjcfError.
+
+    `spans` holds the lowest and the highest position of each joint [rad or m]: end stops count
+    where a joint comes near one.
+    """
     model, _ = _compiled(xml)
     touching = ((model.geom_contype != 0) & (model.geom_conaffinity != 0)).sum()
-    limited = [model.joint(j).name for j in np.flatnonzero(model.jnt_limited)]
+    stopped = [
+        name
+        for j in np.flatnonzero(model.jnt_limited)
+        if (name := model.joint(j).name) in spans and _reaches(spans[name], model.jnt_range[j])
+    ]
     said = {
         f"contacts of {touching} geoms: the mechanism moves in free air": touching > 1,
-        f"end stops of {', '.join(limited)}": bool(limited),
+        f"end stops, which the log reaches: {', '.join(stopped)}": bool(stopped),
         f"{model.nu} actuators: drives stand in log.yaml": model.nu > 0,
     }
     return tuple(text for text, applies in said.items() if applies)
+
+
+def _reaches(span: tuple[float, float], stops: np.ndarray) -> bool:
+    """Whether a motion comes within NEAR of an end stop."""
+    near = NEAR * (stops[1] - stops[0])
+    return bool(span[0] < stops[0] + near or span[1] > stops[1] - near)
 
 
 def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:

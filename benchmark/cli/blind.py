@@ -196,9 +196,7 @@ def judge(
 @app.command(context_settings=HELP)
 @command()
 def calibrate(
-    folders: Annotated[
-        list[Path], typer.Argument(metavar="DIR...", help="Folders of solved sets.")
-    ],
+    folders: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of solved sets.")],
     answers: Annotated[
         list[Path],
         typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),

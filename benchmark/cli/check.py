@@ -49,7 +49,7 @@ def measure_speed(
 def verify(
     runs: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[RUN]...", help="Folders of finished runs, or of many."),
+        typer.Argument(metavar="RUN", help="Folders of finished runs, or of many."),
     ] = None,
     sample: Annotated[
         int | None,
@@ -73,7 +73,7 @@ def verify(
 def list_parts(
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="[KIND]", help="One kind: " + ", ".join((*registry.KINDS, "stick"))),
+        typer.Argument(metavar="KIND", help="One kind: " + ", ".join((*registry.KINDS, "stick"))),
     ] = None,
     support: Annotated[
         bool, typer.Option("--support", help="How each engine supports every number.")

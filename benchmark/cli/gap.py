@@ -65,7 +65,7 @@ def diagnose(
     logs: Annotated[
         list[Path],
         typer.Argument(
-            metavar="LOG...",
+            metavar="LOG",
             help="Folder of the log; several of one mechanism under several settings with --judge.",
         ),
     ],

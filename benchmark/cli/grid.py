@@ -99,7 +99,7 @@ def transfer(
 def leaderboard(
     sources: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="[RUN]...", help="Run folders, folders of them, or JSON rows."),
+        typer.Argument(metavar="RUN", help="Run folders, folders of them, or JSON rows."),
     ] = None,
     add: Annotated[
         bool, typer.Option("--add", help="Copy the rows into OUT/results, to keep them.")

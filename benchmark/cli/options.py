@@ -45,7 +45,7 @@ IncludeSmoke = Annotated[bool, typer.Option("--include-smoke", help="Take smoke 
 # What is given.
 Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")]
 Runs = Annotated[
-    list[Path], typer.Argument(metavar="RUN...", help="Folders of finished runs, or of many.")
+    list[Path], typer.Argument(metavar="RUN", help="Folders of finished runs, or of many.")
 ]
 Log = Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")]
 Policy = Annotated[

@@ -114,7 +114,7 @@ def evaluate(
 )
 def view(
     run_folders: Annotated[
-        list[Path], typer.Argument(metavar="RUN...", help="Folder of a run; curve takes several.")
+        list[Path], typer.Argument(metavar="RUN", help="Folder of a run; curve takes several.")
     ],
     out: OutFile,
     settings: dict[str, Any],

@@ -43,8 +43,9 @@ def left_out(log: Log) -> tuple[str, ...]:
     from backends.mjcf import MjcfError, left_out
 
     xml, settings = _parts(log)
+    read = {joint: log.samples[log.column("position", joint)] for joint in log.joints}
     try:
-        return left_out(xml)
+        return left_out(xml, {j: (float(q.min()), float(q.max())) for j, q in read.items()})
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
 

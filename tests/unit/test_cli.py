@@ -215,6 +215,12 @@ def test_an_option_means_the_same_everywhere():
     assert not {name: found for name, found in kinds.items() if len(found) > 1}
 
 
+def test_arguments_are_named_alike():
+    """Name an argument by one word; the usage line says whether it is needed and repeatable."""
+    arguments = [p for _, one in below(COMMANDS, ()) for p in one.params if p.nargs == -1]
+    assert {p.metavar for p in arguments} == {"RUN", "LOG", "DIR"}
+
+
 def test_every_command_takes_the_shared_options():
     """Have --json, -v and -q everywhere, and a help text for every option."""
     for name in {name for name, _ in declared()}:

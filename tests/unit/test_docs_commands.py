@@ -14,7 +14,7 @@ import yaml
 from benchmark import quantities, registry
 from benchmark.cli import app as cli
 from benchmark.effects import parse_effects
-from benchmark.run_spec import HANDS, SETTINGS, RunSpec
+from benchmark.run_spec import HANDS, SETTINGS, RunSpec, read_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -89,6 +89,9 @@ def check_values(params: dict[str, Any]) -> None:
         elif name in ("backend", "nominal"):
             for one in value.split(","):
                 assert one == "all" or registry.check("backend", one)
+        elif name == "setting":
+            for text in value:
+                read_settings(dict(pair.split("=") for pair in text.split(",")))
         elif setting is not None:
             setting.read(value)
         elif name in UNITS:

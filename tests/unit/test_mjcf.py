@@ -273,9 +273,11 @@ def test_what_is_left_out_is_said():
         .replace("</body>", '<geom size="0.1"/></body><geom type="plane" size="1 1 1"/>')
         .replace("</mujoco>", '<actuator><motor joint="a"/></actuator></mujoco>')
     )
-    assert left_out(PENDULUM) == ()
-    said = " ".join(left_out(more))
-    assert "contacts of 2 geoms" in said and "end stops of a" in said and "1 actuators" in said
+    assert left_out(PENDULUM, {"a": (-3.0, 3.0)}) == ()
+    said = " ".join(left_out(more, {"a": (-0.4, np.deg2rad(29.9))}))
+    assert "contacts of 2 geoms" in said and "which the log reaches: a" in said
+    assert "1 actuators" in said
+    assert "end stops" not in " ".join(left_out(more, {"a": (-0.4, 0.4)}))
 
 
 LINK = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
