@@ -52,7 +52,7 @@ from diagnosis.logs.log import Log, LogError
 from diagnosis.recording.excitation import FREE
 from diagnosis.result import Diagnosis
 from diagnosis.shrinkage import gap, shrinkage
-from diagnosis.triage.triage import refuse_bugs
+from diagnosis.triage.triage import triage
 
 E = TypeVar("E", bound=Evidence)
 ALONE = "lost packets, touch, stick and contact: diagnose each log by itself"
@@ -233,7 +233,7 @@ def _gathered(
 ) -> tuple[tuple[Evidence, ...], tuple[Finding, ...]]:
     """The evidence for every limb, and what its sensors and rests tell that replays do not."""
     parts = gather(log, nominal, rules().floor)
-    refuse_bugs(parts)
+    triage(log, nominal)
     sensors = sensed(parts, catalogue)
     seen = tuple(widened(part, sensors) for part in parts)
     found = plays(seen, catalogue, log.meta.nominal_uncertainty)

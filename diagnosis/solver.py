@@ -33,6 +33,7 @@ from diagnosis.search.search import Found, Search
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
+from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
 from diagnosis.verdict.sensors import loss_finding, sensor_findings
@@ -147,6 +148,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         if sensors[-1].effect in asked.catalogue:
             fitter, found = _searched(told, known, ordinary, progress)
     result = decide(fitter, found, ordinary, sensors)
+    result = with_play(result, said, asked.catalogue, asked.uncertainty)
     return Judged(result=result, evidence=said, fitter=fitter, found=found)
 
 

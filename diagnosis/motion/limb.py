@@ -138,17 +138,25 @@ class Limb:
         `numbers` (K, len(COLUMNS)) of the joints; `tilt` (2,) of gravity about `AXES` and
         `shift` (K,) of the starts [rad].
         """
+        episodes = enumerate(self.edges)
+        return np.concatenate([self.readings(n, e, numbers, tilt, shift) for n, e in episodes])
+
+    def readings(
+        self,
+        number: int,
+        edges: Array,
+        numbers: Array,
+        tilt: Array | None = None,
+        shift: Array | float = 0.0,
+    ) -> Array:
+        """See `simulate`: of one episode, as means of samples between edges (B + 1,)."""
         numbers = np.ascontiguousarray(numbers)
-        found = []
-        for number in range(len(self.recordings)):
-            ticks = self.ticks(number, numbers, tilt, shift)
-            edges = self.edges[number]
-            shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
-            if ticks is not None:
-                at = self._ticks[number].at
-                sense(ticks, at, edges, self._at_motor, numbers, self.dt, shown)
-            found.append(shown)
-        return np.concatenate(found)
+        ticks = self.ticks(number, numbers, tilt, shift)
+        shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
+        if ticks is not None:
+            at = self._ticks[number].at
+            sense(ticks, at, edges, self._at_motor, numbers, self.dt, shown)
+        return shown
 
     def ticks(
         self,

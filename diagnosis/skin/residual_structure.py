@@ -36,7 +36,7 @@ class Left:
     regressors: Array
     """Shape (R, n)."""
 
-    def taught(self) -> Array:
+    def fitted(self) -> Array:
         """Coefficients (R,) that explain the answers best."""
         start = np.zeros(len(self.regressors))
         return np.asarray(minimize(self._cost, start, jac=True).x)

@@ -28,13 +28,15 @@ APART, EDGE = 0.02, 2 * SHARP
 DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 TURNS = 2
 """How often two faults are fitted in turns."""
+THRESHOLD, DRIFT, DEAD, HALO = "threshold_m", "drift_m_s", "dead_share", "halo_m"
+"""Faults of a skin, as the numbers of `backends.spec.Taxels` that they change."""
 FIELDS = {
-    "taxel-threshold": ("threshold_m",),
-    "taxel-drift": ("slope_m_s", "fastest_m_s"),
-    "taxel-dropout": ("dead", "dead_share"),
-    "taxel-halo": ("halo_m",),
+    THRESHOLD: ("threshold_m",),
+    DRIFT: ("slope_m_s", "fastest_m_s"),
+    DEAD: ("dead", "dead_share"),
+    HALO: ("halo_m",),
 }
-"""Numbers that an effect changes."""
+"""Numbers of `Faults` that a fault is."""
 NEXT_M = 1e-5
 """Distances between taxels that differ by less are one."""
 
@@ -43,7 +45,8 @@ NEXT_M = 1e-5
 class Guess:
     """A fault of the size that fits best."""
 
-    effect: str
+    fault: str
+    """One of `FIELDS`."""
     value: float
     """In all, with what is nominal."""
     interval: tuple[float, float]
@@ -61,16 +64,16 @@ class Fitting:
         self._data = data
         self._apart = np.linalg.norm(grid[:, :, None] - grid[:, None], axis=-1)
 
-    def guess(self, effect: str, faults: Faults) -> Guess | None:
-        """The best size of an effect; None where it is none."""
+    def guess(self, fault: str, faults: Faults) -> Guess | None:
+        """The best size of a fault; None where it is none."""
         return {
-            "taxel-threshold": self._threshold,
-            "taxel-drift": self._drift,
-            "taxel-dropout": self._dead,
-            "taxel-halo": self._halo,
-        }[effect](faults)
+            THRESHOLD: self._threshold,
+            DRIFT: self._drift,
+            DEAD: self._dead,
+            HALO: self._halo,
+        }[fault](faults)
 
-    def both(self, effects: tuple[str, str], start: Faults, faults: Faults) -> Faults:
+    def both(self, pair: tuple[str, str], start: Faults, faults: Faults) -> Faults:
         """The skin with two faults that fit best together, from one that may have either.
 
         Who answers late and wide looks like who answers early and less wide, and a guess of the one
@@ -78,35 +81,35 @@ class Fitting:
         a drift spreads by, and the rest in turns.
         """
         tries = [faults]
-        if "taxel-threshold" in effects:
-            other = next(name for name in effects if name != "taxel-threshold")
+        if THRESHOLD in pair:
+            other = next(name for name in pair if name != THRESHOLD)
             late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
             tries += [self.alone(other, skin, skin) for skin in late]
-        elif set(effects) == {"taxel-drift", "taxel-halo"}:
+        elif set(pair) == {DRIFT, HALO}:
             tries.append(self._spreading(start))
         best = max(tries, key=self.nats)
         for _ in range(TURNS):
-            for effect in reversed(effects):
-                best = self.alone(effect, start, best)
+            for fault in reversed(pair):
+                best = self.alone(fault, start, best)
         return best
 
-    def beside(self, effect: str, start: Faults, faults: Faults) -> Guess | None:
-        """The best size of an effect beside the other faults of a skin."""
-        return self.guess(effect, _without(effect, start, faults))
+    def beside(self, fault: str, start: Faults, faults: Faults) -> Guess | None:
+        """The best size of a fault beside the other faults of a skin."""
+        return self.guess(fault, _without(fault, start, faults))
 
-    def alone(self, effect: str, start: Faults, faults: Faults) -> Faults:
+    def alone(self, fault: str, start: Faults, faults: Faults) -> Faults:
         """The skin with one of its faults fitted again, or without it where there is none."""
-        guess = self.beside(effect, start, faults)
-        return guess.faults if guess is not None else _without(effect, start, faults)
+        guess = self.beside(fault, start, faults)
+        return guess.faults if guess is not None else _without(fault, start, faults)
 
     def nats(self, faults: Faults) -> float:
         """Log-likelihood of the samples [nats]."""
         return float(nats(self._data, faults, self._near(faults)).sum())
 
-    def foretold(self, other: "Fitting", faults: Faults) -> float:
+    def cross_validated_gain(self, other: "Fitting", faults: Faults) -> float:
         """Cross-validated gain of these samples on the residuals of others [nats]."""
         mine, theirs = (left(f._data, faults, f._apart, f._near(faults)) for f in (self, other))
-        return theirs.gain(mine.taught())
+        return theirs.gain(mine.fitted())
 
     def gap(self, faults: Faults, finger: int | None = None) -> float:
         """See `_skin.gap`."""
@@ -123,7 +126,7 @@ class Fitting:
         if low <= faults.threshold_m <= high:
             return None
         return Guess(
-            effect="taxel-threshold",
+            fault=THRESHOLD,
             value=best,
             interval=(low, high),
             faults=replace(faults, threshold_m=best),
@@ -147,7 +150,7 @@ class Fitting:
         good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
         low, high = float(ends[good[0]]), float(ends[good[-1] + 1])
         return Guess(
-            effect="taxel-halo",
+            fault=HALO,
             value=(low + high) / 2,
             interval=(low, high),
             faults=tries[best],
@@ -165,7 +168,7 @@ class Fitting:
         good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
         value = float(tried[best + 1])
         return Guess(
-            effect="taxel-drift",
+            fault=DRIFT,
             value=value,
             interval=(float(tried[good[0]]), float(tried[min(good[-1] + 2, len(tried) - 1)])),
             faults=replace(faults, slope_m_s=mean[best], fastest_m_s=value),
@@ -248,7 +251,7 @@ class Fitting:
             return None
         known = int((np.abs(dead - alive) > 1.0).sum())
         return Guess(
-            effect="taxel-dropout",
+            fault=DEAD,
             value=best,
             interval=(max(low, 0.0), min(high, 1.0)),
             faults=replace(faults, dead=silent, dead_share=best),
@@ -256,9 +259,9 @@ class Fitting:
         )
 
 
-def _without(effect: str, start: Faults, faults: Faults) -> Faults:
+def _without(fault: str, start: Faults, faults: Faults) -> Faults:
     """A skin without one of its faults: with that of the one to start from."""
-    return replace(faults, **{name: getattr(start, name) for name in FIELDS[effect]})
+    return replace(faults, **{name: getattr(start, name) for name in FIELDS[fault]})
 
 
 def profile(values: Array, scores: Array) -> tuple[float, float, float]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.triage._bugs import BETTER, CLEAR
+from diagnosis.triage._faults import BETTER, CLEAR
 from diagnosis.triage._tracks import Track, correlations
 
 FINE = 0.01
@@ -105,7 +105,7 @@ def _paced(track: Track) -> Clock | None:
     if not tried[pace] * BETTER < track.misfit or tried[pace] > EXACT:
         return None
     delayed = _misfit(track, _lag_s(track, track.shown))
-    if tried[pace] * RIVAL > min(delayed, _damped(track, 1 / pace).misfit):
+    if tried[pace] * RIVAL > min(delayed, track.replayed(damped=1 / pace).misfit):
         return None
     factor, how = (pace, "short") if pace > 1 else (1 / pace, "long")
     return Clock(
@@ -114,16 +114,6 @@ def _paced(track: Track) -> Clock | None:
         f"(misfit {tried[pace]:.2g} of the motion, {track.misfit:.2g} with the times as they are)",
         remedy=f"check the sample period: the time stamps seem to be {factor:g} times too {how}",
     )
-
-
-def _damped(track: Track, factor: float) -> Track:
-    """The same track compared with a nominal world with another derivative gain."""
-    drives = (
-        dataclasses.replace(d, kd_nms_rad=d.kd_nms_rad * factor) for d in track.limb.nominal.drives
-    )
-    nominal = track.limb.nominal.with_drives(drives)
-    limb = dataclasses.replace(track.limb, nominal=nominal)
-    return dataclasses.replace(track, limb=limb).replayed()
 
 
 def _lag_s(track: Track, cause: list[Array]) -> float:

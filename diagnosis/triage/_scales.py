@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.triage._bugs import CLEAR, SCALES, Finding, best_line, less
+from diagnosis.triage._faults import CLEAR, SCALES, Fault, best_line, less
 from diagnosis.triage._tracks import Track, line
 
 UNITS = {
@@ -21,14 +21,14 @@ BEYOND, WITHIN = 3.0, 1.5
 within the second."""
 
 
-def scale(track: Track) -> Finding | None:
+def scale(track: Track) -> Fault | None:
     """Sign and unit, from the change of position per change of command."""
     found, cause = best_line(track)
     if abs(found.correlation) < CLEAR:
         return None
     moves = f"the position moves {found.slope:.3g} times as far as {cause}"
     if SCALES[0] < -found.slope < SCALES[1]:
-        return Finding(
+        return Fault(
             kind="sign",
             joints=(track.name,),
             evidence=f"{moves} (correlation {found.correlation:.2f})",
@@ -38,7 +38,7 @@ def scale(track: Track) -> Finding | None:
         return _both_in_another_unit(track)
     unit = _unit(abs(found.slope), track.slides)
     si = "m" if track.slides else "rad"
-    return Finding(
+    return Fault(
         kind="unit",
         joints=(track.name,),
         evidence=f"{moves}: {unit or 'counts of an unknown encoder, or another gear ratio'}",
@@ -55,15 +55,15 @@ def _unit(scale: float, slides: bool) -> str | None:
     return None
 
 
-def _both_in_another_unit(track: Track) -> Finding | None:
+def _both_in_another_unit(track: Track) -> Fault | None:
     """Command and position both far beyond the joint's range, and within it in another unit."""
-    low, high = track.limb.nominal.hand.driven[track.index].joint.range_rad
+    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
     reach, room = max(np.abs(c).max() for c in track.command), max(abs(low), abs(high))
     unit, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
     if reach < BEYOND * room or reach / size > WITHIN * room:
         return None
     si = "m" if track.slides else "rad"
-    return Finding(
+    return Fault(
         kind="unit",
         joints=(track.name,),
         evidence=f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}: commands and "
@@ -72,12 +72,12 @@ def _both_in_another_unit(track: Track) -> Finding | None:
     )
 
 
-def sides(track: Track) -> Finding | None:
+def sides(track: Track) -> Fault | None:
     """Signs of motor angle and torque, compared with the nominal world."""
     for channel in ("motor", "torque"):
         found = line(track.shown_of(channel), track.measured(channel))
         if found.correlation < -CLEAR:
-            return Finding(
+            return Fault(
                 kind="sign",
                 joints=(track.name,),
                 evidence=f"the column '{channel}' has the opposite sign of the nominal world "
@@ -87,15 +87,15 @@ def sides(track: Track) -> Finding | None:
     return None
 
 
-def pushed_way(track: Track) -> Finding | None:
+def pushed_way(track: Track) -> Fault | None:
     """Sign of a known push, from the way in which it moves the joint."""
-    if not any(r.commands.load[:, track.index].any() for r in track.limb.recordings):
+    if not track.is_pushed:
         return None
     alone = track.shown_of("position", pushed=0.0)
     found = line(less(track.shown, alone), less(track.position, alone))
     if found.correlation > -CLEAR:
         return None
-    return Finding(
+    return Fault(
         kind="sign",
         joints=(track.name,),
         evidence=f"the joint moves against its pushes (correlation {found.correlation:.2f})",

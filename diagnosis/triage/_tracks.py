@@ -6,19 +6,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.attribution.evidence import USED, Evidence
-from diagnosis.replay.replay import CHANNELS
-from diagnosis.replay.replay import replay as _replay
+from diagnosis.motion.columns import KD
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import CHANNELS, Recording
 
 STILL = 1e-6
 """Share of a motion's size below which a signal counts as still."""
+FARTHEST, LEAST = 5.0, 1.0
+"""No joint moves by so many times its command's range, where that is at least a radian or metre."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Track:
     """A joint over all episodes of its limb; lists hold an array (T,) per episode."""
 
-    limb: Evidence
+    limb: Limb
+    """Its limb, about a motion that may be one, see `_within_reach`."""
     index: int
     """Column of the joint in its limb."""
     time_s: list[Array]
@@ -35,17 +38,22 @@ class Track:
     @property
     def slides(self) -> bool:
         """Whether it is a slide."""
-        return self.limb.nominal.hand.driven[self.index].joint.slides
+        return self.limb.spec.hand.driven[self.index].joint.slides
 
     @property
     def dt_s(self) -> float:
-        """Sample period [s], the median over all episodes."""
-        return float(np.median(np.concatenate([np.diff(t) for t in self.time_s])))
+        """Sample period [s]."""
+        return self.limb.period_s
 
     @property
     def travel(self) -> float:
         """Largest range of the commands in one episode [rad or m]."""
         return max(float(np.ptp(c)) for c in self.command)
+
+    @property
+    def is_pushed(self) -> bool:
+        """Whether a known torque acts on it."""
+        return any(r.push[:, self.index].any() for r in self.limb.recordings)
 
     @property
     def misfit(self) -> float:
@@ -57,47 +65,73 @@ class Track:
 
     def measured(self, channel: str) -> list[Array]:
         """Readings of a channel per episode; NaN where none were logged."""
-        row = USED.index(channel)
-        return [r.measured[row, :, self.index] for r in self.limb.recordings]
+        row = CHANNELS.index(channel)
+        return [r.measured[:, row, self.index] for r in self.limb.recordings]
 
-    def replayed(self, *, started: float = 0.0, paced: float = 1.0, pushed: float = 1.0) -> "Track":
-        """The same track with another replay: start shifted, or time or pushes scaled."""
-        return replace(self, shown=self.shown_of("position", started, paced, pushed))
+    def replayed(self, **other: float) -> "Track":
+        """The same track beside another nominal world, see `shown_of`."""
+        return replace(self, shown=self.shown_of("position", **other))
 
     def shown_of(
-        self, channel: str, started: float = 0.0, paced: float = 1.0, pushed: float = 1.0
+        self,
+        channel: str,
+        *,
+        started: float = 0.0,
+        paced: float = 1.0,
+        pushed: float = 1.0,
+        damped: float = 1.0,
     ) -> list[Array]:
-        """A channel of the nominal world per episode, see `replayed`."""
-        found = []
-        for recording in self.limb.recordings:
-            asked = recording.commands
-            start, load = asked.start.copy(), asked.load.copy()
-            start[self.index] += started
-            load[:, self.index] *= pushed
-            ticks = np.round(asked.ticks * paced).astype(np.int64)
-            changed = replace(asked, ticks=ticks, start=start, load=load)
-            row = _replay(self.limb.nominal, changed)[CHANNELS.index(channel)]
-            found.append(row[:, self.index])
-        return found
+        """A channel of the nominal world per episode.
+
+        With its start shifted, or time, pushes or the derivative gains multiplied.
+        """
+        row, numbers = CHANNELS.index(channel), self.limb.nominal.copy()
+        numbers[:, KD] *= damped
+        shift = started * np.eye(len(numbers))[self.index]
+        limb = self.limb
+        if (paced, pushed) != (1.0, 1.0):
+            every = tuple(self._changed(r, paced, pushed) for r in limb.recordings)
+            limb = replace(limb, recordings=every)
+        return [shown[:, row, self.index] for shown in _shown(limb, numbers, shift)]
+
+    def _changed(self, recording: Recording, paced: float, pushed: float) -> Recording:
+        push = recording.push.copy()
+        push[:, self.index] *= pushed
+        return replace(recording, time_s=recording.time_s * paced, push=push)
 
 
-def tracks(limbs: Sequence[Evidence]) -> list[Track]:
+def tracks(limbs: Sequence[Limb]) -> list[Track]:
     """The joints of all limbs; each limb is replayed once."""
     return [track for limb in limbs for track in _of_limb(limb)]
 
 
-def _of_limb(limb: Evidence) -> Iterator[Track]:
-    shown = [_replay(limb.nominal, r.commands)[0] for r in limb.recordings]
-    period_s = limb.nominal.timing.drive_s
+def _of_limb(limb: Limb) -> Iterator[Track]:
+    near = replace(limb, recordings=tuple(map(_within_reach, limb.recordings)))
+    shown = _shown(near, near.nominal, 0.0)
     for j in range(len(limb.joints)):
         yield Track(
-            limb=limb,
+            limb=near,
             index=j,
-            time_s=[r.commands.ticks * period_s for r in limb.recordings],
-            command=[r.commands.target[:, j] for r in limb.recordings],
-            position=[r.measured[0, :, j] for r in limb.recordings],
-            shown=[s[:, j] for s in shown],
+            time_s=[r.time_s for r in limb.recordings],
+            command=[r.command[:, j] for r in limb.recordings],
+            position=[r.measured[:, 0, j] for r in limb.recordings],
+            shown=[s[:, 0, j] for s in shown],
         )
+
+
+def _within_reach(recording: Recording) -> Recording:
+    """The recording with commands for positions that move so far that they are in another unit."""
+    command, position = recording.command, recording.measured[:, 0]
+    odd = np.ptp(position, axis=0) > FARTHEST * np.maximum(np.ptp(command, axis=0), LEAST)
+    measured = recording.measured.copy()
+    measured[:, 0] = np.where(odd, command, position)
+    return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
+
+
+def _shown(limb: Limb, numbers: Array, shift: Array | float) -> list[Array]:
+    """What the sensors of a limb would read, sample by sample, (T, 3, K) by episode."""
+    lengths = enumerate(len(r.time_s) for r in limb.recordings)
+    return [limb.readings(n, np.arange(t + 1), numbers, shift=shift) for n, t in lengths]
 
 
 def centred(episodes: Sequence[Array]) -> Iterator[Array]:
@@ -107,23 +141,23 @@ def centred(episodes: Sequence[Array]) -> Iterator[Array]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Line:
+class Regression:
     """Regression of one signal on another: slope and correlation, over all episodes."""
 
     slope: float
     correlation: float
 
 
-def line(cause: Sequence[Array], effect: Sequence[Array]) -> Line:
+def line(cause: Sequence[Array], effect: Sequence[Array]) -> Regression:
     """The regression of `effect` on `cause`; the correlation is 0 where either stands still."""
     x, y = (np.concatenate(list(centred(part))) for part in (cause, effect))
     if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        return Line(slope=0.0, correlation=0.0)
+        return Regression(slope=0.0, correlation=0.0)
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
     size = max(float(np.abs(np.concatenate(cause)).max()), 1e-12)
     if xx <= len(x) * (STILL * size) ** 2 or yy <= 0.0:
-        return Line(slope=0.0, correlation=0.0)
-    return Line(slope=xy / xx, correlation=xy / np.sqrt(xx * yy))
+        return Regression(slope=0.0, correlation=0.0)
+    return Regression(slope=xy / xx, correlation=xy / np.sqrt(xx * yy))
 
 
 def correlations(cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]) -> Array:

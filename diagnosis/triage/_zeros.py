@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.triage._bugs import BETTER, CLEAR, SCALES, Finding, best_line, less
+from diagnosis.triage._faults import BETTER, CLEAR, SCALES, Fault, best_line, less
 from diagnosis.triage._tracks import Track, line
 
 ZERO_RAD = np.radians(15)
@@ -15,7 +15,7 @@ SLIP_RAD, SLIP_RAD_S = np.pi / 2, 30.0
 """Jumps beyond these between two samples are no motion: the sensor has slipped or wrapped."""
 
 
-def convention(track: Track) -> Finding | None:
+def convention(track: Track) -> Fault | None:
     """Commands that are changes since the last sample or since the start of each episode."""
     if abs(best_line(track)[0].correlation) > CLEAR:
         return _relative(track)
@@ -23,7 +23,7 @@ def convention(track: Track) -> Finding | None:
     found = line(summed, track.position)
     if found.correlation < CLEAR or not SCALES[0] < found.slope < SCALES[1]:
         return None
-    return Finding(
+    return Fault(
         kind="convention",
         joints=(track.name,),
         evidence="the position follows the sum of the commands "
@@ -32,7 +32,7 @@ def convention(track: Track) -> Finding | None:
     )
 
 
-def _relative(track: Track) -> Finding | None:
+def _relative(track: Track) -> Fault | None:
     """Episodes that start at different positions, each with a command of zero."""
     starts = np.array([p[0] for p in track.position])
     offsets, apart = np.array(_offsets(track)), float(np.ptp(starts))
@@ -40,7 +40,7 @@ def _relative(track: Track) -> Finding | None:
         return None
     if np.abs(offsets - starts).max() > SAME_START * apart:
         return None
-    return Finding(
+    return Fault(
         kind="convention",
         joints=(track.name,),
         evidence=f"the commands of every episode start at 0, the positions start at {len(starts)} "
@@ -49,7 +49,7 @@ def _relative(track: Track) -> Finding | None:
     )
 
 
-def slips(track: Track) -> Finding | None:
+def slips(track: Track) -> Fault | None:
     """Jumps that no joint can make."""
     if track.slides:
         return None
@@ -59,7 +59,7 @@ def slips(track: Track) -> Finding | None:
     if not count or np.abs(np.concatenate([np.diff(c) for c in track.command])).max() > least:
         return None
     largest = np.degrees(np.abs(jumps).max())
-    return Finding(
+    return Fault(
         kind="zero",
         joints=(track.name,),
         evidence=f"the position jumps {count} times, by up to {largest:.0f} degrees in a sample",
@@ -67,7 +67,7 @@ def slips(track: Track) -> Finding | None:
     )
 
 
-def zero(track: Track) -> Finding | None:
+def zero(track: Track) -> Fault | None:
     """A constant offset from the nominal world, larger than the bias of a sensor."""
     offsets = _offsets(track)
     offset = float(np.median(offsets))
@@ -83,7 +83,7 @@ def zero(track: Track) -> Finding | None:
     size = f"{offset:.3g} m" if track.slides else f"{np.degrees(offset):.1f} degrees"
     most = f"{border:.3g} m" if track.slides else f"{np.degrees(border):.0f} degrees"
     relative = "; the commands start at 0" if _starts_at_zero(track) else ""
-    return Finding(
+    return Fault(
         kind="zero",
         joints=(track.name,),
         evidence=f"the positions are off by {size}; up to {most} would count as a sensor's bias"

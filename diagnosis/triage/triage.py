@@ -1,7 +1,8 @@
 """Triage: find faults in the data of a log before a cause is sought in the mechanism.
 
 Swapped columns, a wrong sign, unit, zero, convention of targets or clock: each leaves a gap that
-the search could wrongly explain by a physical effect. Each fault has its own test, which compares
+the search could wrongly explain by a physical effect. `triage` raises before it does, `faults`
+lists them. Each fault has its own test, which compares
 the position with the command and with the nominal world. The limits are beyond what any effect of
 the catalogue causes in a working mechanism:
 
@@ -15,59 +16,61 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from diagnosis.attribution.evidence import Evidence
-from diagnosis.logs.log import LogError
-from diagnosis.triage import _clocks as _bug_clocks
-from diagnosis.triage import _scales as _bug_scales
-from diagnosis.triage import _zeros as _bug_zeros
-from diagnosis.triage._bugs import CLEAR, Finding
+from backends.spec import Spec
+from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.replay import limbs
+from diagnosis.triage import _clocks, _scales, _zeros
+from diagnosis.triage._faults import CLEAR, Fault
 from diagnosis.triage._tracks import Track, line, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
 UNCLEAR = 0.5
 """Correlation below which two signals count as different motions."""
-TESTS: tuple[Callable[[Track], Finding | None], ...] = (
-    _bug_zeros.convention,
-    _bug_scales.scale,
-    _bug_zeros.slips,
-    _bug_zeros.zero,
-    _bug_scales.sides,
-    _bug_scales.pushed_way,
+TESTS: tuple[Callable[[Track], Fault | None], ...] = (
+    _zeros.convention,
+    _scales.scale,
+    _zeros.slips,
+    _zeros.zero,
+    _scales.sides,
+    _scales.pushed_way,
 )
 """Tests of one joint, in order; each assumes that the earlier ones passed."""
 
 
-class BugError(LogError):
-    """A log has faults in its data, so that no cause is sought in the mechanism."""
+class FaultError(LogError):
+    """The data of a log is faulty, so that no cause is sought in the mechanism."""
 
-    def __init__(self, findings: Sequence[Finding]) -> None:
-        said = "; ".join(str(finding) for finding in findings)
+    def __init__(self, faults: Sequence[Fault]) -> None:
+        said = "; ".join(str(fault) for fault in faults)
         super().__init__(f"the data of this log is faulty: {said}")
-        self.findings = tuple(findings)
+        self.faults = tuple(faults)
 
 
-def refuse_bugs(limbs: Sequence[Evidence]) -> None:
-    """Raise BugError if the data of a log is faulty."""
-    findings = triage(limbs)
-    if findings:
-        raise BugError(findings)
+def triage(log: Log, nominal: Spec) -> None:
+    """Raise FaultError if the data of a log is faulty."""
+    if found := faults(log, nominal):
+        raise FaultError(found)
 
 
-def triage(limbs: Sequence[Evidence]) -> tuple[Finding, ...]:
+def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
     """The faults in the data of a log, by joint; empty if there are none."""
-    every = tracks(limbs)
+    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
+    parts = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
+    every = tracks(parts)
     swapped = _order(every)
     if swapped:
         return swapped
-    found = [finding for track in every if (finding := _first(track))]
+    found = [fault for track in every if (fault := _first(track))]
     return tuple(found) or _clocks_of(every)
 
 
-def _first(track: Track) -> Finding | None:
-    return next((finding for test in TESTS if (finding := test(track))), None)
+def _first(track: Track) -> Fault | None:
+    return next((fault for test in TESTS if (fault := test(track))), None)
 
 
-def _order(every: Sequence[Track]) -> tuple[Finding, ...]:
+def _order(every: Sequence[Track]) -> tuple[Fault, ...]:
     """Joints whose positions follow each other's commands."""
     moving = [t for t in every if t.travel > 0.0]
     if len(moving) < 2:
@@ -80,7 +83,7 @@ def _order(every: Sequence[Track]) -> tuple[Finding, ...]:
     names = [t.name for t in moving]
     pairs = ", ".join(f"{names[k]} that of {names[best[k]]}" for k in wrong)
     return (
-        Finding(
+        Fault(
             kind="order",
             joints=tuple(names[k] for k in wrong),
             evidence=f"each follows another joint's command: {pairs} (correlation over {CLEAR})",
@@ -97,12 +100,12 @@ def _alike(position: Track, command: Track) -> float:
     return max(one.correlation for one in both)
 
 
-def _clocks_of(every: Sequence[Track]) -> tuple[Finding, ...]:
+def _clocks_of(every: Sequence[Track]) -> tuple[Fault, ...]:
     """The clock faults that the joints show, as one finding.
 
     A wrong sample period counts only if at least half of the moving joints show it.
     """
-    pairs = [(t, clock) for t in every if (clock := _bug_clocks.wrong(t))]
+    pairs = [(t, clock) for t in every if (clock := _clocks.wrong(t))]
     moving = sum(track.travel > 0.0 for track in every)
     shared = [pair for pair in pairs if pair[1].shared]
     if 2 * len(shared) < moving:
@@ -110,4 +113,4 @@ def _clocks_of(every: Sequence[Track]) -> tuple[Finding, ...]:
     if not pairs:
         return ()
     names, first = tuple(track.name for track, _ in pairs), pairs[0][1]
-    return (Finding(kind="clock", joints=names, evidence=first.evidence, remedy=first.remedy),)
+    return (Fault(kind="clock", joints=names, evidence=first.evidence, remedy=first.remedy),)

@@ -98,8 +98,8 @@ def test_the_json_object_keeps_its_promise(told):
 
 
 def test_the_compiled_replay_is_the_engine(told):
-    """Report a difference of rounding between the engine and what was replayed."""
-    assert told[0]["nominal"]["replay_apart_rad"] < 1e-9
+    """Report a difference far under a floor between the engine and what was replayed."""
+    assert told[0]["nominal"]["replay_apart_rad"] < 1e-4
 
 
 def test_the_effects_to_add_are_the_real_world(told):

@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
+from backends.effect import NumberEffect
 from backends.shard import simulate
 from backends.touch import taxel_grid
 from benchmark import registry
@@ -18,8 +19,10 @@ from diagnosis.logs.log import Log, read_log
 from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
 from diagnosis.skin.forward_model import Faults, Pressed, alone, expected
-from diagnosis.skin.skin_faults import _skins, identify_skin_faults
-from diagnosis.skin.taxel_fits import Fitting
+from diagnosis.skin.samples import samples
+from diagnosis.skin.search import Skins
+from diagnosis.skin.skin_faults import identify_skin_faults
+from diagnosis.skin.taxel_fits import DEAD, DRIFT, Fitting
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
@@ -133,7 +136,7 @@ def test_halves_have_seen_the_same_times():
     """Judge by halves of which each holds every time of some episode: a drift ends late in all."""
     parts = [part for part in held(log("none", "contact"), NOMINAL) if part.touch is not None]
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    skins, *_ = _skins(NOMINAL, parts, grid, True)
+    skins = Skins(samples(NOMINAL, parts, True).episodes, grid)
     one, other = (set(fit._data.time_s) for fit in skins._fits)
     assert len(parts) == 2 and one == other
 
@@ -160,11 +163,12 @@ def test_a_lone_fault_explains_what_seems_an_offset():
     """Fit a drift to the nominal skin too, where a threshold within the error was put first."""
     parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
+    seen = samples(NOMINAL, parts, binary=True)
+    skins, start = Skins(seen.episodes, grid), seen.start
     offset = replace(start, threshold_m=-0.03 * MM)
-    assert skins.fitted("taxel-drift", offset, offset).threshold_m == offset.threshold_m
+    assert skins.fitted(DRIFT, offset, offset).threshold_m == offset.threshold_m
     skins.bare = start
-    assert skins.fitted("taxel-drift", offset, offset).threshold_m == start.threshold_m
+    assert skins.fitted(DRIFT, offset, offset).threshold_m == start.threshold_m
 
 
 def _answers(depth_mm: float, time_s: float, **faults) -> float:
@@ -206,9 +210,10 @@ def test_a_second_fault_is_judged_beside_the_first_fitted_to_as_much():
     """Ask nothing of a second fault that is none but that it does no harm to the first."""
     parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    skins, start, _ = _skins(NOMINAL, parts, grid, binary=True)
-    drifts = skins.whole.guess("taxel-drift", start)
-    lead = skins.lead("taxel-dropout", start, drifts.faults, "taxel-drift")
+    seen = samples(NOMINAL, parts, binary=True)
+    skins, start = Skins(seen.episodes, grid), seen.start
+    drifts = skins.whole.guess(DRIFT, start)
+    lead = skins.lead(DEAD, start, drifts.faults, DRIFT)
     assert lead == pytest.approx(0.0, abs=1.0)
 
 
@@ -320,7 +325,7 @@ def test_a_drift_that_could_be_faster_still_is_unknown():
 
 
 @pytest.mark.parametrize("binary", [True, False])
-def test_samples_that_are_not_there_foretell_nothing(binary):
+def test_samples_that_are_not_there_predict_nothing(binary):
     """Learn nothing of a grasp that is too short for two halves, and go on."""
     skin, grid = np.zeros((2, 1, 3)), np.arange(9.0).reshape(1, 3, 3) * MM
     data = Pressed(
@@ -332,4 +337,22 @@ def test_samples_that_are_not_there_foretell_nothing(binary):
     )
     some, none = Fitting(data, grid), Fitting(data.some(np.zeros(0, dtype=int)), grid)
     faults = Faults(blur_m=1e-5)
-    assert none.foretold(some, faults) == some.foretold(none, faults) == 0.0
+    assert none.cross_validated_gain(some, faults) == some.cross_validated_gain(none, faults) == 0.0
+
+
+def test_a_fault_that_no_model_has_is_not_ignored():
+    """Say of an effect on taxels that the model of a skin lacks that it is not looked for."""
+
+    class Widened(NumberEffect):
+        group, dimension, unit = "touch", "length", "mm"
+        bounds, number, per_joint = (0.0, 1e-3), "taxels.reach_m", False
+
+    report = identify_skin_faults(log("none", "contact"), NOMINAL, {"taxel-reach": Widened})
+    assert report.findings == () and report.missing[0].startswith("taxel-reach: not looked for")
+
+
+def test_a_fault_is_known_by_the_number_that_it_changes():
+    """Name an effect by the name that the catalogue gives it, whatever that is."""
+    other = {"deaf-skin": CATALOGUE["taxel-threshold"]}
+    (one,) = identify_skin_faults(log("taxel-threshold=0.3mm", "contact"), NOMINAL, other).findings
+    assert one.effect == "deaf-skin"

@@ -1,24 +1,24 @@
-"""Play in logs that are slower than their drives: told by where joints rest, else not claimed."""
+"""Play in logs that are slower than their drives: by where joints rest, else not claimed."""
 
 import dataclasses
-from functools import cache
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from backends.effect import Effect
-from benchmark import registry
+from backends.effect import with_effects
 from benchmark.effects import parse_effects
-from diagnosis.attribution.evidence import Evidence
-from diagnosis.attribution.gather import gather
-from diagnosis.beside.lost_motion import lost_motion, plays
-from diagnosis.beside.slow import at_rest, is_slow, unjudged
-from diagnosis.diagnose import diagnose
-from diagnosis.finding import Finding
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.evidence.evidence import evidence as gathered
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
-from diagnosis.replay.nominal import mjcf_world, own_catalogue
-from diagnosis.replay.replay import replay
+from diagnosis.models.catalogue import catalogue
+from diagnosis.motion.columns import table
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.replay import limbs
+from diagnosis.solver import solve
+from diagnosis.verdict.lost_motion import lost_motion, play
 
 LEVER = """
 <mujoco model="lever"><worldbody><body>
@@ -27,7 +27,6 @@ LEVER = """
 </body></worldbody></mujoco>
 """
 KP, PUSH_NM, ROW_S = 40.0, 0.3, 0.1
-FLOOR = {"position": 2.5e-4, "motor": 2.5e-4, "torque": 5e-3}
 SHARE = 0.1
 """Uncertainty of the nominal drive."""
 RAMP = PUSH_NM * np.array([0.3, 0.7, 1, 1, 1, 1, 1, 0.7, 0.3])
@@ -70,14 +69,8 @@ def recorded(reading: np.ndarray, row_s: float = ROW_S) -> Log:
 def evidence(reading: np.ndarray, row_s: float = ROW_S) -> Evidence:
     """Evidence of a log of the lever."""
     log = recorded(reading, row_s)
-    (part,) = gather(log, mjcf_world(log), FLOOR)
-    return part
-
-
-@cache
-def catalogue() -> dict[str, type[Effect]]:
-    kinds = {name: registry.load("effect", name) for name in registry.names("effect")}
-    return own_catalogue(kinds, evidence(COMMAND).nominal)
+    (part,) = limbs(mjcf_world(log))
+    return gathered(Limb(spec=part, recordings=recordings(log, part), rigid=True))
 
 
 def at_equilibrium(half_rad: float, friction_nm: float, loop: str) -> np.ndarray:
@@ -102,58 +95,51 @@ def at_equilibrium(half_rad: float, friction_nm: float, loop: str) -> np.ndarray
     return np.array(read)
 
 
-def found(reading: np.ndarray) -> tuple[Finding, ...]:
-    return plays((evidence(reading),), catalogue(), SHARE)
-
-
 @pytest.mark.parametrize("drive", DRIVES)
 @pytest.mark.parametrize("half_rad", [0.008, 0.016])
 def test_play_is_found_whatever_the_friction(drive, half_rad):
     """Name backlash, and hold its size in the interval; a loop on the joint pulls some back."""
     share, loop = DRIVES[drive]
-    (one,) = found(at_equilibrium(half_rad, share * PUSH_NM, loop))
-    assert one.effect == "backlash" and one.joints == ("servo",) and one.instead
-    assert one.interval[0] <= half_rad
-    assert half_rad <= one.interval[1] or loop == "joint"
-    assert one.gap_after < one.gap_before
+    found = play(evidence(at_equilibrium(half_rad, share * PUSH_NM, loop)), 0, SHARE)
+    assert found is not None and found.joint == "servo"
+    assert found.interval_rad[0] <= half_rad
+    assert half_rad <= found.interval_rad[1] or loop == "joint"
+    assert found.after < found.before and found.share > 0.7
 
 
 @pytest.mark.parametrize("drive", DRIVES)
 def test_friction_is_no_play(drive):
     """Find nothing where friction alone makes a joint rest on the side that it was pushed to."""
     share, loop = DRIVES[drive]
-    assert found(at_equilibrium(0.0, share * PUSH_NM, loop)) == ()
+    assert play(evidence(at_equilibrium(0.0, share * PUSH_NM, loop)), 0, SHARE) is None
 
 
 @pytest.mark.parametrize(
-    "effects",
-    [
-        "none",
-        "coulomb-friction=150mNm",
-        "stiction=200mNm",
-        "kp-scale=-60%",
-        "series-elasticity=900%",
-    ],
+    "effects", ["none", "coulomb-friction=150mNm", "stiction=200mNm", "kp-scale=-60%"]
 )
 def test_what_moves_otherwise_is_no_play(effects):
-    """Find nothing in what the drive law shows of friction and of softer drives and teeth."""
-    part = evidence(COMMAND)
-    real = part.nominal
-    for effect in parse_effects(effects, real.hand):
-        real = effect.on_spec(real)
-    assert found(replay(real, part.recordings[0].commands)[0, :, 0]) == ()
+    """Find nothing in what the drive law shows of friction and of softer drives."""
+    limb = evidence(COMMAND).limb
+    world = with_effects(limb.spec, parse_effects(effects, limb.spec.hand))
+    every = np.arange(len(PUSH) + 1)
+    shown = limb.readings(0, every, table(world, rigid=True))[:, 0, 0]
+    assert play(evidence(shown), 0, SHARE) is None
 
 
 def test_a_slow_log_is_diagnosed_at_rest():
-    """Name play, say what is not told, and search no other cause of what rests show."""
-    log = recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor"))
-    said = diagnose(log, mjcf_world(log), catalogue())
+    """Name play, and say what this log cannot distinguish it from."""
+    said = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")))
     assert said.verdict == ("backlash",) and said.joints == ("servo",)
-    (row,) = said.indistinguishable
-    assert row["effects"] == ["backlash", "dead-zone"] and row["joints"] == ["servo", "servo"]
-    assert any("only its rests" in text for text in said.missing)
-    assert said.shrinkage.interval[0] > 0.9
-    assert said.limbs[0].attribution.singles == []
+    assert said.limbs[0].tied == (("dead-zone@servo",),)
+    assert any("motor's angle" in text for text in said.limbs[0].sentences)
+    assert said.share > 0.9
+
+
+def test_no_play_is_named_without_a_name_for_it():
+    """Leave the result alone where no effect of the catalogue is play."""
+    kinds = {name: kind for name, kind in catalogue().items() if name != "backlash"}
+    said = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
+    assert "backlash" not in said.verdict
 
 
 def test_lost_motion_is_what_lies_between_the_sides():
@@ -168,22 +154,7 @@ def test_lost_motion_is_what_lies_between_the_sides():
 def test_a_log_without_pushes_both_ways_has_no_lost_motion():
     """Say nothing where pushes come from one side."""
     part = evidence(at_equilibrium(0.01, 0.0, "motor"))
-    (recording,) = part.recordings
-    commands = dataclasses.replace(recording.commands, load=np.abs(recording.commands.load))
-    one_way = dataclasses.replace(recording, commands=commands)
-    assert lost_motion(dataclasses.replace(part, recordings=(one_way,)), 0) is None
-
-
-def test_slow_logs_are_compared_at_rest():
-    """Leave out what moves of a slow log, and say what to record; touch no other log."""
-    reading = np.convolve(at_equilibrium(0.01, 0.0, "motor"), np.full(5, 0.2), mode="same")
-    slow, quick = evidence(reading), evidence(reading, row_s=0.01)
-    assert is_slow(slow) and not is_slow(quick)
-    assert at_rest(quick) is quick and unjudged((quick,)) == ()
-    compared = np.isfinite(at_rest(slow).recordings[0].measured[0, :, 0])
-    steps = np.abs(np.diff(reading)) > 0.02
-    moves = np.append(False, steps) & np.append(steps, False)
-    assert compared.sum() > 100 and moves.any() and not compared[moves].any()
-    (text,) = unjudged((slow,))
-    assert "a row takes 100 ms" in text and "record" in text
-    assert plays((quick,), catalogue(), SHARE) == ()
+    (recording,) = part.limb.recordings
+    one_way = dataclasses.replace(recording, push=np.abs(recording.push))
+    limb = dataclasses.replace(part.limb, recordings=(one_way,))
+    assert lost_motion(dataclasses.replace(part, limb=limb), 0) is None

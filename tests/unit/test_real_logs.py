@@ -24,7 +24,7 @@ from diagnosis.diagnose import Diagnosis, diagnose
 from diagnosis.leading import leading
 from diagnosis.logs.log import Log, LogError
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
-from diagnosis.triage.triage import triage
+from diagnosis.triage.triage import faults
 
 REAL = Path(__file__).resolve().parents[3] / "shared/real_logs"
 FOLDERS = {"emps": "emps", "bam": "bam_xl330", "play-test": "robonine"}
@@ -67,7 +67,7 @@ def diagnosed(log: Log) -> Diagnosis:
 def test_recordings_have_no_bugs(kind):
     """Find no bug in what was recorded with care, whatever physics is missing in the nominal."""
     for log in logs(kind).values():
-        assert triage(gather(log, mjcf_world(log), floor())) == ()
+        assert faults(log, mjcf_world(log)) == ()
 
 
 @pytest.fixture(scope="module")

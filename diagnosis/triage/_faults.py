@@ -1,10 +1,10 @@
-"""Shared by the tests of the triage: a finding, and the regression line of a position."""
+"""Shared by the tests of the triage: a fault, and the regression line of a position."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from backends.state import Array
-from diagnosis.triage._tracks import Line, Track, line
+from diagnosis.triage._tracks import Regression, Track, line
 
 CLEAR = 0.9
 """Correlation above which two signals count as the same motion."""
@@ -15,11 +15,11 @@ BETTER = 3.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Fault:
     """A fault in the data of a log."""
 
     kind: str
-    """One of `KINDS`."""
+    """One of `triage.KINDS`."""
     joints: tuple[str, ...]
     evidence: str
     """What shows it, with numbers."""
@@ -30,7 +30,7 @@ class Finding:
         return f"{self.kind} of {', '.join(self.joints)}: {self.evidence}; {self.remedy}"
 
 
-def best_line(track: Track) -> tuple[Line, str]:
+def best_line(track: Track) -> tuple[Regression, str]:
     """Regression line over the nominal world's position, or over the command if that is clearer."""
     shown, asked = (line(cause, track.position) for cause in (track.shown, track.command))
     if abs(shown.correlation) >= min(CLEAR, abs(asked.correlation)):

@@ -1,0 +1,93 @@
+"""The samples of a skin: how deep geometry says that every taxel is pressed, and what it read."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.motion.held import CALMER, Held, blur_m, gaps_m, pressed_m, smoothed
+from diagnosis.skin.forward_model import Faults, Pressed, nats
+
+PERIOD_S = 0.2
+"""Samples are thinned to this."""
+FIRM_N = 12.0
+"""No finger of a grasp presses harder."""
+YIELD_M = FIRM_N * 0.072e-3
+"""Nominal contacts yield up to this; a tip deeper in the stick, or away from it, is misplaced."""
+OUT_M = 0.02e-3
+"""A tip that is touched and further outside than this is misplaced. One that answers nowhere has
+let go, unless it is further inside than this."""
+SURE, MEDIAN = 3.0, 1.25
+"""Standard deviations that noise may add, and that of a median over that of a mean."""
+BLUR_M = 1e-5
+"""The geometry is at least so uncertain."""
+ASKEW = 1.12
+"""Taxels beside the nearest point are inclined, and get half of the noise along them as well."""
+MOVED_M = 5e-5
+"""Blur while a misplaced tip is moved."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Samples:
+    """What the episodes of a log say of a skin."""
+
+    episodes: tuple[Pressed, ...]
+    start: Faults
+    """The nominal skin."""
+    misplaced: tuple[str, ...]
+    """Fingers that the geometry puts elsewhere than they are."""
+
+
+def samples(nominal: Spec, parts: Sequence[Held], binary: bool) -> Samples:
+    """Thinned samples of some episodes, `binary` where taxels answer yes or no."""
+    noise, steps = np.max([blur_m(nominal, part) for part in parts], axis=0)
+    if noise > BLUR_M:
+        parts, noise = [smoothed(part) for part in parts], noise * CALMER * ASKEW
+    blur = max(BLUR_M, float(np.hypot(noise, steps)))
+    pressed = [_pressed(nominal, part, binary, blur) for part in parts]
+    wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
+    return Samples(
+        episodes=tuple(data for data, _ in pressed),
+        start=Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur),
+        misplaced=tuple(sorted(wrong)),
+    )
+
+
+def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[int]]:
+    """Thinned samples, and the fingers that the geometry puts elsewhere than they are."""
+    step = max(round(PERIOD_S / float(np.median(np.diff(part.time_s)))), 1)
+    part = part.every(np.arange(step, len(part.time_s), step))
+    gap_m, touch = gaps_m(nominal, part), part.touch
+    assert touch is not None
+    data = Pressed(
+        time_s=part.time_s,
+        depth_m=pressed_m(nominal, part),
+        reading=touch,
+        touched=touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur),
+        binary=binary,
+    )
+    off, slack = np.median(gap_m, axis=0), SURE * MEDIAN * blur / np.sqrt(len(gap_m))
+    deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
+    wrong = [f for f in range(len(off)) if not -deepest_m - slack <= off[f] <= OUT_M + slack]
+    for f in wrong:
+        data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
+    return data, wrong
+
+
+def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) -> Array:
+    """Depths of one finger (S, K), the tip moved along its normal to where it fits best."""
+    faults = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=MOVED_M)
+    best_m, width_m = off_m / 2, abs(off_m) / 2 + YIELD_M
+    for _ in range(3):
+        tries = {}
+        for shift_m in best_m + width_m * np.linspace(-1, 1, 13):
+            radius_m = max(nominal.stick.radius_m + shift_m, 1e-4)
+            world = replace(nominal, stick=replace(nominal.stick, radius_m=radius_m))
+            depth = data.depth_m.copy()
+            depth[:, finger] = pressed_m(world, part)[:, finger]
+            score = float(nats(replace(data, depth_m=depth), faults)[:, finger].sum())
+            tries[float(shift_m)] = score, depth[:, finger]
+        best_m, width_m = max(tries, key=lambda shift: tries[shift][0]), width_m / 6
+    return tries[best_m][1]
