@@ -27,7 +27,7 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.packets.losses import arrived, losses
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found, Search
 from diagnosis.search.whole import on_whole

@@ -9,7 +9,8 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.attribution.evidence import USED, Evidence, Recording
 from diagnosis.logs.log import Log, LogError
-from diagnosis.replay.replay import Commands, limbs
+from diagnosis.replay.parts import limbs
+from diagnosis.replay.replay import Commands
 
 FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""

@@ -24,7 +24,7 @@ from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.verdict.exact import ranked
 from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, Ordinary

@@ -15,7 +15,7 @@ from diagnosis.calibration.worlds import Motion, Simulate
 from diagnosis.logs.log import Log
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""

@@ -12,7 +12,7 @@ from itertools import pairwise
 import numba
 import numpy as np
 
-from backends.spec import Hand, Spec
+from backends.spec import Spec
 from backends.state import Array
 from diagnosis.replay.arrival import arrivals, looked
 from diagnosis.replay.chain import chain, dynamics, workspace
@@ -160,20 +160,3 @@ def link_inertias_kgm2(spec: Spec) -> Array:
     mass, bias, still = np.zeros((joints, joints)), np.zeros(joints), np.zeros(joints)
     dynamics(still, still, numbers, workspace(len(numbers[0]), joints), mass, bias)
     return np.diag(mass).copy()
-
-
-def limbs(spec: Spec) -> tuple[Spec, ...]:
-    """The parts of a mechanism that move independently of each other in free air: its fingers."""
-    groups: dict[str, list] = {}
-    root: dict[str, str] = {}
-    for body in spec.hand.bodies:
-        root[body.name] = body.name if body.parent is None else root[body.parent]
-        groups.setdefault(root[body.name], []).append(body)
-    moving = [g for g in groups.values() if any(b.joint.drive is not None for b in g)]
-    return tuple(dataclasses.replace(spec, hand=_part(spec.hand, tuple(g))) for g in moving)
-
-
-def _part(hand: Hand, bodies: tuple) -> Hand:
-    names = {body.name for body in bodies}
-    tips = tuple(tip for tip in hand.fingertips if tip.body in names)
-    return dataclasses.replace(hand, bodies=bodies, fingertips=tips)

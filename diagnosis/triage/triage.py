@@ -20,7 +20,7 @@ from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 from diagnosis.triage import _clocks, _scales, _zeros
 from diagnosis.triage._faults import CLEAR, Fault
 from diagnosis.triage._tracks import Track, line, tracks

@@ -16,7 +16,7 @@ from diagnosis.motion.columns import table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 from diagnosis.solver import solve
 from diagnosis.verdict.lost_motion import lost_motion, play
 

@@ -35,7 +35,8 @@ from diagnosis.logs.log import (
 )
 from diagnosis.replay.chain import chain, dynamics, workspace
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
-from diagnosis.replay.replay import CHANNELS, Commands, limbs, replay
+from diagnosis.replay.parts import limbs
+from diagnosis.replay.replay import CHANNELS, Commands, replay
 
 
 def servo(kp: float = 20.0, kd: float = 0.4, limit: float = 3.0, **more: str) -> DriveSettings:

@@ -10,7 +10,7 @@ from diagnosis.motion.columns import KD, KP, LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 
 
 def limb_of(log):

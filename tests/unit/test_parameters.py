@@ -13,7 +13,7 @@ from diagnosis.motion.columns import STIFFNESS, table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.replay import limbs
+from diagnosis.replay.parts import limbs
 
 ARM = log_of(Real(joints=2))
 SAID = evidence(
