@@ -25,11 +25,11 @@ from diagnosis.models.world import World
 from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.packets.losses import arrived, losses
+from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Found, Search
+from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
@@ -40,6 +40,8 @@ from diagnosis.verdict.sensors import loss_finding, sensor_findings
 
 Progress = Callable[[str, float], None]
 """Is told what is being done, and the share of all that is done."""
+TURNS = 3
+"""Decodings of lost packets, each with the fit to the one before."""
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
 
@@ -135,19 +137,20 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        sound = [Fitter(World(_part(one), _parameters(one, asked))).fit() for one in healthy]
+        sound = [Fitter(World(_part(one), _parameters(one, asked))).settled() for one in healthy]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     left = found.chosen.residual
     sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
-    lost = losses(fitter.world, found.chosen.u, left)
-    told = replace(said, limb=arrived(said.limb, lost)) if lost else said
-    if lost and _is_convincing(told, found.chosen, known, ordinary):
+    lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
+    if lost:
+        told = replace(said, limb=arrived(said.limb, lost))
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
+            explained = found.chosen.worst
             fitter, found = _searched(told, known, ordinary, progress)
-    result = decide(fitter, found, ordinary, sensors)
+    result = decide(fitter, found, ordinary, sensors, explained)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
     return Judged(result=result, evidence=said, fitter=fitter, found=found)
 
@@ -172,19 +175,24 @@ def _part(said: Evidence) -> Evidence:
     return said if some == limb.recordings else evidence(replace(limb, recordings=some))
 
 
-def _is_convincing(
-    told: Evidence, chosen: Fit, known: Sequence[Parameter], ordinary: Ordinary
-) -> bool:
-    """Whether losses take half of what a set of causes leaves.
+def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
+    """Packets whose loss takes half of what a set of causes leaves.
 
-    Losses are exact wherever they are found, so that an ordinary gap may be theirs: where the law
-    is exact as well, the likelihood of an ordinary gap is enough.
+    Losses and the fit find each other in turns. They are exact wherever they are found, so that an
+    ordinary gap may be theirs: where the law is exact as well, its likelihood is enough.
     """
+    world, evidence = fitter.world, fitter.evidence
+    lost, fit = losses(world, chosen.u, chosen.residual), chosen
+    for _ in range(TURNS):
+        if lost is None:
+            return None
+        told = World(replace(evidence, limb=arrived(evidence.limb, lost)), world.parameters)
+        fit = Fitter(told).fit(chosen.freed, near=fit.u)
+        lost = losses(world, fit.u, fit.residual, lost) or lost
     if ordinary.exact and chosen.worst <= ordinary.floors:
-        return True
-    after = Fitter(World(told, known)).fit(chosen.freed, near=chosen.u)
-    before = replace(chosen, gap2=squared_gaps(told, chosen.residual))
-    return share_of(after, before) >= FURTHER
+        return lost
+    before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual))
+    return lost if before.worst >= QUIET and share_of(fit, before) >= FURTHER else None
 
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:

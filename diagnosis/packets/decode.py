@@ -68,13 +68,18 @@ def _gain(k, count, change, block, template, unit, residual, weight, memory, spa
 
 
 @numba.njit(cache=True, error_model="numpy")
-def decode(command, begins, lossy, price, block, template, unit, residual, weight, memory):
+def decode(command, begins, lossy, first, price, block, template, unit, residual, weight, memory):
     """Lost packets (T,), what each decision was worth (T,) [nats], and the residuals left (N, M).
 
-    `price`: nats that each loss costs. A packet that brings nothing new is worth nothing.
+    `first` (T,): packets whose loss is in `residual` already; `price`: nats that each loss costs. A
+    packet that brings nothing new is worth nothing.
     """
     samples, joints = command.shape
-    lost, held, left = np.zeros(samples, np.bool_), command.copy(), residual.copy()
+    lost, held, left = first.copy(), command.copy(), residual.copy()
+    for k in range(1, samples):
+        for j in range(joints):
+            if lost[k] and lossy[j]:
+                held[k, j] = held[k - 1, j]
     worth = np.zeros(samples)
     change = np.zeros((samples, joints))
     spare = np.zeros((8 * unit.shape[2], unit.shape[3]))

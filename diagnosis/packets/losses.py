@@ -13,7 +13,7 @@ from diagnosis.packets.responses import Responses, responses
 
 START = 0.1
 """Share of losses that the first decoding assumes."""
-SHARES = (0.01, 0.6)
+SHARES = (0.01, 0.85)
 """Of lost packets among those that show: a path that loses more is late or slow instead."""
 ROUNDS = 3
 """Decodings, each with the innovations' scale and the share of losses of the one before."""
@@ -21,9 +21,6 @@ CLEAR_NATS = 3.0
 """A packet shows where the other decision would be worse by this."""
 LEAST_NATS, LEAST_LOST = 20.0, 4
 """Packets were lost where saying which makes the log so much more likely, and are so many."""
-DEPENDENT = 4.0
-"""Losses that follow each other, or avoid each other, by so many standard deviations are none: a
-late or sticking drive is like that."""
 CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
 """Residuals count for their memory up to so many medians; innovations have at least this scale
 [floors], and residuals live on at most so much."""
@@ -43,8 +40,13 @@ class Losses:
     """By episode, (T,), bool."""
 
 
-def losses(world: World, u: Mapping[int, float], residual: Array) -> Losses | None:
-    """The losses that best explain what a fit leaves (M,); None where none are plausible."""
+def losses(
+    world: World, u: Mapping[int, float], residual: Array, before: Losses | None = None
+) -> Losses | None:
+    """The losses that best explain what a fit leaves (M,); None where none are plausible.
+
+    `before`: losses that the fit knew of; they are decoded on from there.
+    """
     evidence = world.evidence
     left = np.zeros(evidence.logged.shape)
     left[evidence.logged] = residual
@@ -55,7 +57,11 @@ def losses(world: World, u: Mapping[int, float], residual: Array) -> Losses | No
         return None
     joints = range(len(evidence.joints))
     every = [tuple(joints)] + ([(j,) for j in joints] if len(evidence.joints) > 1 else [])
-    tried = [_decoded(world, found, flat, logged, lossy) for lossy in every]
+    if before is not None:
+        every = [before.joints]
+    first = np.concatenate(before.lost) if before else np.zeros(found.begins[-1], dtype=bool)
+    share = before.share if before else START
+    tried = [_decoded(world, found, flat, logged, lossy, first, share) for lossy in every]
     plausible = [one for one in tried if one is not None]
     return max(plausible, key=lambda one: one.nats, default=None)
 
@@ -73,27 +79,33 @@ def arrived(limb: Limb, lost: Losses) -> Limb:
 
 
 def _decoded(
-    world: World, found: Responses, flat: Array, logged: Array, lossy: Sequence[int]
+    world: World,
+    found: Responses,
+    flat: Array,
+    logged: Array,
+    lossy: Sequence[int],
+    first: Array,
+    share: float,
 ) -> Losses | None:
     limb = world.evidence.limb
     command = np.concatenate([r.command for r in limb.recordings])
     mask = np.isin(np.arange(command.shape[1]), lossy)
-    share, left, worth = START, flat, np.zeros(len(command))
-    lost = worth > 0.0
+    lost, left, worth = first, flat, np.zeros(len(command))
     for _ in range(ROUNDS):
         weight, memory = _scale(left, logged)
         price = float(np.log(1.0 / share - 1.0))
         given = found.block, found.template, found.unit, flat, weight, memory
-        lost, worth, left = decode(command, found.begins, mask, price, *given)
+        lost, worth, left = decode(command, found.begins, mask, first, price, *given)
         clear = np.abs(worth) >= CLEAR_NATS
         share = float(np.clip((lost[clear].sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
     clear = np.abs(worth) >= CLEAR_NATS
     count, told = int(lost[clear].sum()), int(clear.sum())
     share = count / max(told, 1)
-    nats = _cost(flat, weight, memory) - _cost(left, weight, memory) - price * lost.sum()
-    if count < LEAST_LOST or nats < LEAST_NATS or not SHARES[0] <= share <= SHARES[1]:
+    nats = _cost(flat, weight, memory) - _cost(left, weight, memory)
+    nats -= price * (int(lost.sum()) - int(first.sum()))
+    if count < LEAST_LOST or not SHARES[0] <= share <= SHARES[1]:
         return None
-    if abs(_dependence(lost, clear)) > DEPENDENT:
+    if nats < LEAST_NATS and not first.any():
         return None
     wide = NINETY * np.sqrt(share * (1 - share) / told)
     parts = np.split(lost, found.begins[1:-1])
@@ -105,17 +117,6 @@ def _decoded(
         nats=float(nats),
         lost=tuple(parts),
     )
-
-
-def _dependence(lost: Array, clear: Array) -> float:
-    """Whether a loss makes the next more likely, in standard deviations: a bus loses at random."""
-    pairs = clear[1:] & clear[:-1]
-    count, share = int(pairs.sum()), float(lost[clear].mean())
-    if count == 0:
-        return 0.0
-    both = int((lost[1:] & lost[:-1] & pairs).sum())
-    expected = count * share**2
-    return (both - expected) / max(np.sqrt(expected * (1 - share**2)), 1.0)
 
 
 def _scale(left: Array, logged: Array) -> tuple[Array, Array]:

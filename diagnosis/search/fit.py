@@ -24,6 +24,9 @@ DAMPINGS = (1.0, 0.4, 0.12)
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
 """A fit ends when a step wins less than this and this share of the cost; where the law is exact,
 single nats count."""
+FITS, FAR, CLOSED = 4, 3.0, 0.15
+"""Tolerances are fitted on at most so often, beyond a gap of so many floors, while a fit closes
+this share of the excess."""
 HOPELESS = 4.0
 """A fit that leaves so many times what another left does not catch up."""
 SMALL, LARGE = 0.3, 0.03
@@ -130,6 +133,20 @@ class Fitter:
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
+
+    def settled(self, near: Mapping[int, float] | None = None, again: int = 0) -> Fit:
+        """The tolerances alone, fitted on until a fit closes little more.
+
+        A large gap bends them so far that slopes change. `again`: so many times in any case.
+        """
+        fit = self.fit(near=near)
+        for number in range(FITS):
+            more = self.fit(near=fit.u) if number < again or fit.worst > FAR else fit
+            closed = fit.excess - more.excess
+            fit = more if more.excess <= fit.excess else fit
+            if number >= again and closed < CLOSED * fit.excess:
+                break
+        return fit
 
     def unfitted(self) -> Fit:
         """The nominal numbers as they stand."""

@@ -86,9 +86,7 @@ class Search:
         self.progress(
             f"fit of the nominal numbers of {', '.join(self.fitter.evidence.joints)}", 0.0
         )
-        nominal = self.fitter.fit()
-        if self.ordinary.exact:
-            nominal = self.fitter.fit(near=nominal.u)
+        nominal = self.fitter.settled(again=int(self.ordinary.exact))
         singles: tuple[Fit, ...] = ()
         tied: tuple[Fit, ...] = ()
         now, beam = nominal, [nominal]

@@ -7,13 +7,13 @@ from diagnosis.verdict.ordinary import Ordinary
 
 SINGLES = 3
 """So many single effects are fitted on."""
-STEPS = 2
+STEPS = 4
 """Steps of each such fit: it begins where the part's ended."""
 
 
 def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
     """What was found on a part, on the log of `fitter`."""
-    nominal = fitter.fit(near=found.nominal.u, steps=STEPS)
+    nominal = fitter.settled(near=found.nominal.u)
     known = {found.nominal.freed: nominal}
 
     def again(fit: Fit) -> Fit:
@@ -23,6 +23,8 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
         return known[fit.freed]
 
     chosen = again(found.chosen)
+    if any(abs(chosen.u[k]) < fitter.parameters[k].least for k in chosen.freed):
+        chosen = nominal
     if chosen.freed and chosen.worst > ordinary.floors:
         chosen = with_prediction_spread(fitter, chosen)
     return Found(

@@ -89,8 +89,12 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     share = share_of(fit, nominal)
     if nominal.worst <= ordinary.floors:
         return _has_shape(share, fit, nominal)
-    law = min(ordinary.law * nominal.worst, LAW_MOST * ordinary.floors)
-    return share >= SHARE and fit.worst <= ordinary.floors + law
+    return share >= SHARE and fit.worst <= allowed(nominal.worst, ordinary)
+
+
+def allowed(explained: float, ordinary: Ordinary) -> float:
+    """What may be left of a gap that was explained: what is ordinary, and the law's own error."""
+    return ordinary.floors + min(ordinary.law * explained, LAW_MOST * ordinary.floors)
 
 
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:

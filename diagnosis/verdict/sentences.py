@@ -23,7 +23,9 @@ def sentences(result: LimbResult) -> LimbResult:
 
 def _sentences(result: LimbResult) -> Iterator[str]:
     limit = f"{FROM[result.ordinary_from]} {result.ordinary:.1f}"
-    if result.verdict == (NONE,):
+    if result.verdict == (NONE,) and result.gap_after > result.ordinary:
+        yield f"The lost packets leave {_floors(result.gap_after)}, and no other effect; {limit}."
+    elif result.verdict == (NONE,):
         yield f"This log shows no fault: the gap is {_floors(result.gap_after)}; {limit}."
         if result.gap_after > BORDER * result.ordinary:
             yield "That is near the limit; healthy logs of this robot would make it more certain."

@@ -8,7 +8,7 @@ import pytest
 from diagnosis.evidence.gap import excess, squared_gaps
 from diagnosis.evidence.log_faults import absurd
 from diagnosis.search.quadratic import lowest
-from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, is_named, is_worth, of_healthy
+from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, allowed, is_named, is_worth, of_healthy
 
 
 def gap(*floors):
@@ -82,3 +82,10 @@ def test_an_absurd_sample_is_one_that_returns_at_once():
     readings[100:] += 3.0
     readings[50] += 9.0
     assert list(np.flatnonzero(absurd(readings))) == [50]
+
+
+def test_lost_packets_leave_what_a_law_may_leave():
+    """Allow beside an explained gap what the law that explained it may be off by."""
+    assert allowed(0.0, ROBOTS) == ROBOTS.floors
+    assert allowed(10.0, ROBOTS) == pytest.approx(6.5)
+    assert allowed(1000.0, ROBOTS) == pytest.approx(14.0)

@@ -80,6 +80,14 @@ def test_lost_packets_are_found_beside_the_verdict():
     assert result.limbs[0].verdict == ("none",)
 
 
+def test_many_lost_packets_are_found_in_turns():
+    """Say that four of ten packets were lost: losses and the fit find each other."""
+    result = solve(log_of(Real(lost_share=0.4)))
+    assert result.verdict == ("command-dropout",)
+    (finding,) = result.limbs[0].sensors
+    assert finding.value == pytest.approx(40.0, abs=8.0)
+
+
 def changed(change):
     """The log of a healthy arm with its samples changed in place."""
     log = log_of(Real())
