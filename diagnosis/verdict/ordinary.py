@@ -12,6 +12,8 @@ FURTHER = 0.5
 """Each further cause takes so much of what the others leave."""
 LAW_MOST = 3.0
 """So many ordinary gaps more is the most that a law's own error leaves: beyond, it is another."""
+ABSURD = 1000.0
+"""A gap of so many floors is a file of another robot: what closes it has no name."""
 SHAPE, SHAPE_LEFT = 0.9, 1.3
 """In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
 it takes so much and leaves so few floors."""
@@ -89,7 +91,8 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     share = share_of(fit, nominal)
     if nominal.worst <= ordinary.floors:
         return _has_shape(share, fit, nominal)
-    return share >= SHARE and fit.worst <= allowed(nominal.worst, ordinary)
+    left = allowed(nominal.worst, ordinary)
+    return share >= SHARE and fit.worst <= left and nominal.worst < ABSURD
 
 
 def allowed(explained: float, ordinary: Ordinary) -> float:

@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
+from diagnosis.verdict.ordinary import ABSURD
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult
 
 BORDER = 0.7
 """A gap of more than this share of an ordinary one is called near the limit."""
-FAR = 10.0
-"""Where so many ordinary gaps are left, the mechanism's file is of another robot."""
+FAR, HALF = 35.0, 0.5
+"""Where so many floors are left, and effects take less than this share, the file is far off."""
 FROM = {
     "robot": "healthy robots leave up to",
     "simulator": "a simulator with this drive law leaves up to",
@@ -32,7 +33,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)
         yield f"The gap is {gap}, and no effect explains it; {limit}."
-        if result.left > FAR * result.ordinary:
+        if result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
             yield (
                 "The nominal model is off by factors: check units, zeros, gains and limits in the "
                 "mechanism's file."

@@ -47,6 +47,7 @@ def test_a_large_gap_is_named_by_size():
 def test_an_absurd_gap_is_not_named():
     """Leave a world that is off by factors unnamed, though a cause takes most of its gap."""
     assert not is_named(gap(60.0), gap(300.0), ROBOTS)
+    assert not is_named(gap(9.0), gap(1800.0), ROBOTS)
 
 
 def test_an_ordinary_gap_is_named_by_shape():
