@@ -23,7 +23,7 @@ from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
 from benchmark.quantities import within
-from benchmark.run_spec import RunSpec
+from benchmark.run_spec import SETTINGS, RunSpec
 from tasks.task import EPISODE_S, RADIUS_M
 
 SHOWN_EPISODES = 10
@@ -189,10 +189,8 @@ def _title(run: RunSpec, trained: RunSpec, recording: Recording) -> str:
 
 def _command(folder: Path, out: Path, kind: str, changed: dict) -> str:
     """The command that draws this again, without paths of this machine."""
-    words = {name: value for name, value in changed.items() if name != "radius_m"}
-    if "radius_m" in changed:
-        words["radius"] = f"{100 * changed['radius_m']:g}cm"
-    options = " ".join(f"--{name} {value}" for name, value in words.items())
+    given = [one for one in SETTINGS.values() if one.field in changed]
+    options = " ".join(f"{one.flag} {one.kind.show(changed[one.field])}" for one in given)
     made = f"bench view {folder.resolve().name} --kind {kind} {options} --out {out.name}"
     return " ".join(made.split())
 

@@ -111,7 +111,8 @@ def _entry(param: Any, term: str) -> str:
     text = _safe(plain).replace("(required)", "**Required.**")
     text = re.sub(r"\\\[default: (.*)\\\]$", r"*Default: \1.*", text)
     again = getattr(param, "multiple", False) and "repeatable" not in plain
-    said = [text, _bounds(param), _default(param), "May be given several times." if again else ""]
+    default = "" if "*Default:" in text else _default(param)
+    said = [text, _bounds(param), default, "May be given several times." if again else ""]
     return f"`{term}`\n: {' '.join(' '.join(said).split())}\n"
 
 

@@ -105,7 +105,7 @@ def test_settings_are_drawn_and_named(folder: Path, tmp_path: Path) -> None:
     title = " ".join(text["Title"].split())
     assert title.startswith("eight, mujoco, trained on circle, hold-still, 1 episode, thin stick")
     assert "radius 1 cm, 0.5 times the pace" in title
-    assert "--task eight --pace 0.5 --stick thin --radius 1cm" in text["Source"]
+    assert "--task eight --stick thin --radius 1cm --pace 0.5" in text["Source"]
 
 
 def test_recording_is_that_of_the_engine(recording: Recording) -> None:
