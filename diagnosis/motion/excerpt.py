@@ -12,7 +12,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.motion.recordings import LEAST_SAMPLES, Recording
 
-ENOUGH_S, LEAST_S = 90.0, 14.0
+ENOUGH_S, LEAST_S = 120.0, 20.0
 """Joint-seconds that a search is made on, and the least time of it."""
 PIECE_S, LONGEST_S = 4.0, 20.0
 """Pieces last so long, and never longer."""
