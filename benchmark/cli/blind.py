@@ -50,9 +50,7 @@ def make(
     protocol: Protocol = "all",
     healthy_logs: Annotated[
         int,
-        typer.Option(
-            metavar="N", help="Logs of sound mechanisms that the solver is given beside, 0 to 20."
-        ),
+        typer.Option(metavar="N", help="Healthy logs per plant that the solver gets, 0 to 20."),
     ] = 0,
     times: Annotated[
         str,

@@ -81,7 +81,7 @@ def list_parts(
 ) -> Any:
     """Name every backend, task, observation, algorithm, effect and stick.
 
-    Example: [bold]bench list effect[/bold], or [bold]bench list --support[/bold]
+    Example: [bold]bench list effect[/bold]
     """
     from benchmark import listing
 
