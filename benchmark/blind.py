@@ -213,24 +213,22 @@ def run(folder: Path, workers: int | None, anyway: bool) -> dict[str, Any]:
 
 
 def score(
-    folder: Path, answers: Path, out: Path | None, workers: int | None, replay: int = 0
+    sets: Sequence[tuple[Path, Path]], out: Path | None, workers: int | None, replay: int = 0
 ) -> tuple[dict, Table]:
-    """Open the answers and score; writes the tables to `out` if given.
+    """Open the answers of sets and score them together; writes the tables to `out` if given.
 
-    `replay`: so many cases, drawn at random, are solved again and compared first.
+    `replay`: so many cases of each set, drawn at random, are solved again and compared first.
     """
     from diagnosis.blind import score as scoring
 
-    blind = BlindSet(path=folder)
-    _checked(lambda: binding.checked(blind))
-    again = partial(solving.solved, blind, solve=solving.solver(_nominal_engine))
-    replayed = _checked(lambda: binding.replay(blind, replay, again))
+    pairs = [(BlindSet(path=folder), answers) for folder, answers in sets]
+    replayed = sum(_checked(partial(_replayed, blind, replay)) for blind, _ in pairs)
 
-    def consult(opened: files.Answers) -> list:
+    def consult(blind: BlindSet, opened: files.Answers) -> list:
         tasks = [(blind, case, opened.seed) for case in opened.cases]
         return _each("oracle", _consult_one, tasks, workers)
 
-    found = _checked(lambda: scoring.score(blind, answers, _catalogue(), consult, len(replayed)))
+    found = _checked(lambda: scoring.score(pairs, _catalogue(), consult, replayed))
     written = scoring.write(found, out) if out is not None else []
     table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
     for row in scoring.headline(found).to_dict("records"):
@@ -238,6 +236,13 @@ def score(
         value = f"{row['value']:.3g}" if row["count"] else "-"
         table.add_row(row["figure"], value, ends, str(row["count"]), row["meaning"])
     return {"status": "done", **found.plain(), "written": [str(file) for file in written]}, table
+
+
+def _replayed(blind: BlindSet, count: int) -> int:
+    """How many cases of a set were solved again; raises BlindError where one says otherwise."""
+    binding.checked(blind)
+    again = partial(solving.solved, blind, solve=solving.solver(_nominal_engine))
+    return len(binding.replay(blind, count, again))
 
 
 def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, Any], Table]:

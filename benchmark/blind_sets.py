@@ -1,4 +1,4 @@
-"""The sets on which a solver is judged, by name: drawn, solved and scored, each step once."""
+"""The sets on which a solver is judged, by name: drawn, solved and scored, each stage once."""
 
 import shutil
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from benchmark import blind
 from benchmark.errors import UsageError, unknown
 
 FILE = Path(__file__).with_name("blind_sets.yaml")
-STEPS = ("draw", "solve", "score")
+STAGES = ("draw", "solve", "score")
 SHOWN = ("top1", "none_accused", "none_false_alarm", "unknown_seen_or_near", "pairs_exact")
 """Figures that are printed of every set."""
 
@@ -23,39 +23,48 @@ def sets() -> Mapping[str, Mapping[str, Any]]:
 
 
 def judge(
-    names: Sequence[str], out: Path, steps: Sequence[str], workers: int | None
+    names: Sequence[str], out: Path, stages: Sequence[str], workers: int | None
 ) -> tuple[dict[str, Any], Table]:
-    """Take the steps that the sets still need, in `out`; all sets by default."""
+    """Take the stages that the sets still need, in `out`; all sets by default.
+
+    Those of one group that are asked for are scored together.
+    """
     known = sets()
     for name in names:
         if name not in known:
             raise unknown("set", name, tuple(known))
-    if wrong := [step for step in steps if step not in STEPS]:
-        raise unknown("step", wrong[0], STEPS)
-    rows = [
-        {"set": name, **_judge(name, known[name], out, steps, workers)} for name in names or known
-    ]
-    table = Table("set", "cases", *SHOWN, header_style="bold")
+    if wrong := [stage for stage in stages if stage not in STAGES]:
+        raise unknown("stage", wrong[0], STAGES)
+    chosen = list(names or known)
+    for name in chosen:
+        if "draw" in stages and not (out / name).exists():
+            _draw(known[name], out / name, _answers(out, name), workers)
+        if not (out / name).exists():
+            raise UsageError(f"{out / name} is not drawn; give --stages {','.join(STAGES)}")
+        if "solve" in stages:
+            blind.run(out / name, workers, False)
+    groups = dict.fromkeys(map(group, chosen)) if "score" in stages else {}
+    rows = [_score(one, [n for n in chosen if group(n) == one], out, workers) for one in groups]
+    table = Table("sets", "cases", *SHOWN, header_style="bold")
     for row in rows:
-        table.add_row(row["set"], str(row["cases"]), *(_cell(row, name) for name in SHOWN))
-    return {"status": "done", "sets": rows}, table
+        table.add_row(row["sets"], str(row["cases"]), *(_cell(row, name) for name in SHOWN))
+    return {"status": "done", "sets": chosen, "scores": rows}, table
 
 
-def _judge(
-    name: str, options: Mapping[str, Any], out: Path, steps: Sequence[str], workers: int | None
-) -> dict[str, Any]:
-    folder, answers = out / name, out / "sealed" / f"{name}.json"
-    if "draw" in steps and not folder.exists():
-        _draw(options, folder, answers, workers)
-    if not folder.exists():
-        raise UsageError(f"{folder} is not drawn; give --stages {','.join(STEPS)}")
-    if "solve" in steps:
-        blind.run(folder, workers, False)
-    found: dict[str, Any] = {"cases": options["cases"], "dir": str(folder)}
-    if "score" in steps:
-        said, _ = blind.score(folder, answers, out / "scores" / name, workers)
-        found |= {key: said[key] for key in SHOWN} | {"intervals": said["intervals"]}
-    return found
+def group(name: str) -> str:
+    """What sets that are scored together have in common: `makes` of `makes-2`."""
+    return name.split("-")[0]
+
+
+def _answers(out: Path, name: str) -> Path:
+    return out / "sealed" / f"{name}.json"
+
+
+def _score(of: str, names: Sequence[str], out: Path, workers: int | None) -> dict[str, Any]:
+    pairs = [(out / name, _answers(out, name)) for name in names]
+    said, _ = blind.score(pairs, out / "scores" / of, workers)
+    shown = {key: said[key] for key in ("cases", *SHOWN, "intervals")}
+    return {"sets": ", ".join(names), **shown}
 
 
 def _draw(options: Mapping[str, Any], folder: Path, answers: Path, workers: int | None) -> None:

@@ -26,6 +26,11 @@ Answers = Annotated[
     Path,
     typer.Option(metavar="FILE", help="File of the sealed answers, outside the set's folder."),
 ]
+Folders = Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of solved sets.")]
+AnswersOfEach = Annotated[
+    list[Path],
+    typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),
+]
 
 app = typer.Typer(
     help="Test the diagnosis blind: hidden cases, sealed answers, a score.",
@@ -146,16 +151,18 @@ def detectable(
 @app.command(context_settings=HELP)
 @command(defaults={"out": "none"})
 def score(
-    folder: Folder,
-    answers: Answers,
+    folders: Folders,
+    answers: AnswersOfEach,
     out: Out = None,
     replay: Annotated[
         int,
-        typer.Option(metavar="K", help="Solve so many cases at random again, and compare.", min=0),
+        typer.Option(
+            metavar="K", help="Solve so many cases of each at random again, and compare.", min=0
+        ),
     ] = 0,
     workers: Workers = None,
 ) -> Any:
-    """Check the answers against their hash, open them and score the results.
+    """Check the answers against their hash, open them and score the results, sets together.
 
     Results of other logs than the committed ones are refused. With --out, writes score.md,
     score.json and the tables as CSV.
@@ -164,7 +171,15 @@ def score(
     """
     from benchmark import blind
 
-    return blind.score(folder, answers, out, workers, replay)
+    return blind.score(_pairs(folders, answers), out, workers, replay)
+
+
+def _pairs(folders: list[Path], answers: list[Path]) -> list[tuple[Path, Path]]:
+    if len(folders) != len(answers):
+        raise UsageError(
+            f"{len(folders)} sets and {len(answers)} --answers; give one for each, in order"
+        )
+    return list(zip(folders, answers, strict=True))
 
 
 @app.command(context_settings=HELP)
@@ -194,11 +209,8 @@ def judge(
 @app.command(context_settings=HELP)
 @command()
 def calibrate(
-    folders: Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of solved sets.")],
-    answers: Annotated[
-        list[Path],
-        typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),
-    ],
+    folders: Folders,
+    answers: AnswersOfEach,
     out: OutFile,
 ) -> Any:
     """Fit the curve of confidence to solved sets, and test it on each real side by the others.
@@ -207,8 +219,4 @@ def calibrate(
     """
     from benchmark import blind
 
-    if len(folders) != len(answers):
-        raise UsageError(
-            f"{len(folders)} sets and {len(answers)} --answers; give one for each, in order"
-        )
-    return blind.calibrate(list(zip(folders, answers, strict=True)), out)
+    return blind.calibrate(_pairs(folders, answers), out)

@@ -75,7 +75,6 @@ def case_row(
         "first": next(iter(said.get("leading", [])), None),
         "catalogue": len(catalogue) - len(said["excluded"]),
         "cpu_s": said.get("cpu_s"),
-        "solver_sha256": said["solver_sha256"],
         "refused": said["refused"],
     }
 

@@ -1,7 +1,7 @@
-"""Score a blind set: open the answers, compare the results with them, write the tables."""
+"""Score blind sets: open the answers, compare the results with them, write the tables."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -13,21 +13,21 @@ from diagnosis.blind.files import Answers, BlindSet, open_answers, write_json
 from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
 from diagnosis.blind.oracle import DETECTABLE_NATS, Oracle
 
-Consult = Callable[[Answers], list[Oracle]]
-"""Asks the oracle about all cases, in order, possibly on several cores."""
+Consult = Callable[[BlindSet, Answers], list[Oracle]]
+"""Asks the oracle about all cases of a set, in order, possibly on several cores."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """A scored set."""
+    """Scored sets."""
 
     figures: dict[str, Figure]
     frozen: bool
-    """Whether all results are from the solver of the commitment."""
+    """Whether all results are from the solver that their set was committed to."""
     replayed: int
     """Number of cases that were solved again, with the same result."""
     solvers_tried: int
-    """Number of solver versions that were run on this set."""
+    """Number of solver versions that were run on these sets."""
     healthy: int
     """Number of healthy logs per plant that the solver was given."""
     tables: dict[str, pd.DataFrame]
@@ -52,32 +52,39 @@ class Score:
 
 
 def score(
-    blind: BlindSet,
-    answers: Path,
+    sets: Sequence[tuple[BlindSet, Path]],
     catalogue: Mapping[str, type[Effect]],
     consult: Consult,
     replayed: int = 0,
 ) -> Score:
-    """The score of a set; raises BlindError for wrong answers, unfinished or foreign results."""
-    promised = blind.commitment()
-    opened = open_answers(answers, promised)
-    results = checked(blind)
-    rows, faults = [], []
-    healthy = int(opened.settings.get("healthy", 0))
-    for case, oracle in zip(opened.cases, consult(opened), strict=True):
-        said = results[case.number]
-        rows.append(judged.case_row(case, said, oracle, catalogue, healthy))
-        faults += judged.fault_rows(case, said, oracle, catalogue)
+    """The score of sets and their answers together; their cases are numbered through.
+
+    Raises BlindError for wrong answers, unfinished or foreign results.
+    """
+    rows: list[dict] = []
+    faults: list[dict] = []
+    healthy = set[int]()
+    for blind, answers in sets:
+        opened, results = open_answers(answers, blind.commitment()), checked(blind)
+        given = int(opened.settings.get("healthy", 0))
+        healthy.add(given)
+        first = len(rows)
+        for case, oracle in zip(opened.cases, consult(blind, opened), strict=True):
+            said, case = results[case.number], replace(case, number=first + case.number)
+            frozen = said["solver_sha256"] == blind.commitment().solver_sha256
+            row = judged.case_row(case, said, oracle, catalogue, given)
+            rows.append(row | {"frozen": frozen})
+            faults += judged.fault_rows(case, said, oracle, catalogue)
     by_case, by_fault = judged.frames(rows, faults)
     by_case = enriched(by_case)
     return Score(
         figures=figures(by_case, by_fault),
-        frozen=set(by_case["solver_sha256"]) == {promised.solver_sha256},
+        frozen=bool(by_case["frozen"].all()),
         replayed=replayed,
-        solvers_tried=len(blind.tried()),
-        healthy=healthy,
+        solvers_tried=len({t["solver_sha256"] for blind, _ in sets for t in blind.tried()}),
+        healthy=max(healthy),
         tables={
-            "cases": by_case.drop(columns=["wrong", "says_none", "solver_sha256"]),
+            "cases": by_case.drop(columns=["wrong", "says_none", "frozen"]),
             "sides": tables.by_side(by_case, by_fault),
             "groups": tables.by_group(by_case, by_fault),
             "confusion": tables.confusion(by_case),
@@ -134,7 +141,7 @@ def markdown(found: Score) -> str:
     parts = [
         "# Blind score\n",
         f"{len(found.tables['cases'])} cases, solved {when}; {again}. "
-        f"{found.solvers_tried} versions of the solver were run on this set; with {found.healthy} "
+        f"{found.solvers_tried} versions of the solver were run on them; with {found.healthy} "
         "healthy logs of every plant. "
         "Intervals: Wilson 95 % for shares, order statistics for medians. Headline figures are "
         "over cases whose true effects show: more is left without them than is ordinary, or, where "

@@ -76,7 +76,9 @@ def solved(tmp_path_factory) -> tuple[Path, Path]:
 def scored(solved) -> tuple[dict, Path]:
     """Its score, and the folder of the tables."""
     folder, answers = solved
-    return blind.score(folder, answers, folder.parent / "scores", 1)[0], folder.parent / "scores"
+    return blind.score([(folder, answers)], folder.parent / "scores", 1)[
+        0
+    ], folder.parent / "scores"
 
 
 def test_a_small_set_is_solved(scored):
@@ -133,7 +135,7 @@ def test_a_case_that_breaks_the_solver_is_wrong(tmp_path):
     found = BlindSet(path=folder)
     found.commit(frozen.commitment(found, found.commitment().answers_sha256, 1))
     assert "samples.parquet" in blind.run(folder, 1, False)["refused"]["000"]
-    result, _ = blind.score(folder, answers, None, 1)
+    result, _ = blind.score([(folder, answers)], None, 1)
     assert result["none_false_alarm"] == 1.0 and result["none_accused"] == 0.0
 
 
@@ -211,14 +213,14 @@ def copied(solved, tmp_path) -> tuple[BlindSet, Path]:
 def test_a_result_edited_to_the_truth_is_found(solved, tmp_path):
     """Solve cases again and refuse a score of results that say something else."""
     found, answers = copied(solved, tmp_path)
-    assert blind.score(found.path, answers, None, 1, replay=1)[0]["replayed"] == 1
+    assert blind.score([(found.path, answers)], None, 1, replay=1)[0]["replayed"] == 1
     for case in files.open_answers(answers, found.commitment()).cases:
         truth = sorted(f.effect for f in case.faults) or ["none"]
         forged = {"verdict": ["unknown"] if case.mode == "unknown" else truth, "confidence": 0.99}
         files.write_json(found.result(case.number), {**found.read_result(case.number), **forged})
-    assert blind.score(found.path, answers, None, 1)[0]["top1"] == 1.0
+    assert blind.score([(found.path, answers)], None, 1)[0]["top1"] == 1.0
     with pytest.raises(UsageError, match="solved again, says something else"):
-        blind.score(found.path, answers, None, 1, replay=2)
+        blind.score([(found.path, answers)], None, 1, replay=2)
 
 
 def test_a_result_of_a_foreign_log_is_refused(solved, tmp_path):
@@ -227,11 +229,11 @@ def test_a_result_of_a_foreign_log_is_refused(solved, tmp_path):
     other = found.read_result(1)
     files.write_json(found.result(0), {**found.read_result(0), "log_sha256": other["log_sha256"]})
     with pytest.raises(UsageError, match="result of case 000 is not of the log"):
-        blind.score(found.path, answers, None, 1)
+        blind.score([(found.path, answers)], None, 1)
     facts = found.log(0) / "case.json"
     facts.write_text(facts.read_text().replace("false", "true"))
     with pytest.raises(UsageError, match="log of case 000 is not of the log"):
-        blind.score(found.path, answers, None, 1)
+        blind.score([(found.path, answers)], None, 1)
 
 
 def test_results_carry_solver_and_time(solved):
@@ -241,7 +243,7 @@ def test_results_carry_solver_and_time(solved):
         said = found.read_result(number)
         assert said["log_sha256"] == found.commitment().logs_sha256[f"{number:03d}"]
         assert said["solver_sha256"] == frozen.solver_sha256() and said["time"].endswith("Z")
-    proves, leaves_open = blind.score(*solved, None, 1)[0]["seal"]
+    proves, leaves_open = blind.score([solved], None, 1)[0]["seal"]
     assert "proves" in proves and "--replay" in leaves_open
 
 
@@ -266,7 +268,7 @@ def test_changed_answers_are_refused(solved, tmp_path):
     forged = tmp_path / "forged.json"
     forged.write_text(answers.read_text().replace("0.", "0.0", 1))
     with pytest.raises(UsageError, match="was committed"):
-        blind.score(folder, forged, None, 1)
+        blind.score([(folder, forged)], None, 1)
 
 
 def test_solved_cases_are_skipped(solved):
@@ -275,7 +277,7 @@ def test_solved_cases_are_skipped(solved):
     kept = BlindSet(path=folder).result(1).stat().st_mtime_ns
     BlindSet(path=folder).result(3).unlink()
     with pytest.raises(UsageError, match="case 003"):
-        blind.score(*solved, None, 1)
+        blind.score([solved], None, 1)
     again = blind.run(folder, 1, False)
     assert (again["solved"], again["was_done"]) == (1, 7)
     assert BlindSet(path=folder).result(1).stat().st_mtime_ns == kept

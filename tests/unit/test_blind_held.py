@@ -56,7 +56,7 @@ def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     assert [e.protocol for e in log.episodes] == ["push", "push", GRASP, GRASP]
     assert log.stick(2) is not None and log.touch(2) is not None and log.stick(0) is None
     blind.run(folder, 1, False)
-    result, _ = blind.score(folder, answers, None, 1)
+    result, _ = blind.score([(folder, answers)], None, 1)
     (row,) = result["tables"]["cases"]
     assert row["detectable"] and row["strong"]
     assert row["verdict"] == "taxel-dropout" and result["top1"] == 1.0

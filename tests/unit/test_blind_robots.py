@@ -51,7 +51,7 @@ def test_a_set_of_robots_is_solved_by_any_function(made):
     found = solve_set(folder, says_unknown)
     assert [row["number"] for row in found] == list(range(6))
     assert not any(row["refused"] for row in found), found[0]["refused"]
-    result, _ = blind.score(folder, answers, None, 1)
+    result, _ = blind.score([(folder, answers)], None, 1)
     opened = files.open_answers(answers, BlindSet(path=folder).commitment())
     unknowns = [case for case in opened.cases if case.mode == "unknown"]
     by_side = {row["real"]: row for row in result["tables"]["sides"]}

@@ -6,7 +6,10 @@ from benchmark import blind, blind_sets
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 
-TINY = {"tiny": {"cases": 2, "rig": "arm1", "real": "presliding", "seed": 3}}
+TINY = {
+    "tiny-1": {"cases": 1, "rig": "arm1", "real": "presliding", "seed": 3},
+    "tiny-2": {"cases": 1, "rig": "arm1", "real": "presliding", "seed": 4},
+}
 
 
 def test_every_set_can_be_drawn():
@@ -21,19 +24,19 @@ def test_every_set_can_be_drawn():
 
 
 def test_a_set_is_drawn_and_solved_once(tmp_path, monkeypatch):
-    """Draw, solve and score a set by its name; draw again what a killed call left, and no more."""
+    """Draw and solve sets by name, once, after what a killed call left; score a group together."""
     monkeypatch.setattr(blind_sets, "sets", lambda: TINY)
-    (tmp_path / ".tiny.part").mkdir()
-    (tmp_path / ".tiny.part" / "left").touch()
+    (tmp_path / ".tiny-1.part").mkdir()
+    (tmp_path / ".tiny-1.part" / "left").touch()
     with pytest.raises(UsageError, match="is not drawn"):
-        blind_sets.judge(["tiny"], tmp_path, ["solve"], 1)
-    (row,) = blind_sets.judge([], tmp_path, blind_sets.STEPS, 1)[0]["sets"]
+        blind_sets.judge(["tiny-1"], tmp_path, ["solve"], 1)
+    (row,) = blind_sets.judge([], tmp_path, blind_sets.STAGES, 1)[0]["scores"]
     assert row["cases"] == 2 and set(blind_sets.SHOWN) <= set(row)
-    assert not (tmp_path / ".tiny.part").exists()
-    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "tiny").rglob("*.json")}
-    assert len([file for file in kept if file.parent.name == "results"]) == 2
-    blind_sets.judge(["tiny"], tmp_path, blind_sets.STEPS, 1)
-    assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "tiny").rglob("*.json")}
+    assert not (tmp_path / ".tiny-1.part").exists()
+    kept = {file: file.stat().st_mtime_ns for file in (tmp_path / "tiny-1").rglob("*.json")}
+    assert len([file for file in kept if file.parent.name == "results"]) == 1
+    blind_sets.judge(["tiny-1"], tmp_path, ["draw", "solve"], 1)
+    assert kept == {file: file.stat().st_mtime_ns for file in (tmp_path / "tiny-1").rglob("*.json")}
     assert (tmp_path / "scores" / "tiny" / "score.json").exists()
 
 
