@@ -1,6 +1,7 @@
 """What is found beside a verdict on joints: touch, stick and contact."""
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,6 +97,12 @@ class Report:
             missing=(*self.missing, *other.missing),
             world=other.world or self.world,
         )
+
+
+def missing(names: Iterable[str], why: str) -> tuple[str, ...]:
+    """What to say of effects that could not be looked for; nothing of none."""
+    said = ", ".join(names)
+    return (f"{said}: {why}",) if said else ()
 
 
 def gap(residual: Array, sigma: Array | float) -> float:

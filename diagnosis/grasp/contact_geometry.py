@@ -20,12 +20,13 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Spot, share
+from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Report, Spot, missing, share
 from diagnosis.grasp.grasp_likelihood import judged
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
+from diagnosis.models.catalogue import of_part
 from diagnosis.motion.held import FLOOR_M, Held, gaps_m
 
-RADIUS, SOFTNESS = "stick-radius", "contact-softness"
+RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
 SETTLED_S = 0.3
 """Gaps and forces are taken after this."""
 SOFT_M_N = 0.03e-3
@@ -85,14 +86,17 @@ class Line:
 
 @dataclass(frozen=True, kw_only=True)
 class Shapes:
-    """What the gaps say, and the world with it."""
+    """What the gaps say."""
 
-    world: Spec
+    report: Report
     soft: bool = False
     """Whether contacts are softer than given."""
-    findings: tuple[Finding, ...] = ()
-    spots: tuple[Spot, ...] = ()
-    missing: tuple[str, ...] = ()
+
+    @property
+    def world(self) -> Spec:
+        """The world with it."""
+        assert self.report.world is not None
+        return self.report.world
 
 
 def line(gap_m: Array, force_n: Array) -> Line:
@@ -154,7 +158,7 @@ def shapes(
 
     `firm`: the log's contacts are known to yield by nothing of their own.
     """
-    sought = [name for name in (RADIUS, SOFTNESS) if name in catalogue]
+    names = of_part(catalogue, "stick", "contact")
     real = np.array([_gap(nominal, p) for p in parts])
     force, own = _replayed(nominal, nominal, parts, simulate)
     own_m_n = _own_m_n(nominal, parts, simulate)
@@ -169,15 +173,16 @@ def shapes(
             seen = _better(readings, is_own)
         left_m = seen.line.left_m
         if left_m > ODD_M + ODD_SHARE * abs(seen.line.compliance_m_n) * float(force.mean()):
-            why = f"{', '.join(sought)}: {MISPLACED.format(1e3 * left_m)}"
-            return Shapes(world=nominal, missing=(why,) if sought else ())
+            sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
+            why = missing(sought, MISPLACED.format(1e3 * left_m))
+            return Shapes(report=Report(missing=why, world=nominal))
         world = _with(nominal, seen)
         force, _ = _replayed(world, nominal, parts, simulate)
     return Shapes(
-        world=world,
+        report=Report(
+            findings=_findings(nominal, seen, names), spots=_spots(nominal, seen), world=world
+        ),
         soft=SOFTNESS in seen.line.effects,
-        findings=_findings(nominal, seen, sought),
-        spots=_spots(nominal, seen),
     )
 
 
@@ -292,15 +297,15 @@ def _gap(nominal: Spec, part: Held) -> Array:
     return _middle(part, gaps_m(nominal, part))
 
 
-def _findings(nominal: Spec, seen: Seen, sought: Sequence[str]) -> tuple[Finding, ...]:
+def _findings(nominal: Spec, seen: Seen, names: Mapping[str, str]) -> tuple[Finding, ...]:
     """The effects that a line asks for; `unknown` where one is not in the catalogue."""
     before = float(np.sqrt(1 + np.mean((seen.gap_m / FLOOR_M) ** 2)))
     after = float(np.sqrt(1 + (seen.line.left_m / FLOOR_M) ** 2))
     odds = dict(zip((RADIUS, SOFTNESS), seen.line.odds, strict=True))
     sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
     return tuple(
-        _finding(name if name in sought else UNKNOWN, sizes[name], odds[name], before, after)
-        for name in seen.line.effects
+        _finding(names.get(number, UNKNOWN), sizes[number], odds[number], before, after)
+        for number in seen.line.effects
     )
 
 
@@ -334,7 +339,6 @@ def _finding(effect: str, size: Size, z: float, before: float, after: float) -> 
     known, (value, interval, text) = effect != UNKNOWN, size
     return Finding(
         effect=effect,
-        joint=None,
         family=STICK,
         value=value if known else 0.0,
         interval=interval if known else (0.0, 0.0),

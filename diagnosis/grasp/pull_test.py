@@ -15,15 +15,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, share
+from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Report, missing, share
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
 from diagnosis.motion.held import Held
 
-FRICTION, MASS = "contact-friction", "stick-mass"
+FRICTION, MASS = "stick.friction", "stick.mass_kg"
 FINE_S = 1e-3
 """Replays are read this often."""
 REPLAYED = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.6, 4.0)
@@ -84,18 +83,20 @@ class PullFit:
     gives_way: bool = False
     """Whether contacts may hold until they give way at once, which looks light."""
 
-    def findings(self, catalogue: Mapping[str, type[Effect]]) -> tuple[Finding, ...]:
-        """The effects that are sure, `unknown` where the catalogue lacks one."""
+    def report(self, names: Mapping[str, str]) -> Report:
+        """What is sure, `unknown` without a name by its number; and what is missing of the rest."""
         odds = self.friction / self.friction_std, self.mass / self.spread
         before = float(np.sqrt(1 + np.square(odds).mean()))
         sure = self.sure
         after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
         logs = (self.friction, self.friction_std), (self.mass, self.spread)
-        return tuple(
-            _finding(name if name in catalogue else UNKNOWN, *log, before, after, self.episodes)
-            for name, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
+        findings = tuple(
+            _finding(names.get(number, UNKNOWN), *log, before, after, self.episodes)
+            for number, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
             if found
         )
+        vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
+        return Report(findings=findings, missing=vague)
 
     @property
     def sure(self) -> tuple[bool, bool]:
@@ -105,13 +106,11 @@ class PullFit:
         return abs(self.friction) > SURE_Z * self.friction_std, mass
 
     @property
-    def missing(self) -> tuple[str, ...]:
-        """What these pulls do not tell."""
+    def doubt(self) -> str:
+        """Why these pulls do not tell the mass; empty where they do."""
         if self.left >= ODD:
-            return (f"{MASS}: {OTHERWISE}",)
-        return (f"{MASS}: {VAGUE.format(100 * np.expm1(SURE_Z * self.spread))}",) * (
-            not self.sure[1]
-        )
+            return OTHERWISE
+        return "" if self.sure[1] else VAGUE.format(100 * np.expm1(SURE_Z * self.spread))
 
     @property
     def spread(self) -> float:
@@ -143,7 +142,6 @@ def _finding(
     ends = np.expm1([log - Z90 * std, log + Z90 * std])
     return Finding(
         effect=effect,
-        joint=None,
         family=STICK,
         value=float(np.expm1(log)) if known else 0.0,
         interval=(float(ends[0]), float(ends[1])) if known else (0.0, 0.0),

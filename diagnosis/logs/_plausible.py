@@ -10,14 +10,13 @@ import pandas as pd
 
 from diagnosis.logs._columns import PULL, name_of
 from diagnosis.logs._meta import LogError, LogMeta
+from diagnosis.logs.signals import CLEAR, UNCLEAR, centred, line, unit
+
+Signal = list[np.ndarray]
+"""A column, by episode."""
 
 RANGE_RATIO = 100.0
 """From this ratio of position range to command range, the units cannot be the same."""
-DEGREES = 180 / np.pi
-UNIT_TOLERANCE = 0.25
-"""Largest relative distance of a scale from degrees per radian."""
-CLEAR, UNCLEAR = 0.9, 0.5
-"""Correlations above and below which two signals certainly are, or are not, the same motion."""
 SURELY = 0.1
 """By how much the correlation at another lag must exceed the correlation at the allowed lags."""
 SCALE_RANGE = (0.5, 1.5)
@@ -43,7 +42,7 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
     for joint in joints:
         linear = name_of("command", joint, linear=True) in samples
         names = named[joint] = [name_of(kind, joint, linear) for kind in ("command", "position")]
-        pairs[joint] = (_centred(samples, names[0]), _centred(samples, names[1]))
+        pairs[joint] = _by_episode(samples, names[0]), _by_episode(samples, names[1])
         warnings += scale_is_plausible(names[1], *pairs[joint], linear)
         largest = np.abs(samples[names[1]]).max()
         if not linear and largest > TURNS_RAD:
@@ -59,30 +58,22 @@ def check(meta: LogMeta, samples: pd.DataFrame, joints: tuple[str, ...]) -> list
     return warnings
 
 
-def scale_is_plausible(
-    name: str, command: np.ndarray, position: np.ndarray, linear: bool
-) -> list[str]:
+def scale_is_plausible(name: str, command: Signal, position: Signal, linear: bool) -> list[str]:
     """Refuse different units of command and position; warn of an unusual scale."""
-    if np.ptp(command) < STILL or np.ptp(position) < STILL:
-        return []
-    ratio = np.ptp(position) / np.ptp(command)
-    if ratio > RANGE_RATIO:
-        unit = "m" if linear else "rad"
+    found, si = line(command, position), "m" if linear else "rad"
+    moves, moved = (np.ptp(np.concatenate(list(centred(v)))) for v in (position, command))
+    if moved > STILL and moves > RANGE_RATIO * moved:
         raise LogError(
-            f"'{name}' moves {ratio:.0f} times as far as the command; both must be in {unit}; "
-            "convert counts, degrees, volts or millimetres first"
+            f"'{name}' moves {moves / moved:.0f} times as far as the command; both must be in "
+            f"{si}; convert counts, degrees, volts or millimetres first"
         )
-    scale = _cov(command, position) / _cov(command, command)
-    if _corr(command, position) > CLEAR:
-        for factor, side in ((DEGREES, "the position"), (1 / DEGREES, "the command")):
-            if not linear and abs(scale / factor - 1) < UNIT_TOLERANCE:
-                raise LogError(
-                    f"'{name}' moves {scale:.3g} times as far as the command: {side} is in "
-                    "degrees; it must be in rad; multiply it by pi/180"
-                )
-        if not SCALE_RANGE[0] < scale < SCALE_RANGE[1]:
-            return [f"'{name}' moves {scale:.2f} times as far as the command; is it scaled?"]
-    return []
+    if found.correlation < CLEAR or SCALE_RANGE[0] < found.slope < SCALE_RANGE[1]:
+        return []
+    far = f"'{name}' moves {found.slope:.2f} times as far as the command"
+    if other := unit(found.slope, linear):
+        side, its = other
+        raise LogError(f"{far}: the {side} is in {its}; convert it to {si}")
+    return [f"{far}; is it scaled?"]
 
 
 def pull_is_plausible(pull_n: np.ndarray) -> None:
@@ -110,17 +101,17 @@ def pushes_are_logged(number: int, part: pd.DataFrame) -> None:
         )
 
 
-def channels_are_not_swapped(pairs: dict[str, tuple[np.ndarray, np.ndarray]]) -> None:
+def channels_are_not_swapped(pairs: dict[str, tuple[Signal, Signal]]) -> None:
     """Refuse a position that follows another joint's command, or its own with the wrong sign."""
     for joint, (command, position) in pairs.items():
-        own = _corr(command, position)
+        own = line(command, position).correlation
         if own < -CLEAR:
             raise LogError(
                 f"the position of {joint} moves against its command; change the sign of one of them"
             )
-        for other, (foreign, _) in pairs.items():
-            apart = abs(_corr(command, foreign)) < CLEAR
-            if own < UNCLEAR and apart and _corr(foreign, position) > CLEAR:
+        for other, (foreign, _) in pairs.items() if own < UNCLEAR else ():
+            apart = abs(line(command, foreign).correlation) < CLEAR
+            if apart and line(foreign, position).correlation > CLEAR:
                 raise LogError(
                     f"the position of {joint} follows the command of {other}: their columns are "
                     "swapped; correct the names"
@@ -167,16 +158,5 @@ def _at_lag(command: np.ndarray, position: np.ndarray, lag: int) -> tuple[float,
     return both / np.sqrt(own * np.dot(p, p)), both / own
 
 
-def _centred(samples: pd.DataFrame, column: str) -> np.ndarray:
-    """A column minus its mean in each episode."""
-    values = samples[column]
-    return (values - values.groupby(samples["episode"]).transform("mean")).to_numpy()
-
-
-def _cov(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.mean((a - a.mean()) * (b - b.mean())))
-
-
-def _corr(a: np.ndarray, b: np.ndarray) -> float:
-    size = np.sqrt(_cov(a, a) * _cov(b, b))
-    return _cov(a, b) / size if size > STILL**2 else 0.0
+def _by_episode(samples: pd.DataFrame, column: str) -> Signal:
+    return [part.to_numpy(float) for _, part in samples.groupby("episode", sort=False)[column]]

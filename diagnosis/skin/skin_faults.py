@@ -3,7 +3,7 @@
 Where stick and joints are known, geometry says what every taxel should answer.
 """
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,7 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec, Taxels
 from backends.touch import taxel_grid
-from diagnosis.finding import TOUCH, UNKNOWN, Z90, Finding, Report, Spot
+from diagnosis.finding import TOUCH, UNKNOWN, Z90, Finding, Report, Spot, missing
 from diagnosis.logs.log import Log
 from diagnosis.models.catalogue import of_part
 from diagnosis.motion.held import FLOOR_M, held
@@ -40,7 +40,7 @@ def identify_skin_faults(
     """
     names = {number.split(".")[1]: n for number, n in of_part(catalogue, "taxels").items()}
     foreign = [name for fault, name in names.items() if fault not in FIELDS]
-    report = Report(missing=tuple(_missing(foreign, NO_MODEL)))
+    report = Report(missing=missing(foreign, NO_MODEL))
     sought = [fault for fault in FIELDS if fault in names]
     if sought:
         report += _identified(log, nominal, {fault: names[fault] for fault in sought}, mended)
@@ -52,10 +52,10 @@ def _identified(log: Log, nominal: Spec, names: Mapping[str, str], mended: bool)
     parts = [part for part in held(log, nominal) if part.touch is not None]
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
     if not parts:
-        return Report(missing=tuple(_missing(names.values(), GRASP.format("stick and contact"))))
+        return Report(missing=missing(names.values(), GRASP.format("stick and contact")))
     if parts[0].taxels != grid.shape[:2]:
         other = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
-        return Report(missing=tuple(_missing(names.values(), other)))
+        return Report(missing=missing(names.values(), other))
     binary = log.meta.channels["touch"].unit == "1"
     seen = samples(nominal, parts, binary)
     skins, start = Skins(seen.episodes, grid), seen.start
@@ -65,17 +65,12 @@ def _identified(log: Log, nominal: Spec, names: Mapping[str, str], mended: bool)
     mute, why = _mute(binary, bool(seen.misplaced), misplaced)
     found = search(skins, start, [fault for fault in names if fault not in mute])
     if seen.misplaced and found.is_unknown:
-        return Report(missing=tuple(_missing(names.values(), misplaced)))
+        return Report(missing=missing(names.values(), misplaced))
     return Report(
         findings=tuple(_findings(found, names, nominal.hand.taxels)),
         spots=_spots(nominal, skins.whole, start, found.faults),
-        missing=tuple(_missing([names[fault] for fault in mute if fault in names], why)),
+        missing=missing([names[fault] for fault in mute if fault in names], why),
     )
-
-
-def _missing(names: Iterable[str], why: str) -> Iterator[str]:
-    if said := ", ".join(names):
-        yield f"{said}: {why}"
 
 
 def _mute(binary: bool, is_misplaced: bool, misplaced: str) -> tuple[tuple[str, ...], str]:

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.triage._faults import BETTER, CLEAR
-from diagnosis.triage._tracks import Track, correlations
+from diagnosis.logs.signals import CLEAR, correlations
+from diagnosis.triage._faults import BETTER
+from diagnosis.triage._tracks import Track
 
 FINE = 0.01
 """Misfit below which no clock can be wrong, because the motion is that of the nominal world."""

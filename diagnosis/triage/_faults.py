@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from backends.state import Array
-from diagnosis.triage._tracks import Regression, Track, line
+from diagnosis.logs.signals import CLEAR, Regression, line
+from diagnosis.triage._tracks import Track
 
-CLEAR = 0.9
-"""Correlation above which two signals count as the same motion."""
 SCALES = (0.4, 2.5)
 """Range of position change over command change that gains and sensors can cause."""
 BETTER = 3.0

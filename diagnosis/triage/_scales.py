@@ -2,23 +2,14 @@
 
 import numpy as np
 
-from diagnosis.triage._faults import CLEAR, SCALES, Fault, best_line, less
-from diagnosis.triage._tracks import Track, line
+from diagnosis.logs.signals import CLEAR, UNITS, line, unit
+from diagnosis.triage._faults import SCALES, Fault, best_line, less
+from diagnosis.triage._tracks import Track
 
-UNITS = {
-    "degrees": 180 / np.pi,
-    "turns": 1 / (2 * np.pi),
-    "milliradians": 1e3,
-    **{f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)},
-}
-"""Units in which an angle may be given, per radian."""
-LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
-"""Units in which a length may be given, per metre."""
-NEAR = 0.12
-"""Largest relative distance of a scale from that of a unit."""
 BEYOND, WITHIN = 3.0, 1.5
 """Commands beyond the first multiple of a joint's range are in another unit if that brings them
 within the second."""
+UNKNOWN_UNIT = "counts of an unknown encoder, or another gear ratio"
 
 
 def scale(track: Track) -> Fault | None:
@@ -36,30 +27,22 @@ def scale(track: Track) -> Fault | None:
         )
     if SCALES[0] <= found.slope <= SCALES[1]:
         return _both_in_another_unit(track)
-    unit = _unit(abs(found.slope), track.slides)
+    other = unit(abs(found.slope), track.slides)
+    said = "the {} is in {}".format(*other) if other else UNKNOWN_UNIT
     si = "m" if track.slides else "rad"
     return Fault(
         kind="unit",
         joints=(track.name,),
-        evidence=f"{moves}: {unit or 'counts of an unknown encoder, or another gear ratio'}",
+        evidence=f"{moves}: {said}",
         remedy=f"convert both to {si}" + (" and change the sign" if found.slope < 0 else ""),
     )
-
-
-def _unit(scale: float, slides: bool) -> str | None:
-    """The unit that a scale points to, and which side has it."""
-    for unit, size in (LENGTHS if slides else UNITS).items():
-        for side, expected in (("position", size), ("command", 1 / size)):
-            if abs(np.log(scale / expected)) < NEAR:
-                return f"the {side} is in {unit}"
-    return None
 
 
 def _both_in_another_unit(track: Track) -> Fault | None:
     """Command and position both far beyond the joint's range, and within it in another unit."""
     low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
     reach, room = max(np.abs(c).max() for c in track.command), max(abs(low), abs(high))
-    unit, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
+    name, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
     if reach < BEYOND * room or reach / size > WITHIN * room:
         return None
     si = "m" if track.slides else "rad"
@@ -67,7 +50,7 @@ def _both_in_another_unit(track: Track) -> Fault | None:
         kind="unit",
         joints=(track.name,),
         evidence=f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}: commands and "
-        f"positions are in {unit}",
+        f"positions are in {name}",
         remedy=f"convert command and position to {si}",
     )
 

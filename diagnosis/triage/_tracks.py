@@ -6,12 +6,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.state import Array
+from diagnosis.logs.signals import centred
 from diagnosis.motion.columns import KD
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 
-STILL = 1e-6
-"""Share of a motion's size below which a signal counts as still."""
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
 
@@ -132,44 +131,3 @@ def _shown(limb: Limb, numbers: Array, shift: Array | float) -> list[Array]:
     """What the sensors of a limb would read, sample by sample, (T, 3, K) by episode."""
     lengths = enumerate(len(r.time_s) for r in limb.recordings)
     return [limb.readings(n, np.arange(t + 1), numbers, shift=shift) for n, t in lengths]
-
-
-def centred(episodes: Sequence[Array]) -> Iterator[Array]:
-    """Every episode minus its mean, so that offsets do not count."""
-    for values in episodes:
-        yield values - values.mean()
-
-
-@dataclass(frozen=True, kw_only=True)
-class Regression:
-    """Regression of one signal on another: slope and correlation, over all episodes."""
-
-    slope: float
-    correlation: float
-
-
-def line(cause: Sequence[Array], effect: Sequence[Array]) -> Regression:
-    """The regression of `effect` on `cause`; the correlation is 0 where either stands still."""
-    x, y = (np.concatenate(list(centred(part))) for part in (cause, effect))
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        return Regression(slope=0.0, correlation=0.0)
-    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
-    size = max(float(np.abs(np.concatenate(cause)).max()), 1e-12)
-    if xx <= len(x) * (STILL * size) ** 2 or yy <= 0.0:
-        return Regression(slope=0.0, correlation=0.0)
-    return Regression(slope=xy / xx, correlation=xy / np.sqrt(xx * yy))
-
-
-def correlations(cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]) -> Array:
-    """Correlations of causes (L, T) and one effect (T,) over the samples used (L, T), as `line`."""
-    xx, yy, xy, count, most = np.zeros((5, len(cause[0])))
-    for c, e, u in zip(cause, effect, used, strict=True):
-        every = np.maximum(u.sum(axis=1, keepdims=True), 1)
-        x, y = (np.where(u, v, 0.0) for v in (c, e))
-        most = np.maximum(most, np.abs(x).max(axis=1, initial=0.0))
-        x, y = (np.where(u, v - v.sum(axis=1, keepdims=True) / every, 0.0) for v in (x, y))
-        xx, yy, xy = xx + (x * x).sum(axis=1), yy + (y * y).sum(axis=1), xy + (x * y).sum(axis=1)
-        count = count + u.sum(axis=1)
-    still = (xx <= count * (STILL * np.maximum(most, 1e-12)) ** 2) | (yy <= 0.0)
-    found = np.where(still, 0.0, xy / np.sqrt(np.where(still, 1.0, xx * yy)))
-    return np.nan_to_num(found, nan=0.0)

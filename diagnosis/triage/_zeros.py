@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from diagnosis.triage._faults import BETTER, CLEAR, SCALES, Fault, best_line, less
-from diagnosis.triage._tracks import Track, line
+from diagnosis.logs.signals import CLEAR, line
+from diagnosis.triage._faults import BETTER, SCALES, Fault, best_line, less
+from diagnosis.triage._tracks import Track
 
 ZERO_RAD = np.radians(15)
 """Largest offset that counts as a sensor's bias [rad]; for a slide it is the travel."""

@@ -18,16 +18,15 @@ from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.logs.signals import CLEAR, UNCLEAR, line
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
 from diagnosis.triage import _clocks, _scales, _zeros
-from diagnosis.triage._faults import CLEAR, Fault
-from diagnosis.triage._tracks import Track, line, tracks
+from diagnosis.triage._faults import Fault
+from diagnosis.triage._tracks import Track, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
-UNCLEAR = 0.5
-"""Correlation below which two signals count as different motions."""
 TESTS: tuple[Callable[[Track], Fault | None], ...] = (
     _zeros.convention,
     _scales.scale,

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from diagnosis_logs import ENGINES
 
+from backends.effect import NumberEffect
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.run_spec import RunSpec
 from diagnosis.grasp.contact_geometry import _better, _readings, line, shapes
-from diagnosis.grasp.grasp_parameters import identify_grasp_parameters, motions
+from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.grasp.in_hand import in_hand
+from diagnosis.grasp.motion_fit import motions
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import gaps_m, held
 from diagnosis.recording.record import Plan, record
@@ -227,3 +229,14 @@ def test_a_radius_that_nobody_may_name_is_no_threshold():
     thin = log("stick-radius=-10%", "bullet", channels="stick,contact")
     report = in_hand(thin, NOMINAL, some("contact-softness", "taxel-threshold"), on_mujoco)
     assert {one.effect for one in report.findings} == {"unknown"}
+
+
+def test_an_effect_that_no_test_shows_is_not_ignored():
+    """Say of an effect on the stick that no test of a grasp shows that it is not looked for."""
+
+    class Longer(NumberEffect):
+        group, dimension, unit = "stick and contact", "length", "mm"
+        bounds, number, per_joint = (0.0, 0.1), "stick.length_m", False
+
+    report = identify_grasp_parameters(log("none"), NOMINAL, {"stick-length": Longer}, on_mujoco)
+    assert report.findings == () and report.missing[0].startswith("stick-length: not looked for")

@@ -13,9 +13,9 @@ from benchmark import registry
 from benchmark.effects import parse_effects
 from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, make_log
+from diagnosis.logs.signals import correlations, line
 from diagnosis.recording.record import Plan, record
 from diagnosis.triage._faults import Fault
-from diagnosis.triage._tracks import correlations, line
 from diagnosis.triage._zeros import ZERO_RAD
 from diagnosis.triage.triage import KINDS, FaultError, faults
 
