@@ -109,7 +109,7 @@ def test_a_softness_is_told_beside_what_soft_contacts_yield(soft_mm_n):
 def test_what_yields_as_the_nominal_engine_is_not_firm():
     """Find no shape where gaps are no line but beside the engine's own, whatever slips tell."""
     parts = held(log("contact-friction=-40%"), NOMINAL)
-    assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).findings == ()
+    assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).report.findings == ()
 
 
 @pytest.mark.parametrize("backend", ENGINES)
