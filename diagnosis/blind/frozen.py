@@ -10,6 +10,7 @@ from diagnosis.blind.files import BlindSet, Commitment
 ROOT = Path(__file__).resolve().parents[2]
 ENTRIES = ("diagnosis.solver", "diagnosis.diagnose")
 """What solves logs of free air, and those with the stick in the hand."""
+CURVE = "diagnosis/verdict/curve.json"
 ENGINE = "mujoco"
 """The engine on which the solver replays grasps, whatever engine is real."""
 
@@ -43,7 +44,7 @@ def solver_files() -> dict[str, str]:
     """SHA-256 of every file that decides the solver's results, as this process first read them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
     entries = (*ENTRIES, f"backends.{ENGINE}")
-    names = sorted({*effects, *(name for entry in entries for name in imported(entry))})
+    names = sorted({CURVE, *effects, *(name for entry in entries for name in imported(entry))})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}
 
 

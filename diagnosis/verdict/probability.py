@@ -1,18 +1,18 @@
 """The probability that a verdict is right: the share of right answers among such verdicts.
 
-A logistic curve in what the verdict rests on. Its coefficients stand here and nowhere else; they
-are fitted on plants with foreign drive laws.
+A logistic curve in what the verdict rests on. Its coefficients stand in one file, and are fitted on
+plants with foreign drive laws.
 """
 
+import json
 import math
+from collections.abc import Mapping
+from functools import cache
+from pathlib import Path
 
 NAMED, UNKNOWN, NONE = "named", "unknown", "none"
-CURVE: dict[str, dict[str, float]] = {
-    NAMED: {"constant": 0.23, "unshared": -0.39, "left": 0.06, "tied": -0.91, "more": 0.27},
-    UNKNOWN: {"constant": 0.5, "gap": 1.51, "share": -0.69},
-    NONE: {"constant": 2.02, "gap": -0.84},
-}
-"""By kind of verdict, the coefficients of `features`."""
+FILE = Path(__file__).with_name("curve.json")
+"""By kind of verdict, the coefficients of `features`: what `bench blind calibrate` wrote."""
 LEAST = 1e-3
 
 
@@ -32,7 +32,13 @@ def features(
     }
 
 
+@cache
+def curve() -> Mapping[str, Mapping[str, float]]:
+    """The coefficients by kind of verdict and feature."""
+    return json.loads(FILE.read_text())
+
+
 def probability(kind: str, values: dict[str, float]) -> float:
     """The probability that a verdict of this kind is right."""
-    score = sum(weight * values[name] for name, weight in CURVE[kind].items())
+    score = sum(weight * values[name] for name, weight in curve()[kind].items())
     return 1.0 / (1.0 + math.exp(-score))
