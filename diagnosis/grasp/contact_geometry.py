@@ -304,7 +304,7 @@ def _findings(nominal: Spec, seen: Seen, names: Mapping[str, str]) -> tuple[Find
     odds = dict(zip((RADIUS, SOFTNESS), seen.line.odds, strict=True))
     sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
     return tuple(
-        _finding(names.get(number, UNKNOWN), sizes[number], odds[number], before, after)
+        finding(names.get(number, UNKNOWN), sizes[number], odds[number], before, after)
         for number in seen.line.effects
     )
 
@@ -335,7 +335,8 @@ def _softness(seen: Seen) -> Size:
     return seen.compliance_m_n, (max(low - blur, 0.0), high + blur), text
 
 
-def _finding(effect: str, size: Size, z: float, before: float, after: float) -> Finding:
+def finding(effect: str, size: Size, z: float, before: float, after: float) -> Finding:
+    """A finding about the stick, `z` standard deviations from none; an unknown has no size."""
     known, (value, interval, text) = effect != UNKNOWN, size
     return Finding(
         effect=effect,

@@ -17,7 +17,8 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Report, missing, share
+from diagnosis.finding import UNKNOWN, Z90, Report, missing
+from diagnosis.grasp.contact_geometry import Size, finding
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
 from diagnosis.motion.held import Held
@@ -91,8 +92,8 @@ class PullFit:
         after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
         logs = (self.friction, self.friction_std), (self.mass, self.spread)
         findings = tuple(
-            _finding(names.get(number, UNKNOWN), *log, before, after, self.episodes)
-            for number, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
+            finding(names.get(number, UNKNOWN), _size(*log, self.episodes), odd, before, after)
+            for number, log, odd, found in zip((FRICTION, MASS), logs, odds, sure, strict=True)
             if found
         )
         vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
@@ -135,22 +136,11 @@ class PullFit:
         return replace(self, friction=self.friction + friction, mass=self.mass + mass)
 
 
-def _finding(
-    effect: str, log: float, std: float, before: float, after: float, episodes: int
-) -> Finding:
-    known = effect != UNKNOWN
-    ends = np.expm1([log - Z90 * std, log + Z90 * std])
-    return Finding(
-        effect=effect,
-        family=STICK,
-        value=float(np.expm1(log)) if known else 0.0,
-        interval=(float(ends[0]), float(ends[1])) if known else (0.0, 0.0),
-        share=share(before, after) if known else 0.0,
-        gap_before=before,
-        gap_after=after if known else before,
-        lead_nats=float((log / std) ** 2 / 2),
-        evidence=f"{episodes} sticks that were pulled out slipped otherwise",
-    )
+def _size(log: float, std: float, episodes: int) -> Size:
+    """A relative change, given as the logarithm of a ratio."""
+    value, low, high = np.expm1([log, log - Z90 * std, log + Z90 * std])
+    text = f"{episodes} sticks that were pulled out slipped otherwise"
+    return float(value), (float(low), float(high)), text
 
 
 def corrected(world: Spec, told: PullFit) -> Spec:
