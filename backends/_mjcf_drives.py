@@ -23,8 +23,7 @@ STIFF = 10.0
 """A gear counts as stiff from this multiple of the drive's proportional gain."""
 RIGID_RAD = 2.5e-3
 """A stiff gear counts as rigid when the largest torque twists it by no more than this [rad, m]. It
-is ten times the smallest position error that a log can resolve (see `floor_position_rad` in
-diagnosis/attribution/rules.yaml)."""
+is ten times the smallest position error that a diagnosis counts."""
 STIFFNESS, DAMPING = 0.8, 0.6
 """Natural frequency of a gear times the period, and its damping ratio; the teeth hardly bounce."""
 PD_SHARE = 1.2

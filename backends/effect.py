@@ -87,8 +87,8 @@ class Effect(ABC):
     """Largest u that a diagnosis tries."""
     either_sign: ClassVar[bool] = False
     """Whether u may be negative as an effect."""
-    levels: ClassVar[tuple[float, ...]] = ()
-    """Its law has a kink at zero: fits start from so many times `least` as well."""
+    kinked: ClassVar[bool] = False
+    """Its law has a kink: fits of it start from a scan of sizes."""
     by_column: ClassVar[bool] = False
     """As a tolerance it adds its slope to a replay: within its kink it is no smooth parameter."""
     family: ClassVar[str | None] = None

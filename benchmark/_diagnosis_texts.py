@@ -10,22 +10,17 @@ from backends.effect import UNITS, Effect, NumberEffect
 from backends.spec import Spec
 from benchmark import registry
 from benchmark.effects import effect_name, parse_effects
-from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.rules import rules
-from diagnosis.attribution.verdict import NONE, LimbVerdict
-from diagnosis.diagnose import Diagnosis
-from diagnosis.report.report import wording
+from diagnosis.answer import Diagnosis
+from diagnosis.report import wording
+from diagnosis.verdict.result import NONE, Cause, LimbResult, Ranked
 
 SHOWN, SHOWN_OF_NONE = 4, 2
 """Candidates per limb in the summary: with an effect, and without one."""
-COLUMNS = (
-    "log evidence ratio: how much better the best candidate fits than this one, in nats (1 nat is "
-    "a factor of 2.7); misfit: residual on samples not used in fits, in standard deviations"
-)
+COLUMNS = "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
 """What the columns of the candidates mean."""
 
 
-def effects_text(known: str, found: Sequence[Magnitude], ideal: Spec) -> str:
+def effects_text(known: str, found: Sequence[Cause], ideal: Spec) -> str:
     """The corrected world as effects on the ideal hand: the known ones and those found.
 
     Raises UsageError where their sum is out of an effect's range.
@@ -41,7 +36,7 @@ def effects_text(known: str, found: Sequence[Magnitude], ideal: Spec) -> str:
     return text
 
 
-def _effects(found: Magnitude, ideal: Spec) -> Iterator[Effect]:
+def _effects(found: Cause, ideal: Spec) -> Iterator[Effect]:
     """A finding as effects: one for all joints, or one for each joint that it was found on."""
     kind: type[Effect] = registry.load("effect", found.effect)
     size = found.value * UNITS[found.unit][1]
@@ -73,21 +68,19 @@ def _item(effect: Effect) -> str:
 
 def summary(found: Diagnosis, result: dict) -> RenderableType:
     """The summary: the verdict, the gap, the best candidates, ties, and what to do next."""
-    lines = [f"{wording.sentence(found)} Confidence: {wording.confidence(found)}."]
-    lines += [f"{wording.shrinkage(found)} Brackets hold 90 % intervals."]
-    if found.gap_before > found.noise_floor:
+    lines = [*found.sentences]
+    lines.append(f"Probability: {wording.probability(found)}. {wording.gaps(found)}")
+    if found.gaps.before.value > 1.0:
         lines.append(_where(found))
-    lines += [f"{wording.finding(one)}." for one in found.beside]
-    lines += [f"Not settled: {wording.tie(row)}." for row in found.indistinguishable]
-    if found.unseen:
-        lines.append(f"{wording.listed(found.unseen)}: this log shows nothing of the drive.")
-    if result["healthy"]["logs"]:
-        lines.append(f"Healthy logs: {wording.healthy(result['healthy'], rules())}.")
+    if found.nominal:
+        moved = wording.listed(wording.moved(one) for one in found.nominal)
+        lines.append(f"Nominal numbers that took part of the gap: {moved}.")
     lines += [f"Not judged: {text}." for text in found.missing]
-    lines += [f"Warning: {warning}" for warning in result["warnings"]]
-    end = [f"Next: {command}  ({what})" for command, what in result["next"].items()]
+    lines += [f"Warning: {text}" for text in (*found.notes, *result["warnings"])]
+    end = [f"Next: {text}." for text in wording.next_steps(found)]
+    end += [f"Next: {command}  ({what})" for command, what in result["next"].items()]
     end.append(f"Wrote {' and '.join(result['written'])}. CPU time: {found.cpu_s:.0f} s.")
-    accused = [limb for limb in found.limbs if limb.names != (NONE,)]
+    accused = [limb for limb in found.limbs if limb.verdict != (NONE,)]
     table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
     return Group(*map(Text, lines), table, *map(Text, end))
 
@@ -100,18 +93,20 @@ def _where(found: Diagnosis) -> str:
     )
 
 
-def _candidates(limbs: Sequence[LimbVerdict], shown: int) -> Table:
-    table = Table(header_style="bold", caption=Text(COLUMNS), caption_justify="left")
-    for column in ("joints", "candidate", "magnitude", "log evidence ratio", "misfit"):
+def _candidates(limbs: Sequence[LimbResult], shown: int) -> Table:
+    caption = (
+        "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
+    )
+    table = Table(header_style="bold", caption=Text(caption), caption_justify="left")
+    for column in ("joints", "causes", "share", "left"):
         table.add_column(column, overflow="fold")
     for limb in limbs:
-        best = limb.ranking[0].fit.cost
         for one in limb.ranking[:shown]:
-            table.add_row(
-                ", ".join(limb.attribution.fitter.evidence.joints),
-                wording.candidate(one),
-                wording.amounts(one),
-                f"{one.fit.cost - best:.1f}",
-                f"{one.gap:.2f}",
-            )
+            share, left = f"{100 * one.share:.0f} %", f"{one.left:.2f}"
+            table.add_row(", ".join(limb.joints), _name(one), share, left)
     return table
+
+
+def _name(one: Ranked) -> str:
+    names = [effect if joint is None else f"{effect} on {joint}" for effect, joint in one.causes]
+    return " + ".join(names) or "nominal numbers alone"

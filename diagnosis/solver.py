@@ -17,9 +17,10 @@ from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.evidence.gap import squared_gaps
-from diagnosis.evidence.log_faults import checked
+from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.models.catalogue import catalogue as every_effect
+from diagnosis.models.exact_world import ExactWorld
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.excerpt import excerpt
@@ -39,7 +40,7 @@ from diagnosis.verdict.result import LimbResult, Result
 from diagnosis.verdict.sensors import loss_finding, sensor_findings
 
 Progress = Callable[[str, float], None]
-"""Is told what is being done, and the share of all that is done."""
+"""Is called with what is being done, and the share of all that is done."""
 TURNS = 3
 """Decodings of lost packets, each with the fit to the one before."""
 NARROW = 0.5
@@ -64,6 +65,8 @@ class Judged:
     result: LimbResult
     evidence: Evidence
     """As recorded: that of the fits has the commands that arrived, where packets were lost."""
+    nominal: World
+    """The nominal world as it stands, without parameters."""
     fitter: Fitter
     found: Found
 
@@ -115,12 +118,21 @@ def judged(
     tell("reading the log", 0.0)
     parts = limbs(asked.nominal)
     found, notes = list[Judged](), list[str]()
+    still = list[StillError]()
     for number, part in enumerate(parts):
         share = partial(_share, tell, number, len(parts))
-        said, more = _evidence(part, log, asked)
+        try:
+            said, more = _evidence(part, log, asked)
+        except StillError as error:
+            still.append(error)
+            names = ", ".join(part.hand.joint_names)
+            notes.append(f"this log shows nothing of {names}: their targets stand still")
+            continue
         sound = [_evidence(part, h, asked)[0] for h in healthy]
         found.append(_limb(said, sound, asked, share))
         notes.extend(more)
+    if not found:
+        raise still[0]
     return found, notes
 
 
@@ -137,7 +149,8 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        sound = [Fitter(World(_part(one), _parameters(one, asked))).settled() for one in healthy]
+        pairs = ((_part(one), _parameters(one, asked)) for one in healthy)
+        sound = [Fitter(_world(*pair, asked.origin)).settled() for pair in pairs]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
@@ -145,14 +158,15 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
-        told = replace(said, limb=arrived(said.limb, lost))
+        received = replace(said, limb=arrived(said.limb, lost))
         sensors.append(loss_finding(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
-            fitter, found = _searched(told, known, ordinary, progress)
+            fitter, found = _searched(received, known, ordinary, progress)
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    return Judged(result=result, evidence=said, fitter=fitter, found=found)
+    nominal = _world(said, (), ordinary)
+    return Judged(result=result, evidence=said, nominal=nominal, fitter=fitter, found=found)
 
 
 def _searched(
@@ -160,12 +174,18 @@ def _searched(
 ) -> tuple[Fitter, Found]:
     """What a search finds, on a part of a long log, then fitted to all of it."""
     part = _part(said)
-    fitter = Fitter(World(part, known), ordinary.exact)
+    fitter = Fitter(_world(part, known, ordinary), ordinary.exact)
     found = Search(fitter, ordinary, progress).run()
     if part is said:
         return fitter, found
-    whole = Fitter(World(said, known), ordinary.exact)
+    whole = Fitter(_world(said, known, ordinary), ordinary.exact)
     return whole, on_whole(whole, found, ordinary)
+
+
+def _world(said: Evidence, known: Sequence[Parameter], ordinary: Ordinary) -> World:
+    """The limb's world: where the law is ours, as exact as an engine is."""
+    kind = ExactWorld if ordinary.exact and not said.limb.rigid else World
+    return kind(said, known)
 
 
 def _part(said: Evidence) -> Evidence:
@@ -186,8 +206,9 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     for _ in range(TURNS):
         if lost is None:
             return None
-        told = World(replace(evidence, limb=arrived(evidence.limb, lost)), world.parameters)
-        fit = Fitter(told).fit(chosen.freed, near=fit.u)
+        limb = arrived(evidence.limb, lost)
+        after = type(world)(replace(evidence, limb=limb), world.parameters)
+        fit = Fitter(after).fit(chosen.freed, near=fit.u)
         lost = losses(world, fit.u, fit.residual, lost) or lost
     if ordinary.exact and chosen.worst <= ordinary.floors:
         return lost

@@ -31,6 +31,6 @@ class Effect(NumberEffect):
     tolerance = 0.0003
     least = 0.001
     most = 0.2
-    levels = (3.0, 12.0)
+    kinked = True
     family = "lost motion"
     by_column = True

@@ -20,4 +20,4 @@ class Effect(NumberEffect):
     number = "command.slowness_s_rad"
     least = 0.02
     most = 10.0
-    levels = (3.0, 12.0)
+    kinked = True

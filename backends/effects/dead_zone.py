@@ -24,4 +24,4 @@ class Effect(NumberEffect):
     number = "drive.dead_zone_rad"
     least = 0.001
     most = 0.2
-    levels = (3.0, 12.0)
+    kinked = True

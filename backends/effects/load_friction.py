@@ -23,5 +23,5 @@ class Effect(NumberEffect):
     tolerance = 0.005
     least = 0.02
     most = 0.95
-    levels = (3.0, 12.0)
+    kinked = True
     family = "dry friction"

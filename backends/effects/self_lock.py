@@ -26,5 +26,5 @@ class Effect(NumberEffect):
     gear = "worm"
     least = 0.02
     most = 4.0
-    levels = (3.0, 12.0, 40.0)
+    kinked = True
     family = "dry friction"

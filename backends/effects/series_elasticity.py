@@ -23,7 +23,7 @@ class Effect(NumberEffect):
     tolerance = 0.008
     least = 0.03
     most = 3.0
-    levels = (3.0, 12.0)
+    kinked = True
     family = "lost motion"
     by_column = True
 

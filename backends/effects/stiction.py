@@ -22,5 +22,5 @@ class Effect(NumberEffect):
     number = "drive.stiction_nm"
     least = 0.008
     most = 1.0
-    levels = (3.0, 12.0)
+    kinked = True
     family = "dry friction"

@@ -56,31 +56,18 @@ def calibrate(
     defaults={
         "known_effects": OF_LOG,
         "out": "diagnoses/LOG",
-        "judge": "none",
         "healthy": "none",
         "fail_on": "nothing",
     }
 )
 def diagnose(
-    logs: Annotated[
-        list[Path],
-        typer.Argument(
-            metavar="LOG",
-            help="Folder of the log; several of one mechanism under several settings with --judge.",
-        ),
-    ],
-    judge: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="LOG", help="Of several logs one that judges, the others fit; repeatable."
-        ),
-    ] = None,
+    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")],
     healthy: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="LOG",
-            help="Log of the same mechanism, moved alike, while nothing was wrong with it: "
-            "residuals that such a log also shows are not attributed to a fault; repeatable.",
+            help="Log of the same mechanism, moved alike, while nothing was wrong: residuals that "
+            "such a log also shows are not attributed to a fault; repeatable.",
         ),
     ] = None,
     nominal: Nominal = "mujoco",
@@ -94,7 +81,6 @@ def diagnose(
     ] = None,
     out: Out = None,
     force: Force = False,
-    workers: Workers = None,
 ) -> Any:
     """Say where a log departs from the nominal world, which effect explains it, and how well.
 
@@ -104,18 +90,14 @@ def diagnose(
     Example: [bold]bench diagnose logs/one --known-effects built[/bold]
 
     A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
-
-    Settings: [bold]bench diagnose logs/gain100 logs/gain400 --judge logs/gain400[/bold]
     """
     from benchmark import diagnose as diagnoses
 
     settings = diagnoses.Settings(
-        paths=tuple(logs),
-        judging=tuple(judge or ()),
+        path=log,
         healthy=tuple(healthy or ()),
         nominal=nominal,
         known_effects=known_effects,
-        workers=workers,
     )
     failing = _failing(fail_on)
     result, summary = diagnoses.run(settings, out, force)

@@ -8,8 +8,8 @@ from pathlib import Path
 from diagnosis.blind.files import BlindSet, Commitment
 
 ROOT = Path(__file__).resolve().parents[2]
-ENTRIES = ("diagnosis.solver", "diagnosis.diagnose")
-"""What solves logs of free air, and those with the stick in the hand."""
+ENTRY = "diagnosis.walk"
+"""What solves logs; logs of free air by its solver alone."""
 CURVE = "diagnosis/verdict/curve.json"
 ENGINE = "mujoco"
 """The engine on which the solver replays grasps, whatever engine is real."""
@@ -43,7 +43,7 @@ def _named(tree: ast.AST) -> list[str]:
 def solver_files() -> dict[str, str]:
     """SHA-256 of every file that decides the solver's results, as this process first read them."""
     effects = (str(p.relative_to(ROOT)) for p in (ROOT / "backends/effects").glob("*.py"))
-    entries = (*ENTRIES, f"backends.{ENGINE}")
+    entries = (ENTRY, f"backends.{ENGINE}")
     names = sorted({CURVE, *effects, *(name for entry in entries for name in imported(entry))})
     return {name: hashlib.sha256((ROOT / name).read_bytes()).hexdigest() for name in names}
 

@@ -114,17 +114,19 @@ def _by_all(one: Task, simulate: Simulate) -> dict[str, Any]:
 
 def by_diagnosis(one: Task, simulate: Simulate) -> dict[str, Any]:
     """The result of the whole diagnosis, which knows touch, stick and contact as well."""
-    from diagnosis.diagnose import diagnose
+    from diagnosis.walk import diagnose
 
-    assert one.nominal is not None
-    found = diagnose(one.log, one.nominal, one.known, simulate=simulate)
+    found = diagnose(
+        one.log, one.healthy, nominal=one.nominal, catalogue=one.known, simulate=simulate
+    )
+    said = found.plain()
     return {
         "verdict": list(found.verdict),
         "joints": list(found.joints),
-        "magnitudes": [_magnitude(m, *m.interval) for m in found.magnitudes],
-        "confidence": found.confidence,
-        "leading": [one.effect for one in found.leading],
-        "indistinguishable": [row["effects"] for row in found.indistinguishable],
+        "magnitudes": [_magnitude(cause) for cause in found.magnitudes],
+        "confidence": found.probability,
+        "leading": [cause["effect"] for cause in said["leading"]],
+        "indistinguishable": [[*row["effects"], *row["or"]] for row in said["indistinguishable"]],
         "cpu_s": found.cpu_s,
     }
 
@@ -156,7 +158,7 @@ def plain(found: Any) -> dict[str, Any]:
     return {
         "verdict": list(found.verdict),
         "joints": list(found.joints),
-        "magnitudes": [_magnitude(cause, cause.low, cause.high) for cause in found.causes],
+        "magnitudes": [_magnitude(cause) for cause in found.causes],
         "confidence": found.probability,
         "kind": kind,
         "share": found.share,
@@ -179,12 +181,12 @@ def plain(found: Any) -> dict[str, Any]:
     }
 
 
-def _magnitude(cause: Any, low: float, high: float) -> dict[str, Any]:
+def _magnitude(cause: Any) -> dict[str, Any]:
     """In SI units or as a share."""
     size = UNITS[cause.unit][1]
     return {
         "effect": cause.effect,
         "joints": list(cause.joints),
         "magnitude": cause.value * size,
-        "interval": [low * size, high * size],
+        "interval": [cause.low * size, cause.high * size],
     }

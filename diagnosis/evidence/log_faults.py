@@ -29,6 +29,10 @@ noise where they hardly have any."""
 TORQUE = CHANNELS.index("torque")
 
 
+class StillError(LogError):
+    """Nothing is asked of a limb: a log says nothing of it."""
+
+
 def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
     """The limb's log without what cannot be, and notes of it; raises LogError."""
     _require_motion(limb)
@@ -50,7 +54,7 @@ def _require_motion(limb: Limb) -> None:
     told = max(float(np.ptp(r.command, axis=0).max()) for r in limb.recordings)
     slides = any(body.joint.slides for body in limb.spec.hand.driven)
     if told < (0.0 if slides else STILL_RAD) and not pushed:
-        raise LogError(
+        raise StillError(
             f"nothing moves in this log: the targets of {', '.join(limb.joints)} stand still and "
             "no joint is pushed; record steps, triangle, multisine, push"
         )

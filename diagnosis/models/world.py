@@ -40,9 +40,13 @@ class World:
 
         `nudge`: a shift of all starts [rad; of a slide a share of its travel].
         """
+        return self.evidence.pack(self.blocks(u, nudge))
+
+    def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
+        """What the sensors show, as block means (N, 3, K)."""
         self.runs += 1
         shift = nudge * self.evidence.size
-        return self.evidence.pack(self.evidence.limb.simulate(*self.numbers(u), shift))
+        return self.evidence.limb.simulate(*self.numbers(u), shift)
 
     def numbers(self, u: Mapping[int, float]) -> tuple[Array, Array]:
         """The joints' numbers (K, len(COLUMNS)) and gravity's tilt (2,) [rad]."""

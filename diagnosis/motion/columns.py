@@ -1,10 +1,11 @@
 """A joint's numbers in the compiled replay, under the names that the spec gives them."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 
-from backends.spec import Command, Drive, Encoder, Spec
+from backends.spec import Body, Command, Drive, Encoder, Spec
 from backends.state import Array
 
 COLUMNS = (
@@ -44,3 +45,14 @@ def table(spec: Spec, rigid: bool) -> Array:
         names = (column.split(".") for column in COLUMNS[:-1])
         rows.append([float(getattr(homes[part], field)) for part, field in names])
     return np.column_stack([rows, np.full(len(rows), float(not rigid))])
+
+
+def changed(body: Body, numbers: Array) -> Body:
+    """A body with the numbers of its joint, in the order of COLUMNS."""
+    parts: dict[str, dict[str, Any]] = {}
+    for column, value in zip(COLUMNS[:-1], numbers, strict=False):
+        part, field = column.split(".")
+        parts.setdefault(part, {})[field] = float(value)
+    own = parts.pop("body")
+    of_joint = {part: replace(getattr(body.joint, part), **some) for part, some in parts.items()}
+    return replace(body, joint=replace(body.joint, **of_joint), **own)

@@ -1,5 +1,6 @@
 """The free-air episodes of a log as arrays: what was asked of a limb, and what it then showed."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,22 +40,26 @@ class Recording:
 
 def recordings(log: Log, limb: Spec) -> tuple[Recording, ...]:
     """All usable episodes of a log in free air; raises LogError where there are none."""
-    missing = [name for name in limb.hand.joint_names if name not in log.joints]
-    if missing:
-        raise LogError(
-            f"this log has no commands for {', '.join(missing)}; it has: {', '.join(log.joints)}; "
-            "record every joint"
-        )
+    require_joints(log, limb.hand.joint_names)
     found = [_recording(log, limb, e.episode, e.protocol) for e in log.episodes]
     usable = tuple(r for r in found if r.protocol in FREE_AIR and len(r.time_s) >= LEAST_SAMPLES)
     lasts_s = sum(float(r.time_s[-1]) for r in usable)
     if lasts_s < LEAST_S:
         raise LogError(
-            f"not identifiable from this log: {lasts_s:.1f} s in free air in episodes of "
+            f"not identifiable from this log: {lasts_s:.3g} s in free air in episodes of "
             f"{LEAST_SAMPLES} samples or more, allowed: from {LEAST_S:g} s; record "
             f"{', '.join(FREE_AIR[:4])}"
         )
     return usable
+
+
+def require_joints(log: Log, names: Sequence[str]) -> None:
+    """Raise LogError unless a log has commands for these joints."""
+    if missing := [name for name in names if name not in log.joints]:
+        raise LogError(
+            f"this log has no commands for {', '.join(missing)}; it has: {', '.join(log.joints)}; "
+            "record every joint"
+        )
 
 
 def period_s(found: tuple[Recording, ...]) -> float:

@@ -1,201 +1,91 @@
 """The sentences of a diagnosis, the same on the terminal and in the report."""
 
-from collections.abc import Iterable, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
-from backends.effect import UNITS, Effect
-from diagnosis.attribution.attribute import Ranked
-from diagnosis.attribution.magnitudes import Magnitude
-from diagnosis.attribution.rules import Rules
-from diagnosis.attribution.verdict import NONE, UNKNOWN
-from diagnosis.diagnose import Diagnosis
-from diagnosis.finding import Finding
-from diagnosis.leading import Leading
+from diagnosis.answer import Diagnosis
 from diagnosis.shrinkage import Share
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal
 
-NEARLY_ALL = 0.95
-"""From this share of a gap on, the share is not what keeps an effect from being the verdict."""
-NOMINAL = "nominal parameters alone"
-"""Name of the candidate without an effect."""
-
-
-VERDICT, BEST = "the verdict", "the best candidate"
-"""Names of the world with effects: of an accepted candidate, and of one that is not."""
+ORIGINS = {
+    "robot": "healthy robots of many makes",
+    "simulator": "a simulator with this drive law",
+    "healthy logs": "the healthy logs that were given",
+}
+"""What an ordinary gap is known from."""
 
 
 def sentence(found: Diagnosis) -> str:
-    """The verdict in one or two sentences."""
-    if found.verdict == (NONE,):
-        sound = any(limb.attribution.fitter.evidence.sound for limb in found.limbs)
-        beyond = " beyond what healthy logs show" if sound else ""
-        return (
-            f"No effect is needed{beyond}: the nominal world explains this log within the "
-            "uncertainty of its parameters."
-        )
-    parts = []
-    if found.magnitudes:
-        others = [_worlds(row)[1] for row in found.indistinguishable]
-        also = f", or as well by {' or '.join(others)}" if others else ""
-        explained = listed(phrase(m) for m in found.magnitudes)
-        whole = "Part of the gap" if UNKNOWN in found.verdict else "The gap"
-        parts.append(f"{whole} is explained by {explained}{also}.")
-    if UNKNOWN in found.verdict:
-        where = _unknown_where(found)
-        there = f"{where[0].upper()}{where[1:]} there" if where else "There"
-        parts.append(f"{there} is a gap that no effect of the catalogue explains.")
-        parts += [_led(one) for one in found.leading]
-    return " ".join(parts)
+    """The verdict in a few sentences."""
+    return " ".join(found.sentences)
 
 
-def _led(one: Leading) -> str:
-    """The effect that is closest to an unknown gap."""
-    what = f"{one.effect} of {number(one.value)} {one.unit} on {one.joint or listed(one.limb)}"
-    others = f"every effect but {listed(one.tied)}" if one.tied else "every other effect"
-    taken = f"explains {percent(one.share)} of the squared gap left by the nominal parameters"
-    if one.share.value <= 0.0:
-        taken = "changes nothing by more than the noise floor"
-    why = "which is too little for a verdict"
-    if one.share.value > NEARLY_ALL:
-        why = "but its residual, or the shift of nominal parameters that it needs, is too large"
-    return f"The closest effect is {what}, ahead of {others}: it {taken}, {why}."
-
-
-def healthy(allowed: Mapping[str, Any], base: Rules) -> str:
-    """What healthy logs allow, beyond the default rules: `allowed` is as in diagnosis.json."""
-    asked = []
-    for limb in allowed["limbs"]:
-        rule = limb["rules"]
-        wider = [
-            f"{what} up to {number(rule[name])} {unit} (default {number(getattr(base, name))})"
-            for name, what, unit in _EXCUSED
-            if rule[name] > getattr(base, name)
-        ]
-        wider += [
-            f"{one['effect']} up to {number(one['magnitude'])} {one['unit']}"
-            for one in limb["excused"]
-        ]
-        joints = listed(limb["joints"])
-        asked.append(f"{joints}: {listed(wider) if wider else 'no more than by default'}")
-    return f"{len(allowed['logs'])} used; they allow on {'; on '.join(asked)}"
-
-
-_EXCUSED = (
-    ("white_sd", "a residual that is not white by", "standard deviations"),
-    ("uneven_sd", "a residual of one protocol by", "standard deviations"),
-    ("law_nats", "a residual that follows the motion by", "nats"),
-    ("alone_stds", "a nominal parameter that is off by", "prior standard deviations"),
-)
-"""The rules that healthy logs widen: what each is about, and its unit."""
-
-
-def _unknown_where(found: Diagnosis) -> str:
-    """Where the gap is unknown: 'on J3', 'in touch', or nothing."""
-    accused = {joint for m in found.magnitudes for joint in m.joints}
-    strange = [joint for joint in found.joints if joint not in accused]
-    families = [one.family for one in found.beside if one.effect == UNKNOWN]
-    places = [f"on {listed(strange)}"] if strange else []
-    return listed([*places, *(f"in {family}" for family in families)])
-
-
-def phrase(magnitude: Magnitude) -> str:
-    """A finding with its interval, such as 'backlash of 1.02 deg (0.99 to 1.05) on J3'."""
-    where = f" on {listed(magnitude.joints)}" if magnitude.joints else ""
-    return f"{magnitude.effect} of {size(magnitude)}{where}"
-
-
-def size(magnitude: Magnitude) -> str:
-    """A magnitude with its interval."""
-    low, high = magnitude.interval
-    interval = "not bounded by this log" if magnitude.loose else f"{number(low)} to {number(high)}"
-    return f"{number(magnitude.value)} {magnitude.unit} ({interval})"
-
-
-def finding(one: Finding) -> str:
-    """The evidence for a finding, and how far its gap shrinks."""
-    return (
-        f"{one.effect}: {one.evidence}; its gap falls from {digits(one.gap_before)} to "
-        f"{digits(one.gap_after)} times the noise floor"
-    )
-
-
-def digits(value: float) -> str:
-    """A gap in three digits."""
-    return f"{value:.3g}"
-
-
-def candidate(ranked: Ranked) -> str:
-    """A candidate and its joints, such as 'backlash@J3'."""
-    pairs = zip(ranked.names, ranked.fit.effects, strict=True)
-    return " + ".join(name + _place(effect) for name, effect in pairs) or NOMINAL
-
-
-def _place(effect: Effect) -> str:
-    if not effect.per_joint:
-        return ""
-    return f"@{effect.joint}" if effect.joint else ", all joints"
-
-
-def amounts(ranked: Ranked) -> str:
-    """The fitted magnitudes of a candidate."""
-    return ", ".join(amount(effect) for effect in ranked.fit.effects)
-
-
-def amount(effect: Effect) -> str:
-    """The magnitude of an effect in its usual unit."""
-    return f"{number(effect.magnitude / UNITS[effect.unit][1])} {effect.unit}"
-
-
-def confidence(found: Diagnosis) -> str:
+def probability(found: Diagnosis) -> str:
     """How sure the verdict is."""
-    return f"{100 * found.confidence:.0f} %"
+    return f"{100 * found.probability:.0f} %"
 
 
-def shrinkage(found: Diagnosis) -> str:
+def gaps(found: Diagnosis) -> str:
     """How far the gap shrinks, in a sentence."""
-    before, nominal, after = (spread(found.gaps[key]) for key in ("before", "nominal", "after"))
-    if found.gap_before <= found.noise_floor:
-        return (
-            f"In free air the gap is {before} times the noise floor, on samples not used in fits."
-        )
-    text = f"The gap is {before} times the noise floor, on samples not used in fits. "
-    text += f"Refitting the nominal parameters leaves {nominal}"
-    if found.verdict == (NONE,) or found.gaps["after"] == found.gaps["nominal"]:
-        return f"{text}."
-    name = after_name(found)
-    return (
-        f"{text}, adding {name} leaves {after}. {name.capitalize()} removes "
-        f"{percent(found.shrinkage)} of the squared gap above the noise floor; "
-        f"the refit alone removes {percent(found.shrinkage_nominal)}."
+    before, nominal, after = (
+        spread(one) for one in (found.gaps.before, found.gaps.nominal, found.gaps.after)
     )
-
-
-def after_name(found: Diagnosis) -> str:
-    """Name of the world that the gap `after` is measured with."""
-    return BEST if UNKNOWN in found.verdict else VERDICT
-
-
-def tie(row: dict) -> str:
-    """Two worlds that a log cannot distinguish, and the experiment that would."""
-    first, second = _worlds(row)
     text = (
-        f"{first} and {second} fit almost equally well "
-        f"(log evidence ratio {row['apart_nats']:.1f} nats)"
+        f"On seconds that the fits have not seen, the gap of the worst joint is {before} times the "
+        f"noise floor; the nominal numbers, refitted within their uncertainty, leave {nominal}"
     )
-    if row["experiment"] is None:
-        return f"{text}; no channel or protocol that is missing in this log would separate them"
-    if row["experiment"] not in row["separations_sd"]:
-        return f"{text}; to distinguish them, {row['experiment']}"
-    apart = row["separations_sd"][row["experiment"]]
+    if found.verdict == (NONE,) or found.gaps.after == found.gaps.nominal:
+        return f"{text}."
+    what = "the leading causes" if UNKNOWN in found.verdict else "the causes named"
     return (
-        f"{text}; to distinguish them, {row['experiment']}: that would separate them by "
-        f"{apart:.1f} standard deviations"
+        f"{text}, {what} leave {after}. They take {percent(found.shrinkage)} of the squared gap "
+        f"beyond one floor; the nominal numbers alone take {percent(found.shrinkage_nominal)}."
     )
 
 
-def _worlds(row: dict) -> list[str]:
-    """The two sides of a tie, such as 'backlash@J3'."""
-    pairs = zip(row["effects"], row["joints"], strict=True)
-    return [effect if joint is None else f"{effect}@{joint}" for effect, joint in pairs]
+def ordinary(found: Diagnosis) -> str:
+    """What is ordinary, and where that is known from."""
+    return f"up to {found.ordinary:.1f} noise floors, by {ORIGINS[found.ordinary_from]}"
+
+
+def next_steps(found: Diagnosis) -> Iterator[str]:
+    """What would make the verdict surer."""
+    if found.verdict == (UNKNOWN,):
+        yield (
+            "Look at the joint and the phase where the gap lies, and give healthy logs of this "
+            "robot (--healthy): they say which part of the gap was there before"
+        )
+        if any(limb.leading for limb in found.limbs):
+            yield (
+                "If a leading cause is plausible, state it with --known-effects and diagnose what "
+                "is left"
+            )
+    for limb in found.limbs:
+        if limb.experiment:
+            yield f"To distinguish {listed([*limb.verdict])} from the others: {limb.experiment}"
+
+
+def place(cause: Cause) -> str:
+    """A cause and its joint, such as 'backlash on J3'."""
+    where = cause.joint or (listed(cause.joints) if cause.joints else "")
+    return f"{cause.effect} on {where}" if where else cause.effect
+
+
+def size(cause: Cause) -> str:
+    """A size with its 90 % interval."""
+    return f"{number(cause.value)} {cause.unit} ({number(cause.low)} to {number(cause.high)})"
+
+
+def moved(one: Nominal) -> str:
+    """A nominal number that took part of the gap, with its standard deviation."""
+    where = f" on {one.joint}" if one.joint else ""
+    sign = "+" if one.value > 0 else ""
+    return f"{one.effect}{where} {sign}{number(one.value)} ± {number(one.sd)} {one.unit}"
+
+
+def tie(limb: LimbResult, names: Iterable[str]) -> str:
+    """A set of causes that a log cannot distinguish from the verdict, and what would."""
+    text = f"{listed(limb.verdict)} and {listed(names)} explain this log equally well"
+    return f"{text}; to distinguish them, {limb.experiment}" if limb.experiment else text
 
 
 def spread(share: Share) -> str:
@@ -211,8 +101,15 @@ def percent(share: Share) -> str:
     return "{:.1f} % ({:.1f} to {:.1f})".format(*(100 * v for v in (share.value, *share.interval)))
 
 
+def digits(value: float) -> str:
+    """A gap in three digits."""
+    return f"{value:.3g}"
+
+
 def number(value: float) -> str:
     """A number with two to four digits, without an exponent where possible."""
+    if abs(value) >= 1e4:
+        return f"{value:.0f}"
     return f"{value:.4g}" if abs(value) >= 0.001 or value == 0 else f"{value:.2g}"
 
 

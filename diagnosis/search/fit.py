@@ -155,6 +155,11 @@ class Fitter:
             return self._diverged((), {})
         return Fit(freed=(), u={}, residual=residual, gap2=squared_gaps(self.evidence, residual))
 
+    def excess_at(self, u: Mapping[int, float]) -> float:
+        """What parameters at u leave as they stand; infinite where there is no motion."""
+        left = self._excess(self.world.shown(u))
+        return left if np.isfinite(left) else np.inf
+
     def _excess(self, shown: Array) -> float:
         return excess(squared_gaps(self.evidence, self.evidence.readings - shown))
 

@@ -12,6 +12,8 @@ from diagnosis.search.problem import WIDE
 
 SIZES = (2.0, 6.0)
 """Multiples of the least size over which an effect's slope is taken."""
+KINKS = (3.0, 12.0, 40.0)
+"""The same of an effect whose law has a kink."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,8 +75,8 @@ class Screening:
 
     def _sizes(self, number: int) -> tuple[float, ...]:
         one = self.fitter.parameters[number]
-        if one.kind.levels:
-            return tuple(level * one.least for level in one.kind.levels)
+        if one.kind.kinked:
+            return tuple(size * one.least for size in KINKS)
         if one.either_sign:
             return SIZES[0] * one.least, -SIZES[0] * one.least
         return tuple(size * one.least for size in SIZES)

@@ -24,10 +24,11 @@ MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
 MIXED = 2
 """From so many causes on, only the best set is added to: the first two may have been mixed up."""
-BENT, MORE = 2.0, 3
-"""Beyond so many ordinary gaps, tolerances are bent; so many candidates beside the screening's."""
+FAR, MORE = 2.0, 3
+"""Beyond so many ordinary gaps tolerances are far off, for they take what a fault does; so many
+candidates beside the screening's."""
 KIN = 6.0
-"""Kin are fitted from so many of their least sizes, beside their levels."""
+"""Kin are fitted from so many of their least sizes, beside the scan."""
 EACH = 2
 """At most so many causes on one joint."""
 QUIET = 1.2
@@ -47,8 +48,8 @@ NEAR, NEAR_MORE = 4.0, 3.0
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 """Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
 times the best's, and this."""
-UNLIKE = (0.6, 1.6)
-"""A kink is fitted from each of its levels that is not this near to the screening's size."""
+SCANNED, FINER = 11, 2
+"""A kink is sought at so many sizes, and so often between the neighbours of the best."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -205,14 +206,14 @@ class Search:
     def _promising(self, fit: Fit) -> tuple[list[Screened], Mapping[int, Array]]:
         """What to add to a fit, the best first, and the slopes of its tolerances.
 
-        A linear step from a fit that was bent to a large gap, or that sticks and slips, hides what
-        it is. So the first effects are sought from where tolerances are none as well, and further
-        ones among those that explain much alone.
+        A linear step from a fit that was pulled to a large gap, or that sticks and slips, hides
+        what it is. So the first effects are sought from where tolerances are none as well, and
+        further ones among those that explain much alone.
         """
         asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
         screening = Screening(self.fitter, fit)
         found = screening.screened(asked)[:FITTED]
-        if not fit.freed and fit.worst > BENT * self.ordinary.floors:
+        if not fit.freed and fit.worst > FAR * self.ordinary.floors:
             plain = self.fitter.unfitted()
             more = Screening(self.fitter, plain).screened(asked)[:MORE]
             more += self._kin(found[0].number) if found else []
@@ -242,11 +243,18 @@ class Search:
         first = float(np.sign(one.to) * np.clip(abs(one.to), low, high))
         alone = {k: fit.u[k] for k in fit.freed}
         yield first, fit.u
-        yield first, alone
-        for level in parameter.kind.levels:
-            size = min(level * parameter.least, high)
-            if not UNLIKE[0] < size / abs(first) < UNLIKE[1]:
-                yield size, alone
+        yield (self._scanned(one.number, alone) if parameter.kind.kinked else first), alone
+
+    def _scanned(self, number: int, alone: Mapping[int, float]) -> float:
+        """The size of an effect with a kink that leaves least, in ever finer steps."""
+        one = self.parameters[number]
+        sizes = np.geomspace(1.1 * one.least, 0.7 * one.most, SCANNED)
+        for _ in range(FINER):
+            left = [self.fitter.excess_at({**alone, number: float(size)}) for size in sizes]
+            best = int(np.argmin(left))
+            found = float(sizes[best])
+            sizes = np.linspace(sizes[max(best - 1, 0)], sizes[min(best + 1, SCANNED - 1)], SCANNED)
+        return found
 
     def _least(self, causes: int) -> float:
         """The least excess that a set of so many causes leaves so far."""

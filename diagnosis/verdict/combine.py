@@ -12,12 +12,13 @@ from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Result
 def combine(limbs: Sequence[LimbResult], cpu_s: float, notes: Sequence[str] = ()) -> Result:
     """What is said of a log, of what is said of its limbs."""
     joints = tuple(chain.from_iterable(limb.joints for limb in limbs))
-    named = _together([c for limb in limbs for c in (*limb.causes, *limb.sensors)], joints)
-    unknown = any(UNKNOWN in (*limb.verdict, *(s.effect for s in limb.sensors)) for limb in limbs)
+    said = [c for limb in limbs for c in (*limb.causes, *limb.sensors)]
+    named = _together([c for c in said if c.effect != UNKNOWN], joints)
+    unknown = UNKNOWN in [*(c.effect for c in said), *(v for limb in limbs for v in limb.verdict)]
     effects = tuple(dict.fromkeys(c.effect for c in named))
     decisive = [limb for limb in limbs if limb.verdict != (NONE,)] or list(limbs)
     worst = max(decisive, key=lambda limb: limb.gap_nominal / limb.ordinary)
-    said = [limb for limb in limbs if limb.verdict == (UNKNOWN,)] if unknown else decisive
+    strange = [limb for limb in limbs if limb.verdict == (UNKNOWN,)]
     return Result(
         verdict=(UNKNOWN,) if unknown else effects or (NONE,),
         joints=tuple(dict.fromkeys(chain.from_iterable(c.joints for c in named))),
@@ -26,7 +27,7 @@ def combine(limbs: Sequence[LimbResult], cpu_s: float, notes: Sequence[str] = ()
         left=max(limb.left for limb in limbs),
         ordinary=worst.ordinary,
         ordinary_from=worst.ordinary_from,
-        probability=float(np.prod([limb.probability for limb in said])),
+        probability=float(np.prod([limb.probability for limb in strange or decisive])),
         gap_before=_rms([limb.gap_before for limb in limbs]),
         gap_nominal=max(limb.gap_nominal for limb in limbs),
         gap_after=max(limb.gap_after for limb in limbs),

@@ -10,7 +10,7 @@ from diagnosis.models.parameters import Parameter, magnitude
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
-from diagnosis.verdict.ordinary import Ordinary, allowed, is_named
+from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
 
@@ -34,7 +34,7 @@ def decide(
     """What is said of a limb; `explained`: the gap that lost packets took part of [floors]."""
     nominal, chosen = found.nominal, found.chosen
     named = bool(chosen.freed) and (is_named(chosen, nominal, ordinary) or found.is_likely)
-    unknown = not named and nominal.worst > allowed(explained, ordinary)
+    unknown = not named and nominal.worst > beside_losses(explained, ordinary)
     share = found.share(chosen) if chosen.freed else 0.0
     tied = [f for f in found.tied if named]
     causes = tuple(_causes(fitter, found)) if named else ()

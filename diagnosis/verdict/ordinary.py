@@ -67,6 +67,12 @@ def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:
     return replace(origin, floors=floors, source="healthy logs")
 
 
+LOSSES = 0.3
+"""Lost packets that do not show are not found: they leave this share of what losses take."""
+LEAST_EXCESS = 1e-6
+"""A smaller excess is none."""
+
+
 class Gap(Protocol):
     """What a set of causes leaves."""
 
@@ -82,8 +88,10 @@ class Gap(Protocol):
 
 
 def share_of(fit: Gap, before: Gap) -> float:
-    """The share of an excess that a set of causes takes."""
-    return 1.0 - fit.excess / max(before.excess, 1e-9)
+    """The share of an excess that a set of causes takes; 0 of none, and at least -1."""
+    if before.excess < LEAST_EXCESS:
+        return 0.0
+    return max(1.0 - fit.excess / before.excess, -1.0)
 
 
 def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
@@ -98,6 +106,11 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
 def allowed(explained: float, ordinary: Ordinary) -> float:
     """What may be left of a gap that was explained: what is ordinary, and the law's own error."""
     return ordinary.floors + min(ordinary.law * explained, LAW_MOST * ordinary.floors)
+
+
+def beside_losses(explained: float, ordinary: Ordinary) -> float:
+    """What may be left of a gap that lost packets took part of: which were lost is never sure."""
+    return ordinary.floors + min(LOSSES * explained, LAW_MOST * ordinary.floors)
 
 
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:

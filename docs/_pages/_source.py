@@ -2,7 +2,6 @@
 
 import ast
 import dataclasses
-import importlib
 import inspect
 import re
 from pathlib import Path
@@ -10,20 +9,6 @@ from typing import Any
 
 TEXTS = Path(__file__).resolve().parent.parent / "_texts"
 """What is written by hand and made pages begin with."""
-
-
-def find(name: str, *modules: str) -> Any:
-    """A class or function by name from the first of some modules that has it."""
-    for module in modules:
-        try:
-            found = getattr(importlib.import_module(module), name, None)
-        except ModuleNotFoundError as error:
-            if error.name and not module.startswith(error.name):
-                raise
-            continue
-        if found is not None and not inspect.ismodule(found):
-            return found
-    raise LookupError(f"none of {', '.join(modules)} has {name}: adapt docs/_pages")
 
 
 def fields(kind: type) -> list[tuple[str, str, str]]:

@@ -4,7 +4,7 @@ import inspect
 from math import inf
 from typing import Any
 
-from _pages._source import doc, fields, find, read_text, signature, table, to_table
+from _pages._source import doc, fields, read_text, signature, table, to_table
 
 
 def pages() -> dict[str, str]:
@@ -50,18 +50,13 @@ def _diagnosis() -> str:
     """Everything that `diagnosis` exports."""
     import diagnosis
 
-    names = getattr(diagnosis, "__all__", ())
-    found = [getattr(diagnosis, name) for name in names] or [
-        find("read_log", "diagnosis.logs.log"),
-        find("diagnose", "diagnosis.diagnose"),
-    ]
-    parts = ["`from diagnosis import ...`\n"] if names else []
-    for thing in found:
-        where = "diagnosis" if names else thing.__module__
+    parts = ["`from diagnosis import ...`\n"]
+    for name in diagnosis.__all__:
+        thing = getattr(diagnosis, name)
         if inspect.isclass(thing):
-            parts += [f"### {thing.__name__}\n\n{doc(thing)}\n", _members(thing)]
-        elif callable(thing):
-            parts.append(_entry(f"{where}.{thing.__name__}", thing))
+            parts += [f"### {name}\n\n{doc(thing)}\n", _members(thing)]
+        else:
+            parts.append(_entry(f"diagnosis.{name}", thing))
     return "\n".join(parts)
 
 

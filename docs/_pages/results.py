@@ -6,7 +6,7 @@ import sys
 import typing
 from collections.abc import Iterator
 
-from _pages._source import doc, find, read_text, rows, table, to_table
+from _pages._source import doc, read_text, rows, table, to_table
 
 
 def pages() -> dict[str, str]:
@@ -59,24 +59,12 @@ def _matrix() -> dict[str, str]:
 
 def _diagnosis() -> str:
     """The diagnosis, and the parts that it is made of."""
-    kind = find("Diagnosis", "diagnosis", "diagnosis.answer", "diagnosis.result")
-    parts = [f"{doc(kind)}\n", table(kind, **_TEXTS)]
-    for part in dict.fromkeys(_parts(kind)):
+    from diagnosis import Diagnosis
+
+    parts = [f"{doc(Diagnosis)}\n", table(Diagnosis)]
+    for part in dict.fromkeys(_parts(Diagnosis)):
         parts += [f"### {part.__name__}\n", f"{doc(part)}\n", table(part)]
     return "\n".join(parts)
-
-
-_TEXTS = {
-    "verdict": "the effects that explain the gap; `none`, or `unknown`",
-    "joints": "on which joints they are",
-    "magnitudes": "how large they are, with intervals",
-    "confidence": "how sure the verdict is, 0 to 1",
-    "where": "where the gap lies: by joint, signal, protocol and phase of motion",
-    "gap_before": "the gap in the nominal world, in noise floors",
-    "gap_after": "the gap in the corrected world, in noise floors",
-    "noise_floor": "what the sensors' noise alone would leave",
-}
-"""What the source leaves unsaid."""
 
 
 def _parts(kind: type) -> Iterator[type]:

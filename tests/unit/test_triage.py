@@ -11,13 +11,13 @@ from backends import sticks, trx
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.effects import parse_effects
-from diagnosis.diagnose import diagnose
 from diagnosis.logs.log import Log, make_log
 from diagnosis.logs.signals import correlations, line
 from diagnosis.recording.record import Plan, record
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._zeros import ZERO_RAD
 from diagnosis.triage.triage import KINDS, FaultError, faults
+from diagnosis.walk import diagnose
 
 SPEC = trx.spec(sticks.STICKS["reference"])
 PLAN = Plan(
@@ -285,7 +285,7 @@ def test_a_bug_stops_the_diagnosis(ideal):
     """Report the bug in place of a cause."""
     catalogue = {"kp-scale": registry.load("effect", "kp-scale")}
     with pytest.raises(FaultError, match="the data of this log is faulty: sign of J1") as raised:
-        diagnose(changed(ideal, times("position_rad.J1", -1)), SPEC, catalogue)
+        diagnose(changed(ideal, times("position_rad.J1", -1)), nominal=SPEC, catalogue=catalogue)
     assert raised.value.faults[0].kind == "sign"
 
 

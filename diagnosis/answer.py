@@ -1,0 +1,100 @@
+"""The answer of a diagnosis as plain data: to JSON and back."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from diagnosis.finding import Finding, Spot
+from diagnosis.shrinkage import Gaps, Share
+from diagnosis.signals import Signals
+from diagnosis.verdict.result import Cause, LimbResult, Nominal
+from diagnosis.where import Place
+
+NOISE_FLOOR = 1.0
+"""Gaps are in noise floors."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """What is wrong with a mechanism, by one log. Gaps are root mean squares in noise floors."""
+
+    verdict: tuple[str, ...]
+    """Names of effects; `none`; or `unknown`, where a gap is beyond what is ordinary and no effect
+    of the catalogue explains it."""
+    joints: tuple[str, ...]
+    """Joints that the verdict is about."""
+    magnitudes: tuple[Cause, ...]
+    """What is named, with sizes, 90 % intervals and shares of the gap."""
+    probability: float
+    """Share of right answers among verdicts like this one."""
+    sentences: tuple[str, ...]
+    """The verdict in words."""
+    share: float
+    """Share of the squared gap beyond one floor that the causes take, on the worst limb."""
+    left: float
+    """The gap that is left."""
+    ordinary: float
+    """Up to this gap, what is left is ordinary."""
+    ordinary_from: str
+    """What that is known from: `robot`, `simulator` or `healthy logs`."""
+    gaps: Gaps
+    """The gap on seconds that the fits have not seen."""
+    shrinkage: Share
+    """Share of the squared gap beyond one floor, over all joints, that the causes take there."""
+    shrinkage_nominal: Share
+    """The same for the nominal numbers alone, refitted within their uncertainty."""
+    where: tuple[Place, ...]
+    """Parts of the gap, the largest first."""
+    limbs: tuple[LimbResult, ...]
+    """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
+    findings: tuple[Finding, ...]
+    """What touch, stick and contact show."""
+    spots: tuple[Spot, ...]
+    """Gaps of touch and stick at every finger."""
+    missing: tuple[str, ...]
+    """Effects that could not be judged, the reason, and what to record for them."""
+    notes: tuple[str, ...]
+    """What is wrong with the log itself."""
+    signals: tuple[Signals, ...]
+    """Excerpts of the joints that the verdict is about."""
+    cpu_s: float
+    """CPU time [s]."""
+
+    @property
+    def nominal(self) -> tuple[Nominal, ...]:
+        """Nominal numbers that took part of the gap."""
+        return tuple(one for limb in self.limbs for one in limb.nominal)
+
+    def plain(self) -> dict[str, Any]:
+        """As JSON has it: the fields, and what follows from them under the names of the format."""
+        return asdict(self) | {
+            "confidence": self.probability,
+            "magnitudes": [_with_interval(one) for one in self.magnitudes],
+            "gap_before": self.gaps.before.value,
+            "gap_nominal": self.gaps.nominal.value,
+            "gap_after": self.gaps.after.value,
+            "noise_floor": NOISE_FLOOR,
+            "nominal_numbers": [asdict(one) for one in self.nominal],
+            "ranking": [_ranked(limb, one) for limb in self.limbs for one in limb.ranking],
+            "leading": [asdict(one) for limb in self.limbs for one in limb.leading],
+            "indistinguishable": [
+                {"effects": [*limb.verdict], "or": list(tie), "experiment": limb.experiment}
+                for limb in self.limbs
+                for tie in limb.tied
+            ],
+        }
+
+    @classmethod
+    def of(cls, data: Mapping[str, Any]) -> "Diagnosis":
+        """From JSON; raises ValueError where it is none."""
+        return TypeAdapter(cls).validate_python(data)
+
+
+def _with_interval(cause: Cause) -> dict[str, Any]:
+    return asdict(cause) | {"interval": [cause.low, cause.high]}
+
+
+def _ranked(limb: LimbResult, one: Any) -> dict[str, Any]:
+    return {"limb": list(limb.joints), **asdict(one)}

@@ -1,0 +1,61 @@
+"""A limb's world by the replay of our drive law that no expansion about the motion takes part in.
+
+It is slower, and it is what an engine would do, tick by tick: where play rattles, only it follows.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.models.world import World
+from diagnosis.motion.along import AXES
+from diagnosis.motion.columns import changed
+from diagnosis.motion.limb import block_means
+from diagnosis.motion.recordings import CHANNELS
+from diagnosis.replay import limb as exact
+from diagnosis.replay.replay import Commands, Told, replays
+
+
+class ExactWorld(World):
+    """See `World`; of limbs with two-mass drives alone."""
+
+    def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
+        """See `World.blocks`."""
+        self.runs += 1
+        limb = self.evidence.limb
+        told = replace(self._commands, start=self._commands.start + nudge * self.evidence.size)
+        episodes = replays(self._spec(*self.numbers(u)), told)
+        rows = [exact.CHANNELS.index(name) for name in CHANNELS]
+        pairs = zip(episodes, limb.edges, strict=True)
+        means = (block_means(shown[rows].transpose(1, 0, 2), edges) for shown, edges in pairs)
+        return np.concatenate(list(means))
+
+    @cached_property
+    def _commands(self) -> Told:
+        limb = self.evidence.limb
+        return Told.of(
+            [
+                Commands(
+                    ticks=np.round(one.time_s / limb.dt).astype(np.int64),
+                    target=one.command,
+                    load=one.push,
+                    start=one.start,
+                )
+                for one in limb.recordings
+            ]
+        )
+
+    def _spec(self, numbers: Array, tilt: Array) -> Spec:
+        """The limb with these numbers of its joints and gravity turned by `tilt`."""
+        spec = self.evidence.limb.spec
+        gravity = np.array(spec.gravity_m_s2)
+        for angle, axis in zip(tilt, AXES, strict=True):
+            gravity = np.cos(angle) * gravity + np.sin(angle) * np.cross(axis, gravity)
+        bodies = map(changed, spec.hand.driven, numbers)
+        x, y, z = map(float, gravity)
+        turned = replace(spec, gravity_m_s2=(x, y, z))
+        return turned.with_driven(bodies)

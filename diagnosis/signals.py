@@ -1,0 +1,88 @@
+"""The signals that a report draws: measured and simulated, around the largest residual."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.models.world import World
+from diagnosis.motion.recordings import CHANNELS
+
+EXCERPT_S = 8.0
+"""Length of what is kept [s]."""
+DIGITS = 6
+NOMINAL = "nominal"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signals:
+    """One joint's readings on one channel of one episode, beside simulations."""
+
+    joint: str
+    channel: str
+    """`position`, `motor` or `torque`."""
+    protocol: str
+    slides: bool
+    """Whether positions are in m and torques in N, instead of rad and Nm."""
+    time_s: tuple[float, ...]
+    measured: tuple[float, ...]
+    simulated: dict[str, tuple[float, ...]]
+    """By name of the world; `nominal` first."""
+    floor: float
+    """The noise floor of the channel."""
+    worst_s: float
+    """When the nominal world is furthest off."""
+
+
+def signals(
+    evidence: Evidence, worlds: Mapping[str, tuple[World, Mapping[int, float]]], joint: int
+) -> Signals:
+    """The signals of one joint in the episode and channel where the nominal world is worst.
+
+    `worlds`: by name, a world and its parameters; `nominal` among them.
+    """
+    shown = {name: world.blocks(u) for name, (world, u) in worlds.items()}
+    left = (evidence.measured - shown[NOMINAL])[:, :, joint] / evidence.floor[:, joint]
+    number, channel = _worst(evidence, left)
+    limb = evidence.limb
+    begin = sum(len(time_s) for time_s in limb.time_s[:number])
+    time_s = limb.time_s[number]
+    inside = slice(begin, begin + len(time_s))
+    residual = np.abs(np.nan_to_num(left[inside, channel]))
+    worst_s = float(time_s[int(np.argmax(residual))])
+    kept = _excerpt(time_s, worst_s) & np.isfinite(evidence.measured[inside, channel, joint])
+
+    def line(values: Array) -> tuple[float, ...]:
+        return tuple(float(f"{v:.{DIGITS}g}") for v in values[inside, channel, joint][kept])
+
+    return Signals(
+        joint=evidence.joints[joint],
+        channel=CHANNELS[channel],
+        protocol=limb.recordings[number].protocol,
+        slides=limb.spec.hand.driven[joint].joint.slides,
+        time_s=tuple(float(f"{t:.{DIGITS}g}") for t in time_s[kept]),
+        measured=line(evidence.measured),
+        simulated={name: line(values) for name, values in shown.items()},
+        floor=float(evidence.floor[channel, joint]),
+        worst_s=worst_s,
+    )
+
+
+def _worst(evidence: Evidence, left: Array) -> tuple[int, int]:
+    """Episode and channel with the largest mean square of what is left (N, 3)."""
+    sizes, begin = [], 0
+    for time_s in evidence.limb.time_s:
+        end = begin + len(time_s)
+        there = np.isfinite(left[begin:end])
+        squares = np.where(there, left[begin:end], 0.0) ** 2
+        sizes.append(squares.sum(axis=0) / np.maximum(there.sum(axis=0), 1))
+        begin = end
+    number, channel = np.unravel_index(int(np.argmax(sizes)), np.shape(sizes))
+    return int(number), int(channel)
+
+
+def _excerpt(time_s: Array, worst_s: float) -> Array:
+    begin_s = float(np.clip(worst_s - EXCERPT_S / 2, 0.0, max(time_s[-1] - EXCERPT_S, 0.0)))
+    return (time_s >= begin_s) & (time_s <= begin_s + EXCERPT_S)

@@ -1,0 +1,180 @@
+"""The walk of a diagnosis: the log, its free-air motion, the stick in the hand, one answer."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from math import prod
+
+from backends.effect import UNITS, Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis import solver
+from diagnosis.answer import Diagnosis
+from diagnosis.calibration.worlds import Simulate
+from diagnosis.finding import Finding, Report
+from diagnosis.grasp.in_hand import in_hand
+from diagnosis.logs.log import Log
+from diagnosis.models.catalogue import catalogue as every_effect
+from diagnosis.motion.columns import changed
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
+from diagnosis.signals import NOMINAL, Signals, signals
+from diagnosis.solver import Judged
+from diagnosis.triage.triage import triage
+from diagnosis.verdict.combine import combine
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
+from diagnosis.where import locate
+
+LAST_SHARE = 0.95
+"""Of the work is done when all joints are judged."""
+REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
+"""Names of simulated signals."""
+
+
+def diagnose(
+    log: Log,
+    healthy: Sequence[Log] = (),
+    *,
+    nominal: Spec | None = None,
+    catalogue: Mapping[str, type[Effect]] | None = None,
+    simulate: Simulate | None = None,
+    progress: solver.Progress | None = None,
+) -> Diagnosis:
+    """What is wrong with the mechanism of a log; raises LogError where the log cannot say.
+
+    `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
+    should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
+    `simulate` puts worlds on the nominal engine; without it stick and contact are left out.
+    `progress` is called with what is being done, and the share of all that is done.
+    """
+    began_s = _cpu_s()
+    known = catalogue or every_effect()
+    world = nominal or mjcf_world(log)
+    triage(log, world)
+    tell = _forward(progress or (lambda text, share: None))
+    limbs, notes = solver.judged(log, healthy, nominal=world, catalogue=known, progress=tell)
+    tell("touch and stick", LAST_SHARE)
+    result = combine([one.result for one in limbs], 0.0, notes)
+    held = in_hand(log, _corrected(world, limbs), known, simulate)
+    causes = (*result.causes, *(_cause(f, known) for f in held.findings if f.effect != UNKNOWN))
+    strange = [f for f in held.findings if f.effect == UNKNOWN]
+    unknown = result.verdict == (UNKNOWN,) or bool(strange)
+    accused = {joint for cause in causes for joint in cause.joints}
+    accused |= {joint for f in strange for joint in f.joints}
+    worst = max(limbs, key=lambda one: one.result.gap_nominal)
+    if result.verdict == (UNKNOWN,):
+        accused.add(max(worst.result.gaps, key=worst.result.gaps.__getitem__))
+    parts = [_by_second(one) for one in limbs]
+    gaps, gone, gone_nominal = gaps_and_shares(parts)
+    tell("done", 1.0)
+    places = tuple(locate([one.nominal for one in limbs]))
+    return Diagnosis(
+        verdict=(UNKNOWN,) if unknown else _names(causes) or (NONE,),
+        joints=tuple(j for one in limbs for j in one.evidence.joints if j in accused),
+        magnitudes=causes,
+        probability=_probability(result, held),
+        sentences=tuple(_sentences(result, held)),
+        share=result.share,
+        left=result.left,
+        ordinary=result.ordinary,
+        ordinary_from=result.ordinary_from,
+        gaps=gaps,
+        shrinkage=gone,
+        shrinkage_nominal=gone_nominal,
+        where=places,
+        limbs=result.limbs,
+        findings=held.findings,
+        spots=held.spots,
+        missing=held.missing,
+        notes=tuple(notes),
+        signals=tuple(_signals(limbs, accused or {places[0].joint})),
+        cpu_s=_cpu_s() - began_s,
+    )
+
+
+def _forward(progress: solver.Progress) -> solver.Progress:
+    """Progress that never falls back: a search that begins again does."""
+    done = 0.0
+
+    def tell(text: str, share: float) -> None:
+        nonlocal done
+        done = max(done, share)
+        progress(text, done)
+
+    return tell
+
+
+def _cpu_s() -> float:
+    """CPU time of this process and of the children it has waited for [s]."""
+    return sum(os.times()[:4])
+
+
+def _names(causes: Sequence[Cause]) -> tuple[str, ...]:
+    return tuple(dict.fromkeys(cause.effect for cause in causes))
+
+
+def _corrected(nominal: Spec, limbs: Sequence[Judged]) -> Spec:
+    """The nominal world with what was refitted and found of its drives and sensors."""
+    numbers: dict[str, Array] = {}
+    for one in limbs:
+        if one.result.verdict != (UNKNOWN,):
+            fit = one.found.chosen if one.result.causes else one.found.nominal
+            rows, _ = one.fitter.world.numbers(fit.u)
+            numbers |= dict(zip(one.evidence.joints, rows, strict=True))
+    bodies = nominal.hand.driven
+    return nominal.with_driven(
+        changed(body, numbers[body.joint.name]) if body.joint.name in numbers else body
+        for body in bodies
+    )
+
+
+def _cause(found: Finding, catalogue: Mapping[str, type[Effect]]) -> Cause:
+    """A finding of touch, stick or contact as a cause."""
+    unit = catalogue[found.effect].unit
+    size = UNITS[unit][1]
+    low, high = found.interval
+    return Cause(
+        effect=found.effect,
+        joint=found.joint,
+        joints=found.joints,
+        value=found.value / size,
+        low=low / size,
+        high=high / size,
+        unit=unit,
+        share=found.share,
+    )
+
+
+def _probability(result: Result, held: Report) -> float:
+    """That all that is named is right; of an unknown gap, that no effect explains it."""
+    found = [one.confidence for one in held.findings]
+    return prod(found) * (1.0 if found and result.verdict == (NONE,) else result.probability)
+
+
+def _sentences(result: Result, held: Report) -> Iterator[str]:
+    """Of limbs at fault; of all where none is; then what touch and stick show."""
+    faulty = [limb for limb in result.limbs if limb.verdict != (NONE,) or limb.sensors]
+    shown = faulty or ([] if held.findings else [max(result.limbs, key=lambda limb: limb.left)])
+    for limb in shown:
+        yield from limb.sentences
+    for one in held.findings:
+        yield f"{one.effect}: {one.evidence}."
+
+
+def _by_second(one: Judged) -> tuple[Array, Array, Array]:
+    """What a limb's nominal world, its refitted numbers and its causes leave, by second."""
+    found, evidence = one.found, one.fitter.evidence
+    bare = one.evidence.readings - one.nominal.shown({})
+    lefts = (held_out(one.fitter, fit) for fit in (found.nominal, found.chosen))
+    nominal, after = (by_second(evidence, left) for left in lefts)
+    return by_second(one.evidence, bare), nominal, after
+
+
+def _signals(limbs: Sequence[Judged], joints: set[str]) -> Iterator[Signals]:
+    for one in limbs:
+        world, found = one.fitter.world, one.found
+        worlds = {NOMINAL: (one.nominal, {}), REFITTED: (world, found.nominal.u)}
+        if found.chosen.freed:
+            worlds[CAUSES] = (world, found.chosen.u)
+        for j, joint in enumerate(one.evidence.joints):
+            if joint in joints:
+                yield signals(one.evidence, worlds, j)

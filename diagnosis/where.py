@@ -1,0 +1,136 @@
+"""Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
+from diagnosis.models.world import World
+from diagnosis.motion.limb import block_means
+from diagnosis.motion.recordings import CHANNELS
+
+PHASES = ("external load", "hold", "reversal", "constant speed", "acceleration")
+SLOW, STEADY = 0.03, 0.15
+"""A joint holds under this share of its fastest speed; speed is constant under this share of the
+largest acceleration."""
+REVERSAL_S = 0.06
+"""A reversal lasts so long to either side of standstill."""
+RESAMPLES = 200
+KEYS = ["joint", "channel", "protocol", "phase"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """One part of the gap."""
+
+    joint: str
+    channel: str
+    protocol: str
+    phase: str
+    share: float
+    """Share of the whole squared gap, in floors."""
+    share_interval: tuple[float, float]
+    """90 % interval of the share, from resampled seconds."""
+    rms: float
+    """Root mean square of the residual [rad or Nm; m or N of a slide]."""
+    noise: float
+    """The floor that it stands beside, in the same unit."""
+    samples: int
+
+
+def locate(limbs: Sequence[World], seed: int = 0) -> list[Place]:
+    """The gap between a log and the nominal worlds of its limbs, largest part first."""
+    tables = [table for number, one in enumerate(limbs) for table in _tables(number, one)]
+    table = pd.concat(tables, ignore_index=True)
+    table["square"] = (table["residual"] / table["noise"]) ** 2
+    table["power"] = table["residual"] ** 2
+    found = table.groupby(KEYS).agg(
+        share=("square", "sum"),
+        power=("power", "mean"),
+        noise=("noise", "first"),
+        samples=("residual", "size"),
+    )
+    found["share"] /= max(float(found["share"].sum()), 1e-300)
+    by_second = table.pivot_table("square", ["limb", "second"], KEYS, "sum", 0.0)
+    ends = _interval(by_second[list(found.index)].to_numpy(), np.random.default_rng(seed))
+    places = [
+        Place(
+            **dict(zip(KEYS, index, strict=True)),
+            share=float(row["share"]),
+            share_interval=(float(low), float(high)),
+            rms=float(np.sqrt(row["power"])),
+            noise=float(row["noise"]),
+            samples=int(row["samples"]),
+        )
+        for (index, row), low, high in zip(found.iterrows(), *ends, strict=True)
+    ]
+    return sorted(places, key=lambda place: -place.share)
+
+
+def _interval(by_second: Array, rng: np.random.Generator) -> tuple[Array, Array]:
+    """90 % intervals of each cell's share of the sum, from resampled seconds (S, cells)."""
+    count = len(by_second)
+    weights = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
+    sums = weights @ by_second
+    whole = np.maximum(sums.sum(axis=1, keepdims=True), 1e-300)
+    low, high = np.percentile(sums / whole, [5, 95], axis=0)
+    return low, high
+
+
+def _tables(number: int, world: World) -> Iterator[pd.DataFrame]:
+    """By joint and channel, a row per residual of the nominal world."""
+    evidence, shown = world.evidence, world.blocks({})
+    limb = evidence.limb
+    phase = np.concatenate(list(_phases(evidence, shown[:, 0])))
+    counts = [len(time_s) for time_s in limb.time_s]
+    protocol = np.repeat([r.protocol for r in limb.recordings], counts)
+    for j, joint in enumerate(evidence.joints):
+        for c, channel in enumerate(CHANNELS):
+            there = evidence.logged[j, c] & np.isfinite(shown[:, c, j])
+            residual = (evidence.measured - shown)[there, c, j]
+            yield pd.DataFrame(
+                {
+                    "limb": number,
+                    "second": evidence.second[there],
+                    "joint": joint,
+                    "channel": channel,
+                    "protocol": protocol[there],
+                    "phase": np.array(PHASES)[phase[there, j]],
+                    "residual": residual,
+                    "noise": evidence.floor[c, j],
+                }
+            )
+
+
+def _phases(evidence: Evidence, angle: Array) -> Iterator[Array]:
+    """What each joint (N, K) is doing in every block by the nominal world, by episode."""
+    limb, begin = evidence.limb, 0
+    for recording, edges, time_s in zip(limb.recordings, limb.edges, limb.time_s, strict=True):
+        end = begin + len(time_s)
+        pushed = block_means(np.abs(recording.push), edges) > 0.0
+        yield phases(time_s, np.nan_to_num(angle[begin:end]), pushed)
+        begin = end
+
+
+def phases(time_s: Array, angle: Array, pushed: Array) -> Array:
+    """Indices of PHASES (T, K) from the angles of a motion (T, K) and where joints are pushed."""
+    if len(time_s) < 3:
+        return np.full(angle.shape, PHASES.index("hold"))
+    speed = np.gradient(angle, time_s, axis=0)
+    acceleration = np.gradient(speed, time_s, axis=0)
+    fastest = np.maximum(np.abs(speed).max(axis=0), 1e-9)
+    strongest = np.maximum(np.abs(acceleration).max(axis=0), 1e-9)
+    phase = np.full(speed.shape, PHASES.index("acceleration"))
+    phase[np.abs(acceleration) < STEADY * strongest] = PHASES.index("constant speed")
+    turns = np.diff(np.sign(speed), axis=0, prepend=np.sign(speed[:1])) != 0
+    moving = np.abs(acceleration) > STEADY * strongest
+    reach = max(1, round(REVERSAL_S / float(np.median(np.diff(time_s)))))
+    wide = np.ones(2 * reach + 1)
+    near = np.stack([np.convolve(t, wide)[reach:-reach] for t in turns.T], axis=1) > 0
+    phase[near & moving] = PHASES.index("reversal")
+    phase[(np.abs(speed) < SLOW * fastest) & ~near] = PHASES.index("hold")
+    phase[pushed] = PHASES.index("external load")
+    return phase

@@ -1,0 +1,43 @@
+"""Where a gap lies: by joint, channel, protocol and phase."""
+
+import numpy as np
+import pytest
+from arms import Real, log_of
+
+from diagnosis.solver import judged
+from diagnosis.where import PHASES, _interval, locate, phases
+
+
+@pytest.fixture(scope="module")
+def places():
+    """The gap of an arm whose second joint has a weak drive."""
+    limbs, _ = judged(log_of(Real(joints=2, kp={1: 0.6})))
+    return locate([one.nominal for one in limbs])
+
+
+def test_the_largest_part_is_on_the_joint_at_fault(places):
+    """Put the largest part first, on the joint that differs; shares sum to one."""
+    assert places[0].joint == "J1"
+    assert [p.share for p in places] == sorted((p.share for p in places), reverse=True)
+    assert sum(p.share for p in places) == pytest.approx(1.0)
+    for place in places:
+        low, high = place.share_interval
+        assert low <= high and place.rms >= 0.0 and place.samples > 0
+
+
+def test_phases_of_a_known_motion():
+    """Tell a hold, a ramp, a reversal and a push from the motion itself."""
+    time_s = np.arange(0.0, 6.0, 0.01)
+    angle = np.interp(time_s, [0, 1, 3, 5, 6], [0.0, 0.0, 1.0, 0.0, 0.0])[:, None]
+    pushed = np.zeros((len(time_s), 1), dtype=bool)
+    pushed[-20:] = True
+    found = [PHASES[k] for k in phases(time_s, angle, pushed)[:, 0]]
+    for at_s, phase in ((0.5, "hold"), (2.0, "constant speed"), (3.0, "reversal")):
+        assert found[round(at_s / 0.01)] == phase
+    assert set(found[-20:]) == {"external load"}
+
+
+def test_shares_of_no_gap_are_numbers():
+    """Give a share of 0 where resampled seconds hold no gap: much of a log may be in order."""
+    low, high = _interval(np.array([[0.0, 0.0], [0.0, 0.0], [3.0, 1.0]]), np.random.default_rng(0))
+    assert (low == 0).all() and high == pytest.approx([0.75, 0.25])
