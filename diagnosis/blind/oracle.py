@@ -17,8 +17,9 @@ from diagnosis.blind import rigs
 from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
 from diagnosis.blind.sides import PLANTS
 from diagnosis.evidence.evidence import evidence
-from diagnosis.evidence.log_faults import checked
+from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, read_log
+from diagnosis.models.exact_world import ExactWorld
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS
@@ -152,14 +153,18 @@ def fitters(
     """The solver's fitter of every limb of a log."""
     for part in limbs(rigs.nominal(case.rig)):
         rigid = rigs.robot(case.rig) is not None
-        limb, _ = checked(Limb(spec=part, recordings=recordings(log, part), rigid=rigid))
+        try:
+            limb, _ = checked(Limb(spec=part, recordings=recordings(log, part), rigid=rigid))
+        except StillError:
+            continue
         said = evidence(limb)
         known = parameters(catalogue, said, log.meta.nominal_uncertainty, origin.everyday)
-        yield Fitter(World(said, known), origin.exact)
+        world = ExactWorld if origin.exact and not rigid else World
+        yield Fitter(world(said, known), origin.exact)
 
 
 def _explained(case: Case, fitter: Fitter, catalogue: Mapping[str, type[Effect]]) -> _Explained:
-    nominal = fitter.fit()
+    nominal = fitter.settled()
     starts = {fault: _starts(fault, fitter, catalogue) for fault in case.faults}
     whole = _fitted(fitter, list(starts.values()), [nominal.u, {}])
     near = [{k: u for k, u in whole.u.items() if k not in whole.freed}, nominal.u]
