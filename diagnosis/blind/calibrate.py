@@ -172,9 +172,17 @@ def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Eff
                 found.append(
                     Row(
                         make=case.real,
-                        kind=said["kind"],
+                        kind=_kind(said["verdict"], catalogue),
                         features=said["features"],
                         right=right or near,
                     )
                 )
     return found
+
+
+def _kind(verdict: Sequence[str], catalogue: Mapping[str, type[Effect]]) -> str:
+    """The kind of what the fit says: findings about sensors and packets stand beside it."""
+    if UNKNOWN in verdict:
+        return UNKNOWN
+    fitted = [name for name in verdict if name in catalogue and catalogue[name].least is not None]
+    return NAMED if fitted else NONE

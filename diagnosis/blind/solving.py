@@ -23,8 +23,6 @@ from diagnosis.calibration.worlds import Simulate
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.models.catalogue import catalogue
 
-NAMED, NONE, UNKNOWN = "named", "none", "unknown"
-
 
 @dataclass(frozen=True, kw_only=True)
 class Task:
@@ -154,13 +152,11 @@ def plain(found: Any) -> dict[str, Any]:
     lead.sort(key=lambda cause: -cause.share)
     shares = [cause.share for cause in lead[:2]]
     ties = [list(tie) for limb in found.limbs for tie in limb.tied]
-    kind = found.verdict[0] if found.verdict[0] in (NONE, UNKNOWN) else NAMED
     return {
         "verdict": list(found.verdict),
         "joints": list(found.joints),
         "magnitudes": [_magnitude(cause) for cause in found.causes],
         "confidence": found.probability,
-        "kind": kind,
         "share": found.share,
         "left": found.left,
         "ordinary": found.ordinary,

@@ -40,7 +40,6 @@ def says_unknown(one: Task) -> dict:
         "joints": [],
         "magnitudes": [],
         "confidence": 0.4,
-        "kind": "unknown",
         "features": features,
     }
 
@@ -179,6 +178,15 @@ def test_damping_is_one_number_without_torque(rig, channels, right):
     case = replace(robot("viscous-friction", 9.0), mode="single", rig=rig, channels=channels)
     said = {"verdict": ["kd-scale"], "joints": ["j0"]}
     assert judged.rightness(case, said, blind._catalogue(), True) == (right, False)
+
+
+def test_findings_beside_a_verdict_do_not_make_its_kind():
+    """Count a verdict as named by what a fit names, not by noise, steps or lost packets."""
+    kinds = blind._catalogue()
+    assert calibrate._kind(["encoder-noise", "command-dropout"], kinds) == calibrate.NONE
+    assert calibrate._kind(["encoder-noise", "backlash"], kinds) == calibrate.NAMED
+    assert calibrate._kind(["none"], kinds) == calibrate.NONE
+    assert calibrate._kind(["unknown"], kinds) == calibrate.UNKNOWN
 
 
 def test_near_names_are_of_the_catalogue():
