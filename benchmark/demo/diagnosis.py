@@ -51,7 +51,7 @@ class Diagnosing:
 @contextlib.contextmanager
 def diagnosing(log: Path, out: Path) -> Iterator[Diagnosing]:
     """Diagnose a log on one core during the block; the process ends with the block."""
-    words = ("diagnose", str(log), "--out", str(out), "--workers", "1", "--json")
+    words = ("diagnose", str(log), "--out", str(out), "--json")
     with tempfile.TemporaryFile() as said:  # a pipe that nobody reads meanwhile could fill up
         child = subprocess.Popen(
             [*COMMAND, *words],

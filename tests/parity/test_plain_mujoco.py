@@ -86,7 +86,7 @@ def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, c
     (folder / "log.yaml").write_text(log(joints))
     simulated(xml, joints, pd.read_csv(commands)).to_csv(folder / "samples.csv", index=False)
     capfd.readouterr()
-    words = ["diagnose", str(folder), "--out", str(tmp_path / "out"), "--workers", "1", "--json"]
+    words = ["diagnose", str(folder), "--out", str(tmp_path / "out"), "--json"]
     assert cli.call(words) == 0
     found = json.loads(capfd.readouterr().out)
     assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}
