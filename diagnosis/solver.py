@@ -29,6 +29,7 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
+from diagnosis.search.chaos import spreading
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
@@ -149,7 +150,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        pairs = ((_part(one), _parameters(one, asked)) for one in healthy)
+        pairs = ((_part(one, asked.origin), _parameters(one, asked)) for one in healthy)
         sound = [Fitter(_world(*pair, asked.origin)).settled() for pair in pairs]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
@@ -173,7 +174,7 @@ def _searched(
     said: Evidence, known: Sequence[Parameter], ordinary: Ordinary, progress: Progress
 ) -> tuple[Fitter, Found]:
     """What a search finds, on a part of a long log, then fitted to all of it."""
-    part = _part(said)
+    part = _part(said, ordinary)
     fitter = Fitter(_world(part, known, ordinary), ordinary.exact)
     found = Search(fitter, ordinary, progress).run()
     if part is said:
@@ -188,18 +189,21 @@ def _world(said: Evidence, known: Sequence[Parameter], ordinary: Ordinary) -> Wo
     return kind(said, known)
 
 
-def _part(said: Evidence) -> Evidence:
+def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
     """The evidence, or that of a part that is long enough to search on."""
     limb = said.limb
     some = excerpt(limb.recordings)
-    return said if some == limb.recordings else evidence(replace(limb, recordings=some))
+    if some == limb.recordings:
+        return said
+    return spreading(_world(evidence(replace(limb, recordings=some)), (), ordinary))
 
 
 def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     """Packets whose loss takes half of what a set of causes leaves.
 
     Losses and the fit find each other in turns. They are exact wherever they are found, so that an
-    ordinary gap may be theirs: where the law is exact as well, its likelihood is enough.
+    ordinary gap may be theirs: where the law is exact as well and nothing rattles, its likelihood
+    is enough.
     """
     world, evidence = fitter.world, fitter.evidence
     lost, fit = losses(world, chosen.u, chosen.residual), chosen
@@ -210,7 +214,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         after = type(world)(replace(evidence, limb=limb), world.parameters)
         fit = Fitter(after).fit(chosen.freed, near=fit.u)
         lost = losses(world, fit.u, fit.residual, lost) or lost
-    if ordinary.exact and chosen.worst <= ordinary.floors:
+    if ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors:
         return lost
     before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual))
     return lost if before.worst >= QUIET and share_of(fit, before) >= FURTHER else None
@@ -220,7 +224,7 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     """What a log says of a limb, and notes on what of it cannot be used."""
     limb = Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid)
     limb, notes = checked(limb)
-    return evidence(limb), notes
+    return spreading(_world(evidence(limb), (), asked.origin)), notes
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:

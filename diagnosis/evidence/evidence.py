@@ -40,6 +40,8 @@ class Evidence:
     """Travel of slides [m], 1 of hinges: the natural size of a joint's angles, shape (K,)."""
     torque: Array
     """Largest torque that is asked of each drive [Nm], shape (K,)."""
+    spread: Array | float = 0.0
+    """What the nominal world itself cannot predict of each of `readings` [squared floors], (M,)."""
 
     @cached_property
     def logged(self) -> Array:
@@ -62,9 +64,14 @@ class Evidence:
         """The second of each of `readings`, shape (M,)."""
         return np.broadcast_to(self.second, self.logged.shape)[self.logged]
 
+    @property
+    def rattles(self) -> bool:
+        """Whether the nominal world cannot predict some readings to a floor."""
+        return bool(np.max(self.spread) > 1.0)
+
     def pack(self, shown: Array) -> Array:
         """What is shown (N, 3, K) as `readings` are, in floors."""
-        return (shown / self.floor).transpose(2, 1, 0)[self.logged]
+        return (shown / self.floor).transpose(2, 1, 0)[self.logged] / np.sqrt(1.0 + self.spread)
 
     @property
     def joints(self) -> tuple[str, ...]:

@@ -1,24 +1,41 @@
 """Play that rattles: a joint in its play goes its own way after the smallest change of its start.
 
 No world with play then shows what the real one did, however right it is. So residuals are counted
-in what the fit itself cannot predict, wherever that is more than a floor.
+in what a world itself cannot predict, wherever that is more than a floor.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
+from backends.state import Array
+from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.gap import squared_gaps
+from diagnosis.models.world import World
+from diagnosis.motion.columns import PLAY
 from diagnosis.search.fit import Fit, Fitter
 
 NUDGES_RAD = (-1e-5, -3e-6, 3e-6, 1e-5)
 """Shifts of the start that no sensor shows [rad; of a slide a share of its travel]."""
 
 
+def prediction_spread(world: World, u: Mapping[int, float]) -> Array:
+    """What a world cannot predict of its readings (M,) [squared floors]."""
+    here = world.shown(u)
+    squares = [(world.shown(u, nudge) - here) ** 2 for nudge in NUDGES_RAD]
+    return np.nan_to_num(np.mean(squares, axis=0))
+
+
 def with_prediction_spread(fitter: Fitter, fit: Fit) -> Fit:
     """The fit with gaps in units of floors and of how far its own prediction spreads."""
-    here = fitter.world.shown(fit.u)
-    squares = [(fitter.world.shown(fit.u, nudge) - here) ** 2 for nudge in NUDGES_RAD]
-    spread = np.nan_to_num(np.mean(squares, axis=0))
-    residual = fit.residual / np.sqrt(1.0 + spread)
+    residual = fit.residual / np.sqrt(1.0 + prediction_spread(fitter.world, fit.u))
     return replace(fit, gap2=squared_gaps(fitter.evidence, residual))
+
+
+def spreading(world: World) -> Evidence:
+    """A limb's evidence, counted in what its nominal world with play can predict."""
+    evidence = world.evidence
+    if not evidence.limb.nominal[:, PLAY].any():
+        return evidence
+    return replace(evidence, spread=prediction_spread(world, {}))

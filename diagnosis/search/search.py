@@ -105,10 +105,9 @@ class Search:
             width = BEAM if causes < MIXED else 1
             beam = [f for f in fresh[:width] if f.excess < NEAR * best.excess + NEAR_MORE]
             tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
-            now = best
-        likely = bool(now.freed) and self._is_likely(now, nominal)
-        if now.freed and now.worst > self.ordinary.floors:
-            now = with_prediction_spread(self.fitter, now)
+            is_ordinary = best.worst <= self.ordinary.floors
+            now = best if is_ordinary else with_prediction_spread(self.fitter, best)
+        likely = bool(now.freed) and self._is_likely(self.tried[frozenset(now.freed)], nominal)
         return Found(nominal=nominal, chosen=now, singles=singles, tied=tied, is_likely=likely)
 
     def rank(self, fit: Fit) -> float:
@@ -243,12 +242,14 @@ class Search:
         first = float(np.sign(one.to) * np.clip(abs(one.to), low, high))
         alone = {k: fit.u[k] for k in fit.freed}
         yield first, fit.u
-        yield (self._scanned(one.number, alone) if parameter.kind.kinked else first), alone
+        rough = parameter.kind.kinked or self.fitter.evidence.rattles
+        yield (self._scanned(one.number, low, high, first, alone) if rough else first), alone
 
-    def _scanned(self, number: int, alone: Mapping[int, float]) -> float:
-        """The size of an effect with a kink that leaves least, in ever finer steps."""
-        one = self.parameters[number]
-        sizes = np.geomspace(1.1 * one.least, 0.7 * one.most, SCANNED)
+    def _scanned(
+        self, number: int, low: float, high: float, first: float, alone: Mapping[int, float]
+    ) -> float:
+        """The size with the sign of `first` that leaves least, in ever finer steps."""
+        sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
         for _ in range(FINER):
             left = [self.fitter.excess_at({**alone, number: float(size)}) for size in sizes]
             best = int(np.argmin(left))

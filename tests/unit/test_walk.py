@@ -85,6 +85,18 @@ def test_grasps_are_replayed_with_refitted_drives():
     assert found.magnitudes[0].value == pytest.approx(100, abs=15)
 
 
+def test_play_that_is_known_and_rattles_hides_no_friction():
+    """Name friction on a hand with known play, and nothing on its other fingers.
+
+    After a while no simulation follows a joint that rattles in its play, not even the same one.
+    """
+    built = RunSpec(backend="mujoco", task="circle", effects="built").world()
+    real = log("built,coulomb-friction=60mNm@J3", protocols=("steps", "triangle", "push"))
+    found = diagnose(real, nominal=built, catalogue=CATALOGUE)
+    assert found.verdict == ("coulomb-friction",) and found.joints == ("J3",)
+    assert found.magnitudes[0].value == pytest.approx(60, rel=0.15)
+
+
 def test_the_corrected_world_can_be_written(held):
     """Write effects for the command line that hold all three."""
     text = effects_text("none", held.magnitudes, NOMINAL)
