@@ -216,7 +216,7 @@ def test_an_option_means_the_same_everywhere():
 
 
 def test_arguments_are_named_alike():
-    """Name a repeatable argument by one word; the usage line says whether it is needed and repeatable."""
+    """Name a repeatable argument by one word."""
     arguments = [p for _, one in below(COMMANDS, ()) for p in one.params if p.nargs == -1]
     assert {p.metavar for p in arguments} == {"RUN", "DIR", "SET"}
 
