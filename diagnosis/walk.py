@@ -24,6 +24,7 @@ from diagnosis.verdict.combine import combine
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import locate
 
+FIRST = "checking the log; a first diagnosis compiles its code for some 15 s"
 LAST_SHARE = 0.95
 """Of the work is done when all joints are judged."""
 REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
@@ -49,8 +50,9 @@ def diagnose(
     began_s = _cpu_s()
     known = catalogue or every_effect()
     world = nominal or mjcf_world(log)
-    triage(log, world)
     tell = _forward(progress or (lambda text, share: None))
+    tell(FIRST, 0.0)
+    triage(log, world)
     limbs, notes = solver.judged(log, healthy, nominal=world, catalogue=known, progress=tell)
     tell("touch and stick", LAST_SHARE)
     result = combine([one.result for one in limbs], 0.0, notes)
