@@ -48,8 +48,9 @@ NEAR, NEAR_MORE = 4.0, 3.0
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 """Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
 times the best's, and this."""
-SCANNED, FINER = 11, 2
-"""A kink is sought at so many sizes, and so often between the neighbours of the best."""
+SCANNED, FINER, FINEST = 11, 2, 4
+"""A kink is sought at so many sizes, and so often between the neighbours of the best; where the law
+is exact, so often."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -118,10 +119,12 @@ class Search:
         return fit.excess * SENSOR**exact * OWN**shared
 
     def _sets(self) -> Iterator[Fit]:
-        """The sets tried whose effects are all large enough to be some."""
-        for fit in self.tried.values():
-            if all(abs(fit.u[k]) >= self.parameters[k].least for k in fit.freed):
-                yield fit
+        """The sets tried whose effects are all some."""
+        yield from filter(self._is_some, self.tried.values())
+
+    def _is_some(self, fit: Fit) -> bool:
+        """Whether the effects of a set are all large enough to be some."""
+        return all(abs(fit.u[k]) >= self.parameters[k].least for k in fit.freed)
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
         """Sets by rank; the best are fitted on with the tolerances of all joints."""
@@ -131,7 +134,8 @@ class Search:
         for fit in ranked[:POLISHED]:
             on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
             self._keep(on)
-        return self._ranked([self.tried[frozenset(fit.freed)] for fit in ranked])
+        polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
+        return self._ranked([fit for fit in polished if self._is_some(fit)])
 
     def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """By what they leave; in an exact world, where gaps are small, by their likelihood."""
@@ -250,7 +254,7 @@ class Search:
     ) -> float:
         """The size with the sign of `first` that leaves least, in ever finer steps."""
         sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
-        for _ in range(FINER):
+        for _ in range(FINEST if self.ordinary.exact else FINER):
             left = [self.fitter.excess_at({**alone, number: float(size)}) for size in sizes]
             best = int(np.argmin(left))
             found = float(sizes[best])

@@ -15,6 +15,8 @@ from diagnosis.search.fit import Fit
 ACCUSE_NATS, FURTHER_NATS = 10.0, 50.0
 """A cause is worth it where it makes the log so much more likely; a further one needs more, for
 what the others leave is never all noise: engines integrate otherwise."""
+LEAST = 0.05
+"""Residuals have at least this root mean square [floors]: logs without noise say no more."""
 TIE_NATS = 6.0
 """Causes are tied that are no further behind."""
 MOST_CORRELATION = 0.98
@@ -33,7 +35,7 @@ def weights(evidence: Evidence, residual: Array) -> Array:
             correlation = np.clip(r[1:] @ r[:-1] / (r @ r + 1e-12), 0.0, MOST_CORRELATION)
             correlation = MOST_CORRELATION if steps else correlation
             share = (1 - correlation) / (1 + correlation)
-            found[part] = np.sqrt(share / (np.mean(r * r) + 1e-12))
+            found[part] = np.sqrt(share / max(np.mean(r * r), LEAST**2))
     return found
 
 
