@@ -44,6 +44,7 @@ Progress = Callable[[str, float], None]
 """Is called with what is being done, and the share of all that is done."""
 TURNS = 3
 """Decodings of lost packets, each with the fit to the one before."""
+RESTS = "rows are {:.0f} ms apart, so only rests are judged; record one every 50 ms or faster"
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
 
@@ -224,7 +225,10 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     """What a log says of a limb, and notes on what of it cannot be used."""
     limb = Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid)
     limb, notes = checked(limb)
-    return spreading(_world(evidence(limb), (), asked.origin)), notes
+    said = evidence(limb)
+    if said.only_rests:
+        notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
+    return spreading(_world(said, (), asked.origin)), notes
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:

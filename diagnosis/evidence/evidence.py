@@ -65,6 +65,11 @@ class Evidence:
         return np.broadcast_to(self.second, self.logged.shape)[self.logged]
 
     @property
+    def only_rests(self) -> bool:
+        """Whether the motion between samples is lost, so that only rests count."""
+        return self.limb.period_s > SLOW_S
+
+    @property
     def rattles(self) -> bool:
         """Whether the nominal world cannot predict some readings to a floor."""
         return bool(np.max(self.spread) > 1.0)

@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.motion.along import AXES
-from diagnosis.motion.columns import COLUMNS, KD, KP, STIFFNESS
+from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, STIFFNESS
 
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
@@ -84,7 +84,8 @@ def parameters(
             for joint in joints:
                 one = _parameter(name, kind, joint, place, evidence, uncertainty, everyday)
                 if one is not None:
-                    found.append(replace(one, nameable=name in catalogue))
+                    shows = not (evidence.only_rests and place in MOVING)
+                    found.append(replace(one, nameable=name in catalogue and shows))
             if kind.shared and len(evidence.joints) > 1:
                 found.append(_shared([p for p in found if p.effect == name]))
     return tuple(found)

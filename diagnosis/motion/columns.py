@@ -29,6 +29,8 @@ DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.
 SLOWNESS = COLUMNS.index("command.slowness_s_rad")
 BIAS, SCALE = COLUMNS.index("encoder.bias_rad"), COLUMNS.index("encoder.scale_error")
 LATE = COLUMNS.index("encoder.delay_s")
+MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
+"""Numbers that show only while a joint moves: at rest no sensor tells of them."""
 MASS, TWO_MASSES = COLUMNS.index("body.mass_kg"), COLUMNS.index("two_masses")
 
 

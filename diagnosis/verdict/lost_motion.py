@@ -24,7 +24,7 @@ import numpy as np
 
 from backends.effect import UNITS, Effect
 from backends.state import Array
-from diagnosis.evidence.evidence import SLOW_S, Evidence
+from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.catalogue import of_part
 from diagnosis.motion.columns import KP, STIFFNESS
 from diagnosis.motion.recordings import Recording
@@ -83,7 +83,7 @@ def with_play(
     `uncertainty`: of gains and teeth, relative. Other logs' results stay as they are.
     """
     names = of_part(catalogue, "drive")
-    if evidence.limb.period_s <= SLOW_S or PLAY not in names:
+    if not evidence.only_rests or PLAY not in names:
         return result
     each = (play(evidence, j, uncertainty) for j in range(len(evidence.joints)))
     found = [one for one in each if one is not None]

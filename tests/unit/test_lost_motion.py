@@ -158,3 +158,12 @@ def test_a_log_without_pushes_both_ways_has_no_lost_motion():
     one_way = dataclasses.replace(recording, push=np.abs(recording.push))
     limb = dataclasses.replace(part.limb, recordings=(one_way,))
     assert lost_motion(dataclasses.replace(part, limb=limb), 0) is None
+
+
+def test_rests_say_nothing_of_what_shows_in_motion():
+    """Look for no delay, damping or inertia where only rests are judged, and say that they are."""
+    kinds = {name: kind for name, kind in catalogue().items() if name != "backlash"}
+    found = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
+    sought = {cause.effect for limb in found.limbs for cause in (*limb.causes, *limb.leading)}
+    assert sought and not sought & {"kd-scale", "viscous-friction", "command-rate-limit"}
+    assert any("only rests are judged" in note for note in found.notes)
