@@ -25,6 +25,7 @@ def forget_stale(folders: Iterable[Path]) -> bool:
     Returns whether there was any. A folder that cannot be written holds no cache either.
     """
     folders = list(folders)
+    root = folders[0].parent
     files = [path for folder in folders for path in sorted(folder.rglob("*.py"))]
     stats = "".join(f"{p} {s.st_mtime_ns} {s.st_size}\n" for p in files for s in [p.stat()])
     seen, note = hashlib.sha256(stats.encode()).hexdigest(), folders[0] / NOTE
@@ -32,12 +33,12 @@ def forget_stale(folders: Iterable[Path]) -> bool:
         before = _read(note)
         if before.get("") == seen:
             return False
-        sources = _sources(files, folders[0].parent)
-        stale = [path for path in files if before.get(str(path)) != sources[path]]
-        for index in (index for path in stale for index in _indices(path)):
+        sources = {str(p.relative_to(root)): d for p, d in _sources(files, root).items()}
+        stale = [name for name in sources if before.get(name) != sources[name]]
+        for index in (index for name in stale for index in _indices(root / name)):
             index.unlink(missing_ok=True)
         note.parent.mkdir(exist_ok=True)
-        note.write_text(json.dumps({"": seen, **{str(p): d for p, d in sources.items()}}))
+        note.write_text(json.dumps({"": seen, **sources}))
     except OSError:
         return False
     return bool(stale)

@@ -146,7 +146,7 @@ def leaderboard(
 
     out = out or LEADERBOARD
     results = out / "results"
-    kept_rows = [results] if results.is_dir() else []
+    kept_rows = [results] if any(results.glob("*.json")) else []
     given = sources or ([] if kept_rows and not (add or policies) else [RUNS])
     sources = given + kept_rows
     rows, problems = read_rows(sources)

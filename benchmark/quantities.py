@@ -45,7 +45,10 @@ def quantity(text: str, flag: str, unit: str) -> float:
 
 def within(flag: str, value: float, low: float, high: float, unit: str = "") -> None:
     """Raise UsageError unless a number (SI units) is finite and in its range (in `unit`)."""
-    shown = value / size(unit) if unit else value
+    try:
+        shown = value / size(unit) if unit else float(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        shown = math.inf
     if not (math.isfinite(shown) and low <= shown <= high):
         tail = f" {unit}" if unit else ""
         raise UsageError(f"{flag} is {shown:g}{tail}; allowed: {low:g} to {high:g}{tail}")

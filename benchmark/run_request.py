@@ -2,6 +2,7 @@
 
 import ast
 import json
+import reprlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -92,20 +93,25 @@ def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     data = _read(path)
     if isinstance(data.get("spec"), dict):
         fields = dict(data["spec"])
-        kept = fields.pop("overrides", {})
-        if strange := sorted(set(fields) - set(RunSpec.__dataclass_fields__)):
+        kept = _hyperparameters(path, fields.pop("overrides", {}))
+        if strange := sorted(map(str, set(fields) - set(RunSpec.__dataclass_fields__))):
             raise UsageError(
                 f"{path}: spec has {', '.join(strange)}, which this version does not know"
             )
         return fields, kept
-    names = {name.replace("_", "-"): value for name, value in data.items()}
-    kept = names.pop("set", None) or {}
+    names = {str(name).replace("_", "-"): value for name, value in data.items()}
+    kept = _hyperparameters(path, names.pop("set", None) or {})
     for name in names:
         if name not in SETTINGS:
             raise UsageError(f"{path}: {unknown('setting', name, (*SETTINGS, 'set'))}")
-    if not isinstance(kept, dict):
-        raise UsageError(f"{path}: set is {kept!r}; allowed: hyperparameters by name")
     return read_settings(names), kept
+
+
+def _hyperparameters(path: Path, given: object) -> dict[str, Any]:
+    if not (isinstance(given, dict) and all(isinstance(name, str) for name in given)):
+        said = reprlib.repr(given)
+        raise UsageError(f"{path}: hyperparameters are {said}; allowed: values by name")
+    return given
 
 
 def _read(path: Path) -> dict:

@@ -19,6 +19,8 @@ from tasks.task import RADIUS_M
 
 HANDS = {"trx": trx}
 SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
+MOST_WORLDS = 100_000
+"""Most worlds trained on at once; more fill the memory."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,7 @@ class RunSpec:
         for one in SETTINGS.values():
             object.__setattr__(self, one.field, one.read(getattr(self, one.field)))
         Choice("hand", tuple(HANDS)).read(self.hand, "--hand")
+        Number(1, MOST_WORLDS, whole=True).read(self.worlds, "worlds")
         parse_effects(self.effects, HANDS[self.hand].HAND)
         parse_spread(self.spread, HANDS[self.hand].HAND)
 

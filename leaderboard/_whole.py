@@ -15,7 +15,7 @@ def write_all(files: Mapping[str, bytes], folder: Path) -> list[Path]:
 def write_whole(path: Path, data: bytes) -> None:
     """Write the whole file or none of it."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    neighbour = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    neighbour = path.with_name(f".{path.name}.tmp")
     try:
         neighbour.write_bytes(data)
         os.replace(neighbour, path)

@@ -30,7 +30,7 @@ from files.bounded import FileError
 
 INTERRUPTED = errors.Interrupted.exit_code
 """Exit code after Ctrl-C; typer gives it back as a command's result."""
-LONGEST = 2000
+LONGEST = 1000
 """Characters of a message that are printed."""
 HELP = {"help_option_names": ["-h", "--help"]}
 COMMANDS: dict[str, dict[str, Callable[..., None]]] = {

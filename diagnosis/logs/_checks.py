@@ -8,6 +8,7 @@ import pandas as pd
 
 from diagnosis.logs._columns import KINDS, STICK, UNITS, channel_of, kind_of, name_of
 from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta, MjcfMechanism
+from files.bounded import one_line
 
 MIN_SAMPLES = 20
 """Shortest episode in samples."""
@@ -105,14 +106,15 @@ def numbers_are_numbers(samples: pd.DataFrame) -> pd.DataFrame:
         bad = numbers.isna() & samples[column].notna()
         if bad.any():
             row = int(np.argmax(bad))
+            given = one_line(str(samples[column].iloc[row]), 40)
             raise LogError(
-                f"'{column}' is '{samples[column].iloc[row]}' in sample {row}; allowed: numbers "
+                f"'{column}' is '{given}' in sample {row}; allowed: numbers "
                 "with a decimal point, or empty"
             )
         samples[column] = numbers.astype(float)
     if "episode" in samples:
         whole = samples["episode"]
-        if whole.isna().any() or (whole != whole.round()).any() or (whole < 0).any():
+        if not ((whole == whole.round()) & (whole >= 0) & (whole < LARGEST)).all():
             raise LogError(
                 "'episode' must be a whole number from 0 in every sample; number the episodes"
             )

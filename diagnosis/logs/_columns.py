@@ -3,6 +3,7 @@
 import difflib
 
 from diagnosis.logs._meta import LogError
+from files.bounded import one_line
 
 ROTARY = {
     "command": ("rad", "rad"),
@@ -70,4 +71,5 @@ def _unknown(column: str) -> str:
     near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
     known = ", ".join(["episode", "t_s", *UNITS])
     hint = f" Did you mean '{near[0]}'?" if near else ""
-    return f"samples have an unknown column '{column}'; allowed: {known}.{hint} Rename or remove it"
+    given = one_line(column, 60)
+    return f"samples have an unknown column '{given}'; allowed: {known}.{hint} Rename or remove it"

@@ -25,7 +25,7 @@ from diagnosis.logs._meta import (
 )
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 from files import bounded, tables
-from files.bounded import FileError
+from files.bounded import FileError, one_line
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
@@ -97,10 +97,13 @@ def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.D
     if "protocol" not in samples.columns:
         return meta, samples
     numbers = samples["episode"] if "episode" in samples.columns else pd.Series(0, samples.index)
+    numbers = pd.to_numeric(numbers, errors="coerce")
+    if not ((numbers % 1 == 0) & (numbers >= 0)).all():  # no episodes, as will be said
+        return meta, samples.drop(columns="protocol")
     declared = {one.episode: one for one in meta.episodes}
-    for number, names in samples["protocol"].groupby(numbers):
-        said = {str(name) for name in names.unique()}
-        given = declared.get(int(str(number)))
+    for number, names in samples["protocol"].groupby(numbers.astype(int)):
+        said = {one_line(str(name), 40) or "free" for name in names.unique()}
+        given = declared.get(number)
         if given is not None and given.protocol != "free":
             said.add(given.protocol)
         if len(said) > 1:
@@ -109,9 +112,7 @@ def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.D
                 "in the column 'protocol' or in log.yaml"
             )
         note = None if given is None else given.note
-        declared[int(str(number))] = EpisodeMeta(
-            episode=int(str(number)), protocol=said.pop(), note=note
-        )
+        declared[number] = EpisodeMeta(episode=number, protocol=said.pop(), note=note)
     episodes = tuple(declared[number] for number in sorted(declared))
     return meta.model_copy(update={"episodes": episodes}), samples.drop(columns="protocol")
 
