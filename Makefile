@@ -8,13 +8,14 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run demo test test-slow check smoke results figures animation docs clean
+.PHONY: help install run demo test test-fast test-slow check smoke results figures animation docs clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
 	@echo "make demo       bench demo: three engines, a film and a diagnosis in a minute, in demo/"
 	@echo "make run        the main job: bench run --backend bullet --task eight (ARGS adds options)"
 	@echo "make test       the tests, except slow ones"
+	@echo "make test-fast  those of files, words, rows and floors, while one edits"
 	@echo "make test-slow  the slow tests"
 	@echo "make check      format, lint, types"
 	@echo "make smoke      one smoke run per engine and algorithm"
@@ -43,6 +44,10 @@ run: install
 # A hang ends the run; no single test has a limit that a slow machine could exceed.
 test: install
 	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "not slow" $(ARGS)
+
+FAST := architecture bad_files docs log plain_yaml rows statistics words
+test-fast: install
+	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 $(FAST:%=tests/unit/test_%.py) $(ARGS)
 
 test-slow: install
 	timeout --kill-after=1m 8h $(VENV)/bin/python -m pytest -n 2 --dist worksteal -m slow $(ARGS)
