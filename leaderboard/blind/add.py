@@ -30,7 +30,7 @@ def add(
     It supersedes the latest scores of its kind, or with `pool` counts together with them. The
     score of a tuning set goes into the history alone. Raises ScoreError.
     """
-    score = read_score(path)
+    score, date = read_score(path), date.replace(second=0, microsecond=0)
     before = read_history(folder) if (folder / HISTORY_FILE).exists() else []
     names = {line.name for line in before}
     if name in names:

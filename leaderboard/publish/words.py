@@ -5,6 +5,7 @@ from collections.abc import Iterable, Sequence
 SHOWN = {
     **{"mujoco": "MuJoCo", "bullet": "Bullet", "sapien": "SAPIEN", "plant": "plain plant"},
     **{"exudyn": "Exudyn", "drake": "Drake", "dart": "DART", "bristle": "bristle plant"},
+    **{"plain": "plain MuJoCo"},
 }
 """How engines and plants are called in running text, in their order."""
 EFFECTS = {"built": "hand as built", "none": "ideal hand"}

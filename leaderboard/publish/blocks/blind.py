@@ -21,6 +21,14 @@ REFUSED = (
 FINGER, HELD = "finger", "held"
 MOST_SPLIT = 4
 """More sides than these share a row."""
+RIGS = {
+    FINGER: "finger",
+    HELD: "stick in the hand",
+    "hand": "hand in free air",
+    "arm1+arm2": "arms of 1 and 2 joints",
+    "arm2+arm3+arm6": "arms of 2 to 6 joints",
+}
+"""What is judged, in words."""
 
 
 @block
@@ -46,26 +54,6 @@ def blind_meanings(kept: Kept) -> str:
     """The columns, in words."""
     shown = (BY_NAME[name] for name in (*NAMED, *REFUSED))
     return "\n".join(f"- *{figure.head}*: {figure.meaning}" for figure in shown)
-
-
-@block
-def blind_pairs(kept: Kept) -> str:
-    """Sets of pairs alone."""
-    head = (
-        "real side",
-        "set",
-        "cases",
-        "pairs right",
-        "one of the two named",
-        "intervals that hold",
-    )
-    rows = []
-    for kind, scores in _kinds(kept, lambda kind: kind.modes == "pair"):
-        for name, score in scores.items():
-            figures = ("pairs_exact", "pairs_one", "interval_coverage")
-            counts = [_pooled([score.figure(figure)]) for figure in figures]
-            rows.append([_label(kind), name, str(score.cases), *counts])
-    return grid(head, rows)
 
 
 @block
@@ -150,7 +138,7 @@ def _table(rows: Iterable[_Row], figures: Sequence[str]) -> str:
 
 
 def _of_side(sets: list[Score], kind: Kind, side: str) -> _Row:
-    label = SHOWN.get(side, side) + _rig(kind)
+    label = f"{RIGS[kind.rig]}, {SHOWN.get(side, side)}"
     return _Row(label, lambda name: [score.of_side(side, name) for score in sets])
 
 
@@ -172,21 +160,16 @@ def _kinds(kept: Kept, wanted: Callable[[Kind], bool]) -> Iterator[tuple[Kind, d
 
 def _split(kind: Kind) -> bool:
     """Whether the sides of a kind are shown one by one."""
-    return kind.rig != HELD and not kind.healthy and 1 < len(kind.sides) <= MOST_SPLIT
+    return kind.rig == FINGER and not kind.healthy and 1 < len(kind.sides) <= MOST_SPLIT
 
 
 def _label(kind: Kind) -> str:
-    if kind.rig == HELD:
-        return "stick in the hand"
-    what = _rig(kind) + (", healthy logs" if kind.healthy else "")
-    if len(kind.sides) > MOST_SPLIT:
-        return f"{len(kind.sides)} makes{what}"
-    return listed([SHOWN.get(side, side) for side in in_order(kind.sides)]) + what
-
-
-def _rig(kind: Kind) -> str:
-    """What is judged, where it is not the usual finger."""
-    return "" if kind.rig == FINGER else f", {kind.rig}"
+    """What is judged, by which laws, and with what beside."""
+    what = RIGS.get(kind.rig, kind.rig)
+    if kind.rig != HELD:
+        laws = listed([SHOWN.get(side, side) for side in in_order(kind.sides)])
+        what += f", {len(kind.sides)} drive laws" if len(kind.sides) > MOST_SPLIT else f", {laws}"
+    return what + (", healthy logs" if kind.healthy else "")
 
 
 def _shown(name: str, found: list[Counted]) -> str:
