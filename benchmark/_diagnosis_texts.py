@@ -12,7 +12,7 @@ from benchmark import registry
 from benchmark.effects import effect_name, parse_effects
 from diagnosis.answer import Diagnosis
 from diagnosis.report import wording
-from diagnosis.verdict.result import NONE, Cause, LimbResult, Ranked
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Ranked
 
 SHOWN, SHOWN_OF_NONE = 4, 2
 """Candidates per limb in the summary: with an effect, and without one."""
@@ -69,8 +69,9 @@ def _item(effect: Effect) -> str:
 def summary(found: Diagnosis, result: dict) -> RenderableType:
     """The summary: the verdict, the gap, the best candidates, ties, and what to do next."""
     lines = [*found.sentences]
-    lines.append(f"Probability: {wording.probability(found)}. {wording.gaps(found)}")
-    if found.gaps.before.value > 1.0:
+    gaps = f"{wording.gaps(found)} Brackets hold 90 % intervals."
+    lines.append(f"Probability: {wording.probability(found)}. {gaps}")
+    if found.gaps.before.value > 1.0 and found.verdict != (UNKNOWN,):
         lines.append(_where(found))
     if found.nominal:
         moved = wording.listed(wording.moved(one) for one in found.nominal)
@@ -94,10 +95,7 @@ def _where(found: Diagnosis) -> str:
 
 
 def _candidates(limbs: Sequence[LimbResult], shown: int) -> Table:
-    caption = (
-        "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
-    )
-    table = Table(header_style="bold", caption=Text(caption), caption_justify="left")
+    table = Table(header_style="bold", caption=Text(COLUMNS), caption_justify="left")
     for column in ("joints", "causes", "share", "left"):
         table.add_column(column, overflow="fold")
     for limb in limbs:

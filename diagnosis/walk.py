@@ -10,6 +10,7 @@ from backends.state import Array
 from diagnosis import solver
 from diagnosis.answer import Diagnosis
 from diagnosis.calibration.worlds import Simulate
+from diagnosis.coverage import not_looked_for
 from diagnosis.finding import Finding, Report
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
@@ -22,7 +23,7 @@ from diagnosis.solver import Judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
-from diagnosis.where import locate
+from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; a first diagnosis compiles its code for some 15 s"
 LAST_SHARE = 0.95
@@ -74,7 +75,7 @@ def diagnose(
         joints=tuple(j for one in limbs for j in one.evidence.joints if j in accused),
         magnitudes=causes,
         probability=_probability(result, held),
-        sentences=tuple(_sentences(result, held)),
+        sentences=tuple(_sentences(result, held, places)),
         share=result.share,
         left=result.left,
         ordinary=result.ordinary,
@@ -86,7 +87,7 @@ def diagnose(
         limbs=result.limbs,
         findings=held.findings,
         spots=held.spots,
-        missing=held.missing,
+        missing=(*not_looked_for(known), *held.missing),
         notes=tuple(notes),
         signals=tuple(_signals(limbs, accused or {places[0].joint})),
         cpu_s=_cpu_s() - began_s,
@@ -152,12 +153,14 @@ def _probability(result: Result, held: Report) -> float:
     return prod(found) * (1.0 if found and result.verdict == (NONE,) else result.probability)
 
 
-def _sentences(result: Result, held: Report) -> Iterator[str]:
+def _sentences(result: Result, held: Report, places: Sequence[Place]) -> Iterator[str]:
     """Of limbs at fault; of all where none is; then what touch and stick show."""
     faulty = [limb for limb in result.limbs if limb.verdict != (NONE,) or limb.sensors]
     shown = faulty or ([] if held.findings else [max(result.limbs, key=lambda limb: limb.left)])
     for limb in shown:
         yield from limb.sentences
+        if limb.verdict == (UNKNOWN,):
+            yield largest(places, limb.joints)
     for one in held.findings:
         yield f"{one.effect}: {one.evidence}."
 

@@ -1,5 +1,6 @@
 """Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -12,7 +13,15 @@ from diagnosis.models.world import World
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
 
-PHASES = ("external load", "hold", "reversal", "constant speed", "acceleration")
+DURING = {
+    "external load": "under external load",
+    "hold": "in holds",
+    "reversal": "at reversals",
+    "constant speed": "at constant speed",
+    "acceleration": "in acceleration",
+}
+"""Phases of a joint's motion, as named and as said."""
+PHASES = tuple(DURING)
 SLOW, STEADY = 0.03, 0.15
 """A joint holds under this share of its fastest speed; speed is constant under this share of the
 largest acceleration."""
@@ -68,6 +77,17 @@ def locate(limbs: Sequence[World], seed: int = 0) -> list[Place]:
         for (index, row), low, high in zip(found.iterrows(), *ends, strict=True)
     ]
     return sorted(places, key=lambda place: -place.share)
+
+
+def largest(places: Sequence[Place], joints: Sequence[str]) -> str:
+    """At which of some joints, and in which phase of its motion, most of their gap lies."""
+    shares: Counter[tuple[str, str]] = Counter()
+    for place in places:
+        if place.joint in joints:
+            shares[place.joint, place.phase] += place.share
+    (joint, phase), share = shares.most_common(1)[0]
+    part = 100 * share / max(shares.total(), 1e-300)
+    return f"The largest part of the gap, {part:.0f} %, lies {DURING[phase]} of {joint}."
 
 
 def _interval(by_second: Array, rng: np.random.Generator) -> tuple[Array, Array]:

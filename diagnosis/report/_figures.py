@@ -19,7 +19,7 @@ COLORS = ("#d9822b", "#7a9e3f", "#2b6cb0")
 """Of the nominal world, of refitted nominal numbers, and with causes."""
 UNITS = {False: ("deg", float(np.degrees(1.0)), "Nm"), True: ("mm", 1e3, "N")}
 """Unit of positions and its size, and unit of torques: for hinges (False) and slides (True)."""
-_CONFIG = {"displaylogo": False, "responsive": True}
+_CONFIG = {"displayModeBar": False, "responsive": True}
 _LAYOUT = {
     "template": "plotly_white",
     "font": {"family": "system-ui, sans-serif", "size": 13, "color": MEASURED},
@@ -85,7 +85,7 @@ def shrinking(found: Diagnosis) -> str:
         figure.add_annotation(**at, text=text, showarrow=False)
     figure.update_layout(**_LAYOUT, height=230, showlegend=False, bargap=0.35)
     figure.update_yaxes(autorange="reversed")
-    figure.update_xaxes(title="gap of the worst joint [noise floors]", rangemode="tozero")
+    figure.update_xaxes(title="gap [noise floors]", rangemode="tozero")
     return _html(figure)
 
 

@@ -49,6 +49,7 @@ def page(
 
     `facts` say what was diagnosed, `log` its name, and with which nominal world. `commands` use the
     verdict, with what each does; they are empty if no effect was found or none can be added.
+    Without `commands` the page says nothing of them.
     """
     environment = Environment(
         loader=PackageLoader("diagnosis.report", "."),
@@ -62,7 +63,7 @@ def page(
         found=found,
         words=wording,
         facts={"log": "a log", "source": log.meta.source} | dict(facts or {}),
-        commands=commands or {},
+        commands=commands,
         parts=list(parts(found)),
         quiet=found.gaps.before.value <= QUIET,
         heat=_heat(found.where, log),

@@ -5,13 +5,16 @@ from collections.abc import Iterable, Iterator
 from diagnosis.answer import Diagnosis
 from diagnosis.shrinkage import Share
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal
+from diagnosis.verdict.sentences import placed
 
 ORIGINS = {
-    "robot": "healthy robots of many makes",
+    "robot": "healthy robots of many designs",
     "simulator": "a simulator with this drive law",
     "healthy logs": "the healthy logs that were given",
 }
 """What an ordinary gap is known from."""
+SURE = 99.5
+"""No verdict is certain: a larger probability is not written as 100 [%]."""
 
 
 def sentence(found: Diagnosis) -> str:
@@ -21,7 +24,8 @@ def sentence(found: Diagnosis) -> str:
 
 def probability(found: Diagnosis) -> str:
     """How sure the verdict is."""
-    return f"{100 * found.probability:.0f} %"
+    share = 100 * found.probability
+    return f"{share:.0f} %" if share < SURE else "over 99 %"
 
 
 def gaps(found: Diagnosis) -> str:
@@ -37,14 +41,14 @@ def gaps(found: Diagnosis) -> str:
         return f"{text}."
     what = "the leading causes" if UNKNOWN in found.verdict else "the causes named"
     return (
-        f"{text}, {what} leave {after}. They take {percent(found.shrinkage)} of the squared gap "
-        f"beyond one floor; the nominal numbers alone take {percent(found.shrinkage_nominal)}."
+        f"{text}, {what} leave {after}. The causes take {percent(found.shrinkage)} of the squared "
+        f"gap beyond one floor; the nominal numbers alone take {percent(found.shrinkage_nominal)}."
     )
 
 
 def ordinary(found: Diagnosis) -> str:
     """What is ordinary, and where that is known from."""
-    return f"up to {found.ordinary:.1f} noise floors, by {ORIGINS[found.ordinary_from]}"
+    return f"up to {found.ordinary:.1f} noise floors, known from {ORIGINS[found.ordinary_from]}"
 
 
 def next_steps(found: Diagnosis) -> Iterator[str]:
@@ -78,13 +82,12 @@ def size(cause: Cause) -> str:
 def moved(one: Nominal) -> str:
     """A nominal number that took part of the gap, with its standard deviation."""
     where = f" on {one.joint}" if one.joint else ""
-    sign = "+" if one.value > 0 else ""
-    return f"{one.effect}{where} {sign}{number(one.value)} ± {number(one.sd)} {one.unit}"
+    return f"{one.effect}{where} {one.value:+.3g} ± {one.sd:.2g} {one.unit}"
 
 
 def tie(limb: LimbResult, names: Iterable[str]) -> str:
     """A set of causes that a log cannot distinguish from the verdict, and what would."""
-    text = f"{listed(limb.verdict)} and {listed(names)} explain this log equally well"
+    text = f"{listed(map(placed, names))} would explain this log as well as {listed(limb.verdict)}"
     return f"{text}; to distinguish them, {limb.experiment}" if limb.experiment else text
 
 

@@ -10,6 +10,8 @@ BORDER = 0.7
 """A gap of more than this share of an ordinary one is called near the limit."""
 FAR, HALF = 35.0, 0.5
 """Where so many floors are left, and effects take less than this share, the file is far off."""
+FAINT = 0.01
+"""Leading causes that take less of the gap are not worth a sentence."""
 FROM = {
     "robot": "healthy robots leave up to",
     "simulator": "a simulator with this drive law leaves up to",
@@ -27,7 +29,9 @@ def _sentences(result: LimbResult) -> Iterator[str]:
     if result.verdict == (NONE,) and result.gap_after > result.ordinary:
         yield f"The lost packets leave {_floors(result.gap_after)}, and no other effect; {limit}."
     elif result.verdict == (NONE,):
-        yield f"This log shows no fault: the gap is {_floors(result.gap_after)}; {limit}."
+        subject = "The motion" if result.sensors else "This log"
+        left = _floors(result.gap_after)
+        yield f"{subject} shows no fault: the nominal world, refitted, leaves {left}; {limit}."
         if result.gap_after > BORDER * result.ordinary:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):
@@ -35,17 +39,17 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         yield f"The gap is {gap}, and no effect explains it; {limit}."
         if result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
             yield (
-                "The nominal model is off by factors: check units, zeros, gains and limits in the "
-                "mechanism's file."
+                "So large a gap often means that the mechanism's file is off: check its units, "
+                "zeros, gains and limits."
             )
-        for cause in result.leading:
+        for cause in (one for one in result.leading if one.share >= FAINT):
             yield f"{_cause(cause)} would explain {100 * cause.share:.0f} % of the gap."
     else:
-        yield f"{' and '.join(map(_cause, result.causes))} {_takes(result, limit)}."
+        yield f"{' and '.join(map(_named, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
         yield f"In addition, this log shows {_cause(cause)}."
     if result.tied:
-        others = " or ".join(" with ".join(names) for names in result.tied)
+        others = " or ".join(" with ".join(map(placed, names)) for names in result.tied)
         yield f"This log cannot distinguish it from {others}; to do so, {result.experiment}."
 
 
@@ -55,13 +59,23 @@ def _takes(result: LimbResult, limit: str) -> str:
     took = f"{verb} {100 * result.share:.0f} % of the gap"
     if result.left <= result.ordinary:
         return f"{took}; the rest, {_floors(result.left)}, is ordinary"
-    return f"{took}; {_floors(result.left)} are left, but {limit}"
+    return f"{took}; {_floors(result.left)} is left, but {limit}"
 
 
 def _floors(gap: float) -> str:
     return f"{gap:.1f} times the noise floor"
 
 
-def _cause(cause: Cause) -> str:
+def placed(name: str) -> str:
+    """An effect of a tie and its joint: 'backlash on J3' of 'backlash@J3'."""
+    return name.replace("@", " on ")
+
+
+def _named(cause: Cause) -> str:
+    """A cause with the 90 % interval of its size."""
+    return _cause(cause, f" ({cause.low:.3g} to {cause.high:.3g})")
+
+
+def _cause(cause: Cause, interval: str = "") -> str:
     where = f" on {cause.joint}" if cause.joint else ""
-    return f"{cause.effect} of {cause.value:.3g} {cause.unit}{where}"
+    return f"{cause.effect} of {cause.value:.3g} {cause.unit}{interval}{where}"

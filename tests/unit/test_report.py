@@ -12,6 +12,7 @@ from diagnosis.logs.log import Log
 from diagnosis.report import wording
 from diagnosis.report.report import FAINT, parts
 from diagnosis.verdict.result import NONE, UNKNOWN
+from diagnosis.verdict.sentences import sentences
 
 
 @pytest.fixture(scope="module")
@@ -71,11 +72,40 @@ def test_the_bar_adds_up(found):
     assert "coulomb-friction on J1" in [part.name for part in parts(found)]
 
 
+def test_a_page_without_commands(found, log):
+    """Say nothing of commands to a caller who gave none."""
+    assert "out of the range" not in page(found, log) and "Go on" not in page(found, log)
+
+
 @pytest.mark.parametrize("verdict", [(NONE,), (UNKNOWN,)])
 def test_a_page_without_a_finding(found, log, verdict):
     """Draw the page and the summary where no effect is named; say what to do about `unknown`."""
     lost = dataclasses.replace(found, verdict=verdict, joints=(), magnitudes=())
-    text = page(lost, log, {"log": "arm"})
+    text = page(lost, log, {"log": "arm"}, {})
     assert "No effect was found" in text
     assert ("give healthy logs" in text) == (verdict == (UNKNOWN,))
     assert summary(lost, {"warnings": [], "next": {}, "written": []})
+
+
+def test_a_tie_is_said_in_words(found):
+    """Name the joints of what explains as well, without the form of the command line."""
+    limb = dataclasses.replace(
+        found.limbs[0], tied=(("kp-scale@J1", "backlash@J0"),), experiment="load J1"
+    )
+    wanted = "kp-scale on J1 {} backlash on J0"
+    assert wanted.format("with") in sentences(limb).sentences[-1]
+    assert wanted.format("and") in wording.tie(limb, limb.tied[0])
+
+
+def test_a_size_has_its_interval(found):
+    """Say the ends of the interval beside the size that is named."""
+    cause = found.magnitudes[0]
+    assert f"({cause.low:.3g} to {cause.high:.3g}) on J1" in found.sentences[0]
+
+
+def test_a_sensor_at_fault_is_no_contradiction(found):
+    """Find no fault in the motion, rather than in the log, where a sensor has one."""
+    limb = found.limbs[0]
+    none = {"verdict": (NONE,), "causes": (), "gap_after": 0.5}
+    noisy = dataclasses.replace(limb, sensors=limb.causes, **none)
+    assert sentences(noisy).sentences[0].startswith("The motion shows no fault")

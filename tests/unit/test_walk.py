@@ -4,7 +4,9 @@ import json
 from functools import cache
 
 import pytest
+from arms import Real, log_of
 
+from backends.effect import NumberEffect
 from backends.shard import simulate
 from benchmark import registry
 from benchmark._diagnosis_texts import effects_text
@@ -133,6 +135,23 @@ def test_coarse_encoders_are_named():
 def test_steps_under_the_floor_are_nothing():
     """Say none of encoder steps that are less than the model's own error."""
     assert diagnosed("encoder-resolution=0.02deg", "mujoco", ("steps",)).verdict == ("none",)
+
+
+class Foreign(NumberEffect):
+    """An effect on a number that nothing here replays or measures."""
+
+    group, number, dimension, unit, bounds = "drive", "drive.new_number", "share", "%", (0.0, 1.0)
+    least = 0.1
+
+
+def test_an_unknown_gap_is_located_and_the_catalogue_covered():
+    """Say where a spring that no effect is leaves its gap, and what nothing looks for."""
+    found = diagnose(
+        log_of(Real(spring_nm_rad3=900.0)), catalogue={**CATALOGUE, "foreign": Foreign}
+    )
+    assert found.verdict == ("unknown",)
+    assert any("largest part of the gap" in text and "of J0" in text for text in found.sentences)
+    assert found.missing[0].startswith("foreign: not looked for")
 
 
 def test_a_free_log_asks_for_a_grasp():

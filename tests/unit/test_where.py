@@ -5,7 +5,7 @@ import pytest
 from arms import Real, log_of
 
 from diagnosis.solver import judged
-from diagnosis.where import PHASES, _interval, locate, phases
+from diagnosis.where import PHASES, Place, _interval, largest, locate, phases
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +35,23 @@ def test_phases_of_a_known_motion():
     for at_s, phase in ((0.5, "hold"), (2.0, "constant speed"), (3.0, "reversal")):
         assert found[round(at_s / 0.01)] == phase
     assert set(found[-20:]) == {"external load"}
+
+
+def place(joint: str, protocol: str, phase: str, share: float) -> Place:
+    there = {"joint": joint, "channel": "position", "protocol": protocol, "phase": phase}
+    return Place(**there, share=share, share_interval=(0.0, 1.0), rms=1.0, noise=1.0, samples=9)
+
+
+def test_the_largest_part_is_said_over_all_protocols():
+    """Name the phase that holds most of the gap of a limb's joints, summed over protocols."""
+    places = [
+        place("other", "steps", "hold", 0.4),
+        place("elbow", "steps", "acceleration", 0.24),
+        place("elbow", "steps", "reversal", 0.2),
+        place("elbow", "triangle", "reversal", 0.16),
+    ]
+    said = largest(places, ["shoulder", "elbow"])
+    assert said == "The largest part of the gap, 60 %, lies at reversals of elbow."
 
 
 def test_shares_of_no_gap_are_numbers():
