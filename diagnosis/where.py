@@ -1,6 +1,5 @@
 """Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -81,12 +80,13 @@ def locate(limbs: Sequence[World], seed: int = 0) -> list[Place]:
 
 def largest(places: Sequence[Place], joints: Sequence[str]) -> str:
     """At which of some joints, and in which phase of its motion, most of their gap lies."""
-    shares: Counter[tuple[str, str]] = Counter()
+    shares: dict[tuple[str, str], float] = {}
     for place in places:
         if place.joint in joints:
-            shares[place.joint, place.phase] += place.share
-    (joint, phase), share = shares.most_common(1)[0]
-    part = 100 * share / max(shares.total(), 1e-300)
+            spot = place.joint, place.phase
+            shares[spot] = shares.get(spot, 0.0) + place.share
+    joint, phase = max(shares, key=shares.__getitem__)
+    part = 100 * shares[joint, phase] / max(sum(shares.values()), 1e-300)
     return f"The largest part of the gap, {part:.0f} %, lies {DURING[phase]} of {joint}."
 
 
