@@ -31,13 +31,18 @@ def decide(
     sensors: Sequence[Cause] = (),
     explained: float = 0.0,
 ) -> LimbResult:
-    """What is said of a limb; `explained`: the gap that lost packets took part of [floors]."""
+    """What is said of a limb; `explained`: the gap that lost packets took part of [floors].
+
+    Likelihood alone names nothing whose size may be none.
+    """
     nominal, chosen = found.nominal, found.chosen
-    named = bool(chosen.freed) and (is_named(chosen, nominal, ordinary) or found.is_likely)
+    sized = tuple(_causes(fitter, found)) if chosen.freed else ()
+    likely = found.is_likely and all(cause.low * cause.high > 0.0 for cause in sized)
+    named = bool(sized) and (is_named(chosen, nominal, ordinary) or likely)
     unknown = not named and nominal.worst > beside_losses(explained, ordinary)
     share = found.share(chosen) if chosen.freed else 0.0
     tied = [f for f in found.tied if named]
-    causes = tuple(_causes(fitter, found)) if named else ()
+    causes = sized if named else ()
     leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
     effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
     left = chosen.worst if named or unknown else nominal.worst

@@ -15,7 +15,7 @@ from benchmark import extras, registry
 from benchmark.errors import CommandError
 from benchmark.registry import ROOT
 
-ROOMS = ("backends", "tasks", "baselines", "leaderboard", "diagnosis", "benchmark")
+ROOMS = ("files", "backends", "tasks", "baselines", "leaderboard", "diagnosis", "benchmark")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 

@@ -161,7 +161,7 @@ def test_mechanisms_compile_and_name_their_joints(tmp_path, kind, make):
         ("bam", "a.json", "[]", "holds no JSON object"),
         ("bam", "a.json", "{}", "has no kp, mass, length, vin, trajectory, entries"),
         ("play-test", "a.csv", "timestamp\n2025-11-12\n", "has no column"),
-        ("play-test", "a.csv", "", "cannot be read as a play test"),
+        ("play-test", "a.csv", "", "is empty"),
         ("play-test", "b.txt", "", "no recording at"),
     ],
 )

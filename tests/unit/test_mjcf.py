@@ -302,7 +302,7 @@ LINK = '<inertial mass="1" pos="0 0 0" diaginertia="1 1 1"/>'
         ),
         ('<body name="arm"', '<body name="arm" gravcomp="1"', "gravity compensation"),
         ("<worldbody>", '<option density="1.2"/><worldbody>', "air or water"),
-        ("<worldbody>", "<worldbod>", "MuJoCo cannot compile"),
+        ("<worldbody>", "<worldbod>", "it is no XML"),
         ('mass="0.5"', 'mass="-1"', "MuJoCo cannot compile"),
         ("</body>", f'<body name="c">{LINK}<joint name="z" armature="1"/></body></body>', "'z'"),
     ],
@@ -418,7 +418,7 @@ def test_the_page_on_own_robots_describes_one_that_works():
 
 
 def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
-    """Name friction and noise of a rail from its log, though no engine builds it, and say so."""
+    """Name friction of a rail from its log, though no engine builds it, and say so."""
     xml, joints = MECHANISMS["rail"]
     bare = robot_log(xml, joints, linear=True)
     time_s = np.arange(800) * 5e-3
@@ -436,12 +436,11 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     samples["command_m.x"], samples["position_m.x"] = target, shown
     write_log(make_log(bare.meta, samples, xml), tmp_path / "rail")
     words = ["diagnose", str(tmp_path / "rail"), "--out", str(tmp_path / "out"), "--json"]
-    assert cli.call([*words, "--workers", "1"]) == 0
+    assert cli.call(words) == 0
     found = json.loads(capfd.readouterr().out)
     sizes = {m["effect"]: m["value"] for m in found["magnitudes"]}
-    assert set(found["verdict"]) == {"coulomb-friction", "encoder-noise"}
+    assert found["verdict"] == ["coulomb-friction"]
     assert sizes["coulomb-friction"] == pytest.approx(30e3, rel=0.1)
-    assert sizes["encoder-noise"] == pytest.approx(0.1, rel=0.2)
     assert found["nominal"]["replay_apart_rad"] is None
     assert any("x is a slide: read N for Nm" in text for text in found["warnings"])
     assert any("x is a slide, which no engine here builds" in text for text in found["warnings"])
