@@ -50,11 +50,11 @@ def read_csv(path: Path, **options: Any) -> pd.DataFrame:
 
 def parse_csv(path: Path, text: str, **options: Any) -> pd.DataFrame:
     """The table in the text of a CSV file; raises FileError."""
-    if not text.strip():
-        raise FileError(f"{path} is empty; it should hold a table with a header")
     first = text.split("\n", 1)[0]
     columns = first.count(",") + 1
     _refuse_large(path, columns * text.count("\n"), columns)
+    if not text.strip():
+        raise FileError(f"{path} is empty; it should hold a table with a header")
     try:
         return pd.read_csv(io.StringIO(text), **options)
     except (pd.errors.ParserError, ValueError, csv.Error, OverflowError) as error:
