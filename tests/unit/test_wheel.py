@@ -13,7 +13,8 @@ import pytest
 from benchmark.registry import ROOT
 
 BESIDE = ("leaderboard/leaderboard.", "leaderboard/policies", "leaderboard/results")
-BESIDE += ("leaderboard/figures", "leaderboard/transfer")
+BESIDE += ("leaderboard/figures", "leaderboard/transfer", "leaderboard/blind/history.csv")
+BESIDE += ("leaderboard/blind/scores", "leaderboard/physics.json", "leaderboard/speed.json")
 """Results, which the package does not need."""
 
 
