@@ -12,13 +12,11 @@ import numpy as np
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.gap import excess, root_weights
-from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.fit import RIDGE, Fit, Fitter
 from diagnosis.search.problem import Problem
 from diagnosis.search.quadratic import lowest
 
 HALVES, RESAMPLES = 2, 400
-RIDGE = 1e-9
-"""Relative: keeps normal equations regular where two parameters do the same."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -65,12 +65,15 @@ class Judged:
     """What is said of a limb, and the fits that it rests on."""
 
     result: LimbResult
-    evidence: Evidence
-    """As recorded: that of the fits has the commands that arrived, where packets were lost."""
     nominal: World
     """The nominal world as it stands, without parameters."""
     fitter: Fitter
     found: Found
+
+    @property
+    def evidence(self) -> Evidence:
+        """As recorded: that of the fits has the commands that arrived, where packets were lost."""
+        return self.nominal.evidence
 
 
 def solve(
@@ -168,7 +171,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
     nominal = _world(said, (), ordinary)
-    return Judged(result=result, evidence=said, nominal=nominal, fitter=fitter, found=found)
+    return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
 
 
 def _searched(
