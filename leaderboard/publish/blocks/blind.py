@@ -96,8 +96,8 @@ def blind_sets(kept: Kept) -> str:
     blind_ones = [line for line in lines if line.blind]
     cases = sum(line.cases for line in blind_ones)
     return (
-        f"So far {len(blind_ones)} sets with {cases:,} cases were solved once, by a solver that was "
-        f"frozen before it saw them; {len(lines) - len(blind_ones)} more are for tuning."
+        f"So far {len(blind_ones)} sets with {cases:,} cases were solved once, by a solver that "
+        f"was frozen before it saw them; {len(lines) - len(blind_ones)} more are for tuning."
     )
 
 
