@@ -73,13 +73,15 @@ def verify(
 def list_parts(
     kind: Annotated[
         str | None,
-        typer.Argument(metavar="KIND", help="One kind: " + ", ".join((*registry.KINDS, "stick"))),
+        typer.Argument(
+            metavar="KIND", help="One kind: " + ", ".join((*registry.KINDS, "stick")) + "."
+        ),
     ] = None,
     support: Annotated[
         bool, typer.Option("--support", help="How each engine supports every number.")
     ] = False,
 ) -> Any:
-    """Name every backend, task, observation, algorithm, effect and stick.
+    """Name every backend, task, observation, algorithm, effect, importer and stick.
 
     Example: [bold]bench list effect[/bold]
     """
