@@ -3,10 +3,7 @@
 Torch is imported only here and in the learners' files.
 """
 
-import contextlib
-import logging
 import random
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -15,10 +12,19 @@ import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
+from onnx.helper import (
+    make_graph,
+    make_model,
+    make_node,
+    make_opsetid,
+    make_tensor_value_info,
+)
 from pydantic import Field
 
 from baselines.saved import PolicyError
 
+OPSET, IR_VERSION = 20, 10
+"""Versions of the operators and the format that policies are written in."""
 REWARD_SCALE = 0.1
 """Rewards are scaled by a tenth, because rsl-rl clips changes of the value at an absolute 0.2."""
 
@@ -61,43 +67,67 @@ def seed_everything(seed: int) -> None:
     random.seed(seed)
 
 
-class Deterministic(torch.nn.Module):
+@dataclass(frozen=True, kw_only=True)
+class Deployed:
     """The deployed policy: normalised observation, network, action clipped to [-1, 1]."""
 
-    def __init__(
-        self, mean: torch.Tensor, std: torch.Tensor, network: torch.nn.Module, clip: float
-    ) -> None:
-        super().__init__()
-        self.mean = torch.nn.Buffer(mean.reshape(1, -1).float())
-        self.std = torch.nn.Buffer(std.reshape(1, -1).float())
-        self.network = network
-        self.clip = clip
-
-    def forward(self, observation: torch.Tensor) -> torch.Tensor:
-        """Actions (N, J) from observations (N, W)."""
-        normal = torch.clamp((observation - self.mean) / self.std, -self.clip, self.clip)
-        return torch.clamp(self.network(normal), -1.0, 1.0)
+    mean: torch.Tensor
+    std: torch.Tensor
+    """Of the observations, W numbers."""
+    clip: float
+    """Bound of normalised observations."""
+    network: torch.nn.Module
+    """Linear layers with ELU between them."""
 
 
-def export_onnx(policy: Deterministic, width: int, path: Path) -> None:
-    """Write `policy` for observations of the given width, any batch size, one file."""
-    policy.eval()
-    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
-    batch = torch.export.Dim("batch")
-    with warnings.catch_warnings(), contextlib.redirect_stdout(None):
-        warnings.simplefilter("ignore")
-        torch.onnx.export(
-            policy,
-            (torch.zeros(2, width),),
-            str(path),
-            input_names=["observation"],
-            output_names=["action"],
-            dynamic_shapes=({0: batch},),
-            dynamo=True,
-            external_data=False,
-            verbose=False,
-        )
-    _anonymize(path)
+def export_onnx(policy: Deployed, path: Path) -> None:
+    """Write `policy` for any batch size, as one file."""
+    parts = policy.network.named_modules(remove_duplicate=False)  # one ELU may stand in many places
+    layers = [part for _, part in parts if not list(part.children())]
+    linear = [part for part in layers if isinstance(part, torch.nn.Linear)]
+    values = {
+        "mean": policy.mean.reshape(1, -1),
+        "std": policy.std.reshape(1, -1),
+        "low": torch.tensor(-policy.clip),
+        "high": torch.tensor(policy.clip),
+        "least": torch.tensor(-1.0),
+        "most": torch.tensor(1.0),
+    }
+    nodes = [
+        make_node("Sub", ["observation", "mean"], ["sub"]),
+        make_node("Div", ["sub", "std"], ["div"]),
+        make_node("Clip", ["div", "low", "high"], ["normal"]),
+    ]
+    last = "normal"
+    for number, layer in enumerate(layers):
+        made, operator, more = _layer(layer, number)
+        values |= made
+        nodes.append(make_node(operator, [last, *made], [f"layer{number}"], **more))
+        last = f"layer{number}"
+    nodes.append(make_node("Clip", [last, "least", "most"], ["action"]))
+    graph = make_graph(
+        nodes,
+        "policy",
+        [_batch("observation", linear[0].in_features)],
+        [_batch("action", linear[-1].out_features)],
+        [numpy_helper.from_array(v.detach().float().numpy(), n) for n, v in values.items()],
+    )
+    version = [make_opsetid("", OPSET)]
+    onnx.save(make_model(graph, opset_imports=version, ir_version=IR_VERSION), path)
+
+
+def _layer(layer: torch.nn.Module, number: int) -> tuple[dict[str, torch.Tensor], str, dict]:
+    """The values of a layer by name, its operator and the operator's attributes."""
+    if isinstance(layer, torch.nn.Linear):
+        weights = {f"weight{number}": layer.weight, f"bias{number}": layer.bias}
+        return weights, "Gemm", {"transB": 1}
+    if isinstance(layer, torch.nn.ELU):
+        return {}, "Elu", {"alpha": layer.alpha}
+    raise TypeError(f"a policy's network has no {type(layer).__name__}")
+
+
+def _batch(name: str, width: int) -> onnx.ValueInfoProto:
+    return make_tensor_value_info(name, onnx.TensorProto.FLOAT, ["batch", width])
 
 
 SEEN = 1_000_000
@@ -146,14 +176,3 @@ def read_trained(path: Path) -> Trained:
     except Exception as error:  # noqa: BLE001 - onnx raises many classes for a strange file
         raise PolicyError(f"{path} is no policy that a learner here exported: {error}") from error
     return Trained(mean=mean, std=std, layers=layers)
-
-
-def _anonymize(path: Path) -> None:
-    """Remove stack traces with paths of this machine, which the export writes into a policy."""
-    model = onnx.load(path)
-    graph = model.graph
-    for part in (graph, *graph.node, *graph.input, *graph.output, *graph.value_info):
-        del part.metadata_props[:]
-    for tensor in graph.initializer:
-        del tensor.metadata_props[:]
-    onnx.save(model, path)

@@ -15,7 +15,7 @@ from baselines.baseline import Learner, Monitor, Progress
 from baselines.ppo import (
     REWARD_SCALE,
     SEEN,
-    Deterministic,
+    Deployed,
     PpoSettings,
     export_onnx,
     read_trained,
@@ -135,5 +135,6 @@ class Baseline(Learner):
         """See `Learner.export`."""
         actor = self._runner.alg.get_policy()
         normal = actor.obs_normalizer
-        policy = Deterministic(normal.mean, normal.std + normal.eps, actor.mlp, clip=float("inf"))
-        export_onnx(policy, self._env.observation.width, path)
+        std = normal.std + normal.eps
+        policy = Deployed(mean=normal.mean, std=std, network=actor.mlp, clip=float("inf"))
+        export_onnx(policy, path)

@@ -19,7 +19,7 @@ from baselines.baseline import Learner, Monitor, Progress
 from baselines.ppo import (
     REWARD_SCALE,
     SEEN,
-    Deterministic,
+    Deployed,
     PpoSettings,
     export_onnx,
     read_trained,
@@ -217,5 +217,5 @@ class Baseline(Learner):
         network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
         mean = torch.from_numpy(moments.mean)
         std = torch.from_numpy(np.sqrt(moments.var + self._vec.epsilon))
-        deployed = Deterministic(mean, std, network, clip=_CLIP_OBSERVATION)
-        export_onnx(deployed, self._env.observation.width, path)
+        deployed = Deployed(mean=mean, std=std, network=network, clip=_CLIP_OBSERVATION)
+        export_onnx(deployed, path)

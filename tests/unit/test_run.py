@@ -11,11 +11,13 @@ import time
 from pathlib import Path
 
 import numpy as np
+import onnxruntime
 import pandas as pd
 import pytest
+import torch
 
 from backends import trx
-from baselines.ppo import read_trained
+from baselines.ppo import Deployed, export_onnx, read_trained
 from baselines.saved import PolicyError, SavedPolicy
 from benchmark import registry
 from benchmark.cli import app as cli
@@ -269,6 +271,27 @@ def test_eval_takes_fewer_episodes(finished, capfd):
     """Evaluate the first of the fixed episodes alone."""
     assert cli.call(["eval", str(finished), "--episodes", "2", "--json"]) == 0
     assert json.loads(capfd.readouterr().out)["episodes"] == 2
+
+
+def test_an_exported_policy_acts_as_the_network_does(tmp_path):
+    """Give the actions of the normalised, clipped network for any batch; refuse other layers."""
+    torch.manual_seed(0)
+    linear = [torch.nn.Linear(*widths) for widths in ((5, 8), (8, 8), (8, 2))]
+    bend = torch.nn.ELU()
+    network = torch.nn.Sequential(torch.nn.Sequential(linear[0], bend, linear[1], bend), linear[2])
+    mean, std = torch.arange(5.0), torch.arange(1.0, 6.0)
+    export_onnx(Deployed(mean=mean, std=std, clip=2.0, network=network), tmp_path / "policy.onnx")
+    seen = 20 * torch.randn(300, 5)
+    with torch.no_grad():
+        normal = ((seen - mean) / std).clamp(-2, 2)
+        expected = network(normal).clamp(-1, 1).numpy()
+    session = onnxruntime.InferenceSession(tmp_path / "policy.onnx")
+    for rows in (1, 300):
+        (acted,) = session.run(["action"], {"observation": seen[:rows].numpy()})
+        np.testing.assert_allclose(acted, expected[:rows], atol=1e-6)
+    foreign = Deployed(mean=mean, std=std, clip=2.0, network=network.append(torch.nn.Tanh()))
+    with pytest.raises(TypeError, match="no Tanh"):
+        export_onnx(foreign, tmp_path / "policy.onnx")
 
 
 @pytest.mark.parametrize("algo", ["sb3-ppo", "rsl-ppo"])
