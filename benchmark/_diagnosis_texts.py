@@ -100,7 +100,7 @@ def _candidates(limbs: Sequence[LimbResult], shown: int) -> Table:
         table.add_column(column, overflow="fold")
     for limb in limbs:
         for one in limb.ranking[:shown]:
-            share, left = f"{100 * one.share:.0f} %", f"{one.left:.2f}"
+            share, left = f"{round(100 * one.share)} %", f"{one.left:.2f}"
             table.add_row(", ".join(limb.joints), _name(one), share, left)
     return table
 

@@ -32,7 +32,7 @@ def draw_paths(axes: Axes, recording: Recording) -> float:
     actual_cm = 100 * (recording.lower_m[..., :2] - grip)
     reach_cm = [np.abs(reference_cm).max()]
     for e, steps_held in enumerate(recording.held.sum(axis=0)):
-        axes.plot(*reference_cm[:, e].T, color=REFERENCE, lw=1.4, zorder=3, label="reference")
+        axes.plot(*reference_cm[:, e].T, color=REFERENCE, lw=1.4, zorder=3, label="figure")
         reach_cm.append(_draw_path(axes, actual_cm[:, e], recording.first, steps_held))
     axes.grid(alpha=0.25)
     return max(reach_cm)
@@ -56,7 +56,7 @@ def draw_joints(recording: Recording, title: str) -> Figure:
     axes = figure.subplots(rows, 2, sharex=True, squeeze=False).ravel()
     drawn = zip(axes[: len(bodies)], bodies, target_deg.T, measured_deg.T, strict=True)
     for one, body, reference, actual in drawn:
-        one.plot(time_s, reference, color=REFERENCE, lw=1.2, label="reference")
+        one.plot(time_s, reference, color=REFERENCE, lw=1.2, label="asked for")
         one.plot(time_s, actual, color=ACTUAL, lw=1.2, label="measured")
         one.set_title(f"{body.joint.name}, {body.name.replace('_', ' ')}", fontsize=9)
         one.set_ylabel("[deg]", fontsize=9)

@@ -4,6 +4,7 @@ import json
 import logging
 import os
 import sys
+import time
 from pathlib import Path
 from types import TracebackType
 
@@ -22,6 +23,8 @@ from rich.text import Text
 ERR = Console(stderr=True, highlight=False, soft_wrap=True)
 UNKNOWN_WIDTH = 160
 """Width of an output that is no terminal, in characters."""
+EVERY_S = 10.0
+"""Time between two lines of a progress bar on an output that is no terminal [s]."""
 ROW_WIDTH = 140
 """Width that a row with its folder needs, in characters."""
 _real_stdout: int | None = None
@@ -61,14 +64,18 @@ def is_verbose() -> bool:
 def say(text: str) -> None:
     """Print a progress message, unless -q was given."""
     if _level < logging.ERROR:
-        ERR.print(text, markup=False)
-        _note(text)
+        warn(text)
+
+
+def warn(text: str) -> None:
+    """Print what a user has to know about the result, also under -q."""
+    ERR.print(text, markup=False)
+    _note(text)
 
 
 def fail(text: str) -> None:
     """Print why the command failed."""
-    ERR.print(f"bench: {text}", markup=False)
-    _note(text)
+    warn(f"bench: {text}")
 
 
 def open_closed_streams() -> None:
@@ -137,10 +144,10 @@ def _cell(value: object) -> str:
 
 
 class Bar:
-    """A progress bar on a terminal; elsewhere a line per twentieth of the work."""
+    """A progress bar on a terminal; elsewhere a line per twentieth of the work, not too often."""
 
     def __init__(self, what: str, total: int) -> None:
-        self._what, self._total, self._done, self._said = what, total, 0, -1
+        self._what, self._total, self._said, self._said_s = what, total, -1, -EVERY_S
         self._bar = Progress(
             TextColumn("[bold]{task.description}"),
             BarColumn(bar_width=10),
@@ -168,8 +175,9 @@ class Bar:
     def update(self, done: int, note: str = "") -> None:
         """Show that `done` of the total is finished, with a note."""
         self._bar.update(self._task, completed=done, note=note)
-        part = 20 * done // max(self._total, 1)
-        if part > self._said and _level < logging.ERROR:
-            self._said = part
+        part, now_s = 20 * done // max(self._total, 1), time.monotonic()
+        due = part == 20 or now_s >= self._said_s + EVERY_S
+        if part > self._said and due and _level < logging.ERROR:
+            self._said, self._said_s = part, now_s
             line = f"{self._what} {done}/{self._total} {note}"
             _note(line) if ERR.is_terminal else say(line)

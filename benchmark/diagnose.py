@@ -235,7 +235,7 @@ def _result(
         "healthy": list(map(str, settings.healthy)),
         "verdict": list(row.pop("verdict")),
         "effects": effects,
-        "next": _commands(effects, log, settings),
+        "next": _commands(effects, folder, log, settings),
         "sentence": wording.sentence(found),
         "warnings": list(log.warnings),
         **row,
@@ -270,11 +270,12 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     }
 
 
-def _commands(text: str | None, log: Log, settings: Settings) -> dict[str, str]:
+def _commands(text: str | None, folder: Path, log: Log, settings: Settings) -> dict[str, str]:
     """Commands that use the effects of the corrected world, and what each does."""
     if text is None:
         return {}
-    further = {f"bench diagnose {settings.words} --known-effects {text}": "diagnose what is left"}
+    known = f"--known-effects {text} --out {folder}-corrected"
+    further = {f"bench diagnose {settings.words} {known}": "diagnose what is left"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
     train = f"bench run --backend {settings.nominal} --task circle --effects {text}"

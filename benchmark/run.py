@@ -14,7 +14,7 @@ from backends.state import Array
 from baselines.baseline import Progress
 from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy, file_sha256
 from benchmark import registry
-from benchmark.console import Bar, say
+from benchmark.console import Bar, warn
 from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import EPISODES, EVALUATION_SEED, SMOKE_EPISODES, Episodes, evaluate
 from benchmark.run_folder import EPISODES_FILE, START_FILE, RunFolder
@@ -44,7 +44,7 @@ def run(
     folder = RunFolder(path, spec)
     finished = folder.claim(resume, force)
     if finished is not None:
-        say(f"{path} is finished already; this is its row (--force trains again)")
+        warn(f"{path} is finished already; this is its row (--force trains again)")
         return finished
     _refuse_full_disk(path)
     if start is not None and not (path / START_FILE).exists():

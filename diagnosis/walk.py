@@ -25,7 +25,7 @@ from diagnosis.verdict.combine import combine
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
 
-FIRST = "checking the log; a first diagnosis compiles its code for some 15 s"
+FIRST = "checking the log; the first diagnosis after installing compiles for some 20 s"
 LAST_SHARE = 0.95
 """Of the work is done when all joints are judged."""
 REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
@@ -55,7 +55,8 @@ def diagnose(
     tell(FIRST, 0.0)
     triage(log, world)
     limbs, notes = solver.judged(log, healthy, nominal=world, catalogue=known, progress=tell)
-    tell("touch and stick", LAST_SHARE)
+    if log.fingers:
+        tell("touch and stick", LAST_SHARE)
     result = combine([one.result for one in limbs], 0.0, notes)
     held = in_hand(log, _corrected(world, limbs), known, simulate)
     causes = (*result.causes, *(_cause(f, known) for f in held.findings if f.effect != UNKNOWN))

@@ -9,7 +9,7 @@ MADE_BY = "Made by `bench leaderboard`; not edited by hand."
 READING = (
     "Means over seeds and episodes, with the 95 % interval of the stratified bootstrap (seeds are "
     "drawn, then episodes within each) in brackets; IQM is the mean of the middle half of all "
-    "episodes. `tracked` ranks: the fraction of all reference steps with the stick held, the lower "
+    "episodes. `tracked` ranks: the fraction of all steps with the stick held, the lower "
     "end within 1 cm and the axis within 5 degrees. Rows are ranked together only where task, "
     f"radius, pace, engine, world digest and steps are equal. Under {MIN_SEEDS} seeds there are "
     "values, but neither intervals nor ranks. Intervals from few seeds are too short: they hold "

@@ -85,14 +85,16 @@ def excite(
         typer.Option(
             "--range",
             metavar="RANGE",
-            help="Where they may move: -60:60deg, 0:0.2m; one, or one each between commas.",
+            help="Where they may move: -60:60deg, 0:0.2m; one, or one each between commas. "
+            "Commands reach 45 % of the way from its centre to its ends.",
         ),
     ] = None,
     limit: Annotated[
         str | None,
         typer.Option(
             metavar="LOAD",
-            help="Largest load of a push, such as 15Nm or 40N; one, or one each between commas.",
+            help="Largest torque or force of the drives, such as 15Nm or 40N; one, or one each "
+            "between commas. Pushes are 30 % of it.",
         ),
     ] = None,
     rate: Rate = "200Hz",

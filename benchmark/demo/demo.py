@@ -70,7 +70,7 @@ def _draw(plays: Sequence[Play], out: Path) -> dict[str, str]:
     if not recordings:
         return dict.fromkeys((PATHS, FILM), "no engine could be run")
     home = next(one.engine for one in plays if one.trained)
-    title = f"One policy, trained in {home}, in every engine: {film.DRAWN} episodes"
+    title = f"One policy, trained in {home}, in every engine: {film.DRAWN} of {EPISODES} episodes"
     film.draw_engines(recordings, title, Caption(title=title, source="bench demo"), out / PATHS)
     titles = {
         engine: f"{engine}: tracked {100 * one.scores['tracked']:.0f} %"

@@ -18,8 +18,6 @@ from benchmark.variables import without_variables
 
 COMMAND = (sys.executable, "-m", "benchmark")
 POLL_S = 0.2
-WARM_S = 8.0
-"""A diagnosis that takes longer compiles its replay, which is kept [s]."""
 
 
 class Diagnosing:
@@ -44,8 +42,7 @@ class Diagnosing:
 
     def _note(self) -> str:
         passed_s = time.monotonic() - self._began_s
-        why = ", compiling once after an installation" if passed_s > WARM_S else ""
-        return f"running for {passed_s:.0f} s{why}"
+        return f"running for {passed_s:.0f} s; the first one compiles for some 20 s"
 
 
 @contextlib.contextmanager

@@ -52,7 +52,7 @@ def seen(plays: Sequence[Play], run: RunSpec, found: Mapping) -> list[str]:
     policy = [
         f"A policy that was trained in {run.backend} draws an {run.task} with the lower end of a "
         "stick. `tracked` is the share of time in which the end is within 1 cm and the axis "
-        "within 5 degrees of the reference"
+        "within 5 degrees of the figure"
     ]
     policy += [f"{home}, where it was trained"] if home else []
     policy += [f"{' and '.join(shares.values())}, with the same hand and stick"] if shares else []

@@ -156,12 +156,13 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
         u = fit.u.get(k, 0.0)
         if one.tolerance > 0.0 and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
             joint = "" if one.joint is None else fitter.evidence.joints[one.joint]
-            sd = fit.sd.get(k, one.tolerance)
-            value = _shown(fitter, one, u)
-            spread = abs(_shown(fitter, one, u + sd) - value)
-            yield Nominal(
-                effect=one.effect, joint=joint, value=value, sd=spread, unit=one.kind.unit
-            )
+            ends = (u, u + fit.sd.get(k, one.tolerance))
+            if one.kind.coordinate == "logarithm":
+                (value, end), unit = (100.0 * np.expm1(x) for x in ends), "%"
+            else:
+                (value, end), unit = (_shown(fitter, one, x) for x in ends), one.kind.unit
+            sd = float(abs(end - value))
+            yield Nominal(effect=one.effect, joint=joint, value=float(value), sd=sd, unit=unit)
 
 
 def _gap_before(fitter: Fitter) -> float:

@@ -31,7 +31,9 @@ class Nominal:
     effect: str
     joint: str
     value: float
+    """How far it moved, in `unit`: a share of the number in the file where that is not zero."""
     sd: float
+    """Standard deviation of the fit alone, in `unit`."""
     unit: str
 
 

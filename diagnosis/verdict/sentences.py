@@ -56,7 +56,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
 def _takes(result: LimbResult, limit: str) -> str:
     """What the causes explain, and whether the rest is ordinary."""
     verb = "explains" if len(result.causes) == 1 else "explain"
-    took = f"{verb} {100 * result.share:.0f} % of the gap"
+    took = f"{verb} {100 * result.share:.0f} % of the gap that the nominal numbers leave"
     if result.left <= result.ordinary:
         return f"{took}; the rest, {_floors(result.left)}, is ordinary"
     return f"{took}; {_floors(result.left)} is left, but {limit}"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import typer
 
-from benchmark import quantities
+from benchmark import console, quantities
 from benchmark.cli import app as cli
 from benchmark.cli.command import command
 from benchmark.commands import typical_s
@@ -281,3 +281,12 @@ def test_list_takes_a_kind(kind, word, capfd):
     found = json.loads(capfd.readouterr().out)
     assert list(found) == [kind.removesuffix("s")]
     assert word in json.dumps(found)
+
+
+def test_a_progress_bar_off_a_terminal_says_its_start_and_its_end(monkeypatch, capsys):
+    """Say no line in between where the work takes less than the time between two lines."""
+    monkeypatch.setattr(console, "EVERY_S", 1e9)
+    with console.Bar("work", 300) as bar:
+        for done in range(301):
+            bar.update(done)
+    assert capsys.readouterr().err.split("\n")[:2] == ["work 0/300 ", "work 300/300 "]
