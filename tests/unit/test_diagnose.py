@@ -80,6 +80,7 @@ def test_the_json_object_keeps_its_promise(told):
     kept = json.loads((out / "diagnosis.json").read_text())
     assert {key: kept[key] for key in found} == found
     assert "diagnose play 100/100" in beside
+    assert all(f"--out {out}-corrected" in one for one in found["next"] if "diagnose" in one)
 
 
 def test_the_compiled_replay_is_the_engine(told):

@@ -89,10 +89,12 @@ def test_a_segment_leaves_no_logs_elsewhere(finished):
 
 
 def test_a_finished_run_is_not_run_again(finished, capfd):
-    """Print the row of a finished run without touching its folder."""
+    """Print the row of a finished run without touching its folder, and say so under -q."""
     before = {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
-    assert cli.call([*SMOKE, "--backend", "mujoco", "--out", str(finished)]) == 0
-    assert json.loads(capfd.readouterr().out)["status"] == "done"
+    assert cli.call([*SMOKE, "--backend", "mujoco", "--out", str(finished), "-q"]) == 0
+    said = capfd.readouterr()
+    assert json.loads(said.out)["status"] == "done"
+    assert "is finished already" in said.err
     assert before == {file.name: file.stat().st_mtime_ns for file in finished.iterdir()}
 
 
