@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
-from backends.spec import Body, Spec
+from backends.spec import Body, Drive, Spec
 
 UNITS: dict[str, tuple[str, float]] = {
     "rad": ("angle", 1.0),
@@ -33,6 +33,14 @@ UNITS: dict[str, tuple[str, float]] = {
     "mm/N": ("compliance", 1e-3),
 }
 """Units that the command line accepts: their dimension and their size in SI."""
+NATURAL = {
+    "torque": "torque_limit_nm",
+    "damping": "kd_nms_rad",
+    "inertia": "rotor_inertia_kgm2",
+}
+"""Numbers of a drive that magnitudes of a dimension are relative to; others stand by themselves."""
+Levels = tuple[float, float, float]
+"""A small, a medium and a large magnitude."""
 POINTS = ("Law", "Source", "Hardware", "Log", "Confused with")
 """What the docstring of every effect says, a paragraph each: `description` reads them.
 
@@ -64,6 +72,10 @@ class Effect(ABC):
     """Unit in which the magnitude is usually written."""
     bounds: ClassVar[tuple[float, float]]
     """Allowed magnitudes in SI units, both included."""
+    levels: ClassVar[Levels]
+    """What the blind check draws, in natural sizes (`natural`)."""
+    opposite: ClassVar[Levels | None] = None
+    """The same of the other sign, of an effect that has both."""
     per_joint: ClassVar[bool] = True
     """Whether it acts on joints; then it may name one."""
     gear: ClassVar[str | None] = None
@@ -98,6 +110,15 @@ class Effect(ABC):
     shared: ClassVar[bool] = False
     """All joints may have the same of it, as what a bus does to all its drives."""
 
+    slips: ClassVar[bool] = False
+    """Whether it shows when the stick is pulled out of the grip."""
+    near: ClassVar[tuple[str, ...]] = ()
+    """Effects that a mechanic would accept for it where a catalogue lacks it."""
+    same_as: ClassVar[str | None] = None
+    """An effect that says the same of a robot."""
+    apart_by: ClassVar[str | None] = None
+    """The channel that tells it from that one; None: none does."""
+
     @classmethod
     def spec_fields(cls) -> tuple[str, ...]:
         """Names of the spec's numbers that it changes.
@@ -105,6 +126,21 @@ class Effect(ABC):
         An engine supports the effect as well as it supports these numbers.
         """
         return ()
+
+    @classmethod
+    def is_of(cls, *parts: str) -> bool:
+        """Whether it changes a number of one of these parts of the spec."""
+        return any(number.split(".")[0] in parts for number in cls.spec_fields())
+
+    @classmethod
+    def shows_in_hand(cls) -> bool:
+        """Whether it shows only with the stick in the hand."""
+        return cls.is_of("taxels", "stick", "contact")
+
+    @classmethod
+    def natural(cls, drive: Drive) -> float:
+        """The natural size of its magnitude on a drive, in SI units."""
+        return float(getattr(drive, NATURAL[cls.dimension])) if cls.dimension in NATURAL else 1.0
 
     def joints(self, spec: Spec) -> tuple[str, ...]:
         """Names of its joints, in spec order; raises ValueError for a joint without a drive."""

@@ -21,7 +21,7 @@ from benchmark.extras import install_command
 from benchmark.provenance import usable_cores
 from benchmark.quantities import within
 from benchmark.run_folder import write_atomically
-from diagnosis.blind import binding, draw, files, frozen, motion, rigs, solving
+from diagnosis.blind import binding, draw, faults, files, frozen, motion, rigs, solving
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
@@ -52,8 +52,9 @@ def settings(
     within("--healthy-logs", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
     holding, drawn = places[0] in rigs.HOLDING, set(rigs.members(places)) <= set(rigs.ARMS)
-    every = draw.HELD_EFFECTS if holding else draw.ARM_EFFECTS if drawn else draw.EFFECTS
-    named = (*every, *draw.EFFECTS) if holding else every
+    free = faults.of_arms() if drawn else faults.in_free_air()
+    every = faults.in_hand() if holding else free
+    named = (*every, *free) if holding else every
     chosen = every if effects == "all" else _words("effect", effects, named)
     if len(chosen) < fewest:
         raise UsageError(f"--hidden-effects names {len(chosen)}; allowed: {fewest} or more, 'all'")
@@ -273,11 +274,11 @@ def detectable(
     """Search the smallest detectable magnitudes and write them to `out`, as CSV and Markdown."""
     from diagnosis.blind import detectable as searching
 
-    held = not set(rigs.HOLDING).isdisjoint(wanted.rigs)
-    if wrong := [e for e in wanted.effects if held and e not in draw.HELD_EFFECTS]:
+    held, kinds = not set(rigs.HOLDING).isdisjoint(wanted.rigs), _catalogue()
+    if wrong := [e for e in wanted.effects if held and not kinds[e].shows_in_hand()]:
         raise UsageError(
             f"--hidden-effects {','.join(wrong)}: no grasp is asked for these; say --rig "
-            f"{' or '.join(rigs.FREE)}, or name of {', '.join(draw.HELD_EFFECTS)}"
+            f"{' or '.join(rigs.FREE)}, or name of {', '.join(faults.in_hand())}"
         )
     searches = [
         searching.Search(
@@ -292,8 +293,8 @@ def detectable(
         for rig in wanted.rigs
         for effect in wanted.effects
         for real in wanted.reals
-        for protocol in (_held(effect) if held else wanted.protocols)
-        for channels in _searched(effect)
+        for protocol in (_held(kinds[effect]) if held else wanted.protocols)
+        for channels in _searched(kinds[effect])
     ]
     rows = _each("search", _search_one, [(one,) for one in searches], workers)
     written = searching.write(rows, out)
@@ -305,16 +306,16 @@ def detectable(
     return result, table
 
 
-def _held(effect: str) -> tuple[str, ...]:
+def _held(kind: type[Effect]) -> tuple[str, ...]:
     """The protocols to search an effect of touch, stick or contact in."""
-    return (GRASP, PULL) if effect in draw.SLIPPING else (GRASP,)
+    return (GRASP, PULL) if kind.slips else (GRASP,)
 
 
-def _searched(effect: str) -> tuple[tuple[str, ...], ...]:
+def _searched(kind: type[Effect]) -> tuple[tuple[str, ...], ...]:
     """The channels to search an effect in: of what skin reads each kind, else one of them."""
-    if effect not in draw.HELD_EFFECTS:
+    if not kind.shows_in_hand():
         return draw.CHANNELS[:1]
-    return draw.HELD_CHANNELS[1:] if effect.startswith("taxel") else draw.HELD_CHANNELS[1:2]
+    return draw.HELD_CHANNELS[1:] if kind.is_of("taxels") else draw.HELD_CHANNELS[1:2]
 
 
 def _search_one(search: Any) -> dict:
@@ -351,7 +352,7 @@ def _nominal_engine(specs: Sequence[Spec]) -> Simulator:
 def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
     from diagnosis.blind.oracle import consult
 
-    def apart(fault: draw.Fault) -> float:
+    def apart(fault: faults.Fault) -> float:
         grasps = Grasps(case=case, catalogue=_catalogue(), simulate=_start, seed=seed)
         return grasps.apart_nats(fault, registry.names("backend"))
 

@@ -4,7 +4,9 @@ Listing reads the text of files and imports nothing, so it needs no engine and n
 """
 
 import importlib
+import importlib.util
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -30,14 +32,21 @@ def names(kind: str) -> tuple[str, ...]:
     folder, class_name = _KINDS[kind]
     declares = re.compile(rf"^class {class_name}\b", re.MULTILINE)
     base_file = folder.split("/")[-1].rstrip("s") + ".py"
-    files = (ROOT / folder).glob("*.py")
+    files = (file for place in _places(folder) for file in place.glob("*.py"))
     found = [f.stem for f in files if f.name != base_file and declares.search(f.read_text())]
     return tuple(sorted(name.replace("_", "-") for name in found))
 
 
+def _places(folder: str) -> Iterator[Path]:
+    """The directories of a package."""
+    found = importlib.util.find_spec(folder.replace("/", "."))
+    return map(Path, (found and found.submodule_search_locations) or ())
+
+
 def summary(kind: str, name: str) -> str:
     """First line of the plug-in's module docstring."""
-    text = (ROOT / _KINDS[kind][0] / f"{_module(name)}.py").read_text()
+    places = (place / f"{_module(name)}.py" for place in _places(_KINDS[kind][0]))
+    text = next(file for file in places if file.exists()).read_text()
     match = re.match(r'"""(.*?)(?:"""|\n)', text)
     return match.group(1) if match else ""
 

@@ -9,8 +9,6 @@ from diagnosis.verdict.sensors import LOSS, NOISE, RESOLUTION
 
 SENSED = (NOISE, RESOLUTION, LOSS)
 """Numbers that sensors and packets show by themselves."""
-IN_HAND = ("taxels", "stick", "contact")
-"""Parts of the spec that `grasp.in_hand` answers for."""
 WHY = "not looked for: neither replays, sensors nor grasps here show it"
 
 
@@ -20,8 +18,7 @@ def not_looked_for(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
 
 
 def _is_sought(kind: type[Effect]) -> bool:
-    numbers = kind.spec_fields()
-    if any(n in SENSED or n.split(".")[0] in IN_HAND for n in numbers):
+    if kind.shows_in_hand() or set(kind.spec_fields()) & set(SENSED):
         return True
     replayed = not issubclass(kind, NumberEffect) or kind.number in COLUMNS
     return replayed and kind.least is not None

@@ -13,13 +13,13 @@ from functools import partial
 
 import numpy as np
 
+from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.evidence.gap import squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.models.exact_world import ExactWorld
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World

@@ -4,6 +4,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 
+from backends.catalogue import catalogue as every_effect
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from backends.state import Array
@@ -14,7 +15,6 @@ from diagnosis.coverage import not_looked_for
 from diagnosis.finding import Finding, Report
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
-from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.motion.columns import changed
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out

@@ -26,6 +26,7 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "angle", "deg"
     bounds = (0.0, math.radians(10))
+    levels = (0.003, 0.009, 0.026)
     number = "drive.play_rad"
     gear = "worm"
     tolerance = 0.0003
@@ -34,3 +35,4 @@ class Effect(NumberEffect):
     kinked = True
     family = "lost motion"
     by_column = True
+    near = ("series-elasticity",)

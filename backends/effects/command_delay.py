@@ -20,8 +20,10 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "time", "ms"
     bounds = (0.0, 0.2)
+    levels = (0.002, 0.006, 0.02)
     number = "command.delay_s"
     tolerance = 0.0015
     least = 0.003
     most = 0.2
     shared = True
+    near = ("sensor-delay", "command-rate-limit")

@@ -22,4 +22,5 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "share", "%"
     bounds = (0.0, 0.95)
+    levels = (0.05, 0.15, 0.4)
     number = "command.loss_share"

@@ -17,7 +17,9 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "slowness", "s/rad"
     bounds = (0.0, 100.0)
+    levels = (0.1, 0.3, 1.0)
     number = "command.slowness_s_rad"
     least = 0.02
     most = 10.0
     kinked = True
+    near = ("command-delay",)

@@ -20,7 +20,9 @@ class Effect(NumberEffect):
     group = "stick and contact"
     dimension, unit = "share", "%"
     bounds = (-0.9, 2.0)
+    levels, opposite = (0.15, 0.3, 0.6), (-0.15, -0.3, -0.5)
     number = "stick.friction"
     relative = True
     per_joint = False
     spread = "uniform"
+    slips = True

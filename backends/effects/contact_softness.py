@@ -23,5 +23,6 @@ class Effect(NumberEffect):
     group = "stick and contact"
     dimension, unit = "compliance", "mm/N"
     bounds = (0.0, 1e-3)
+    levels = (4e-5, 1e-4, 2.5e-4)
     number = "contact.compliance_m_n"
     per_joint = False

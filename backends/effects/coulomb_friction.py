@@ -18,9 +18,11 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "torque", "mNm"
     bounds = (0.0, 1.0)
+    levels = (0.01, 0.04, 0.12)
     number = "drive.coulomb_nm"
     nominal = True
     tolerance = 0.003
     least = 0.008
     most = 1.0
     family = "dry friction"
+    near = ("stiction", "load-friction", "self-lock")

@@ -21,6 +21,7 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "angle", "deg"
     bounds = (0.0, math.radians(10))
+    levels = (0.002, 0.006, 0.02)
     number = "drive.dead_zone_rad"
     least = 0.001
     most = 0.2

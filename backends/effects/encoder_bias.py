@@ -19,6 +19,7 @@ class Effect(NumberEffect):
     group = "sensing"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi, math.pi)
+    levels, opposite = (0.002, 0.007, 0.025), (-0.002, -0.007, -0.025)
     number = "encoder.bias_rad"
     least = 0.001
     most = 0.5

@@ -16,4 +16,5 @@ class Effect(NumberEffect):
     group = "sensing"
     dimension, unit = "angle", "mrad"
     bounds = (0.0, 0.1)
+    levels = (5e-4, 1.5e-3, 5e-3)
     number = "encoder.noise_rad"

@@ -19,4 +19,5 @@ class Effect(NumberEffect):
     group = "sensing"
     dimension, unit = "angle", "deg"
     bounds = (0.0, math.radians(10))
+    levels = (0.002, 0.006, 0.02)
     number = "encoder.resolution_rad"

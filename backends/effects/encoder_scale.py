@@ -17,6 +17,7 @@ class Effect(NumberEffect):
     group = "sensing"
     dimension, unit = "share", "%"
     bounds = (-0.5, 0.5)
+    levels, opposite = (0.01, 0.03, 0.1), (-0.01, -0.03, -0.1)
     number = "encoder.scale_error"
     least = 0.004
     most = 0.5

@@ -17,6 +17,7 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (-0.9, 1.0)
+    levels, opposite = (0.2, 0.4, 0.8), (-0.2, -0.4, -0.7)
     number = "drive.gear_damping_nms_rad"
     relative = True
     nominal = True

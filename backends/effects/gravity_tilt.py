@@ -20,6 +20,7 @@ class Effect(effect.Effect):
     group = "gears and joints"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi / 2, math.pi / 2)
+    levels, opposite = (0.03, 0.1, 0.3), (-0.03, -0.1, -0.3)
     per_joint = False
     least = 0.015
     most = 0.7

@@ -16,6 +16,7 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "share", "%"
     bounds = (-0.9, 1.0)
+    levels, opposite = (0.1, 0.25, 0.6), (-0.1, -0.25, -0.5)
     number = "drive.kd_nms_rad"
     relative = True
     nominal = True
@@ -24,3 +25,4 @@ class Effect(NumberEffect):
     most = 3.0
     either_sign = True
     shared = True
+    near = ("viscous-friction",)

@@ -18,6 +18,7 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "share", "%"
     bounds = (-0.9, 9.0)
+    levels, opposite = (0.1, 0.25, 0.6), (-0.1, -0.25, -0.5)
     number = "drive.kp_nm_rad"
     relative = True
     nominal = True

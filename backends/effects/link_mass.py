@@ -18,6 +18,7 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (-0.9, 9.0)
+    levels = (0.3, 0.8, 2.0)
     number = "body.mass_kg"
     relative = True
     nominal = True

@@ -19,9 +19,11 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (0.0, 0.95)
+    levels = (0.05, 0.15, 0.4)
     number = "drive.load_friction"
     tolerance = 0.005
     least = 0.02
     most = 0.95
     kinked = True
     family = "dry friction"
+    near = ("coulomb-friction", "stiction", "self-lock")

@@ -18,6 +18,7 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "inertia", "gcm2"
     bounds = (0.0, 0.1)
+    levels = (0.2, 0.6, 2.0)
     number = "drive.rotor_inertia_kgm2"
     nominal = True
     coordinate = "logarithm"

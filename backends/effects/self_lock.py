@@ -22,9 +22,11 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "torque", "Nm"
     bounds = (0.0, 100.0)
+    levels = (0.02, 0.08, 0.3)
     number = "drive.lock_nm"
     gear = "worm"
     least = 0.02
     most = 4.0
     kinked = True
     family = "dry friction"
+    near = ("coulomb-friction", "stiction", "load-friction")

@@ -17,8 +17,11 @@ class Effect(NumberEffect):
     group = "sensing"
     dimension, unit = "time", "ms"
     bounds = (0.0, 0.2)
+    levels = (0.002, 0.006, 0.02)
     number = "encoder.delay_s"
     least = 0.002
     most = 0.2
     shared = True
     exact = True
+    near = ("command-delay",)
+    same_as = "command-delay"

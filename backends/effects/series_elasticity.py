@@ -17,6 +17,7 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "share", "%"
     bounds = (-0.5, 19.0)
+    levels = (0.2, 0.6, 2.0)
     number = "drive.gear_stiffness_nm_rad"
     nominal = True
     coordinate = "compliance"
@@ -26,6 +27,7 @@ class Effect(NumberEffect):
     kinked = True
     family = "lost motion"
     by_column = True
+    near = ("backlash",)
 
     def changed(self, value: float) -> float:
         """Compliances add: 1 / k' = (1 + magnitude) / k."""

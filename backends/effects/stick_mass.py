@@ -17,7 +17,9 @@ class Effect(NumberEffect):
     group = "stick and contact"
     dimension, unit = "share", "%"
     bounds = (-0.9, 4.0)
+    levels, opposite = (0.3, 0.8, 2.0), (-0.2, -0.4, -0.7)
     number = "stick.mass_kg"
     relative = True
     per_joint = False
     spread = "uniform"
+    slips = True

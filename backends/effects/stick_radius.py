@@ -17,6 +17,7 @@ class Effect(NumberEffect):
     group = "stick and contact"
     dimension, unit = "share", "%"
     bounds = (-0.5, 1.0)
+    levels, opposite = (0.03, 0.08, 0.2), (-0.03, -0.08, -0.2)
     number = "stick.radius_m"
     relative = True
     per_joint = False

@@ -19,8 +19,10 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "torque", "mNm"
     bounds = (0.0, 1.0)
+    levels = (0.01, 0.04, 0.12)
     number = "drive.stiction_nm"
     least = 0.008
     most = 1.0
     kinked = True
     family = "dry friction"
+    near = ("coulomb-friction", "load-friction")

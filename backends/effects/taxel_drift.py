@@ -19,5 +19,6 @@ class Effect(NumberEffect):
     group = "touch"
     dimension, unit = "drift", "mm/s"
     bounds = (0.0, 1e-3)
+    levels = (2e-5, 7e-5, 2.5e-4)
     number = "taxels.drift_m_s"
     per_joint = False

@@ -17,5 +17,6 @@ class Effect(NumberEffect):
     group = "touch"
     dimension, unit = "share", "%"
     bounds = (0.0, 1.0)
+    levels = (0.05, 0.15, 0.4)
     number = "taxels.dead_share"
     per_joint = False

@@ -19,5 +19,6 @@ class Effect(NumberEffect):
     group = "touch"
     dimension, unit = "length", "mm"
     bounds = (0.0, 0.02)
+    levels = (0.003, 0.005, 0.008)
     number = "taxels.halo_m"
     per_joint = False

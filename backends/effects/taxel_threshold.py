@@ -18,5 +18,6 @@ class Effect(NumberEffect):
     group = "touch"
     dimension, unit = "length", "mm"
     bounds = (-0.19e-3, 1e-3)
+    levels, opposite = (5e-5, 1.5e-4, 4e-4), (-4e-5, -8e-5, -1.5e-4)
     number = "taxels.threshold_m"
     per_joint = False

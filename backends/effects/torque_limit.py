@@ -19,6 +19,7 @@ class Effect(NumberEffect):
     group = "drive"
     dimension, unit = "share", "%"
     bounds = (-0.95, 9.0)
+    levels = (-0.15, -0.3, -0.5)
     number = "drive.torque_limit_nm"
     relative = True
     nominal = True

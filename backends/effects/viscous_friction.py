@@ -17,8 +17,11 @@ class Effect(NumberEffect):
     group = "gears and joints"
     dimension, unit = "damping", "mNms"
     bounds = (0.0, 0.15)
+    levels = (0.1, 0.3, 0.8)
     number = "drive.viscous_nms_rad"
     nominal = True
     tolerance = 0.02
     least = 0.08
     most = 5.0
+    near = ("kd-scale",)
+    same_as, apart_by = "kd-scale", "torque"

@@ -14,7 +14,8 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.blind import rigs
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.grasp import GRASP, HOLDS
 from diagnosis.blind.make import (
     Simulate,
@@ -58,7 +59,7 @@ class Grasps:
         less = replace(case, faults=tuple(f for f in case.faults if f is not fault))
         real, without = (self._signals(one, case.real) for one in (case, less))
         skin = next(name for name in SKIN if name in case.channels)
-        if fault.effect.startswith("taxel"):
+        if self.catalogue[fault.effect].is_of("taxels"):
             return _skin_nats(skin, real[skin], without[skin])
         others = [self._signals(case, engine) for engine in engines if engine != case.real]
         noise = _noise(self._spec)

@@ -16,7 +16,8 @@ import pandas as pd
 from backends.effect import UNITS, Effect
 from diagnosis.blind import draw, rigs
 from diagnosis.blind.apart import SKIN, Grasps
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import Simulate, real_log
 from diagnosis.blind.oracle import DETECTABLE_NATS, detectable
 from diagnosis.blind.tables import markdown
@@ -27,7 +28,6 @@ BELOW = 8.0
 """The search begins at the smallest level over this and ends at the largest detectable level."""
 HALVINGS = 4
 """Halvings of the logarithmic range of the search."""
-_SIZES = draw.SIZES | draw.HELD_SIZES
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,7 +54,8 @@ def smallest(
     `bound` is '>' if no level is detectable, '<' if the smallest tried one is. The search ends at
     the largest detectable level, because the steps of a sensor may be too coarse to show anything.
     """
-    kind, (least, *levels) = catalogue[search.effect], _sizes(search)
+    kind = catalogue[search.effect]
+    least, *levels = _sizes(search, kind)
     cases = _cases(search, catalogue)
     shows = partial(_shows, search, cases, catalogue=catalogue, simulate=simulate, engines=engines)
     shown = next((size for size in reversed(levels) if shows(size)), None)
@@ -77,12 +78,10 @@ def smallest(
     }
 
 
-def _sizes(search: Search) -> tuple[float, ...]:
+def _sizes(search: Search, kind: type[Effect]) -> tuple[float, ...]:
     """Start of the search, and the levels at which it may end, all positive, SI."""
-    size, spec = _SIZES[search.effect], rigs.nominal(search.rig)
-    levels = size.levels if size.levels[2] > 0 or size.falls is None else size.falls
-    scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
-    return tuple(scale * level for level in (levels[0] / BELOW, *levels))
+    scale = kind.natural(rigs.nominal(search.rig).drives[0])
+    return tuple(scale * abs(level) for level in (kind.levels[0] / BELOW, *kind.levels))
 
 
 def _cases(search: Search, catalogue: Mapping[str, type[Effect]]) -> tuple[Case, ...]:
@@ -111,7 +110,7 @@ def _shows(
     while 2 * hits < len(cases) and 2 * misses <= len(cases):
         bare = cases[hits + misses]
         case = _with(bare, search, size, catalogue[search.effect])
-        if search.effect in draw.HELD_EFFECTS:
+        if catalogue[search.effect].shows_in_hand():
             grasps = Grasps(case=case, catalogue=catalogue, simulate=simulate, seed=search.seed)
             found = grasps.apart_nats(case.faults[0], engines) >= DETECTABLE_NATS
         else:
@@ -134,12 +133,12 @@ def _seen(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
 
 def _with(bare: Case, search: Search, size: float, kind: type[Effect]) -> Case:
     """The case with the effect on the first joint that it concerns, and without other errors."""
-    spec, falls = rigs.nominal(search.rig), _SIZES[search.effect].levels[2] == 0
+    spec = rigs.nominal(search.rig)
     joints = kind(magnitude=0.0).joints(spec)
     fault = Fault(
         effect=search.effect,
         joint=joints[0] if joints else None,
-        magnitude=-size if falls else size,
+        magnitude=float(np.copysign(size, kind.levels[0])),
     )
     kept = (e for e in bare.nominal if (e.effect, e.joint) != (fault.effect, fault.joint))
     return replace(bare, mode="single", faults=(fault,), nominal=tuple(kept))

@@ -18,7 +18,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from diagnosis.blind.draw import Case, Fault, Settings
+from diagnosis.blind.draw import Case, Settings
+from diagnosis.blind.faults import Fault
 
 SCHEMA = 2
 

@@ -7,7 +7,8 @@ import pandas as pd
 
 from backends.effect import UNITS, Effect
 from diagnosis.blind import rigs
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.near import is_near, plain_names
 from diagnosis.blind.oracle import Oracle, Shown
 

@@ -14,7 +14,8 @@ import numpy as np
 from backends.effect import Effect
 from backends.state import Array
 from diagnosis.blind import rigs
-from diagnosis.blind.draw import HELD_EFFECTS, Case, Fault
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.sides import PLANTS
 from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import StillError, checked
@@ -96,7 +97,7 @@ def consult(
     except LogError:
         return Oracle()
     shown = tuple(
-        Shown(nats=apart_nats(fault)) if fault.effect in HELD_EFFECTS else one
+        Shown(nats=apart_nats(fault)) if catalogue[fault.effect].shows_in_hand() else one
         for fault, one in zip(case.faults, found.shown, strict=True)
     )
     return Oracle(**{**vars(found), "shown": shown})

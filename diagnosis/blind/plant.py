@@ -70,6 +70,9 @@ CHANGES = {
     "sensor-delay": ("late", "add"),
 }
 """How each effect changes NUMBERS; a tilt of gravity is separate."""
+TILT = "gravity-tilt"
+IMPLEMENTED = (*CHANGES, TILT)
+"""Effects that plants have: each is implemented here again."""
 WORMS = ("backlash", "self-lock")
 """Effects that concern worm gears alone, unless a joint is named."""
 
@@ -146,7 +149,7 @@ class Plant:
 
         Its magnitude is in SI units.
         """
-        if effect == "gravity-tilt":
+        if effect == TILT:
             size, (c, s) = self._gravity[2], (np.cos(magnitude), np.sin(magnitude))
             self._gravity = np.array([-s * size, 0.0, c * size])
             return

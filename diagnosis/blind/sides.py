@@ -8,7 +8,7 @@ import importlib
 from pathlib import Path
 
 from backends.engine import Engine
-from diagnosis.blind.plant import Mechanics
+from diagnosis.blind.plant import IMPLEMENTED, STRANGE, Mechanics
 
 HERE = Path(__file__).parent
 
@@ -34,6 +34,11 @@ def engine(name: str) -> type[Engine]:
 def mechanics(name: str) -> type[Mechanics]:
     """The equations of one of PLANTS; without arguments they are those of a typical robot."""
     return importlib.import_module(f"diagnosis.blind.mechanics.{name}").Mechanics
+
+
+def has(name: str, effect: str) -> bool:
+    """Whether a real side knows an effect of the catalogue: engines know all."""
+    return name not in PLANTS or effect in (*IMPLEMENTED, *STRANGE)
 
 
 def strange(name: str) -> tuple[str, ...]:

@@ -21,11 +21,14 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
-from backends.spec import Encoder, Spec
+from backends.spec import Body, Encoder, Spec
 from backends.state import Array
-from diagnosis.blind import draw, rigs, sides
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind import faults as drawn
+from diagnosis.blind import rigs, sides
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import Simulate, case_rng, motions, readings
 from diagnosis.blind.mechanics import plain
 from diagnosis.blind.plant import Plant
@@ -41,19 +44,6 @@ SPAN, HALVINGS, CLOSE = 100.0, 8, 0.08
 """Least magnitude, under the largest; trials at most; what is close enough, as a logarithm."""
 STDS = 3.0
 """Tolerances end at this many standard deviations."""
-TOLERANCES = {
-    "kp-scale": (0.05, None),
-    "kd-scale": (0.05, None),
-    "link-mass": (0.05, None),
-    "rotor-inertia": (0.05, "rotor_inertia_kgm2"),
-    "viscous-friction": (0.02, "kd_nms_rad"),
-    "coulomb-friction": (0.003, "torque_limit_nm"),
-    "command-delay": (1.5e-3, None),
-}
-"""By how much any robot may be off, one standard deviation, and what it is a share of."""
-ONE_SIDED = ("command-delay",)
-TWIST = 0.008
-"""The same of a gear's compliance, over 1 / kp."""
 
 
 class Robot:
@@ -82,7 +72,7 @@ class Robot:
     def left_rad(self, faults: Sequence[Fault]) -> float:
         """Its gap with faults, root mean square over samples and joints."""
         case = dataclasses.replace(
-            self._case, faults=tuple(faults), nominal=draw.nominal_errors(self._case.rig, faults)
+            self._case, faults=tuple(faults), nominal=drawn.of_robot(self._case.rig, faults)
         )
         rng = np.random.default_rng(0)
         read = readings(case, self.spec, self._moved, self._catalogue, self._simulate, rng)
@@ -96,7 +86,7 @@ class Robot:
     def _replay(self, more: Sequence[Fault]) -> tuple[Array, Array]:
         """Positions and torques of the file's model with this robot's nominal numbers and more."""
         plant = Plant(self.spec, plain.Mechanics())
-        for fault in (*draw.nominal_errors(self._case.rig, ()), *more):
+        for fault in (*drawn.of_robot(self._case.rig, ()), *more):
             plant.add(fault.effect, fault.magnitude, fault.joint)
         rng, sample_s = np.random.default_rng(0), 1 / rigs.rate_hz(self._case.rig)
         read = [plant.run(m.target_rad, m.push_nm, sample_s, rng) for m in self._moved]
@@ -107,22 +97,21 @@ class Robot:
     def _tolerances(self) -> tuple[Array, Array, Array, Array]:
         """Q and R of the positions per standard deviation, and how far each tolerance reaches."""
         still, torque = self._model
-        errors = {(f.effect, f.joint): f.magnitude for f in draw.nominal_errors(self._case.rig, ())}
+        errors = {(f.effect, f.joint): f.magnitude for f in drawn.of_robot(self._case.rig, ())}
         columns, taken, least = [], [], []
         for j, body in enumerate(self.spec.hand.driven):
-            drive, joint = body.joint.drive, body.joint.name
-            assert drive is not None
-            for name, (share, of) in TOLERANCES.items():
-                size = share * (getattr(drive, of) if of else 1.0)
-                bent = Fault(effect=name, joint=joint, magnitude=size)
-                columns.append((self._replay([bent])[0] - still).ravel())
-                taken.append(errors.get((name, joint), 0.0) / size)
-                least.append(0.0 if name in ONE_SIDED else -STDS)
-            twist = np.zeros_like(still)
-            twist[:, j] = -TWIST / drive.kp_nm_rad * torque[:, j]
-            columns.append(twist.ravel())
-            taken.append(0.0)
-            least.append(0.0)
+            for name, kind in every_effect().items():
+                std = _tolerance(kind, body)
+                moved = np.zeros_like(still)
+                if kind.coordinate == "compliance":
+                    moved[:, j] = -std * torque[:, j]
+                elif std > 0.0:
+                    off = Fault(effect=name, joint=body.joint.name, magnitude=std)
+                    moved = self._replay([off])[0] - still
+                if moved.any():
+                    columns.append(moved.ravel())
+                    taken.append(errors.get((name, body.joint.name), 0.0) / std)
+                    least.append(-STDS if kind.nominal and kind.coordinate != "compliance" else 0.0)
         q, r = np.linalg.qr(np.stack(columns, axis=1))
         return q, r, np.array(least) - taken, STDS - np.array(taken)
 
@@ -164,7 +153,7 @@ def sized(
     return dataclasses.replace(
         case,
         faults=tuple(chosen),
-        nominal=draw.nominal_errors(case.rig, chosen),
+        nominal=drawn.of_robot(case.rig, chosen),
         excluded=_excluded(case, chosen),
         times=tuple(found),
         residual_floors=robot.residual_rad / FLOOR_RAD,
@@ -196,16 +185,23 @@ def _candidates(
     """The fault that was dealt, then the same or others elsewhere; magnitudes are the largest."""
     spec, taken = rigs.nominal(case.rig), [f.effect for f in chosen]
     strange = first.effect not in catalogue
-    names = list(sides.strange(case.real)) if strange else list(effects)
+    known = [name for name in effects if sides.has(case.real, name)]
+    names = list(sides.strange(case.real)) if strange else known
     for turn in range(TRIES):
         name, joint = first.effect, first.joint
         if turn > 0:
             name = first.effect if turn % 2 else names[rng.integers(len(names))]
-            joint = draw.arm_joint(name, catalogue, spec, rng)
-        pair = {name, *taken}
-        if name not in taken and not any(one <= pair for one in draw.EXCLUSIVE):
+            joint = drawn.arm_joint(name, catalogue, spec, rng)
+        if name not in taken and not any(_are_kin(name, other) for other in taken):
             most = largest(name, joint, spec, rng)
             yield Fault(effect=name, joint=joint, magnitude=most)
+
+
+def _are_kin(one: str, other: str) -> bool:
+    """Whether two faults are one cause and its shape."""
+    kinds = every_effect()
+    families = {kinds[name].family for name in (one, other) if name in kinds}
+    return len(families) == 1 and None not in families and {one, other} <= set(kinds)
 
 
 def _solved(robot: Robot, most: Fault, wanted_rad: float) -> tuple[float, float]:
@@ -234,6 +230,20 @@ def _excluded(case: Case, faults: Sequence[Fault]) -> tuple[str, ...]:
     if not case.excluded or case.mode != "unknown":
         return tuple(e for e in case.excluded if e not in [f.effect for f in faults])
     return (faults[0].effect,)
+
+
+def _tolerance(kind: type[Effect], body: Body) -> float:
+    """By how much any arm may be off on a joint, one standard deviation; 0: by no smooth amount."""
+    drive = body.joint.drive
+    assert drive is not None
+    if kind.coordinate == "compliance":
+        return kind.tolerance / drive.kp_nm_rad
+    if drawn.is_of_gear(kind):
+        return 0.0
+    if kind.coordinate == "logarithm":
+        whole = 1.0 if kind.dimension == "share" else drawn.number_of(kind, body)
+        return drawn.NOMINAL_STD * whole * kind.nominal
+    return 0.0 if kind.kinked else kind.tolerance * kind.natural(drive)
 
 
 def _quiet(spec: Spec) -> Spec:

@@ -15,13 +15,13 @@ from typing import Any
 
 import joblib
 
+from backends.catalogue import catalogue
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from diagnosis.blind import frozen, rigs
 from diagnosis.blind.files import BlindSet, now, write_json
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
-from diagnosis.models.catalogue import catalogue
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from backends.catalogue import catalogue
 from backends.spec import Spec
-from diagnosis.blind import draw
+from diagnosis.blind import faults
 
 REACH = 2.0
 """Largest magnitudes over the large level of the catalogue's sizes."""
@@ -35,11 +36,8 @@ def largest(name: str, joint: str | None, spec: Spec, rng: np.random.Generator) 
         sign = rng.choice([-1.0, 1.0]) if name in EITHER else 1.0
         return float(share * sign * (whole[of] if of else 1.0))
     drives = [b.joint.drive for b in bodies if b.joint.drive is not None]
-    if name == "series-elasticity":
+    kind = catalogue()[name]
+    if kind.coordinate == "compliance":
         return COMPLIANCE * min(d.gear_stiffness_nm_rad / d.kp_nm_rad for d in drives)
-    size = draw.SIZES[name]
-    rises = size.falls is None or (size.levels[-1] > 0 and bool(rng.integers(2)))
-    amount = REACH * (size.levels[-1] if rises or size.falls is None else -size.falls[-1])
-    if size.of is not None:
-        return amount * min(getattr(d, size.of) for d in drives)
-    return max(amount, LEAST_SHARE)
+    amount = REACH * faults.side(kind, rng)[-1]
+    return max(amount, LEAST_SHARE) * faults.natural(kind, joint, spec)

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
-from diagnosis.blind.draw import LEVELS
+from diagnosis.blind.faults import LEVELS
 from diagnosis.blind.measures import Figure, figures, share
 
 GROUPS = ("real", "rig", "channels", "protocols")

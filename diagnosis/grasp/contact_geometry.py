@@ -17,13 +17,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Report, Spot, missing, share
 from diagnosis.grasp.grasp_likelihood import judged
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
-from diagnosis.models.catalogue import of_part
 from diagnosis.motion.held import FLOOR_M, Held, gaps_m
 
 RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"

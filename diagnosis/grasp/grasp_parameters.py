@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.finding import Report, missing
@@ -17,7 +18,6 @@ from diagnosis.grasp.contact_geometry import RADIUS, SOFTNESS, shapes
 from diagnosis.grasp.motion_fit import MOTION, YIELDING, motions
 from diagnosis.grasp.simulate_grasps import Simulate
 from diagnosis.logs.log import Log
-from diagnosis.models.catalogue import of_part
 from diagnosis.motion.held import Held, held
 
 NEEDS = "not identifiable from this log; record --protocol grasp with the channel stick"

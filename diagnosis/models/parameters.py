@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
-from diagnosis.models.catalogue import catalogue as every_effect
 from diagnosis.motion.along import AXES
 from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, STIFFNESS
 

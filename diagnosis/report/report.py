@@ -10,10 +10,10 @@ from itertools import groupby
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
+from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
 from diagnosis.finding import Spot
 from diagnosis.logs.log import Log
-from diagnosis.models.catalogue import catalogue
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
 from diagnosis.report import wording

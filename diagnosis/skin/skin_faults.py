@@ -8,12 +8,12 @@ from typing import Any
 
 import numpy as np
 
+from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec, Taxels
 from backends.touch import taxel_grid
 from diagnosis.finding import TOUCH, UNKNOWN, Z90, Finding, Report, Spot, missing
 from diagnosis.logs.log import Log
-from diagnosis.models.catalogue import of_part
 from diagnosis.motion.held import FLOOR_M, held
 from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples

@@ -22,10 +22,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backends.catalogue import of_part
 from backends.effect import UNITS, Effect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
-from diagnosis.models.catalogue import of_part
 from diagnosis.motion.columns import KP, STIFFNESS
 from diagnosis.motion.recordings import Recording
 from diagnosis.verdict.result import Cause, LimbResult

@@ -2,9 +2,9 @@
 
 import pytest
 
+from backends.catalogue import catalogue
 from backends.effect import NumberEffect
 from diagnosis.coverage import not_looked_for
-from diagnosis.models.catalogue import catalogue
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))

@@ -1,47 +1,76 @@
-"""Every effect that shows in free air is named from a log of a hand that has it."""
+"""Every effect of the catalogue, large, is named from a log of a hand that has it."""
+
+from dataclasses import replace
 
 import pytest
 
 from backends import trx
-from backends.effect import with_effects
+from backends.catalogue import catalogue
+from backends.effect import Effect, with_effects
 from backends.shard import simulate
+from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark import registry
-from diagnosis.blind.draw import SIZES
-from diagnosis.models.catalogue import catalogue
+from diagnosis.grasp.in_hand import in_hand
+from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 from diagnosis.solver import solve
 
 IDEAL = trx.spec(STICKS["reference"])
 JOINT = "J3"
-PLAN = Plan(
+FREE = Plan(
     protocols=("steps", "triangle", "multisine", "push"),
     variants=1,
     channels=("command", "position", "torque", "push"),
     seed=3,
 )
-QUICK = ("coulomb-friction", "encoder-bias")
-
-
-def large(name: str) -> float:
-    """A magnitude that nobody overlooks [SI], as the blind check draws it."""
-    size, drive = (
-        SIZES[name],
-        next(body.joint.drive for body in IDEAL.hand.driven if body.joint.name == JOINT),
-    )
-    amount = size.levels[2] or -(size.falls or size.levels)[2]
-    return amount * (getattr(drive, size.of) if size.of else 1.0)
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n in QUICK else pytest.mark.slow) for n in SIZES]
+HELD = Plan(
+    protocols=("grasp",),
+    variants=2,
+    channels=("command", "position", "stick", "contact"),
+    seed=7,
 )
+PULLED = replace(HELD, protocols=("grasp", "pull"), channels=(*HELD.channels, "pull"))
+QUICK = ("coulomb-friction", "taxel-threshold")
+
+
+def named(in_the_hand: bool) -> list:
+    """Names of effects that show in free air or in the hand; slow but a few."""
+    return [
+        pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
+        for name, kind in catalogue().items()
+        if kind.shows_in_hand() == in_the_hand
+    ]
+
+
+def large(kind: type[Effect]) -> Effect:
+    """The effect at a size that nobody overlooks, as the blind check draws it."""
+    drive = next(body.joint.drive for body in IDEAL.hand.driven if body.joint.name == JOINT)
+    joint = JOINT if kind.per_joint else None
+    return kind(magnitude=kind.levels[-1] * kind.natural(drive), joint=joint)
+
+
+def on_mujoco(specs: list[Spec]):
+    return simulate(registry.load("backend", "mujoco"), specs, 1)
+
+
+def log(name: str, plan: Plan) -> Log:
+    """The log of a hand with an effect."""
+    return record(on_mujoco, with_effects(IDEAL, [large(catalogue()[name])]), plan, "x")
+
+
+@pytest.mark.parametrize("name", named(in_the_hand=False))
 def test_a_large_effect_is_named(name):
     """Name the effect, on its joint where it has one, with the truth near its interval."""
-    kind = catalogue()[name]
-    effect = kind(magnitude=large(name), joint=JOINT if kind.per_joint else None)
-    engine = registry.load("backend", "mujoco")
-    log = record(lambda specs: simulate(engine, specs, 1), with_effects(IDEAL, [effect]), PLAN, "x")
-    found = solve(log, nominal=IDEAL)
+    found = solve(log(name, FREE), nominal=IDEAL)
     assert found.verdict == (name,)
-    assert found.joints == ((JOINT,) if kind.per_joint else found.joints)
+    assert found.joints == ((JOINT,) if catalogue()[name].per_joint else found.joints)
+
+
+@pytest.mark.parametrize("name", named(in_the_hand=True))
+def test_a_large_effect_in_the_hand_is_named(name):
+    """Name the effect and nothing else, with the truth within half of it."""
+    plan = PULLED if catalogue()[name].slips else HELD
+    (one,) = in_hand(log(name, plan), IDEAL, catalogue(), on_mujoco).findings
+    assert one.effect == name
+    assert one.value == pytest.approx(large(catalogue()[name]).magnitude, rel=0.5)

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from benchmark import registry
-from diagnosis.blind import draw, motion, rigs, sides, sizing, strange
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind import faults, motion, rigs, sides, sizing, strange
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import robot
 from diagnosis.blind.mechanics import _strange, _two_mass, cascade, presliding
 from diagnosis.blind.plant import STRANGE, Plant
@@ -31,7 +32,7 @@ def case(name: str, rig: str = RIG) -> Case:
         protocols=SHORT,
         variants=1,
         faults=(),
-        nominal=draw.nominal_errors(rig, ()),
+        nominal=faults.of_robot(rig, ()),
         excluded=(),
     )
 
@@ -108,10 +109,10 @@ def test_faults_are_as_large_as_they_are_wanted():
         mode="single",
         faults=(Fault(effect="coulomb-friction", joint="j0", magnitude=0.0),),
     )
-    found = sizing.sized(one, (3.0, 30.0), draw.ARM_EFFECTS, CATALOGUE, None, 0)
+    found = sizing.sized(one, (3.0, 30.0), faults.of_arms(), CATALOGUE, None, 0)
     assert 2.7 < found.times[0] < 33.0
     assert found.left_floors > found.residual_floors > 0.0 and found.faults[0].magnitude > 0.0
-    assert found == sizing.sized(one, (3.0, 30.0), draw.ARM_EFFECTS, CATALOGUE, None, 0)
+    assert found == sizing.sized(one, (3.0, 30.0), faults.of_arms(), CATALOGUE, None, 0)
 
 
 @pytest.mark.parametrize("slips", [0.0, 1.0])

@@ -16,11 +16,11 @@ from backends.spec import Encoder, Spec
 from benchmark import blind, registry
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
-from diagnosis.blind import draw, files, frozen, make, motion, rigs, sides
+from diagnosis.blind import draw, faults, files, frozen, make, motion, rigs, sides
 from diagnosis.blind.files import BlindSet
 from diagnosis.blind.measures import median, share
 from diagnosis.blind.mechanics import bristle, dart, plant
-from diagnosis.blind.plant import CHANGES, NUMBERS, Plant
+from diagnosis.blind.plant import CHANGES, IMPLEMENTED, NUMBERS, Plant
 from leaderboard.blind.score import read_score
 
 SEED = 5
@@ -342,7 +342,7 @@ def test_maker_and_solver_share_no_code():
 
 def test_effects_are_dealt_evenly():
     """Draw every effect once before any again, at all levels in turn, on every side alike."""
-    count = 3 * len(draw.EFFECTS)
+    count = 3 * len(faults.in_free_air())
     reals = ("mujoco", "bullet", "plant")
     settings = draw.Settings(cases=count, reals=reals, modes=("single",), rigs=("hand",))
     cases = draw.draw(settings, catalogue(), 0)
@@ -365,7 +365,11 @@ def test_drawn_magnitudes_are_allowed(rig):
 
 def test_nominal_errors_spare_what_is_hidden():
     """Draw no nominal error where an effect changes the same number: the truth is one number."""
-    settings = draw.Settings(cases=60, reals=("plant",), effects=(*draw.NOMINAL, "backlash"))
+    settings = draw.Settings(
+        cases=60,
+        reals=("plant",),
+        effects=("kp-scale", "coulomb-friction", "link-mass", "backlash"),
+    )
     for case in draw.draw(settings, catalogue(), 2):
         hidden = [(f.effect, f.joint) for f in case.faults]
         for error in case.nominal:
@@ -499,7 +503,7 @@ def test_a_plant_knows_no_branches():
 
 
 @pytest.mark.parametrize("name", ["plant", "dart", "bristle"])
-@pytest.mark.parametrize("effect", draw.EFFECTS)
+@pytest.mark.parametrize("effect", faults.in_free_air())
 def test_plant_effects_act(effect, name):
     """Change what a plant shows by every effect, nothing by its zero, on the named joint."""
     spec = rigs.nominal("finger")
@@ -516,9 +520,8 @@ def test_plant_effects_act(effect, name):
         real.add(effect, magnitude, None if effect == "gravity-tilt" else "J0")
         return [position(real, m) for m in motions]
 
-    size = draw.SIZES[effect]
-    scale = 1.0 if size.of is None else getattr(spec.drives[0], size.of)
-    magnitude = scale * (size.levels[2] or -size.falls[2])
+    kind = catalogue()[effect]
+    magnitude = kind.levels[-1] * kind.natural(spec.drives[0])
     without = read(0.0)
     assert np.array_equal(without[0], position(Plant(spec, sides.mechanics(name)()), motions[0]))
     apart = max(np.abs(a - b).max() for a, b in zip(read(magnitude), without, strict=True))
@@ -527,7 +530,7 @@ def test_plant_effects_act(effect, name):
 
 def test_plants_know_what_engines_know():
     """Have a number of the plants for every effect that is drawn."""
-    assert set(CHANGES) | {"gravity-tilt"} == set(draw.EFFECTS)
+    assert set(IMPLEMENTED) == set(faults.in_free_air())
     assert {number for number, _ in CHANGES.values()} <= set(NUMBERS)
 
 

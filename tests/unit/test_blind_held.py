@@ -7,7 +7,7 @@ import pytest
 
 from benchmark import blind, registry
 from benchmark.cli import app as cli
-from diagnosis.blind import draw
+from diagnosis.blind import draw, faults
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.grasp import GRASP, PULL
 from diagnosis.blind.oracle import DETECTABLE_NATS
@@ -23,11 +23,11 @@ def held(**changes) -> draw.Settings:
     wanted = {
         "reals": ("bullet",),
         "rigs": ("held",),
-        "effects": draw.HELD_EFFECTS,
+        "effects": faults.in_hand(),
         "protocols": ("steps", GRASP),
         "channels": draw.HELD_CHANNELS,
     }
-    return draw.Settings(**({"cases": 3 * len(draw.HELD_EFFECTS)} | wanted | changes))
+    return draw.Settings(**({"cases": 3 * len(faults.in_hand())} | wanted | changes))
 
 
 def test_held_cases_draw_what_a_stick_shows():
@@ -45,7 +45,9 @@ def test_held_cases_draw_what_a_stick_shows():
 
 def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
-    kinds = {name: catalogue()[name] for name in ("backlash", *draw.NOMINAL, *draw.HELD_EFFECTS)}
+    kinds = {
+        name: catalogue()[name] for name in ("backlash", "kp-scale", "link-mass", *faults.in_hand())
+    }
     monkeypatch.setattr(blind, "_catalogue", lambda: kinds)
     folder, answers = tmp_path / "set", tmp_path / "answers.json"
     few = ("taxel-dropout", "taxel-drift", "stick-mass")
@@ -76,7 +78,7 @@ def test_the_oracle_tells_what_shows():
     engines = registry.names("backend")
 
     def nats(effect: str, magnitude: float, *channels: str) -> float:
-        fault = draw.Fault(effect=effect, joint=None, magnitude=magnitude)
+        fault = faults.Fault(effect=effect, joint=None, magnitude=magnitude)
         hidden = dataclasses.replace(case, faults=(fault,), channels=("position", *channels))
         grasps = Grasps(case=hidden, catalogue=catalogue(), simulate=blind._start, seed=0)
         return grasps.apart_nats(fault, engines)

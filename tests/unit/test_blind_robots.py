@@ -9,10 +9,10 @@ import pytest
 
 from benchmark import blind
 from benchmark.errors import UsageError
-from diagnosis.blind import calibrate, draw, files, judged, rigs, sides, tables
-from diagnosis.blind.draw import Case, Fault
+from diagnosis.blind import calibrate, draw, faults, files, judged, near, rigs, sides, tables
+from diagnosis.blind.draw import Case
+from diagnosis.blind.faults import Fault
 from diagnosis.blind.files import BlindSet
-from diagnosis.blind.near import NEAR, is_near
 from diagnosis.blind.plant import STRANGE
 from diagnosis.blind.solving import Task, solve_set, task
 from diagnosis.logs.log import MjcfMechanism
@@ -99,7 +99,7 @@ def test_nominal_errors_stay_within_three_deviations(rig):
     largest = []
     for seed in range(12):
         name = f"{rig}-{seed}"
-        shares = [abs(e.magnitude) for e in draw.nominal_errors(name, ()) if e.effect == "kp-scale"]
+        shares = [abs(e.magnitude) for e in faults.of_robot(name, ()) if e.effect == "kp-scale"]
         assert len(shares) == rigs.ARMS[rig] and max(shares) <= 0.15
         largest.append(max(shares))
     assert max(largest) > 0.08
@@ -191,10 +191,11 @@ def test_findings_beside_a_verdict_do_not_make_its_kind():
 
 def test_near_names_are_of_the_catalogue():
     """List near names for every strange fault, names of the catalogue and never its own."""
-    assert set(STRANGE) <= set(NEAR) <= set(STRANGE) | set(draw.EFFECTS)
-    for fault, names in NEAR.items():
-        assert names <= set(draw.EFFECTS) and fault not in names
-    assert not is_near("hard-stop", []) and is_near("magnet-slip", ["encoder-bias"])
+    assert set(STRANGE) == set(near.STRANGE)
+    catalogue = blind._catalogue()
+    for fault in (*STRANGE, *catalogue):
+        assert set(near.near(fault)) <= set(catalogue) - {fault}
+    assert not near.is_near("hard-stop", []) and near.is_near("magnet-slip", ["encoder-bias"])
 
 
 def test_bins_of_confidence_have_equal_counts():

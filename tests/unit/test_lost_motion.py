@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backends.catalogue import catalogue
 from backends.effect import with_effects
 from benchmark.effects import parse_effects
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.evidence import evidence as gathered
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
-from diagnosis.models.catalogue import catalogue
 from diagnosis.motion.columns import table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from arms import Real, log_of
 
+from backends.catalogue import catalogue
 from backends.effect import with_effects
 from diagnosis.evidence.evidence import evidence
-from diagnosis.models.catalogue import catalogue
 from diagnosis.models.parameters import bounds, magnitude, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS, table

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from arms import Real, log_of
 
+from backends.catalogue import catalogue
 from diagnosis.evidence.evidence import quantisation_step
 from diagnosis.logs.log import Log, make_log
-from diagnosis.models.catalogue import catalogue
 from diagnosis.solver import solve
 from diagnosis.verdict.result import Result
 

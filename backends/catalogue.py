@@ -1,4 +1,4 @@
-"""Every effect there is, by name; the solver keeps no list of them."""
+"""Every effect there is, by name: its file in `backends.effects`; nobody keeps a list of them."""
 
 import importlib
 import pkgutil
