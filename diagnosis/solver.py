@@ -116,7 +116,7 @@ def judged(
         nominal=nominal or mjcf_world(log),
         rigid=rigid,
         uncertainty=max(log.meta.nominal_uncertainty, LEAST_UNCERTAINTY),
-        catalogue=catalogue or every_effect(),
+        catalogue=every_effect() if catalogue is None else catalogue,
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
     tell = progress or (lambda text, done: None)

@@ -22,6 +22,7 @@ from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict.combine import combine
+from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
 
@@ -38,6 +39,7 @@ def diagnose(
     *,
     nominal: Spec | None = None,
     catalogue: Mapping[str, type[Effect]] | None = None,
+    origin: Ordinary | None = None,
     simulate: Simulate | None = None,
     progress: solver.Progress | None = None,
 ) -> Diagnosis:
@@ -45,16 +47,19 @@ def diagnose(
 
     `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
-    `simulate` puts worlds on the nominal engine; without it stick and contact are left out.
+    `origin`: what is ordinary, see `solver.judged`. `simulate` puts worlds on the nominal engine;
+    without it stick and contact are left out.
     `progress` is called with what is being done, and the share of all that is done.
     """
     began_s = _cpu_s()
-    known = catalogue or every_effect()
+    known = every_effect() if catalogue is None else catalogue
     world = nominal or mjcf_world(log)
     tell = _forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
     triage(log, world)
-    limbs, notes = solver.judged(log, healthy, nominal=world, catalogue=known, progress=tell)
+    limbs, notes = solver.judged(
+        log, healthy, nominal=world, catalogue=known, origin=origin, progress=tell
+    )
     if log.fingers:
         tell("touch and stick", LAST_SHARE)
     result = combine([one.result for one in limbs], 0.0, notes)

@@ -18,10 +18,14 @@ import joblib
 from backends.catalogue import catalogue
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
+from diagnosis.answer import Diagnosis
 from diagnosis.blind import frozen, rigs
 from diagnosis.blind.files import BlindSet, now, write_json
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS
+from diagnosis.verdict.probability import features
+from diagnosis.verdict.result import Cause
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,60 +106,34 @@ def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
 
 def solver(simulate: Simulate) -> Solve:
     """This repository's solver; `simulate` starts worlds on the nominal engine, for grasps."""
-    return partial(_by_all, simulate=simulate)
+    return partial(by_diagnosis, simulate=simulate)
 
 
-def _by_all(one: Task, simulate: Simulate) -> dict[str, Any]:
-    holds = any(one.log.stick(e.episode) is not None for e in one.log.episodes)
-    return by_diagnosis(one, simulate) if holds else by_share(one)
-
-
-def by_diagnosis(one: Task, simulate: Simulate) -> dict[str, Any]:
-    """The result of the whole diagnosis, which knows touch, stick and contact as well."""
+def by_diagnosis(one: Task, simulate: Simulate | None = None) -> dict[str, Any]:
+    """The result of the diagnosis, as a user gets it."""
     from diagnosis.walk import diagnose
 
     found = diagnose(
-        one.log, one.healthy, nominal=one.nominal, catalogue=one.known, simulate=simulate
-    )
-    said = found.plain()
-    return {
-        "verdict": list(found.verdict),
-        "joints": list(found.joints),
-        "magnitudes": [_magnitude(cause) for cause in found.magnitudes],
-        "confidence": found.probability,
-        "leading": [cause["effect"] for cause in said["leading"]],
-        "indistinguishable": [[*row["effects"], *row["or"]] for row in said["indistinguishable"]],
-        "cpu_s": found.cpu_s,
-    }
-
-
-def by_share(one: Task) -> dict[str, Any]:
-    """The result of the solver that decides by shares of the gap."""
-    from diagnosis.solver import solve
-    from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS
-
-    found = solve(
         one.log,
         one.healthy,
         nominal=one.nominal,
         catalogue=one.known,
         origin=ROBOTS if one.robot else SIMULATORS,
+        simulate=simulate,
     )
     return plain(found)
 
 
-def plain(found: Any) -> dict[str, Any]:
-    """A `verdict.result.Result` in the form of the score: magnitudes in SI units or shares."""
-    from diagnosis.verdict.probability import features
-
-    lead = [cause for limb in found.limbs for cause in limb.leading]
-    lead.sort(key=lambda cause: -cause.share)
+def plain(found: Diagnosis) -> dict[str, Any]:
+    """A diagnosis in the form of the score: magnitudes in SI units or shares."""
+    lead = sorted((c for limb in found.limbs for c in limb.leading), key=lambda c: -c.share)
     shares = [cause.share for cause in lead[:2]]
-    ties = [list(tie) for limb in found.limbs for tie in limb.tied]
+    ties = [[name.split("@")[0] for name in tie] for limb in found.limbs for tie in limb.tied]
+    gap = max(limb.gap_nominal for limb in found.limbs)
     return {
         "verdict": list(found.verdict),
         "joints": list(found.joints),
-        "magnitudes": [_magnitude(cause) for cause in found.causes],
+        "magnitudes": [_magnitude(cause) for cause in found.magnitudes],
         "confidence": found.probability,
         "share": found.share,
         "left": found.left,
@@ -163,21 +141,19 @@ def plain(found: Any) -> dict[str, Any]:
         "leading": [cause.effect for cause in lead],
         "features": features(
             share=found.share,
-            gap=found.gap_nominal / found.ordinary,
+            gap=gap / found.ordinary,
             left=found.left / found.ordinary,
             ties=len(ties),
-            causes=len(found.causes),
+            causes=len(found.magnitudes),
             lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
         ),
-        "indistinguishable": [
-            [name.split("@")[0] for name in tie] + list(found.verdict) for tie in ties
-        ],
-        "gap_nominal": found.gap_nominal,
+        "indistinguishable": [[*tie, *found.verdict] for tie in ties],
+        "gap_nominal": gap,
         "cpu_s": found.cpu_s,
     }
 
 
-def _magnitude(cause: Any) -> dict[str, Any]:
+def _magnitude(cause: Cause) -> dict[str, Any]:
     """In SI units or as a share."""
     size = UNITS[cause.unit][1]
     return {

@@ -3,7 +3,7 @@
 What cannot be used is left out with a note; a log that then says nothing is refused.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -97,10 +97,23 @@ def absurd(readings: Array) -> Array:
     return wrong
 
 
+def _torques(limb: Limb) -> Iterator[tuple[Limb, Array]]:
+    """The limb with torques read until and from their samples, and what nominal drives show."""
+    for torque_from in (False, True):
+        read = limb.with_torque_from(torque_from)
+        yield read, read.simulate(limb.nominal)[:, TORQUE]
+
+
+def _distance(shown: Array, measured: Array) -> float:
+    """How far torques (N, K) are apart, each joint's over its own largest."""
+    most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
+    return float(np.nansum(((shown - measured) / most) ** 2))
+
+
 def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
-    """The limb without torques that cannot be its drives'."""
+    """The limb, as its torques were read, without those that cannot be its drives'."""
     measured = limb.measured[:, TORQUE]
-    shown = limb.simulate(limb.nominal)[:, TORQUE]
+    limb, shown = min(_torques(limb), key=lambda pair: _distance(pair[1], measured))
     notes, drop = [], []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])

@@ -29,8 +29,8 @@ class Along:
     speed_rad_s: Array
     """v_m, shape (P, K)."""
     model: Model
-    by_mass: tuple[tuple[Array, Array], ...]
-    """What M and h gain when a joint's own link is twice as heavy, by joint."""
+    by_mass: tuple[Array, Array]
+    """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy, by joint."""
     by_tilt: tuple[Array, ...]
     """What h gains by sin(tilt) about each of `AXES`."""
     weight: Array
@@ -39,9 +39,9 @@ class Along:
     def changed(self, mass: Array, tilt: Array) -> Model:
         """The model with links heavier by shares `mass` (K,) and gravity turned by `tilt` (2,)."""
         m, h, dq, dv = self.model
-        for share, (more_m, more_h) in zip(mass, self.by_mass, strict=True):
-            if share:
-                m, h = m + share * more_m, h + share * more_h
+        if mass.any():
+            more_m, more_h = (mass @ more for more in self.by_mass)
+            m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
         for angle, more_h in zip(tilt, self.by_tilt, strict=True):
             if angle:
                 h = h + np.sin(angle) * more_h + (np.cos(angle) - 1.0) * self.weight
@@ -65,14 +65,14 @@ def along(chain: Chain, angle_rad: Array, speed_rad_s: Array) -> Along:
     by_mass = []
     for j in range(angle_rad.shape[1]):
         m, h, _, _ = sweep(mass_kg=np.where(chain.column == j, 2.0, 1.0) * chain.mass_kg)
-        by_mass.append((m - base[0], h - base[1]))
+        by_mass.append(((m - base[0]).ravel(), (h - base[1]).ravel()))
     turned = (chain.gravity_m_s2 + np.cross(axis, chain.gravity_m_s2) for axis in AXES)
     by_tilt = tuple(sweep(gravity_m_s2=g)[1] - base[1] for g in turned)
     return Along(
         angle_rad=angle_rad,
         speed_rad_s=speed_rad_s,
         model=base,
-        by_mass=tuple(by_mass),
+        by_mass=(np.stack([m for m, _ in by_mass]), np.stack([h for _, h in by_mass])),
         by_tilt=by_tilt,
         weight=base[1] - sweep(gravity_m_s2=np.zeros(3))[1],
     )

@@ -151,8 +151,6 @@ def integrate(
                 full[j], damped[j] = at_limit, dt * loss
                 force[j] = pd - p[j, VISCOUS] * v[j]
                 rub[j] += p[j, LOAD] * abs(gear[j])
-                if v[j] * pd <= 0.0 and v[j] * gear[j] > 0.0:
-                    rub[j] += p[j, LOCK]
         if changed:
             for j in range(joints):
                 for n in range(joints):
@@ -169,6 +167,10 @@ def integrate(
             accel[j] = 0.0
             for n in range(joints):
                 accel[j] += inverse[j, n] * force[n]
+            if p[j, LOCK] > 0.0 and p[j, TWO_MASSES] == 0.0:
+                slides = v[j] + dt * accel[j]
+                if slides * out[t, 2, j] <= 0.0 and slides * gear[j] < 0.0:
+                    rub[j], rubs = rub[j] + p[j, LOCK], True
         for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
             for j in range(joints):
                 slides = v[j] + dt * accel[j]

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -37,6 +38,8 @@ class Limb:
     recordings: tuple[Recording, ...]
     rigid: bool
     """Whether drives are rigid, as in a user's MJCF, instead of two masses with a gear."""
+    torque_from: bool = False
+    """Whether a torque was read as it is from its sample on, not as it was until then."""
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -125,7 +128,14 @@ class Limb:
     def told(self, commands: Sequence[Array]) -> "Limb":
         """The same limb and motion with other targets, (T, K) by episode."""
         pairs = zip(self.recordings, commands, strict=True)
-        other = replace(self, recordings=tuple(replace(r, command=c) for r, c in pairs))
+        return self._alike(recordings=tuple(replace(r, command=c) for r, c in pairs))
+
+    def with_torque_from(self, torque_from: bool) -> "Limb":
+        """The same limb and motion, see `torque_from`."""
+        return self._alike(torque_from=torque_from)
+
+    def _alike(self, **changes: Any) -> "Limb":
+        other = replace(self, **changes)
         for name in ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks"):
             other.__dict__[name] = getattr(self, name)
         return other
@@ -155,7 +165,8 @@ class Limb:
         shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
         if ticks is not None:
             at = self._ticks[number].at
-            sense(ticks, at, edges, self._at_motor, numbers, self.dt, shown)
+            given = self._at_motor, int(self.torque_from), numbers, self.dt
+            sense(ticks, at, edges, *given, shown)
         return shown
 
     def ticks(

@@ -7,12 +7,12 @@ from diagnosis.motion.columns import BIAS, LATE, SCALE
 
 
 @numba.njit(cache=True, error_model="numpy")
-def sense(ticks, at, edges, at_motor, p, dt, shown):
+def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
     """Write means of what K joints show over blocks of samples into `shown` (B, 3, K).
 
     `ticks` (n, 3, K): joint, motor and torque after every tick; `at` (T,): the tick of every
     sample, broken; `edges` (B + 1,): first samples of the blocks; `at_motor` (K,): the side of the
-    gear with the position sensor.
+    gear with the position sensor; `ahead`: ticks after its sample that a torque is read.
     """
     last = len(ticks) - 1
     for b in range(len(edges) - 1):
@@ -23,7 +23,7 @@ def sense(ticks, at, edges, at_motor, p, dt, shown):
             for k in range(edges[b], edges[b + 1]):
                 now = min(max(int(np.round(at[k])), 0), last)
                 motor += ticks[now, 1, j]
-                torque += ticks[now, 2, j]
+                torque += ticks[min(now + ahead, last), 2, j]
                 if p[j, LATE] > 0.0:
                     then = min(max(at[k] - p[j, LATE] / dt, 0.0), float(last))
                     low = min(int(then), last - 1)

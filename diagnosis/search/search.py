@@ -15,7 +15,7 @@ from diagnosis.motion.columns import MASS
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.screening import Screened, Screening
-from diagnosis.verdict.exact import ACCUSE_NATS, FURTHER_NATS, TIE_NATS
+from diagnosis.verdict.exact import TIE_NATS, is_likely
 from diagnosis.verdict.exact import ranked as ranked_by_nats
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 
@@ -108,15 +108,9 @@ class Search:
             tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
             is_ordinary = best.worst <= self.ordinary.floors
             now = best if is_ordinary else with_prediction_spread(self.fitter, best)
-        likely = bool(now.freed) and self._is_likely(self.tried[frozenset(now.freed)], nominal)
+        chosen = self.tried.get(frozenset(now.freed), nominal)
+        likely = bool(now.freed) and self._is_likely(chosen, nominal, nominal)
         return Found(nominal=nominal, chosen=now, singles=singles, tied=tied, is_likely=likely)
-
-    def rank(self, fit: Fit) -> float:
-        """What sets are sorted by."""
-        chosen = [self.parameters[k] for k in fit.freed]
-        exact = sum(p.kind.exact for p in chosen)
-        shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
-        return fit.excess * SENSOR**exact * OWN**shared
 
     def _sets(self) -> Iterator[Fit]:
         """The sets tried whose effects are all some."""
@@ -144,7 +138,7 @@ class Search:
             and min((f.worst for f in fits), default=9.0) <= self.ordinary.floors
         ):
             return [fit for _, fit in ranked_by_nats(self.fitter.evidence, fits)]
-        return sorted(fits, key=self.rank)
+        return sorted(fits, key=lambda fit: rank(self.parameters, fit))
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
@@ -157,7 +151,7 @@ class Search:
 
         The first effect may be a part of what is wrong.
         """
-        if self._is_likely(fit, now):
+        if self._is_likely(fit, now, nominal):
             return True
         if now.freed and set(now.freed) < set(fit.freed) and self._is_shape(fit, now):
             return share_of(fit, now) >= SHAPED
@@ -173,14 +167,12 @@ class Search:
         chosen = [self.parameters[k] for k in now.freed]
         return any(new.is_kin(other) for other in chosen)
 
-    def _is_likely(self, fit: Fit, now: Fit) -> bool:
+    def _is_likely(self, fit: Fit, now: Fit, nominal: Fit) -> bool:
         """Whether the world is exact, and a set much more likely than each with one effect less."""
         if not self.ordinary.exact or fit.worst > self.ordinary.floors:
             return False
         before = [now, *(self._without(fit, k) for k in fit.freed)]
-        costs = {id(f): c for c, f in ranked_by_nats(self.fitter.evidence, [fit, *before])}
-        asked = ACCUSE_NATS if len(fit.freed) == 1 else FURTHER_NATS
-        return min(costs[id(f)] for f in before) - costs[id(fit)] >= asked
+        return is_likely(self.fitter.evidence, fit, before, nominal)
 
     def _without(self, fit: Fit, number: int) -> Fit:
         """The set with one effect less, fitted."""
@@ -299,6 +291,14 @@ class Search:
             return True
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
         return self.ordinary.exact or own >= CONCERNED * fit.excess
+
+
+def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
+    """What sets of causes are sorted by: what they leave."""
+    chosen = [parameters[k] for k in fit.freed]
+    exact = sum(p.kind.exact for p in chosen)
+    shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
+    return fit.excess * SENSOR**exact * OWN**shared
 
 
 def _squares(fit: Fit) -> float:

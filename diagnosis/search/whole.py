@@ -2,7 +2,7 @@
 
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Found
+from diagnosis.search.search import Found, rank
 from diagnosis.verdict.ordinary import Ordinary
 
 SINGLES = 3
@@ -12,9 +12,10 @@ STEPS = 4
 
 
 def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
-    """What was found on a part, on the log of `fitter`."""
+    """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
     nominal = fitter.settled(near=found.nominal.u)
     known = {found.nominal.freed: nominal}
+    least = [one.least for one in fitter.parameters]
 
     def again(fit: Fit) -> Fit:
         if fit.freed not in known:
@@ -22,15 +23,16 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
             known[fit.freed] = on
         return known[fit.freed]
 
-    chosen = again(found.chosen)
-    if any(abs(chosen.u[k]) < fitter.parameters[k].least for k in chosen.freed):
-        chosen = nominal
-    if chosen.freed and chosen.worst > ordinary.floors:
-        chosen = with_prediction_spread(fitter, chosen)
+    singles = sorted(map(again, found.singles[:SINGLES]), key=lambda fit: fit.excess)
+    first, *tied = map(again, (found.chosen, *found.tied))
+    alike = [fit for fit in (first, *tied, *singles) if len(fit.freed) == len(first.freed)]
+    some = [fit for fit in alike if all(abs(fit.u[k]) >= least[k] for k in fit.freed)]
+    best = min(some, key=lambda fit: rank(fitter.parameters, fit), default=nominal)
+    spreads = best.freed and best.worst > ordinary.floors
     return Found(
         nominal=nominal,
-        chosen=chosen,
-        singles=tuple(sorted(map(again, found.singles[:SINGLES]), key=lambda f: f.excess)),
-        tied=tuple(map(again, found.tied)),
-        is_likely=found.is_likely,
+        chosen=with_prediction_spread(fitter, best) if spreads else best,
+        singles=tuple(singles),
+        tied=tuple(fit for fit in (first, *tied) if fit.freed != best.freed),
+        is_likely=found.is_likely and best is first,
     )

@@ -106,7 +106,8 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     law = u * (OFF + OFF_LEFT * min(kept, 1.0))
     own = max((p.tolerance for p in fitter.parameters if _same(p, one)), default=0.0)
     wide = NINETY * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
-    ends = (u - wide if one.either_sign else max(u - wide, 0.0)), u + wide
+    least = -one.most if one.either_sign else 0.0
+    ends = max(u - wide, least), min(u + wide, max(one.most, u))
     value, low, high = (_shown(fitter, one, x) for x in (u, *ends))
     joints = fitter.evidence.joints
     joint = None if one.joint is None else joints[one.joint]

@@ -11,10 +11,10 @@ import numpy as np
 from backends.state import Array
 from diagnosis.evidence.evidence import FLOOR_RAD, Evidence
 from diagnosis.search.fit import Fit
+from diagnosis.verdict.ordinary import SHAPE_LAW
 
-ACCUSE_NATS, FURTHER_NATS = 10.0, 50.0
-"""A cause is worth it where it makes the log so much more likely; a further one needs more, for
-what the others leave is never all noise: engines integrate otherwise."""
+ACCUSE_NATS = 10.0
+"""A cause is worth it where it makes the log so much more likely."""
 LEAST = 0.05
 """Residuals have at least this root mean square [floors]: logs without noise say no more."""
 TIE_NATS = 6.0
@@ -37,6 +37,18 @@ def weights(evidence: Evidence, residual: Array) -> Array:
             share = (1 - correlation) / (1 + correlation)
             found[part] = np.sqrt(share / max(np.mean(r * r), LEAST**2))
     return found
+
+
+def is_likely(evidence: Evidence, fit: Fit, before: Sequence[Fit], nominal: Fit) -> bool:
+    """Whether a set of causes makes a log much more likely than each with one cause less.
+
+    Those leave more than noise, for engines integrate otherwise: as much as a law is off by of
+    what it explains (`ordinary.SHAPE_LAW`). So a further cause wins at least that share of theirs.
+    """
+    costs = {id(one): cost for cost, one in ranked(evidence, [fit, nominal, *before])}
+    least = min(costs[id(one)] for one in before)
+    asked = max(ACCUSE_NATS, SHAPE_LAW**2 * (costs[id(nominal)] - least))
+    return least - costs[id(fit)] >= asked
 
 
 def ranked(evidence: Evidence, fits: Sequence[Fit]) -> list[tuple[float, Fit]]:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 SHARE = 0.7
-"""A cause is named where it takes so much of the gap: less, and it is a part of something else."""
+"""A cause is named where it takes so much of the gap, and a further one of what the others leave:
+less, and it is a part of something else."""
 FURTHER = 0.5
-"""Each further cause takes so much of what the others leave."""
+"""Lost packets take so much of what causes leave."""
 LAW_MOST = 3.0
 """So many ordinary gaps more is the most that a law's own error leaves: beyond, it is another."""
 ABSURD = 1000.0
@@ -114,7 +115,7 @@ def beside_losses(explained: float, ordinary: Ordinary) -> float:
 
 
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:
-    """Whether one more cause is worth it: it takes half of what the others leave.
+    """Whether one more cause is worth it: it takes of what the others leave what one takes alone.
 
     Of an ordinary rest it takes nearly all, as of an ordinary gap, and of more than the others'
     laws may be off by.
@@ -123,7 +124,7 @@ def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:
     if before.worst <= ordinary.floors:
         beyond = before.worst >= SHAPE_LAW * nominal.worst
         return beyond and _has_shape(share, fit, before)
-    return share >= FURTHER
+    return share >= SHARE
 
 
 def _has_shape(share: float, fit: Gap, before: Gap) -> bool:

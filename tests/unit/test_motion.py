@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+from arms import HZ, LINKS, Real, log_of
+from arms import KD as KD_NMS_RAD
 from arms import KP as KP_NM_RAD
-from arms import LINKS, Real, log_of
 
+from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import make_log
-from diagnosis.motion.columns import KD, KP, LIMIT
+from diagnosis.motion.columns import KD, KP, LIMIT, LOCK
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -53,6 +55,33 @@ def test_numbers_change_what_is_shown_to_first_order():
 
     both, sum_ = moved(1e-4, 1e-4), moved(1e-4, 0) + moved(0, 1e-4)
     assert np.abs(both - sum_).max() < 0.01 * np.abs(both).max()
+
+
+def test_a_self_locking_gear_holds_its_load():
+    """Let gravity turn no worm that was raised by 5 mrad; without the lock it sags back."""
+    limb = limb_of(log_of(Real()))
+    locked = limb.nominal.copy()
+    locked[:, LOCK] = 50.0
+    held = limb.time_s[0] < 0.45
+    lifted = (
+        (limb.simulate(numbers, shift=-5e-3) - limb.simulate(numbers))[: len(held)][held][-1, 0, 0]
+        for numbers in (locked, limb.nominal)
+    )
+    assert next(lifted) == pytest.approx(-5e-3, abs=2e-4)
+    assert next(lifted) == pytest.approx(0.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("late", [0, 1])
+def test_torques_are_read_from_their_samples_on_or_until_then(late):
+    """See which of both a log does: at a step they differ by all that a drive asks for."""
+    log = log_of(Real())
+    samples = log.samples.copy()
+    command = samples.groupby("episode")["command_rad.J0"].shift(late).bfill()
+    angle = samples["position_rad.J0"]
+    speed = np.gradient(angle, 1.0 / HZ)
+    samples["torque_nm.J0"] = np.clip(KP_NM_RAD * (command - angle) - KD_NMS_RAD * speed, -60, 60)
+    limb, notes = checked(limb_of(make_log(log.meta, samples, log.mjcf_xml)))
+    assert limb.torque_from == (late == 0) and not notes
 
 
 def test_a_diverging_replay_is_nan_and_no_crash():

@@ -62,6 +62,11 @@ def test_healthy_logs_say_what_is_ordinary():
     assert result.ordinary == pytest.approx(1.2, abs=0.3)
 
 
+def test_looks_for_nothing_in_an_empty_catalogue():
+    """Say unknown where no effect may be named."""
+    assert solve(log_of(KINDS["single"][0]), catalogue={}).verdict == ("unknown",)
+
+
 def test_refuses_a_hand_without_its_nominal_world():
     """Ask for the nominal world of a hand known by name."""
     log = log_of(Real())
