@@ -9,7 +9,7 @@ from diagnosis.blind.files import BlindSet, Commitment
 
 ROOT = Path(__file__).resolve().parents[2]
 ENTRY = "diagnosis.walk"
-"""What solves logs; logs of free air by its solver alone."""
+"""What solves logs."""
 CURVE = "diagnosis/verdict/curve.json"
 ENGINE = "mujoco"
 """The engine on which the solver replays grasps, whatever engine is real."""

@@ -82,6 +82,7 @@ class Search:
         self.fitter, self.ordinary, self.progress = fitter, ordinary, progress
         self.parameters: Sequence[Parameter] = fitter.parameters
         self.tried: dict[frozenset[int], Fit] = {}
+        self.thinned: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
 
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set."""
@@ -90,7 +91,6 @@ class Search:
         )
         nominal = self.fitter.settled(again=int(self.ordinary.exact))
         singles: tuple[Fit, ...] = ()
-        tied: tuple[Fit, ...] = ()
         now, beam = nominal, [nominal]
         for causes in range(1, MOST + 1):
             if now.worst < QUIET and not self.ordinary.exact:
@@ -102,15 +102,25 @@ class Search:
                 singles = tuple(fresh)
             if not fresh or not self._is_worth(fresh[0], now, nominal):
                 break
-            best = fresh[0]
+            now = self._rattling(fresh[0])
             width = BEAM if causes < MIXED else 1
-            beam = [f for f in fresh[:width] if f.excess < NEAR * best.excess + NEAR_MORE]
-            tied = tuple(f for f in fresh[1 : BEAM + 1] if self._is_tied(f, best, nominal))
-            is_ordinary = best.worst <= self.ordinary.floors
-            now = best if is_ordinary else with_prediction_spread(self.fitter, best)
-        chosen = self.tried.get(frozenset(now.freed), nominal)
-        likely = bool(now.freed) and self._is_likely(chosen, nominal, nominal)
-        return Found(nominal=nominal, chosen=now, singles=singles, tied=tied, is_likely=likely)
+            beam = [f for f in fresh[:width] if f.excess < NEAR * fresh[0].excess + NEAR_MORE]
+        if not now.freed:
+            return Found(nominal=nominal, chosen=now, singles=singles, tied=(), is_likely=False)
+        same = self._ranked([f for f in self._sets() if len(f.freed) == len(now.freed)])
+        best, others = same[0], same[1 : BEAM + 1]
+        return Found(
+            nominal=nominal,
+            chosen=self._rattling(best),
+            singles=singles,
+            tied=tuple(f for f in others if self._is_tied(f, best, nominal)),
+            is_likely=self._is_likely(best, nominal, nominal),
+        )
+
+    def _rattling(self, fit: Fit) -> Fit:
+        """The fit; where it leaves more than is ordinary, in what its world itself can predict."""
+        is_ordinary = fit.worst <= self.ordinary.floors
+        return fit if is_ordinary else with_prediction_spread(self.fitter, fit)
 
     def _sets(self) -> Iterator[Fit]:
         """The sets tried whose effects are all some."""
@@ -175,9 +185,10 @@ class Search:
         return is_likely(self.fitter.evidence, fit, before, nominal)
 
     def _without(self, fit: Fit, number: int) -> Fit:
-        """The set with one effect less, fitted."""
+        """The set with one effect less, fitted from there as well: its own start may mislead it."""
         rest = tuple(a for a in fit.freed if a != number)
-        if frozenset(rest) not in self.tried:
+        if (fit.freed, rest) not in self.thinned:
+            self.thinned.add((fit.freed, rest))
             near = {a: v for a, v in fit.u.items() if a != number}
             self._keep(self.fitter.fit(rest, near=near))
         return self.tried[frozenset(rest)]
