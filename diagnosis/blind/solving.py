@@ -1,6 +1,6 @@
 """Let a solve function answer a blind set, and write its answers where the score reads them.
 
-    found = solve_set(Path("blind/a"), by_share, jobs=2)
+    found = solve_set(Path("blind/a"), by_diagnosis, jobs=2)
 
 A solve function gets a `Task`, which is all that a solver may know of a case, and gives plain data
 (`plain` says which). It is a function of a module, so that other processes find it by its name.
