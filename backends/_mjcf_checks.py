@@ -1,80 +1,181 @@
 """Check what in a user's MJCF cannot be simulated here; each message says what to do instead."""
 
 import difflib
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
+import mujoco
 import numpy as np
 
 KINDS = ("free", "ball", "slide", "hinge")
 """Joint types in MuJoCo's numbering."""
 ALLOWED = ("slide", "hinge")
+FOLLOWER, WELD, CONNECT = (
+    int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("JOINT", "WELD", "CONNECT")
+)
 
 
-def problems(model: Any, servos: Collection[str]) -> list[str]:
-    """Problems of a compiled model and of the names of its drives; empty if there are none."""
+def listed(names: Sequence[str], verb: str = "") -> str:
+    """Joints in words, with a verb in the right number: 'joints 'a', 'b' have'."""
+    said = ", ".join(f"'{name}'" for name in names)
+    one, more = {"have": ("has", "have"), "are": ("is", "are")}.get(verb, (verb, verb))
+    if len(names) == 1:
+        return f"joint {said} {one}".rstrip()
+    return f"joints {said} {more}".rstrip()
+
+
+def problems(
+    model: Any, moving: Collection[str], held: Collection[str], fix_base: bool
+) -> list[str]:
+    """Problems of a compiled model whose joints `moving` have a drive; empty if there are none.
+
+    `held`: joints that the user knows to be held. All other joints are held as well.
+    """
     joints = [model.joint(j).name for j in range(model.njnt)]
-    found = [
-        problem
-        for j, name in enumerate(joints)
-        if (problem := _of_joint(KINDS[int(model.jnt_type[j])], name, servos))
-    ]
-    for name in servos:
+    unknown = _unknown(joints, [*moving, *held])
+    if unknown:
+        return unknown
+    there = set(moving)
+    kinds = {name: KINDS[int(model.jnt_type[j])] for j, name in enumerate(joints)}
+    wrong = [name for name in joints if name in there and kinds[name] not in ALLOWED]
+    if wrong:
+        said = ", ".join(sorted({kinds[name] for name in wrong}))
+        return [
+            f"{listed(wrong, 'are')} of type {said}; allowed: {' and '.join(ALLOWED)}; "
+            "leave out their columns, so that they are held, or write them as hinges"
+        ]
+    every = [j for j, name in enumerate(joints) if name in there]
+    found = [] if fix_base else _floating(model, every)
+    return found + _foreign(model, every, set(held)) + _forces(model, every)
+
+
+def _unknown(joints: Sequence[str], named: Sequence[str]) -> list[str]:
+    found = []
+    for name in dict.fromkeys(named):
         if name not in joints:
             near = difflib.get_close_matches(name, joints, n=1)
             hint = f"; did you mean '{near[0]}'?" if near else ""
-            known = ", ".join(joints) or "none"
-            found.append(f"there is a drive for '{name}', but the joints are: {known}{hint}")
-    return found or _foreign(model) + [
-        problem for j, name in enumerate(joints) if (problem := _forces(model, j, name))
-    ]
+            known = ", ".join(filter(None, joints)) or "none"
+            found.append(f"it has no joint '{name}', it has: {known}{hint}")
+    return found
 
 
-def _of_joint(kind: str, name: str, servos: Collection[str]) -> str | None:
-    if kind not in ALLOWED:
-        return (
-            f"joint '{name}' is a {kind} joint; allowed: {' and '.join(ALLOWED)}; delete it, so "
-            "that its body is fixed, or write it as hinges"
-        )
-    if not name:
-        return "a joint has no name; name every joint as in the log"
-    if name not in servos:
-        return (
-            f"joint '{name}' has no drive; give its kp and kd in log.yaml, or delete it from the "
-            "MJCF, so that its body is fixed"
-        )
-    return None
+def _floating(model: Any, moving: Sequence[int]) -> list[str]:
+    """A free base that carries joints which move."""
+    for j in moving:
+        for b in carriers(model, int(model.jnt_bodyid[j])):
+            first, count = model.body_jntadr[b], model.body_jntnum[b]
+            if any(KINDS[int(model.jnt_type[k])] == "free" for k in range(first, first + count)):
+                return [
+                    f"its base, body '{model.body(b).name}', floats; --fix-base, or `fix_base: "
+                    "true` under mechanism in log.yaml, holds it where the file has it"
+                ]
+    return []
 
 
-def _foreign(model: Any) -> list[str]:
+def carriers(model: Any, b: int) -> list[int]:
+    """A body and those that carry it, up to the world."""
+    found = [b]
+    while found[-1] != 0:
+        found.append(int(model.body_parentid[found[-1]]))
+    return found
+
+
+def moved(model: Any, moving: Sequence[int]) -> set[int]:
+    """The bodies that some of these joints move."""
+    at = {int(model.jnt_bodyid[j]) for j in moving}
+    return {b for b in range(model.nbody) if at & set(carriers(model, b))}
+
+
+def _foreign(model: Any, moving: Sequence[int], held: set[str]) -> list[str]:
     """Forces between or on bodies that these equations do not contain."""
+    bodies = moved(model, moving)
     parts = {
-        "tendons": model.ntendon,
-        "equality constraints": model.neq,
+        "springs or friction in tendons": _pulling(model, moving),
+        "constraints between bodies that move (connect, weld)": _bound(model, bodies),
         "flexible bodies": model.nflex,
         "plug-ins": model.nplugin,
-        "gravity compensation (gravcomp)": np.any(model.body_gravcomp),
+        "gravity compensation (gravcomp) of some of its links": _partly(model, bodies),
         "air or water (density, viscosity)": model.opt.density or model.opt.viscosity,
     }
-    return [f"it has {what}; allowed: none; delete them" for what, there in parts.items() if there]
+    found = [f"it has {what}; allowed: none; delete them" for what, there in parts.items() if there]
+    return found + _followers(model, set(moving), held)
 
 
-def _forces(model: Any, j: int, name: str) -> str | None:
-    """Problems with the forces on joint `j`."""
-    if model.jnt_stiffness[j] or np.any(model.jnt_stiffnesspoly[j]):
-        return f"joint '{name}' has a spring (stiffness); allowed: none; delete it"
-    if np.any(model.dof_dampingpoly[j]):
-        return f"joint '{name}' has damping that is not linear; give one number"
-    for what, value in (
-        ("frictionloss", model.dof_frictionloss[j]),
-        ("damping", model.dof_damping[j]),
-    ):
-        if not value >= 0.0:
-            return f"joint '{name}' has {what} {value:g}, which drives it; allowed: from 0"
-    if model.dof_armature[j] <= 0.0:
-        return (
-            f"joint '{name}' has no armature: the inertia on the motor's side of the gear, which "
-            "is the rotor's times the gear ratio squared [kg m^2], of a slide [kg]; if you cannot "
-            "know it, write about what the link has and a nominal_uncertainty of 0.5 in log.yaml"
+def _followers(model: Any, moving: set[int], held: set[str]) -> list[str]:
+    """Joints that follow others which move, by an equality."""
+    found = []
+    for e in range(model.neq):
+        if int(model.eq_type[e]) != FOLLOWER or not model.eq_active0[e]:
+            continue
+        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        names = [model.joint(one).name, model.joint(other).name if other >= 0 else "a constant"]
+        if held & set(names) or not moving & {one, other}:
+            continue
+        found.append(
+            f"joint '{names[0]}' follows '{names[1]}' by an equality, which is not simulated; to "
+            "hold it changes the robot, whose links then move otherwise: if that is little, add "
+            f"`hold: {{{names[0]}: 0}}` under mechanism in log.yaml"
         )
-    return None
+    return found
+
+
+def _bound(model: Any, bodies: set[int]) -> bool:
+    at = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_BODY)
+    for e in np.flatnonzero(model.eq_active0 != 0):
+        if int(model.eq_type[e]) not in (WELD, CONNECT):
+            continue
+        ends = {int(model.eq_obj1id[e]), int(model.eq_obj2id[e])}
+        if not at[e]:
+            ends = {int(model.site_bodyid[site]) for site in ends}
+        if ends & bodies:
+            return True
+    return False
+
+
+def _pulling(model: Any, moving: Sequence[int]) -> bool:
+    """Whether tendons with forces of their own span joints that move."""
+    bodies = moved(model, moving)
+    for t in range(model.ntendon):
+        own = (model.tendon_stiffness[t], model.tendon_damping[t], model.tendon_frictionloss[t])
+        if not any(own):
+            continue
+        first, count = model.tendon_adr[t], model.tendon_num[t]
+        for w in range(first, first + count):
+            kind, at = int(model.wrap_type[w]), int(model.wrap_objid[w])
+            if kind == int(mujoco.mjtWrap.mjWRAP_JOINT) and at in moving:
+                return True
+            if kind == int(mujoco.mjtWrap.mjWRAP_SITE) and int(model.site_bodyid[at]) in bodies:
+                return True
+    return False
+
+
+def _partly(model: Any, bodies: set[int]) -> bool:
+    """Whether the weight of some of the bodies that move is compensated, and not of all."""
+    share = {float(model.body_gravcomp[b]) for b in bodies if model.body_mass[b] > 0.0}
+    return bool(share - {0.0}) and share != {1.0}
+
+
+def _forces(model: Any, moving: Sequence[int]) -> list[str]:
+    """Problems with the forces on joints that move, by problem: all its joints at once."""
+    dofs = [int(model.jnt_dofadr[j]) for j in moving]
+    tests: dict[str, list[Any]] = {
+        "{} a spring (stiffness); allowed: none; delete it": [
+            bool(model.jnt_stiffness[j]) or np.any(model.jnt_stiffnesspoly[j]) for j in moving
+        ],
+        "{} damping that is not linear; give one number": [
+            np.any(model.dof_dampingpoly[d]) for d in dofs
+        ],
+        "{} a frictionloss below 0, which drives it; allowed: from 0": [
+            not model.dof_frictionloss[d] >= 0.0 for d in dofs
+        ],
+        "{} a damping below 0, which drives it; allowed: from 0": [
+            not model.dof_damping[d] >= 0.0 for d in dofs
+        ],
+    }
+    found = []
+    for text, wrong in tests.items():
+        names = [model.joint(j).name for n, j in enumerate(moving) if wrong[n]]
+        if names:
+            found.append(text.format(listed(names, "have")))
+    return found

@@ -38,13 +38,13 @@ class Servo(Protocol):
     """Settings of one joint's PD drive, on the motor side [Nm, rad, s]; for a slide [N, m, s]."""
 
     @property
-    def kp(self) -> float:
-        """Proportional gain."""
+    def kp(self) -> float | None:
+        """Proportional gain; without it a drive is refused."""
         ...
 
     @property
-    def kd(self) -> float:
-        """Derivative gain."""
+    def kd(self) -> float | None:
+        """Derivative gain; none is 0."""
         ...
 
     @property
@@ -55,6 +55,11 @@ class Servo(Protocol):
     @property
     def sensor(self) -> str:
         """Side of the gear with the position sensor: 'joint' or 'motor'."""
+        ...
+
+    @property
+    def armature(self) -> float | None:
+        """Inertia on the motor's side, instead of the file's."""
         ...
 
 
@@ -86,15 +91,21 @@ class Inertias:
 
 
 def drives(
-    names: Sequence[str], servos: Sequence[Servo], inertias: Inertias
+    names: Sequence[str], servos: Sequence[Servo], inertias: Inertias, geared: bool
 ) -> tuple[tuple[Drive, ...], float]:
-    """The drives of J joints and their period [s]; raises MjcfError."""
-    period_s = _period_s(names, servos, inertias)
+    """The drives of J joints and their period [s].
+
+    Raises MjcfError where a drive has no limit, and if `geared` where no period suits the gears,
+    which matters to who simulates them.
+    """
+    period_s, problems = _period_s(names, servos, inertias)
+    if geared and problems:
+        raise MjcfError("; ".join(problems))
     gears = inertias.gears_kgm2
     return tuple(
         Drive(
-            kp_nm_rad=servo.kp,
-            kd_nms_rad=servo.kd,
+            kp_nm_rad=_gain(name, servo),
+            kd_nms_rad=servo.kd or 0.0,
             torque_limit_nm=_limit(name, servo),
             rotor_inertia_kgm2=float(inertias.motor_kgm2[j]),
             coulomb_nm=float(inertias.coulomb_nm[j]),
@@ -108,29 +119,42 @@ def drives(
     ), period_s
 
 
-def _period_s(names: Sequence[str], servos: Sequence[Servo], inertias: Inertias) -> float:
-    """The longest drive period [s] that is stable for all joints; raises MjcfError without one."""
-    kp, kd = (np.array([getattr(s, gain) for s in servos]) for gain in ("kp", "kd"))
-    limit = np.array([_limit(name, servo) for name, servo in zip(names, servos, strict=True)])
-    damped = kd + inertias.viscous_nms_rad
+def _period_s(
+    names: Sequence[str], servos: Sequence[Servo], inertias: Inertias
+) -> tuple[float, list[str]]:
+    """The longest drive period [s] that is stable for all joints; else the shortest, and why."""
+    pairs = list(zip(names, servos, strict=True))
+    kp, kd = np.array([_gain(*pair) for pair in pairs]), np.array([s.kd or 0.0 for s in servos])
+    limit = np.array([_limit(*pair) for pair in pairs])
+    damped, motor = kd + inertias.viscous_nms_rad, inertias.motor_kgm2
     for period_s in PERIODS_S:
         gears = inertias.gears_kgm2 * (STIFFNESS / period_s) ** 2
         stiff, rigid = gears >= STIFF * kp, limit <= RIGID_RAD * gears
-        pd = (kp * period_s**2 + 2 * damped * period_s) / inertias.motor_kgm2
+        pd = (kp * period_s**2 + 2 * damped * period_s) / motor
         held = stiff.all() and (pd <= PD_SHARE).all()
         if held and (rigid.all() or period_s == PERIODS_S[-1]):
-            return period_s
-    worst = int(np.argmin(stiff)) if not stiff.all() else int(np.argmax(pd))
-    largest = gears[worst] / STIFF
-    raise MjcfError(
-        f"joint '{names[worst]}' has kp {kp[worst]:g} and kd {kd[worst]:g} on an armature of "
-        f"{inertias.motor_kgm2[worst]:.3g}: too stiff or too damped for a drive period of "
-        f"{1e3 * PERIODS_S[-1]:g} ms (kp up to {largest:.3g}); check that they are in Nm/rad, "
-        "Nms/rad and kg m^2, of a slide in N/m, Ns/m and kg"
-    )
+            return period_s, []
+    most = np.minimum(gears / STIFF, PD_SHARE * motor / period_s**2)
+    most_kd = PD_SHARE * motor / (2 * period_s) - inertias.viscous_nms_rad
+    found = []
+    for j, name in enumerate(names):
+        if kp[j] > most[j]:
+            found.append(f"kp of '{name}' is {kp[j]:g}; allowed here: up to {most[j]:.3g}")
+        elif pd[j] > PD_SHARE:
+            found.append(
+                f"kd of '{name}' is {kd[j]:g} on an armature of {motor[j]:.3g}; allowed here: up "
+                f"to {most_kd[j]:.3g}, or an armature from {motor[j] * pd[j] / PD_SHARE:.3g}"
+            )
+    return PERIODS_S[-1], found
 
 
 def _limit(name: str, servo: Servo) -> float:
     if servo.limit is None:
         raise MjcfError(f"the drive of '{name}' has no limit; give its largest torque or force")
     return servo.limit
+
+
+def _gain(name: str, servo: Servo) -> float:
+    if servo.kp is None:
+        raise MjcfError(f"the drive of '{name}' has no kp; give its proportional gain")
+    return servo.kp

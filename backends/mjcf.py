@@ -8,19 +8,35 @@ nothing about logs.
 
 import dataclasses
 from collections.abc import Mapping, Sequence
+from xml.etree import ElementTree
 
 import mujoco
 import numpy as np
 
 from backends import sticks, trx
-from backends._mjcf_checks import problems
+from backends._mjcf_actuators import FileDrive, file_drive
+from backends._mjcf_checks import moved, problems
 from backends._mjcf_drives import Inertias, Servo, drives
-from backends._mjcf_text import MjcfError, bounded
+from backends._mjcf_model import compiled, whole
+from backends._mjcf_play import Plain, Play
+from backends._mjcf_text import MjcfError
+from backends._mjcf_write import JointNumbers, written
 from backends.spec import Body, Drive, Joint, Spec, Timing, Vec3
 from backends.state import Array
-from files.bounded import one_line
 
-__all__ = ["MjcfError", "Servo", "left_out", "mechanism"]
+__all__ = [
+    "FileDrive",
+    "JointNumbers",
+    "MjcfError",
+    "Plain",
+    "Play",
+    "Servo",
+    "file_drives",
+    "left_out",
+    "mechanism",
+    "whole",
+    "written",
+]
 
 POSES = 32
 """Number of random poses, within the joint ranges, at which the inertias of the links are
@@ -31,64 +47,117 @@ LEAST_KGM2 = 1e-9
 """Least inertia that a joint moves: that of a needle of 1 mg and 5 cm [kg m^2], of a slide [kg]."""
 NEAR = 0.01
 """Distance from an end stop at which it may act, over the joint's range."""
-FROM_FILES = (mujoco.mjtGeom.mjGEOM_MESH, mujoco.mjtGeom.mjGEOM_HFIELD)
-"""Geoms whose shape is in another file; the MJCF holds only its name."""
+GUESSED_ARMATURE = 0.1
+"""Where neither file nor log knows a motor's inertia, it is this share of the least that its links
+have: small, and uncertain (`diagnosis.replay.nominal`)."""
 
 
-def mechanism(xml: str, servos: Mapping[str, Servo]) -> Spec:
-    """The mechanism of an MJCF text with a drive on each joint.
+def mechanism(
+    xml: str,
+    servos: Mapping[str, Servo],
+    *,
+    held: Mapping[str, float] | None = None,
+    fix_base: bool = False,
+    weightless: bool = False,
+    geared: bool = True,
+) -> Spec:
+    """The mechanism of an MJCF or URDF text with a drive on each joint that `servos` names.
 
-    Palm, taxels and grip are copied from the default hand and touch nothing. Raises MjcfError.
+    All other joints are held: where `held` says [rad, m], else where the file has them; a free base
+    only with `fix_base`. `weightless`: the drives carry all weight. `geared`: refuse drives whose
+    gears no period suits. Palm, taxels and grip are copied from the default hand and touch nothing.
+    Raises MjcfError.
     """
-    model, name = _compiled(xml)
-    wrong = problems(model, servos)
+    model, hold = compiled(xml), held or {}
+    wrong = problems(model, list(servos), list(hold), fix_base)
     if wrong:
         raise MjcfError("; ".join(wrong))
-    data = mujoco.MjData(model)
-    data.qpos[:] = 0.0
-    mujoco.mj_kinematics(model, data)
-    names = [model.joint(j).name for j in range(model.njnt)]
+    own = [j for j in range(model.njnt) if model.joint(j).name in servos]
+    names = [model.joint(j).name for j in own]
     chosen = [servos[name] for name in names]
-    inertias = _inertias(model)
+    data = _posed(model, own, hold)
+    inertias = _inertias(model, own, chosen, data.qpos.copy())
     _refuse_weightless(names, inertias)
-    bank, period_s = drives(names, chosen, inertias)
-    weightless = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    bank, period_s = drives(names, chosen, inertias, geared)
+    joints = {
+        j: _joint(model, data, j, servo, drive)
+        for j, servo, drive in zip(own, chosen, bank, strict=True)
+    }
     hand = dataclasses.replace(
         trx.HAND,
-        name=name,
-        bodies=tuple(_bodies(model, data, chosen, bank)),
+        name=_name(xml),
+        bodies=tuple(_bodies(model, data, joints)),
         fingertips=(),
-        grasp_rad=(0.0,) * model.njnt,
-        preload_rad=(0.0,) * model.njnt,
+        grasp_rad=(0.0,) * len(own),
+        preload_rad=(0.0,) * len(own),
     )
     return Spec(
         hand=hand,
         stick=sticks.STICKS["reference"],
         contact=trx.CONTACT,
         timing=Timing(drive_s=period_s),
-        gravity_m_s2=_vec(np.zeros(3) if weightless else model.opt.gravity),
+        gravity_m_s2=_vec(np.zeros(3) if weightless or _floats(model, own) else model.opt.gravity),
     )
+
+
+def file_drives(xml: str) -> dict[str, FileDrive]:
+    """What an MJCF or URDF text says of the drives of its hinges and slides; raises MjcfError."""
+    model = compiled(xml)
+    hinges = [j for j in range(model.njnt) if int(model.jnt_type[j]) in ROOM]
+    return {model.joint(j).name: file_drive(model, j) for j in hinges}
 
 
 def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:
     """What the MJCF text has and the mechanism lacks, in words; raises MjcfError.
 
-    `spans` holds the lowest and the highest position of each joint [rad or m]: end stops count
-    where a joint comes near one.
+    `spans` holds the lowest and the highest position of each joint that moves [rad or m]: end stops
+    count where a joint comes near one.
     """
-    model, _ = _compiled(xml)
+    model = compiled(xml)
+    own = [j for j in range(model.njnt) if model.joint(j).name in spans]
     touching = ((model.geom_contype != 0) & (model.geom_conaffinity != 0)).sum()
     stopped = [
         name
-        for j in np.flatnonzero(model.jnt_limited)
-        if (name := model.joint(j).name) in spans and _reaches(spans[name], model.jnt_range[j])
+        for j in own
+        if model.jnt_limited[j] and _reaches(spans[name := model.joint(j).name], model.jnt_range[j])
     ]
+    resting = [
+        model.joint(j).name or f"number {j}"
+        for j in range(model.njnt)
+        if j not in own and int(model.jnt_type[j]) in ROOM
+    ]
+    odd = [text for name, one in file_drives(xml).items() if name in spans for text in one.odd]
     said = {
         f"contacts of {touching} geoms: the mechanism moves in free air": touching > 1,
         f"end stops, which the log reaches: {', '.join(stopped)}": bool(stopped),
-        f"{model.nu} actuators: drives stand in log.yaml": model.nu > 0,
+        f"joints that the log has not, which are held: {', '.join(resting)}": bool(resting),
+        "; ".join(odd): bool(odd),
+        "gravity: the file compensates it (gravcomp)": _floats(model, own),
     }
     return tuple(text for text, applies in said.items() if applies)
+
+
+def _name(xml: str) -> str:
+    """The model's name."""
+    root = ElementTree.fromstring(xml)
+    return root.get("model" if root.tag == "mujoco" else "name") or "MuJoCo Model"
+
+
+def _floats(model: mujoco.MjModel, own: Sequence[int]) -> bool:
+    """Whether no body that joints move has a weight for them to carry."""
+    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
+        return True
+    return all(model.body_gravcomp[b] == 1.0 for b in moved(model, own) if model.body_mass[b] > 0.0)
+
+
+def _posed(model: mujoco.MjModel, own: Sequence[int], held: Mapping[str, float]) -> mujoco.MjData:
+    """The model where joints that move read 0, and others stand where they are held."""
+    data = mujoco.MjData(model)
+    data.qpos[[model.jnt_qposadr[j] for j in own]] = 0.0
+    for name, value in held.items():
+        data.qpos[model.joint(name).qposadr[0]] = value
+    mujoco.mj_kinematics(model, data)
+    return data
 
 
 def _reaches(span: tuple[float, float], stops: np.ndarray) -> bool:
@@ -97,37 +166,42 @@ def _reaches(span: tuple[float, float], stops: np.ndarray) -> bool:
     return bool(span[0] < stops[0] + near or span[1] > stops[1] - near)
 
 
-def _compiled(xml: str) -> tuple[mujoco.MjModel, str]:
-    """The compiled model, without meshes, and its name."""
-    text = bounded(xml)
-    try:
-        model = mujoco.MjSpec.from_string(text)
-        for part in (*model.geoms, *model.meshes, *model.hfields, *model.textures):
-            if not isinstance(part, mujoco.MjsGeom) or part.type in FROM_FILES:
-                model.delete(part)
-        return model.compile(), model.modelname
-    except (ValueError, RuntimeError) as error:
-        raise MjcfError(f"MuJoCo cannot compile it: {one_line(str(error))}") from None
-
-
-def _inertias(model: mujoco.MjModel) -> Inertias:
+def _inertias(
+    model: mujoco.MjModel, own: Sequence[int], servos: Sequence[Servo], pose: Array
+) -> Inertias:
     """Mass matrices of the links at random poses, and inertia and friction on the motor side."""
-    room = np.array([ROOM[int(kind)] for kind in model.jnt_type])
+    room = np.array([ROOM[int(model.jnt_type[j])] for j in own])
     ends = np.stack([-room, room], axis=1)
-    ends = np.where(model.jnt_limited[:, None] != 0, model.jnt_range, ends)
-    data, found = mujoco.MjData(model), np.zeros((POSES, model.nv, model.nv))
-    for k, share in enumerate(np.random.default_rng(0).uniform(size=(POSES, model.nv))):
-        data.qpos[:] = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
+    ends = np.where(model.jnt_limited[own][:, None] != 0, model.jnt_range[own], ends)
+    dofs, at = model.jnt_dofadr[own], model.jnt_qposadr[own]
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    found = np.zeros((POSES, len(own), len(own)))
+    for k, share in enumerate(np.random.default_rng(0).uniform(size=(POSES, len(own)))):
+        data.qpos[:] = pose
+        data.qpos[at] = ends[:, 0] + share * (ends[:, 1] - ends[:, 0])
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_makeM(model, data)
-        mujoco.mj_fullM(model, data, found[k])
+        mujoco.mj_fullM(model, data, full)
+        found[k] = full[np.ix_(dofs, dofs)]
+    files = [file_drive(model, j) for j in own]
+    links = found - np.diag([one.armature for one in files])
     return Inertias(
-        motor_kgm2=model.dof_armature.copy(),
-        link_kgm2=found - np.diag(model.dof_armature),
-        coulomb_nm=model.dof_frictionloss.copy(),
-        viscous_nms_rad=np.array(model.dof_damping, dtype=float),
+        motor_kgm2=_motors(servos, files, links),
+        link_kgm2=links,
+        coulomb_nm=np.array(model.dof_frictionloss[dofs], dtype=float),
+        viscous_nms_rad=np.array([one.damping for one in files]),
     )
+
+
+def _motors(servos: Sequence[Servo], files: Sequence[FileDrive], links: Array) -> Array:
+    """Inertias on the motors' side (J,): as given, of the file, or a guess from the links'."""
+    given = [
+        file.armature if servo.armature is None else servo.armature
+        for servo, file in zip(servos, files, strict=True)
+    ]
+    least = np.einsum("pjj->pj", links).min(axis=0)
+    return np.where(np.array(given) > 0.0, given, GUESSED_ARMATURE * least)
 
 
 def _refuse_weightless(names: Sequence[str], inertias: Inertias) -> None:
@@ -141,27 +215,28 @@ def _refuse_weightless(names: Sequence[str], inertias: Inertias) -> None:
             )
 
 
-def _bodies(
-    model: mujoco.MjModel, data: mujoco.MjData, servos: Sequence[Servo], bank: Sequence[Drive]
-) -> list[Body]:
+def _bodies(model: mujoco.MjModel, data: mujoco.MjData, joints: Mapping[int, Joint]) -> list[Body]:
     """The moving bodies in kinematic order; a body with several joints becomes several bodies."""
+    moves = moved(model, list(joints))
     carriers: dict[int, tuple[str | None, Array]] = {}
     found: list[Body] = []
     for b in range(model.nbody):
-        if model.body_weldid[b] == 0:  # it stands still: what it carries, the world carries
+        if b not in moves:  # it stands still: what it carries, the world carries
             carriers[b] = (None, np.zeros(3))
             continue
         parent, at_m = carriers[model.body_parentid[b]]
         name, first = model.body(b).name or f"body{b}", model.body_jntadr[b]
         axes = [
-            (_joint(model, data, j, servos[j], bank[j]), data.xanchor[j])
+            (joints[j], data.xanchor[j])
             for j in range(first, first + model.body_jntnum[b])
+            if j in joints
         ]
         for joint, anchor_m in axes[:-1]:
             found.append(_empty(f"{name}.{joint.name}", parent, anchor_m - at_m, joint))
             parent, at_m = found[-1].name, anchor_m
         joint, anchor_m = axes[-1] if axes else (_fixed(name), data.xpos[b])
-        found.append(_filled(_empty(name, parent, anchor_m - at_m, joint), model, data, b))
+        body = _empty(name, parent, anchor_m - at_m, joint)
+        found.append(_filled(body, model, data, b, anchor_m))
         carriers[b] = (name, anchor_m)
     return found
 
@@ -179,10 +254,10 @@ def _empty(name: str, parent: str | None, origin_m: Array, joint: Joint) -> Body
     )
 
 
-def _filled(empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int) -> Body:
+def _filled(
+    empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int, anchor_m: Array
+) -> Body:
     """A body with mass and inertia of the model's body `b`, axes parallel to the world frame."""
-    first, count = model.body_jntadr[b], model.body_jntnum[b]
-    anchor_m = data.xanchor[first + count - 1] if count else data.xpos[b]
     turn = data.ximat[b].reshape(3, 3)
     inertia = turn @ np.diag(model.body_inertia[b]) @ turn.T
     return dataclasses.replace(

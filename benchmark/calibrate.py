@@ -128,7 +128,7 @@ def _ideal(log: Log, backend: str) -> Spec:
     """The log's mechanism without effects; raises UsageError or LogError if it is unknown."""
     mechanism = log.meta.mechanism
     if isinstance(mechanism, MjcfMechanism):
-        spec = mjcf_world(log)
+        spec = mjcf_world(log, geared=True)
         slides = [body.joint.name for body in spec.hand.driven if body.joint.slides]
         refused = registry.load("backend", backend).support["joint.slides"]
         if slides and refused.startswith("refused"):

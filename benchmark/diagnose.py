@@ -28,6 +28,8 @@ from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, require_joints
 from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
+from diagnosis.replay.plain import plain_apart
+from diagnosis.replay.robot import contradictions
 from diagnosis.report import wording
 from diagnosis.report.report import page
 from diagnosis.verdict.result import NONE
@@ -170,13 +172,13 @@ def _world(log: Log, settings: Settings) -> World:
     return World(spec=spec, ideal=ideal, known=known)
 
 
-def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float | None:
+def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float:
     """Largest distance between replay and engine [rad]; UsageError where it refuses the world.
 
-    None for a world with slides on an engine that builds only hinges; replays do both.
+    A user's robot is held against plain MuJoCo.
     """
-    if _slides(world) and engine.support["joint.slides"].startswith("refused"):
-        return None
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        return plain_apart(log, world.spec)
     try:
         return apart_rad(_on(engine), world.spec, log)
     except ValueError as error:
@@ -193,17 +195,16 @@ def _slides(world: World) -> str:
     return ", ".join(body.joint.name for body in world.spec.hand.driven if body.joint.slides)
 
 
-def _warnings(log: Log, world: World, apart_rad: float | None) -> Iterator[str]:
+def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
     known = world.spec.hand.joint_names
     if strange := [joint for joint in log.joints if joint not in known]:
         yield f"the log has joints that this hand lacks: {', '.join(strange)}; they are ignored"
     if not isinstance(log.meta.mechanism, HandMechanism):
+        yield from contradictions(log)
         yield from (f"not simulated from the MJCF: {text}" for text in left_out(log))
     if slides := _slides(world):
         yield f"{slides} is a slide: read N for Nm and m for rad, so 17.45 mm for 1 deg"
-    if apart_rad is None:
-        yield f"{_slides(world)} is a slide, which no engine here builds: replays are not checked"
-    elif apart_rad > FLOOR_RAD:
+    if apart_rad > FLOOR_RAD:
         yield (
             f"the engine and the compiled replay of the nominal world differ by up to "
             f"{1e3 * apart_rad:.2g} mrad (slides: mm); the diagnosis counts up to "
@@ -217,7 +218,7 @@ def _result(
     log: Log,
     world: World,
     settings: Settings,
-    apart_rad: float | None,
+    apart_rad: float,
 ) -> dict:
     """The JSON object."""
     row, effects = found.plain(), _corrected(found, world)
@@ -256,9 +257,7 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     """What the report says about log and nominal world."""
     nominal = result["nominal"]
     apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
-    held = f"not compared with {name}, which builds no slides"
-    if apart_rad is not None:
-        held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
+    held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
         "log": settings.path.resolve().name,
         "source": log.meta.source,

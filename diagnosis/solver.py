@@ -29,6 +29,7 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
+from diagnosis.replay.robot import uncertainties
 from diagnosis.search.chaos import spreading
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import QUIET, Found, Search
@@ -56,6 +57,8 @@ class Asked:
     nominal: Spec
     rigid: bool
     uncertainty: float
+    guesses: Mapping[tuple[str, str], float]
+    """Of nominal numbers that are hardly known, see `replay.robot.uncertainties`."""
     catalogue: Mapping[str, type[Effect]]
     origin: Ordinary
 
@@ -116,6 +119,7 @@ def judged(
         nominal=nominal or mjcf_world(log),
         rigid=rigid,
         uncertainty=max(log.meta.nominal_uncertainty, LEAST_UNCERTAINTY),
+        guesses=uncertainties(log),
         catalogue=every_effect() if catalogue is None else catalogue,
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
@@ -235,7 +239,8 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:
-    return parameters(asked.catalogue, said, asked.uncertainty, asked.origin.everyday)
+    known = asked.uncertainty, asked.origin.everyday, asked.guesses
+    return parameters(asked.catalogue, said, *known)
 
 
 def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Parameter, ...]:

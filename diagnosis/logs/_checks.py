@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs._columns import KINDS, STICK, UNITS, channel_of, kind_of, name_of
-from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta, MjcfMechanism
+from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta
 from files.bounded import one_line
 
 MIN_SAMPLES = 20
@@ -26,8 +26,7 @@ motion."""
 def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, tuple[str, ...]]:
     """Meta and samples with all optional parts filled in, and the warnings."""
     columns_are_known(samples)
-    joints = joints_are_complete(samples)
-    joints_are_in_mechanism(meta, joints)
+    joints_are_complete(samples)
     samples = numbers_are_numbers(samples)
     samples = samples if "episode" in samples else samples.assign(episode=0)
     meta = episodes_are_named(meta, samples)
@@ -53,8 +52,8 @@ def columns_are_known(samples: pd.DataFrame) -> None:
         raise LogError("samples have no column 't_s'; add the time of each sample in seconds")
 
 
-def joints_are_complete(samples: pd.DataFrame) -> tuple[str, ...]:
-    """Names of the joints; each needs a command and a position in the same unit."""
+def joints_are_complete(samples: pd.DataFrame) -> None:
+    """Refuse joints without a command and a position in the same unit."""
     pairs = [pair for column in samples.columns if (pair := kind_of(str(column)))]
     joints = tuple(dict.fromkeys(joint for _, joint in pairs))
     if not joints:
@@ -76,20 +75,6 @@ def joints_are_complete(samples: pd.DataFrame) -> tuple[str, ...]:
                     f"'{stray}' does not fit joint {joint}, whose command is in "
                     f"{'m' if linear else 'rad'}; rename it '{name_of(kind, joint, linear)}'"
                 )
-    return joints
-
-
-def joints_are_in_mechanism(meta: LogMeta, joints: tuple[str, ...]) -> None:
-    """Refuse joints that the MJCF mechanism does not list."""
-    if not isinstance(meta.mechanism, MjcfMechanism):
-        return
-    known = meta.mechanism.joints
-    for joint in joints:
-        if joint not in known:
-            raise LogError(
-                f"samples have a joint '{joint}' that mechanism.joints does not list; "
-                f"listed: {', '.join(known)}; add its drive or remove its columns"
-            )
 
 
 def numbers_are_numbers(samples: pd.DataFrame) -> pd.DataFrame:

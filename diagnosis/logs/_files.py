@@ -153,9 +153,17 @@ def _yaml(path: Path) -> object:
 def _mjcf(folder: Path, meta: LogMeta) -> str | None:
     if not isinstance(meta.mechanism, MjcfMechanism):
         return None
-    path = folder / meta.mechanism.mjcf
+    return read_model(folder / meta.mechanism.mjcf)
+
+
+def read_model(path: Path) -> str:
+    """The text of an MJCF or URDF, with all that matters of other files; raises LogError."""
+    from backends.mjcf import MjcfError, whole
+
     try:
-        return bounded.read_text(path, MOST_MJCF_BYTES)
+        return whole(bounded.read_text(path, MOST_MJCF_BYTES), path.parent)
+    except MjcfError as error:
+        raise LogError(f"{path.name}: {error}") from None
     except FileNotFoundError:
         raise LogError(f"the mechanism's file {path} is missing; copy the MJCF there") from None
     except FileError as error:

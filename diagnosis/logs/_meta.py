@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import (
     BaseModel,
+    BeforeValidator,
     ConfigDict,
     Field,
     FiniteFloat,
@@ -21,7 +22,10 @@ NOMINAL_UNCERTAINTY = 0.05
 """Relative uncertainty of the nominal parameters if none is given."""
 
 Text = Annotated[str, StringConstraints(min_length=1, strip_whitespace=True)]
+Name = Annotated[Text, BeforeValidator(lambda name: str(name) if type(name) is int else name)]
+"""A joint's name, which may be a number."""
 Amount = Annotated[FiniteFloat, Field(ge=0)]
+Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 
 class LogError(ValueError):
@@ -53,15 +57,18 @@ class EpisodeMeta(_Part):
 class DriveSettings(_Part):
     """Nominal drive of one joint, PD on the motor side; of a linear joint read m for rad, N for Nm.
 
-    Inertias, friction and gravity stand in the MJCF.
+    What is not given here stands in the MJCF, as do links, friction and gravity.
     """
 
-    kp: Amount
-    """Proportional gain [Nm/rad], of a linear joint [N/m]."""
-    kd: Amount
-    """Derivative gain [Nms/rad], of a linear joint [Ns/m]."""
-    limit: Annotated[FiniteFloat, Field(gt=0)] | None = None
-    """Largest drive torque [Nm], of a linear joint force [N]; None: no limit."""
+    kp: Amount | None = None
+    """Proportional gain [Nm/rad], of a linear joint [N/m]; None: that of the MJCF's actuator."""
+    kd: Amount | None = None
+    """Derivative gain [Nms/rad], of a linear joint [Ns/m]; None: as `kp`."""
+    limit: Positive | None = None
+    """Largest drive torque [Nm], of a linear joint force [N]; None: as `kp`, or no limit."""
+    armature: Positive | None = None
+    """Inertia on the motor's side: the rotor's times the gear ratio squared [kg m^2], of a linear
+    joint [kg]; None: that of the MJCF, or unknown."""
     sensor: Literal["joint", "motor"] = "joint"
     """Side of the gear on which the position was measured."""
 
@@ -77,10 +84,17 @@ class HandMechanism(_Part):
 
 
 class MjcfMechanism(_Part):
-    """A user's mechanism: an MJCF file in the log's folder and the drives of its joints."""
+    """A user's mechanism: an MJCF or URDF file in the log's folder, and what it does not say."""
 
     mjcf: Text
-    joints: Annotated[dict[Text, DriveSettings], Field(min_length=1)]
+    joints: dict[Name, DriveSettings] = {}
+    """What the file does not say of drives, or says wrongly."""
+    hold: dict[Name, FiniteFloat] = {}
+    """Where joints are held that the log has not [rad], of a linear joint [m]; 0 by default."""
+    fix_base: bool = False
+    """Whether a floating base stands where the file has it."""
+    gravity_compensation: bool = False
+    """Whether the drives carry the weight of all links, beside their PD law."""
 
     @field_validator("mjcf")
     @classmethod

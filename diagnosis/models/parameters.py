@@ -66,13 +66,18 @@ class Parameter:
 
 
 def parameters(
-    catalogue: Mapping[str, type[Effect]], evidence: Evidence, uncertainty: float, everyday: float
+    catalogue: Mapping[str, type[Effect]],
+    evidence: Evidence,
+    uncertainty: float,
+    everyday: float,
+    guesses: Mapping[tuple[str, str], float] | None = None,
 ) -> tuple[Parameter, ...]:
     """All parameters of a limb, in the order of `every_effect`.
 
     Effects that are not in `catalogue` are tolerances still: what is not looked for is there.
-    `uncertainty`: one standard deviation of the nominal numbers, relative; `everyday`: the share of
-    the other tolerances that mechanisms of this origin have.
+    `uncertainty`: one standard deviation of the nominal numbers, relative, and `guesses` that of
+    some of them by joint and number; `everyday`: the share of the other tolerances that mechanisms
+    of this origin have.
     """
     found = []
     for name, kind in {**every_effect(), **catalogue}.items():
@@ -82,13 +87,27 @@ def parameters(
         joints = range(len(evidence.joints)) if kind.per_joint else (None,)
         for place in places:
             for joint in joints:
-                one = _parameter(name, kind, joint, place, evidence, uncertainty, everyday)
+                sure = _uncertainty(evidence, joint, place, uncertainty, guesses or {})
+                one = _parameter(name, kind, joint, place, evidence, sure, everyday)
                 if one is not None:
                     shows = not (evidence.only_rests and place in MOVING)
                     found.append(replace(one, nameable=name in catalogue and shows))
             if kind.shared and len(evidence.joints) > 1:
                 found.append(_shared([p for p in found if p.effect == name]))
     return tuple(found)
+
+
+def _uncertainty(
+    evidence: Evidence,
+    joint: int | None,
+    place: int,
+    uncertainty: float,
+    guesses: Mapping[tuple[str, str], float],
+) -> float:
+    """The relative uncertainty of one nominal number."""
+    if joint is None:
+        return uncertainty
+    return guesses.get((evidence.joints[joint], COLUMNS[place]), uncertainty)
 
 
 def _places(kind: type[Effect]) -> tuple[int, ...]:

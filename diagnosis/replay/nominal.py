@@ -2,14 +2,11 @@
 
 from collections.abc import Mapping
 
-import numpy as np
-
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.logs.log import Log, LogError
+from diagnosis.replay.robot import model_of, servos
 
-FREE_LIMIT = 2.0
-"""A drive without a limit gets this multiple of the torque at the log's largest error."""
 OWN_BOUNDS = {
     "torque": ("torque_limit_nm", 0.8),
     "damping": ("kd_nms_rad", 0.9),
@@ -18,19 +15,23 @@ OWN_BOUNDS = {
 """By dimension, the drive's number that bounds an effect, and the share of it: a hand's bounds."""
 
 
-def mjcf_world(log: Log) -> Spec:
-    """The nominal world of a log with an MJCF mechanism; raises LogError if it cannot be built."""
+def mjcf_world(log: Log, geared: bool = False) -> Spec:
+    """The nominal world of a log with an MJCF mechanism; raises LogError if it cannot be built.
+
+    `geared`: its drives are simulated with gears, as engines do.
+    """
     from backends.mjcf import MjcfError, mechanism
 
-    xml, settings = _parts(log)
-    servos = {
-        name: servo
-        if servo.limit is not None or name not in log.joints
-        else servo.model_copy(update={"limit": _ample(log, name, servo.kp)})
-        for name, servo in settings.joints.items()
-    }
+    xml, settings = model_of(log)
     try:
-        spec = mechanism(xml, servos)
+        spec = mechanism(
+            xml,
+            servos(log),
+            held=settings.hold,
+            fix_base=settings.fix_base,
+            weightless=settings.gravity_compensation,
+            geared=geared,
+        )
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
     for body in spec.hand.driven:
@@ -42,7 +43,7 @@ def left_out(log: Log) -> tuple[str, ...]:
     """What the log's MJCF has and the nominal world lacks, in words; raises LogError."""
     from backends.mjcf import MjcfError, left_out
 
-    xml, settings = _parts(log)
+    xml, settings = model_of(log)
     read = {joint: log.samples[log.column("position", joint)] for joint in log.joints}
     try:
         return left_out(xml, {j: (float(q.min()), float(q.max())) for j, q in read.items()})
@@ -71,26 +72,8 @@ def _widened(kind: type[Effect], largest: Mapping[str, float]) -> type[Effect]:
     return type(kind.__name__, (kind,), {"__module__": kind.__module__, "bounds": (low, most)})
 
 
-def _parts(log: Log) -> tuple[str, MjcfMechanism]:
-    settings = log.meta.mechanism
-    if not isinstance(settings, MjcfMechanism) or log.mjcf_xml is None:
-        raise LogError("this log's mechanism is a hand known by name, not an MJCF file")
-    return log.mjcf_xml, settings
-
-
-def _ample(log: Log, joint: str, kp: float) -> float:
-    """A limit that the log never reaches; at least 1e-6 Nm."""
-    error = log.samples[log.column("command", joint)] - log.samples[log.column("position", joint)]
-    return max(FREE_LIMIT * kp * float(np.abs(error).max()), 1e-6)
-
-
 def _fits(log: Log, joint: str, slides: bool) -> None:
-    """Raise LogError unless a joint is in the log, in metres where it slides."""
-    if joint not in log.joints:
-        raise LogError(
-            f"this log has no commands for '{joint}'; it has: {', '.join(log.joints)}; record "
-            "every joint of the MJCF, or delete the joint there, so that its body is fixed"
-        )
+    """Raise LogError unless a joint is logged in metres where it slides."""
     if log.is_linear(joint) != slides:
         is_, unit = ("slides", "m") if slides else ("turns", "rad")
         raise LogError(

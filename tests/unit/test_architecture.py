@@ -18,7 +18,7 @@ FLOORS = {
     "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends", "files"},
 }
 HOMES = {
-    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "benchmark/_scene.py"}
+    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "backends/_mjcf", "benchmark/_scene.py"}
     | {"diagnosis/blind/mechanics/plain.py"},
     "pybullet": {"backends/bullet.py"},
     "sapien": {"backends/sapien.py"},

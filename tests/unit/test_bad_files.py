@@ -37,15 +37,15 @@ LONGEST = 500
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ('armature="0.01"', 'armature="0.01" frictionloss="-1"', "frictionloss -1"),
-        ('armature="0.01"', 'armature="0.01" damping="-1"', "damping -1"),
+        ('armature="0.01"', 'armature="0.01" frictionloss="-1"', "frictionloss below 0"),
+        ('armature="0.01"', 'armature="0.01" damping="-1"', "damping below 0"),
         ('armature="0.01"', 'armature="0.01" range="nan nan"', 'range="nan nan"'),
         ('pos="0 0 0"', 'pos="nan 0 0"', 'pos="nan 0 0"'),
         (SOLID, SOLID.replace("-0.1", "0").replace("e-4", "e-15"), "moves 1e-15"),
         (START, f'{START}<replicate count="1e5"><site/></replicate>', "elements"),
         (START, START + THOUSAND * 3 + "<site/>" + "</replicate>" * 3, "1e+09 elements"),
         (START, f'<include file="/etc/hostname"/>{START}', "no other file is read"),
-        (START, f'<asset><model name="b" file="b.xml"/></asset>{START}', "no other file is read"),
+        (START, f'<asset><model name="b" file="b.xml"/></asset>{START}', "not attached"),
         ("<mujoco ", '<!DOCTYPE m [<!ENTITY a "b">]><mujoco ', "entities"),
         ("<mujoco ", f"<mujoco {'x' * 1_000_000}", "allowed: up to 1000000"),
         ("</mujoco>", "<" + "x" * 10_000, "no XML"),

@@ -1,0 +1,115 @@
+"""Write numbers of joints and drives into the text of a user's MJCF; all else stays as it is."""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from xml.etree.ElementTree import Element
+
+import mujoco
+
+from backends._mjcf_actuators import acts
+from backends._mjcf_model import as_mjcf, compiled
+from backends._mjcf_text import MjcfError
+
+KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
+"""Attributes of an actuator that a position servo in its place keeps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointNumbers:
+    """What is written of one joint [Nm, rad, s]; of a slide [N, m, s]."""
+
+    kp: float
+    """Proportional gain of its position servo."""
+    kd: float
+    """Derivative gain of it."""
+    limit: float | None
+    """Largest torque of it."""
+    armature: float
+    """Inertia on the motor's side [kg m^2], of a slide [kg]."""
+    damping: float
+    """Viscous friction."""
+    frictionloss: float
+    """Coulomb friction."""
+    mass_kg: float
+    """Mass of the body that it carries."""
+
+
+def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
+    """The text with these joints' numbers, and a position servo on each; raises MjcfError.
+
+    A URDF becomes the MJCF that MuJoCo makes of it.
+    """
+    model, root = compiled(xml), _parsed(as_mjcf(xml))
+    for name, one in numbers.items():
+        body, joint = _found(root, name)
+        joint.set("armature", repr(one.armature))
+        joint.set("damping", repr(one.damping))
+        joint.set("frictionloss", repr(one.frictionloss))
+        _set_mass(body, model, model.joint(name).bodyid[0], one.mass_kg)
+        _set_servo(root, model, name, one)
+    ElementTree.indent(root)
+    return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _parsed(text: str) -> Element:
+    """The tree with its comments."""
+    builder = ElementTree.TreeBuilder(insert_comments=True)
+    return ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
+
+
+def _found(root: Element, name: str) -> tuple[Element, Element]:
+    """A joint and the body that it moves; raises MjcfError."""
+    for body, joint in _joints(root, root):
+        if joint.get("name") == name:
+            return body, joint
+    raise MjcfError(f"its joint '{name}' is made by a repetition; write it out, to correct it")
+
+
+def _joints(parent: Element, body: Element) -> Iterator[tuple[Element, Element]]:
+    for child in parent:
+        if child.tag == "joint" and body.tag == "body":
+            yield body, child
+        elif child.tag in ("worldbody", "frame"):
+            yield from _joints(child, body)
+        elif child.tag == "body":
+            yield from _joints(child, child)
+
+
+def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
+    """Write the mass of a body, if it is another one, into its inertial."""
+    if abs(mass_kg - model.body_mass[b]) <= 1e-9 * mass_kg:
+        return
+    inertial = body.find("inertial")
+    if inertial is None:
+        place = {"pos": model.body_ipos[b], "quat": model.body_iquat[b]}
+        own = place | {"diaginertia": model.body_inertia[b]}
+        text = {name: " ".join(map(repr, map(float, value))) for name, value in own.items()}
+        inertial = Element("inertial", text)
+        body.insert(0, inertial)
+    inertial.set("mass", repr(mass_kg))
+
+
+def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:
+    """Put a position servo in the place of a joint's actuators."""
+    sections = root.findall("actuator") or [ElementTree.SubElement(root, "actuator")]
+    servo, first = Element("position", {"joint": name}), None
+    for section in sections:
+        for old in [e for e in section if name in (e.get("joint"), e.get("jointinparent"))]:
+            if first is None:
+                first = old
+                section.insert(list(section).index(old), servo)
+            section.remove(old)
+    if first is None:
+        sections[0].append(servo)
+    else:
+        servo.attrib |= {key: first.get(key, "") for key in KEPT if first.get(key) is not None}
+    j = model.joint(name).id
+    own = [a for a in range(model.nu) if acts(model, a, j)]
+    gear = float(model.actuator_gear[own[0], 0]) if own else 1.0
+    servo.set("kp", repr(one.kp / gear**2))
+    servo.set("kv", repr(one.kd / gear**2))
+    servo.set("forcelimited", "true" if one.limit else "false")
+    if one.limit:
+        most = one.limit / abs(gear)
+        servo.set("forcerange", f"{-most!r} {most!r}")

@@ -1,0 +1,122 @@
+"""A user's robot in plain MuJoCo under a log's own commands: what its own simulator would show."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written
+from backends.spec import Body, Spec
+from backends.state import Array
+from diagnosis.logs.log import Log, LogError
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording, recordings
+from diagnosis.replay.parts import limbs
+from diagnosis.replay.robot import model_of
+
+HORIZON_S = 2.0
+"""Duration of an episode that is compared [s]."""
+
+
+def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
+    """The numbers of a world's joints, as an MJCF has them."""
+    return {body.joint.name: _numbers(body) for body in spec.hand.driven}
+
+
+def model_text(log: Log, spec: Spec) -> str:
+    """The text of a log's model with the numbers of a world; raises LogError."""
+    xml, settings = model_of(log)
+    try:
+        return written(xml, numbers_of(spec))
+    except MjcfError as error:
+        raise LogError(f"{settings.mjcf}: {error}") from None
+
+
+def plain(
+    log: Log,
+    text: str,
+    joints: Sequence[str],
+    timestep_s: float | None = None,
+    integrator: str | None = None,
+) -> Plain:
+    """A text of a log's model in plain MuJoCo, of which `joints` move."""
+    _, settings = model_of(log)
+    return Plain(
+        text,
+        joints,
+        settings.hold,
+        weightless=settings.gravity_compensation,
+        timestep_s=timestep_s,
+        integrator=integrator,
+    )
+
+
+def shown(world: Plain, recording: Recording) -> Array:
+    """Positions (T, K) of an episode's joints in plain MuJoCo."""
+    return world.positions(
+        Play(
+            time_s=recording.time_s,
+            command=recording.command,
+            push=recording.push,
+            start=recording.start,
+        )
+    )
+
+
+def plain_apart(log: Log, spec: Spec) -> float:
+    """Largest difference of a position between replay and plain MuJoCo [rad or m].
+
+    At the beginning of free-air episodes, in the nominal world. Zero if there is no such episode.
+    """
+    text, worst = model_text(log, spec), 0.0
+    for part in limbs(spec):
+        names = part.hand.joint_names
+        episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
+        step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
+        world = plain(log, text, names, step_s, "implicitfast")
+        for recording in episodes:
+            worst = max(worst, _apart(part, recording, shown(world, recording)))
+    return worst
+
+
+def _apart(part: Spec, recording: Recording, position: Array) -> float:
+    """The same of one limb in one episode, replayed about what MuJoCo (T, K) shows."""
+    blank = np.full(position.shape, np.nan)
+    measured = np.stack([position, *[blank] * (len(CHANNELS) - 1)], axis=1)
+    about = Recording(
+        protocol=recording.protocol,
+        time_s=recording.time_s,
+        command=recording.command,
+        push=recording.push,
+        measured=measured,
+        start=position[0],
+    )
+    limb = Limb(spec=part, recordings=(about,), rigid=True)
+    ours = limb.readings(0, np.arange(len(position) + 1), limb.nominal)
+    return float(np.abs(ours[1:, 0] - position[1:]).max())
+
+
+def _begun(recording: Recording) -> Recording:
+    """The beginning of an episode."""
+    keep = recording.time_s <= HORIZON_S
+    return Recording(
+        protocol=recording.protocol,
+        time_s=recording.time_s[keep],
+        command=recording.command[keep],
+        push=recording.push[keep],
+        measured=recording.measured[keep],
+        start=recording.start,
+    )
+
+
+def _numbers(body: Body) -> JointNumbers:
+    drive = body.joint.drive
+    assert drive is not None
+    return JointNumbers(
+        kp=drive.kp_nm_rad,
+        kd=drive.kd_nms_rad,
+        limit=drive.torque_limit_nm,
+        armature=drive.rotor_inertia_kgm2,
+        damping=drive.viscous_nms_rad,
+        frictionloss=drive.coulomb_nm,
+        mass_kg=body.mass_kg,
+    )

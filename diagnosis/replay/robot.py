@@ -1,0 +1,158 @@
+"""What is known of the drives of a user's robot, and from where: its file, log.yaml, or nowhere.
+
+Where both say something, log.yaml counts.
+"""
+
+import difflib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from diagnosis.logs.log import DriveSettings, Log, LogError, MjcfMechanism
+
+FREE_LIMIT = 2.0
+"""A drive without a limit gets this multiple of the torque at the log's largest error."""
+APART = 0.2
+"""Two values of one number contradict each other beyond this share."""
+GUESS_SD = 1.5
+"""Standard deviation of the logarithm of an inertia that neither file nor log.yaml knows."""
+ROTOR = "drive.rotor_inertia_kgm2"
+NUMBERS = ("kp", "kd", "limit", "armature")
+IN_LOG, NOWHERE = "log.yaml", "unknown"
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownDrive:
+    """The drive of one joint; of a slide read m for rad, N for Nm."""
+
+    kp: float
+    """Proportional gain [Nm/rad]."""
+    kd: float
+    """Derivative gain [Nms/rad]."""
+    limit: float | None
+    """Largest torque [Nm]; None: unknown."""
+    armature: float | None
+    """Inertia on the motor's side [kg m^2]; None: unknown."""
+    sensor: str
+    """Side of the gear with the position sensor."""
+    origins: dict[str, str]
+    """Where each of `NUMBERS` comes from: a file, or `NOWHERE`."""
+    differing: tuple[str, ...]
+    """Numbers of which file and log.yaml say different things, in words."""
+
+
+def model_of(log: Log) -> tuple[str, MjcfMechanism]:
+    """The text of a log's model, and what log.yaml says of it; raises LogError without one."""
+    settings = log.meta.mechanism
+    if not isinstance(settings, MjcfMechanism) or log.mjcf_xml is None:
+        raise LogError("this log's mechanism is a hand known by name, not an MJCF file")
+    return log.mjcf_xml, settings
+
+
+def known_drives(log: Log) -> dict[str, KnownDrive]:
+    """The drives of all logged joints; raises LogError where the model lacks one, or its gain."""
+    from backends.mjcf import MjcfError, file_drives
+
+    xml, settings = model_of(log)
+    try:
+        files = file_drives(xml)
+    except MjcfError as error:
+        raise LogError(f"{settings.mjcf}: {error}") from None
+    _require_joints(log, settings.mjcf, list(files))
+    found = {name: _known(settings, name, files[name]) for name in log.joints}
+    without = [name for name, one in found.items() if one is None]
+    if without:
+        first = f"{{{without[0]}: {{kp: 60, kd: 1.5}}}}"
+        raise LogError(
+            f"{settings.mjcf} has no position actuator for {', '.join(without)}, and log.yaml has "
+            f"no kp: write the drives there, such as `joints: {first}` [Nm/rad, Nms/rad]"
+        )
+    return {name: one for name, one in found.items() if one is not None}
+
+
+def servos(log: Log) -> dict[str, DriveSettings]:
+    """The drives of all logged joints, with a limit that the log never reaches where none is known.
+
+    Raises LogError.
+    """
+    return {
+        name: DriveSettings.model_validate(
+            {
+                "kp": one.kp,
+                "kd": one.kd,
+                "limit": one.limit or _ample(log, name, one.kp),
+                "armature": one.armature,
+                "sensor": one.sensor,
+            }
+        )
+        for name, one in known_drives(log).items()
+    }
+
+
+def uncertainties(log: Log) -> dict[tuple[str, str], float]:
+    """Relative uncertainty of numbers that are hardly known, by joint and number of the spec."""
+    if not isinstance(log.meta.mechanism, MjcfMechanism):
+        return {}
+    return {
+        (name, ROTOR): GUESS_SD for name, one in known_drives(log).items() if one.armature is None
+    }
+
+
+def contradictions(log: Log) -> Iterator[str]:
+    """What file and log.yaml say differently, and what neither says, in words."""
+    drives = known_drives(log)
+    for name, one in drives.items():
+        for text in one.differing:
+            yield f"{name}: {text}; log.yaml counts"
+    unknown = [name for name, one in drives.items() if one.armature is None]
+    if unknown:
+        yield (
+            f"the inertia of the motors of {', '.join(unknown)} is unknown, and left free: if you "
+            "know it, write `armature` in log.yaml (the rotor's times the gear ratio squared)"
+        )
+
+
+def _known(settings: MjcfMechanism, name: str, file: Any) -> KnownDrive | None:
+    """One joint's drive; None where neither says its gain."""
+    said = settings.joints.get(name, DriveSettings())
+    numbers, origins, differing = {}, {}, []
+    for number in NUMBERS:
+        here, there = getattr(said, number), getattr(file, number) or None
+        numbers[number] = there if here is None else here
+        known = IN_LOG if here is not None else settings.mjcf
+        origins[number] = NOWHERE if numbers[number] is None else known
+        if here is not None and there is not None and abs(here - there) > APART * abs(there):
+            differing.append(f"{number} is {there:g} in {settings.mjcf} and {here:g} in log.yaml")
+    if numbers["kp"] is None:
+        return None
+    return KnownDrive(
+        kp=numbers["kp"],
+        kd=numbers["kd"] or 0.0,
+        limit=numbers["limit"],
+        armature=numbers["armature"],
+        sensor=said.sensor,
+        origins=origins,
+        differing=tuple(differing),
+    )
+
+
+def _require_joints(log: Log, file: str, known: Sequence[str]) -> None:
+    """Raise LogError where the model lacks joints of the log."""
+    strange = [name for name in log.joints if name not in known]
+    if not strange:
+        return
+    near = {name: difflib.get_close_matches(name, known, n=1) for name in strange}
+    hints = ", ".join(f"'{found[0]}' for {name}" for name, found in near.items() if found)
+    said = f"; did you mean {hints}?" if hints else ""
+    raise LogError(
+        f"{file} has no joint {', '.join(strange)}, which the log has; it has: "
+        f"{', '.join(known) or 'none'}{said}; rename or remove the columns"
+    )
+
+
+def _ample(log: Log, joint: str, kp: float) -> float:
+    """A limit that the log never reaches; at least 1e-6 Nm."""
+    error = log.samples[log.column("command", joint)] - log.samples[log.column("position", joint)]
+    return max(FREE_LIMIT * kp * float(np.abs(error).max()), 1e-6)

@@ -1,0 +1,211 @@
+"""Robots as people have them: read as MuJoCo reads them, and refused for what matters alone."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from backends.mjcf import MjcfError, Plain, Play, file_drives, whole
+from diagnosis.logs._meta import parse_meta
+from diagnosis.logs.log import LogError, LogMeta, make_log
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.plain import plain_apart
+from diagnosis.replay.robot import contradictions, uncertainties
+
+INERTIAL = '<inertial mass="0.8" pos="0.15 0 0" fullinertia="8e-4 4e-3 4e-3 2e-4 0 1e-4"/>'
+JOINT = '<joint name="shoulder" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/>'
+SERVO = '<position joint="shoulder" kp="40" kv="1.2" forcerange="-8 8"/>'
+ARM = (
+    f'<mujoco model="arm"><worldbody><body name="upper" pos="0 0 0.5">{INERTIAL}{JOINT}</body>'
+    f"</worldbody><actuator>{SERVO}</actuator></mujoco>"
+)
+CORNERS = " ".join(f"{x} {y} {z}" for x in (0, 0.3) for y in (-0.02, 0.02) for z in (-0.02, 0.02))
+MESH = f'<asset><mesh name="link" vertex="{CORNERS}"/></asset><worldbody>'
+HEAVY = '<geom type="mesh" mesh="link" mass="0.8"/>'
+URDF = """<robot name="arm"><link name="base"/><link name="upper"><inertial><origin xyz="0.15 0 0"/>
+<mass value="0.8"/><inertia ixx="8e-4" iyy="4e-3" izz="4e-3" ixy="2e-4" ixz="0" iyz="1e-4"/>
+</inertial><visual><geometry><mesh filename="package://a/b.stl"/></geometry></visual></link>
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 1 0"/>
+<origin xyz="0 0 0.5"/><limit lower="-1.57" upper="1.57" effort="8" velocity="5"/>
+<dynamics damping="0.05"/></joint><gazebo><plugin name="p"/></gazebo></robot>"""
+
+
+def log_of(xml: str, joints: dict | None = None, names: tuple[str, ...] = ("shoulder",), **more):
+    """A log of joints that follow sines."""
+    time_s = np.arange(800) / 200
+    samples = pd.DataFrame({"t_s": time_s})
+    for k, name in enumerate(names):
+        samples[f"command_rad.{name}"] = 0.3 * np.sin((2 + k) * time_s)
+        samples[f"position_rad.{name}"] = 0.3 * np.sin((2 + k) * (time_s - 0.03))
+    mechanism_ = {"mjcf": "arm.xml", "joints": joints or {}, **more}
+    meta = LogMeta.model_validate({"schema": 1, "source": "test", "mechanism": mechanism_})
+    return make_log(meta, samples, xml)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        (
+            "<worldbody>",
+            '<asset><texture name="g" type="2d" builtin="checker" width="9" height="9"/><material '
+            'name="g" texture="g"/></asset><worldbody><geom type="plane" size="1 1 1" '
+            'material="g"/>',
+        ),
+        ("</mujoco>", '<keyframe><key qpos="0 0 0.5 1 0 0 0 0.3"/></keyframe></mujoco>'),
+        ("</mujoco>", '<sensor><touch site="s"/></sensor></mujoco>'),
+        ("<joint", '<geom type="mesh" mesh="seen"/><joint'),
+    ],
+)
+def test_what_is_only_seen_refuses_no_robot(old, new):
+    """Read the same mechanism with textures, keyframes, sensors and the meshes that are seen."""
+    more = ARM.replace(old, new, 1)
+    if "seen" in new:
+        more = more.replace(
+            "<worldbody>", '<asset><mesh name="seen" file="s.stl"/></asset><worldbody>'
+        )
+    assert more != ARM
+    assert mjcf_world(log_of(whole(more))) == mjcf_world(log_of(ARM))
+
+
+def test_the_mass_of_a_mesh_counts(tmp_path):
+    """Take a mass from a mesh in the text or in the folder; else name the body and the mesh."""
+    inline = ARM.replace("<worldbody>", MESH, 1).replace(INERTIAL, HEAVY)
+    assert mjcf_world(log_of(inline)).hand.bodies[0].mass_kg == pytest.approx(0.8)
+    lines = [f"v {' '.join(c)}" for c in np.array(CORNERS.split()).reshape(8, 3)]
+    faces = "1 2 4 3", "5 7 8 6", "1 5 6 2", "3 4 8 7", "1 3 7 5", "2 6 8 4"
+    lines += [f"f {a} {b} {c}\nf {a} {c} {d}" for a, b, c, d in map(str.split, faces)]
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "link.obj").write_text("\n".join(lines))
+    asset = '<compiler meshdir="parts"/><asset><mesh name="link" file="link.obj"/></asset>'
+    file = inline.replace(MESH, f"{asset}<worldbody>")
+    link = mjcf_world(log_of(whole(file, tmp_path))).hand.bodies[0]
+    other = mjcf_world(log_of(inline)).hand.bodies[0]
+    assert (*link.com_m, *link.inertia_kgm2) == pytest.approx((*other.com_m, *other.inertia_kgm2))
+    for other, folder, said in (
+        (
+            file,
+            tmp_path / "parts",
+            "mass of body 'upper' is in mesh 'link', and link.obj is missing",
+        ),
+        (file, None, "no other file is read"),
+        (file.replace('file="link', 'file="../../link'), tmp_path, "outside its folder"),
+    ):
+        with pytest.raises(MjcfError, match=said):
+            whole(other, folder)
+
+
+def test_files_are_included_from_the_folder(tmp_path):
+    """Put an included file in its place; refuse one that is missing, outside, or taken twice."""
+    body = f'<body name="upper" pos="0 0 0.5">{INERTIAL}{JOINT}</body>'
+    (tmp_path / "body.xml").write_text(f"<mujocoinclude>{body}</mujocoinclude>")
+    split = ARM.replace(body, '<include file="body.xml"/>')
+    assert mjcf_world(log_of(whole(split, tmp_path))) == mjcf_world(log_of(ARM))
+    for file, said in (
+        ('"none.xml"', "which is missing"),
+        ('"/etc/passwd"', "outside its folder"),
+        ('"body.xml"/><include file="body.xml"', "twice"),
+    ):
+        with pytest.raises(MjcfError, match=said):
+            whole(split.replace('"body.xml"', file), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("actuator", "kp", "kd", "limit"),
+    [
+        (SERVO, 40, 1.2, 8),
+        ('<position joint="shoulder" kp="10" kv="0.3" gear="2" forcerange="-4 4"/>', 40, 1.2, 8),
+        (
+            '<general joint="shoulder" gainprm="40" biastype="affine" biasprm="0 -40 -1.2" '
+            'forcerange="-8 8"/>',
+            40,
+            1.2,
+            8,
+        ),
+        (
+            '<position joint="shoulder" kp="40"/><velocity joint="shoulder" kv="1.2"/>',
+            40,
+            1.2,
+            None,
+        ),
+        ('<motor joint="shoulder" gear="4" ctrlrange="-2 2"/>', None, 0, 8),
+    ],
+)
+def test_drives_are_those_of_the_file(actuator, kp, kd, limit):
+    """Read the gains and the limit that MuJoCo's actuators amount to at the joint."""
+    drive = file_drives(ARM.replace(SERVO, actuator))["shoulder"]
+    assert (drive.kp, drive.limit) == (kp, limit)
+    assert drive.kd == pytest.approx(kd)
+
+
+def test_file_and_log_yaml_that_differ_are_both_named():
+    """Let log.yaml count, and say both numbers where they are a fifth apart."""
+    log = log_of(ARM, {"shoulder": {"kp": 400, "kd": 1.3}})
+    assert mjcf_world(log).drives[0].kp_nm_rad == 400
+    assert list(contradictions(log)) == [
+        "shoulder: kp is 40 in arm.xml and 400 in log.yaml; log.yaml counts"
+    ]
+    with pytest.raises(LogError, match="no position actuator for shoulder, and log.yaml has no kp"):
+        mjcf_world(log_of(ARM.replace(SERVO, "")))
+
+
+def test_a_urdf_is_read_and_its_armature_is_free():
+    """Take links, limits and friction of a URDF; leave the motor's inertia, not in it, free."""
+    log = log_of(URDF, {"shoulder": {"kp": 40, "kd": 1.2}})
+    world = mjcf_world(log)
+    assert world.drives[0].torque_limit_nm == 8 and world.drives[0].viscous_nms_rad == 0.05
+    assert any("motors of shoulder is unknown" in text for text in contradictions(log))
+    assert uncertainties(log) == {("shoulder", "drive.rotor_inertia_kgm2"): 1.5}
+    known = log_of(URDF, {"shoulder": {"kp": 40, "kd": 1.2, "armature": 0.02}})
+    link, other = (mjcf_world(one).hand.bodies[0] for one in (known, log_of(ARM)))
+    assert (*link.com_m, *link.inertia_kgm2) == pytest.approx((*other.com_m, *other.inertia_kgm2))
+    assert link.joint.drive == other.joint.drive
+    assert not uncertainties(known)
+
+
+def test_names_may_be_numbers():
+    """Take joints called 1, 2, ... as YAML reads them without quotes."""
+    data = {"mjcf": "arm.xml", "joints": {1: {"kp": 1}}}
+    meta = parse_meta({"schema": 1, "source": "test", "mechanism": data})
+    assert list(meta.mechanism.joints) == ["1"]
+
+
+def test_a_follower_is_named_with_what_holding_it_means():
+    """Say that to hold a follower changes the robot, and how to accept it."""
+    tip = '<body name="tip" pos="0.3 0 0"><joint name="tip"/><geom size="0.02" mass="0.05"/></body>'
+    xml = ARM.replace(f"{JOINT}</body>", f"{JOINT}{tip}</body>").replace(
+        "<actuator>", '<equality><joint joint1="tip" joint2="shoulder"/></equality><actuator>'
+    )
+    with pytest.raises(LogError, match="'tip' follows 'shoulder' .*changes the robot"):
+        mjcf_world(log_of(xml))
+    assert len(mjcf_world(log_of(xml, hold={"tip": 0})).drives) == 1
+
+
+@pytest.mark.parametrize(
+    "xml",
+    [
+        ARM,
+        ARM.replace('kp="40" kv="1.2" forcerange="-8 8"', 'kp="2000" kv="100"'),
+        ARM.replace('armature="0.02"', 'armature="1e-4"'),
+    ],
+)
+def test_the_nominal_world_is_plain_mujoco(xml):
+    """Replay a nominal arm, damped, stiff or light, within 1e-6 rad of MuJoCo's own simulation."""
+    log = log_of(xml)
+    assert plain_apart(log, mjcf_world(log)) < 1e-6
+
+
+def test_held_joints_stand_still_in_plain_mujoco():
+    """Hold joints and a base in plain MuJoCo as the mechanism has them."""
+    tip = (
+        '<body pos="0.3 0 0"><joint name="tip" axis="0 1 0"/><geom size="0.02" mass="0.1"/></body>'
+    )
+    xml = ARM.replace(f"{JOINT}</body>", f"{JOINT}{tip}</body>").replace(
+        '<body name="upper"', '<body><freejoint/><geom size="0.1"/><body name="upper"', 1
+    )
+    xml = xml.replace("</worldbody>", "</body></worldbody>")
+    log = log_of(xml, hold={"tip": 0.5}, fix_base=True)
+    assert plain_apart(log, mjcf_world(log)) < 1e-6
+    model = Plain(xml, ["shoulder"], {"tip": 0.5})
+    still = Play(
+        time_s=np.arange(3.0), command=np.zeros((3, 1)), push=np.zeros((3, 1)), start=np.zeros(1)
+    )
+    assert model.positions(still)[-1, 0] == pytest.approx((0.8 * 0.15 + 0.1 * 0.3) * 9.81 / 40, 0.2)
