@@ -11,7 +11,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    model_validator,
+)
 
 from benchmark import quantities
 from benchmark.errors import UsageError
@@ -44,9 +52,25 @@ class _Part(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
+class _Named(_Part):
+    """Settings, each under any of its names."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def by_name(cls, data: Any) -> Any:
+        """Give every setting its first name."""
+        if not isinstance(data, dict):
+            return data
+        first = {other: one.names[0] for one in SETTINGS.values() for other in one.names}
+        named = {first.get(name, name): value for name, value in data.items()}
+        if len(named) < len(data):
+            raise ValueError("a setting is given twice under two names")
+        return named
+
+
 Settings: Any = create_model(
     "Settings",
-    __base__=_Part,
+    __base__=_Named,
     **{  # type: ignore
         name.replace("-", "_"): (_checked_by(one) | None, None) for name, one in SETTINGS.items()
     },
@@ -72,7 +96,7 @@ class Slurm(_Part):
 
 _Lists: Any = create_model(
     "_Lists",
-    __base__=_Part,
+    __base__=_Named,
     **{
         name: (Annotated[list[field.annotation], Field(min_length=1)] | None, None)  # type: ignore
         for name, field in Settings.model_fields.items()

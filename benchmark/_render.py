@@ -1,4 +1,4 @@
-"""Draw the run of any engine off-screen in a child process, frame by frame.
+"""Draw the hand and the stick of any engine off-screen, in a child process, picture by picture.
 
 The OpenGL platform is chosen once per process, so each one is tried in its own child process: first
 EGL, then OSMesa.
@@ -12,6 +12,7 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import IO
 
 import numpy as np
 
@@ -26,8 +27,130 @@ PLATFORMS = {"egl": "libegl1 libgl1-mesa-dri", "osmesa": "libosmesa6"}
 
 
 @dataclass(frozen=True, kw_only=True)
+class Stage:
+    """What stays the same from picture to picture."""
+
+    spec: Spec
+    size: tuple[int, int]
+    """Width and height [pixels]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Moment:
+    """What one picture shows."""
+
+    joint_rad: Array
+    """Joint angles [rad], shape (J,)."""
+    stick_pos_m: Array
+    stick_quat_wxyz: Array
+    active: Array
+    """Active taxels, shape (F, taxels), bool."""
+    reference_m: Array
+    """Drawn point [m], world frame, shape (3,)."""
+    line_m: Array
+    """The figure [m], world frame, shape (L, 3)."""
+    trail_m: Array
+    """Where the stick's lower end has been, the latest last [m], world frame, shape (K, 3)."""
+
+
+class _DrawingError(CommandError):
+    """The child process gave no frame."""
+
+
+class Painter:
+    """A child process that draws one moment after the other; it lives until it is closed.
+
+    Raises CommandError that names the packages where no OpenGL works.
+    """
+
+    def __init__(self, stage: Stage) -> None:
+        self._stage = stage
+        self._child: _Child | None = None
+
+    def paint(self, moment: Moment) -> Array:
+        """The picture, shape (height, width, 3), uint8."""
+        if self._child is None:
+            return self._first(moment)
+        return self._child.paint(moment)
+
+    def close(self) -> None:
+        """End the child process; a second call is harmless."""
+        if self._child is not None:
+            self._child.close()
+        self._child = None
+
+    def _first(self, moment: Moment) -> Array:
+        """The first picture, by the first platform that gives one."""
+        reasons = []
+        for platform in PLATFORMS:
+            child = _Child(self._stage, platform)
+            try:
+                pixels = child.paint(moment)
+            except _DrawingError as error:
+                reasons.append(f"{platform}: {error}")
+                continue
+            self._child = child
+            return pixels
+        packages = " or ".join(f"apt-get install {name}" for name in PLATFORMS.values())
+        raise CommandError(
+            f"cannot draw off-screen ({'; '.join(reasons)}); on Debian install a package: "
+            f"{packages}"
+        )
+
+
+class _Child:
+    """A process that draws on one platform."""
+
+    def __init__(self, stage: Stage, platform: str) -> None:
+        self._errors: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115 - open as long as the process
+        self._size = stage.size
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "benchmark._scene"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=self._errors,
+            env={**os.environ, "MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
+        )
+        self._todo: list[object] = [stage]
+
+    def paint(self, moment: Moment) -> Array:
+        """The picture; raises _DrawingError, after which the process has ended."""
+        try:
+            return self._ask(moment)
+        except (EOFError, BrokenPipeError) as error:
+            self._errors.seek(0)
+            lines = self._errors.read().decode(errors="replace").strip().splitlines()
+            self.close()
+            raise _DrawingError(lines[-1] if lines else f"no frame within {LIMIT_S} s") from error
+        except BaseException:
+            self.close()  # half a picture may be on its way
+            raise
+
+    def close(self) -> None:
+        """End the process."""
+        self._process.kill()
+        self._process.communicate()
+        self._errors.close()
+
+    def _ask(self, moment: Moment) -> Array:
+        process, (width, height) = self._process, self._size
+        assert process.stdin is not None and process.stdout is not None
+        for one in (*self._todo, moment):
+            pickle.dump(one, process.stdin)
+        self._todo.clear()
+        process.stdin.flush()
+        watchdog = threading.Timer(LIMIT_S, process.kill)
+        watchdog.start()
+        pixels = process.stdout.read(width * height * 3)
+        watchdog.cancel()
+        if len(pixels) < width * height * 3:
+            raise EOFError
+        return np.frombuffer(pixels, np.uint8).reshape(height, width, 3)
+
+
+@dataclass(frozen=True, kw_only=True)
 class Scene:
-    """What is drawn: T steps of one episode, and the numbers of the frames."""
+    """T steps of one episode, and which of them are drawn."""
 
     spec: Spec
     states: State
@@ -45,65 +168,24 @@ class Scene:
     size: tuple[int, int]
     """Width and height [pixels]."""
 
-
-class _DrawingError(CommandError):
-    """The child process gave no frame."""
+    def moment(self, step: int) -> Moment:
+        """What the picture of a step shows."""
+        return Moment(
+            joint_rad=self.states.joint_rad[step],
+            stick_pos_m=self.states.stick_pos_m[step],
+            stick_quat_wxyz=self.states.stick_quat_wxyz[step],
+            active=self.active[step],
+            reference_m=self.reference_m[step],
+            line_m=self.reference_m[self.first :],
+            trail_m=self.lower_m[: step + 1],
+        )
 
 
 def render(scene: Scene) -> Iterator[Array]:
-    """Each frame, shape (height, width, 3), uint8.
-
-    Raises CommandError that names the packages where no OpenGL works.
-    """
-    reasons = []
-    for platform in PLATFORMS:
-        drawn = _in_child(scene, platform)
-        try:
-            first = next(drawn)
-        except _DrawingError as error:
-            reasons.append(f"{platform}: {error}")
-            continue
-        yield first
-        yield from drawn
-        return
-    packages = " or ".join(f"apt-get install {name}" for name in PLATFORMS.values())
-    raise CommandError(
-        f"cannot draw off-screen ({'; '.join(reasons)}); on Debian install a package: {packages}"
-    )
-
-
-def _in_child(scene: Scene, platform: str) -> Iterator[Array]:
-    with tempfile.TemporaryFile() as errors:
-        child = subprocess.Popen(
-            [sys.executable, "-P", "-m", "benchmark._scene"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            env={**os.environ, "MUJOCO_GL": platform, "PYOPENGL_PLATFORM": platform},
-        )
-        try:
-            yield from _frames(scene, child)
-        except (EOFError, BrokenPipeError) as error:
-            errors.seek(0)
-            lines = errors.read().decode(errors="replace").strip().splitlines()
-            reason = lines[-1] if lines else f"no frame within {LIMIT_S} s"
-            raise _DrawingError(reason) from error
-        finally:
-            child.kill()
-            child.communicate()
-
-
-def _frames(scene: Scene, child: subprocess.Popen) -> Iterator[Array]:
-    """The frames of the child process; raises EOFError or BrokenPipeError if it ends early."""
-    assert child.stdin is not None and child.stdout is not None
-    pickle.dump(scene, child.stdin)
-    child.stdin.flush()
-    width, height = scene.size
-    for _ in scene.frames:
-        watchdog = threading.Timer(LIMIT_S, child.kill)
-        watchdog.start()
-        pixels = child.stdout.read(width * height * 3)
-        watchdog.cancel()
-        if len(pixels) < width * height * 3:
-            raise EOFError
-        yield np.frombuffer(pixels, np.uint8).reshape(height, width, 3)
+    """Each frame, shape (height, width, 3), uint8; raises as `Painter` does."""
+    painter = Painter(Stage(spec=scene.spec, size=scene.size))
+    try:
+        for step in scene.frames:
+            yield painter.paint(scene.moment(step))
+    finally:
+        painter.close()

@@ -1,12 +1,14 @@
 """What a frame shows: MuJoCo's renderer on one step of any engine's run.
 
 The model is the one that MuJoCo simulates, with links and lights added for the eye; it is posed,
-never stepped. Runs as a program of its own, see `_render`.
+never stepped. Runs as a program of its own, see `_render`: a stage, then moments, on standard
+input; a picture of each on standard output.
 """
 
 import os
 import pickle
 import sys
+from collections.abc import Iterator
 from typing import IO
 
 import mujoco
@@ -15,9 +17,9 @@ from PIL import Image
 
 from backends.mujoco import build
 from backends.spec import Body, Fingertip, Hand
-from backends.state import Array, quat_from_z_axis
+from backends.state import Array, quat_from_z_axis, quat_to_matrix
 from backends.touch import taxel_grid
-from benchmark._render import Scene
+from benchmark._render import Moment, Stage
 
 OVERSAMPLING = 2
 """Pixels drawn per pixel kept, along each side."""
@@ -38,44 +40,73 @@ _PAD = (0.50, 0.70, 0.95, 0.5)
 _RED, _BLUE, _IDLE = (0.90, 0.12, 0.10, 1), (0.10, 0.30, 0.85), (0.22, 0.37, 0.58, 1)
 
 
-def _draw(scene: Scene, out: IO[bytes]) -> None:
-    """Write every frame's pixels."""
-    width, height = scene.size
-    model = _model(scene).compile()
+def _draw(stage: Stage, moments: Iterator[Moment], out: IO[bytes]) -> None:
+    """Write the pixels of every moment."""
+    width, height = stage.size
+    model = _model(stage).compile()
     data = mujoco.MjData(model)
     camera = mujoco.MjvCamera()
     camera.lookat = _LOOK_AT_M
     camera.distance = _DISTANCE_M
     camera.azimuth, camera.elevation = _AZIMUTH_DEG, _ELEVATION_DEG
     with mujoco.Renderer(model, OVERSAMPLING * height, OVERSAMPLING * width) as renderer:
-        for step in scene.frames:
-            _pose(model, data, scene, step)
+        for moment in moments:
+            _pose(model, data, stage, moment)
             renderer.update_scene(data, camera)
+            _add_paths(renderer.scene, moment)
             out.write(Image.fromarray(renderer.render()).reduce(OVERSAMPLING).tobytes())
             out.flush()
 
 
-def _pose(model: mujoco.MjModel, data: mujoco.MjData, scene: Scene, step: int) -> None:
-    state, hand = scene.states, scene.spec.hand
-    for name, angle in zip(hand.joint_names, state.joint_rad[step], strict=True):
+def _pose(model: mujoco.MjModel, data: mujoco.MjData, stage: Stage, moment: Moment) -> None:
+    hand = stage.spec.hand
+    for name, angle in zip(hand.joint_names, moment.joint_rad, strict=True):
         data.joint(name).qpos[0] = angle
-    data.joint("stick").qpos[:] = [*state.stick_pos_m[step], *state.stick_quat_wxyz[step]]
-    for tip, felt in zip(hand.fingertips, scene.active[step], strict=True):
+    data.joint("stick").qpos[:] = [*moment.stick_pos_m, *moment.stick_quat_wxyz]
+    for tip, felt in zip(hand.fingertips, moment.active, strict=True):
         for number, on in enumerate(felt):
             taxel = model.site(f"{tip.finger}/{number}")
             taxel.rgba = _RED if on else _IDLE
             taxel.size[:] = 2.2 * TAXEL_M if on else TAXEL_M
-    model.site("reference").pos = scene.reference_m[step]
-    for end in range(1, len(scene.lower_m)):
-        fresh = 1 - (step - end) / TRAIL if end <= step else 0.0
-        model.site(f"trail/{end}").rgba = (*_BLUE, np.clip(fresh, 0, 1))
+    model.geom("sheet").pos = moment.line_m.mean(axis=0) - (0, 0, SHEET_BELOW_M)
     mujoco.mj_forward(model, data)
 
 
-def _model(scene: Scene) -> mujoco.MjSpec:
+def _add_paths(scene: mujoco.MjvScene, moment: Moment) -> None:
+    """The figure, the drawn point on it, and the trail, which fades."""
+    line, trail = moment.line_m[::EVERY], moment.trail_m[: -TRAIL - 1 : -1]
+    _add_path(scene, line, PATH_M, [_RED] * len(line))
+    fading = [(*_BLUE, 1 - age / TRAIL) for age in range(len(trail))]
+    _add_path(scene, trail, 1.3 * PATH_M, fading)
+    _add_shape(scene, "SPHERE", [BALL_M] * 3, moment.reference_m, np.eye(3), _RED)
+
+
+def _add_path(scene: mujoco.MjvScene, path_m: Array, radius_m: float, rgba: list[tuple]) -> None:
+    """A rod from each point to the next that is another."""
+    along = np.diff(path_m, axis=0)
+    length = np.linalg.norm(along, axis=1)
+    moves = np.flatnonzero(length > 0)
+    frames = quat_to_matrix(quat_from_z_axis(along[moves] / length[moves, None]))
+    for i, frame in zip(moves, frames, strict=True):
+        size, middle = [radius_m, radius_m, length[i] / 2], path_m[i] + along[i] / 2
+        _add_shape(scene, "BOX", size, middle, frame, rgba[i])
+
+
+def _add_shape(
+    scene: mujoco.MjvScene, shape: str, size: list, pos_m: Array, frame: Array, rgba: tuple
+) -> None:
+    kind = getattr(mujoco.mjtGeom, f"mjGEOM_{shape}")
+    geom = scene.geoms[scene.ngeom]
+    scene.ngeom += 1
+    mujoco.mjv_initGeom(
+        geom, kind, np.array(size), pos_m, frame.ravel(), np.array(rgba, np.float32)
+    )
+
+
+def _model(stage: Stage) -> mujoco.MjSpec:
     """The simulated model with colours, lights and parts that only the eye sees."""
-    model, hand = build(scene.spec), scene.spec.hand
-    _light(model, scene.size)
+    model, hand = build(stage.spec), stage.spec.hand
+    _light(model, stage.size)
     model.geom("palm").rgba = _PALM
     model.geom("stick").rgba = _WOOD
     for tip in hand.fingertips:
@@ -83,26 +114,9 @@ def _model(scene: Scene) -> mujoco.MjSpec:
         _add_taxels(model.body(tip.body), tip, hand)
     for body in hand.bodies:
         _add_link(model, hand, body)
-    world = model.worldbody
-    at_m = scene.reference_m[scene.first :].mean(axis=0) - (0, 0, SHEET_BELOW_M)
-    world.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_BOX, size=(SHEET_M, SHEET_M, 5e-4), pos=at_m, rgba=_SHEET
-    )
-    # away from the origin: the compiler lets a site there ride on its body, wherever it is moved
-    _add(world, "SPHERE", _RED, BALL_M, name="reference", pos=scene.reference_m[0])
-    for ends in _segments(scene.reference_m[scene.first :: EVERY]):
-        _add(world, "BOX", _RED, PATH_M, fromto=ends)
-    for number, ends in enumerate(_segments(scene.lower_m), start=1):
-        where = {"name": f"trail/{number}", "fromto": ends}
-        _add(world, "BOX", (*_BLUE, 1), 1.3 * PATH_M, **where)
+    sheet = {"size": (SHEET_M, SHEET_M, 5e-4), "pos": (0, 0, -1), "rgba": _SHEET}
+    model.worldbody.add_geom(name="sheet", type=mujoco.mjtGeom.mjGEOM_BOX, **sheet)
     return model
-
-
-def _segments(path_m: Array) -> list[list[float]]:
-    """Both ends of each piece of a path [m]; a piece of no length gets a micrometre."""
-    apart = np.where(np.diff(path_m, axis=0).any(axis=1), 0.0, 1e-6)
-    pairs = zip(path_m[:-1], path_m[1:], apart, strict=True)
-    return [[*start, *end[:2], end[2] + gap] for start, end, gap in pairs]
 
 
 def _light(model: mujoco.MjSpec, size: tuple[int, int]) -> None:
@@ -161,11 +175,20 @@ def _add_taxels(node: mujoco.MjsBody, tip: Fingertip, hand: Hand) -> None:
 
 
 def main() -> None:
-    """Draw the scene on standard input to standard output, and nothing else there."""
+    """Draw what comes on standard input to standard output, and nothing else there."""
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
-    scene: Scene = pickle.load(sys.stdin.buffer)
-    _draw(scene, out)
+    stage: Stage = pickle.load(sys.stdin.buffer)
+    _draw(stage, _moments(sys.stdin.buffer), out)
+
+
+def _moments(given: IO[bytes]) -> Iterator[Moment]:
+    """Moments until there are no more."""
+    while True:
+        try:
+            yield pickle.load(given)
+        except EOFError:
+            return
 
 
 if __name__ == "__main__":

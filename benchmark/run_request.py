@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from benchmark import registry
 from benchmark.errors import UsageError, unknown
-from benchmark.run_spec import SETTINGS, SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
+from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 SCRIPTED = ("hold-still", "random")
@@ -99,12 +99,12 @@ def _of_file(path: Path) -> tuple[dict[str, Any], dict[str, Any]]:
                 f"{path}: spec has {', '.join(strange)}, which this version does not know"
             )
         return fields, kept
-    names = {str(name).replace("_", "-"): value for name, value in data.items()}
+    names = {str(name): value for name, value in data.items()}
     kept = _hyperparameters(path, names.pop("set", None) or {})
-    for name in names:
-        if name not in SETTINGS:
-            raise UsageError(f"{path}: {unknown('setting', name, (*SETTINGS, 'set'))}")
-    return read_settings(names), kept
+    try:
+        return read_settings(names), kept
+    except UsageError as error:
+        raise UsageError(f"{path}: {error}") from error
 
 
 def _hyperparameters(path: Path, given: object) -> dict[str, Any]:

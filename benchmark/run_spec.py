@@ -13,6 +13,7 @@ from backends.effect import with_effects
 from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.effects import parse_effects, parse_spread
+from benchmark.errors import UsageError, unknown
 from benchmark.settings import Choice, Name, Number, Setting, Switch, Text, setting, settings_of
 from leaderboard.identity import learner_name, run_digest
 from tasks.task import RADIUS_M
@@ -30,7 +31,7 @@ class RunSpec:
     Raises UsageError for invalid settings.
     """
 
-    backend: str = setting("Physics engine that simulates.", Name("backend"))
+    backend: str = setting("Physics engine that simulates.", Name("backend"), alias="engine")
     task: str = setting("Figure that the stick's lower end draws.", Name("task"))
     observation: str = setting(
         "Observation that the policy gets.", Name("observation"), "contact-centers"
@@ -108,10 +109,24 @@ DEPLOYED = ("backend", "task", "radius", "pace", "stick", "effects")
 """Settings that may differ between training and evaluation of a policy."""
 
 
+_BY_NAME = {name: one for one in SETTINGS.values() for name in one.names}
+
+
+def setting_named(name: str) -> Setting:
+    """A setting by any of its names, such as radius and radius_m; raises UsageError."""
+    found = _BY_NAME.get(name.replace("-", "_"))
+    if found is None:
+        raise unknown("setting", name, SETTINGS)
+    return found
+
+
 def read_settings(given: Mapping[str, Any]) -> dict[str, Any]:
     """Fields of a RunSpec from settings by name (None: not given); raises UsageError."""
-    return {
-        SETTINGS[name].field: SETTINGS[name].read(value)
-        for name, value in given.items()
-        if value is not None
-    }
+    fields: dict[str, Any] = {}
+    for name, value in given.items():
+        one = setting_named(name)
+        if value is not None and one.field in fields:
+            raise UsageError(f"{one.name} is given twice: as {' and as '.join(one.names)}")
+        if value is not None:
+            fields[one.field] = one.read(value)
+    return fields

@@ -180,6 +180,14 @@ class Setting:
     help: str
     default: Any
     """MISSING if a value must be given."""
+    alias: str | None = None
+    """Another name on the command line."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name under which it may be given, in the form of a Python name."""
+        names = (self.name, self.alias or self.name, self.field)
+        return tuple(dict.fromkeys(name.replace("-", "_") for name in names))
 
     @property
     def flag(self) -> str:
@@ -196,9 +204,16 @@ class Setting:
         return self.kind.read(given, self.flag)
 
 
-def setting(help: str, kind: Kind, default: Any = MISSING, option: str | None = None) -> Any:
+def setting(
+    help: str,
+    kind: Kind,
+    default: Any = MISSING,
+    option: str | None = None,
+    alias: str | None = None,
+) -> Any:
     """A dataclass field that is a setting; `option` is its name as an option if that differs."""
-    return field(default=default, metadata={"help": help, "kind": kind, "option": option})
+    said = {"help": help, "kind": kind, "option": option, "alias": alias}
+    return field(default=default, metadata=said)
 
 
 def settings_of(spec: type) -> dict[str, Setting]:
@@ -215,4 +230,5 @@ def _declared(one: Field) -> Setting:
         kind=one.metadata["kind"],
         help=one.metadata["help"],
         default=one.default,
+        alias=one.metadata["alias"],
     )

@@ -15,7 +15,9 @@ from benchmark.run_spec import RunSpec
 from tasks.batch import BatchEnv
 
 
-def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> BatchEnv:
+def make_env(
+    run: RunSpec, worlds: list[Spec], seed: int, workers: int, episode_steps: int | None = None
+) -> BatchEnv:
     """The batched environment of a run on the given worlds; UsageError if they are refused."""
     engine = registry.load("backend", run.backend)
     task = registry.load("task", run.task)(radius_m=run.radius_m, speed=run.speed)
@@ -24,7 +26,7 @@ def make_env(run: RunSpec, worlds: list[Spec], seed: int, workers: int) -> Batch
     effects = parse_effects(run.effects, hand) + parse_spread(run.spread, hand)
     refuse(effects, engine.support, run.backend)
     simulator = simulate(engine, worlds, workers)
-    return BatchEnv(simulator, task, observation, seed, run.start_spread)
+    return BatchEnv(simulator, task, observation, seed, run.start_spread, episode_steps)
 
 
 def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) -> None:

@@ -86,6 +86,12 @@ class Diagnosis:
             ],
         }
 
+    def _repr_html_(self) -> str:
+        """As a notebook shows it."""
+        from diagnosis.report.notebook import shown
+
+        return shown(self)
+
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Diagnosis":
         """From JSON; raises ValueError where it is none."""

@@ -1,15 +1,15 @@
 """The batched environment: N worlds of one task in plain numpy, without engine or learner code."""
 
-import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from backends.engine import Simulator
 from backends.state import Array, InitialState, State, quat_z_axis
-from backends.touch import Skin
-from tasks.initial_states import sample_initial_states
+from backends.touch import Skin, Touch
+from tasks.draws import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
 from tasks.task import EPISODE_S, Figure, desired_axis
 
@@ -30,12 +30,14 @@ DROP_M = 0.03
 """An episode ends when the stick's centre is this far below its nominal height [m]."""
 TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
 """A step counts as tracked while the errors of lower end and axis are within these."""
-STARTS_PER_WORLD = 8
-"""Number of initial states from which each world draws its episodes."""
 
 
 class SimulationDivergedError(Exception):
     """A signal became NaN or infinite; the message names it and the time."""
+
+
+class NotFiniteActionError(SimulationDivergedError, ValueError):
+    """An action is NaN or infinite; the message names the world and its step."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,13 +79,17 @@ class BatchEnv:
         observation: Observation,
         seed: int,
         start_spread: float = 1.0,
+        episode_steps: int | None = None,
     ) -> None:
-        """`start_spread` scales the spread of initial states; 0 gives a single initial state."""
+        """`start_spread` scales the spread of initial states; 0 gives a single initial state.
+
+        An episode takes `episode_steps`, by default 6 s.
+        """
         spec = simulator.specs[0]
         self.simulator, self.task, self.observation = simulator, task, observation
         self.worlds, self._start_spread = len(simulator.specs), start_spread
         self.policy_s = spec.timing.policy_s
-        self.horizon = round(EPISODE_S / self.policy_s)
+        self.horizon = episode_steps or round(EPISODE_S / self.policy_s)
         self.seed(seed)
         hand = spec.hand
         self._skin = Skin(simulator.specs)
@@ -97,8 +103,8 @@ class BatchEnv:
         self._steps = np.zeros(self.worlds, dtype=np.int64)
         self._last_step = np.full(self.worlds, self.horizon)
         self._heading = np.zeros(self.worlds)
-        self._starts: list[InitialState] = []
         self._state: State | None = None
+        self._touch: Touch | None = None
 
     @property
     def action_width(self) -> int:
@@ -113,6 +119,13 @@ class BatchEnv:
         return self._state
 
     @property
+    def touch(self) -> Touch:
+        """The latest readings of the skin."""
+        if self._touch is None:
+            raise RuntimeError("reset the environment first")
+        return self._touch
+
+    @property
     def time_s(self) -> Array:
         """Time since the start of each episode [s], shape (N,)."""
         return self._steps * self.policy_s
@@ -122,11 +135,13 @@ class BatchEnv:
         """Commanded joint angles [rad], shape (N, J)."""
         return self._target
 
-    def seed(self, seed: int) -> None:
-        """Restart the random stream of initial states and headings."""
-        self._rng = np.random.default_rng(seed)
-        self._noise_rng = np.random.default_rng([seed, 1])
-        self._starts = []
+    def seed(self, seed: int | Sequence[int]) -> None:
+        """Restart the draws of episodes: one stream for all worlds, or a seed and one for each."""
+        specs, spread, horizon = self.simulator.specs, self._start_spread, self.horizon
+        if isinstance(seed, Sequence):
+            self._draws: Draws = OwnDraws(specs, seed, spread, horizon)
+        else:
+            self._draws = SharedDraws(specs, seed, spread, horizon)
 
     def reset(
         self, mask: Array | None = None, start: InitialState | None = None, stagger: bool = False
@@ -137,21 +152,21 @@ class BatchEnv:
         so that worlds that start together do not all end at the same time.
         """
         mask = np.ones(self.worlds, dtype=bool) if mask is None else mask
-        start = self._draw_starts() if start is None else start
-        self._heading[mask] = self._rng.uniform(0, 2 * math.pi, self.worlds)[mask]
-        lengths = self._rng.integers(1, self.horizon + 1, self.worlds)
-        self._last_step[mask] = lengths[mask] if stagger else self.horizon
+        drawn = self._draws.episodes(mask, start)
+        self._heading[mask] = drawn.heading_rad[mask]
+        self._last_step[mask] = drawn.cut[mask] if stagger else self.horizon
         self._steps[mask] = 0
-        noise = self._noise_rng.integers(1 << 53, size=self.worlds)
-        self._state = self.simulator.reset(dataclasses.replace(start, noise_seed=noise), mask)
-        self._target[mask] = (start.joint_rad + self._preload)[mask]
+        self._state = self.simulator.reset(drawn.start, mask)
+        self._target[mask] = (drawn.start.joint_rad + self._preload)[mask]
         return self._observe(self._state, np.flatnonzero(mask))
 
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
 
-        Raises SimulationDivergedError when the engine returns a number that is not finite.
+        Raises NotFiniteActionError, and SimulationDivergedError when the engine returns a number
+        that is not finite.
         """
+        self._refuse_not_finite(action)
         measured = self.state.measured_rad
         rest = measured + self._preload
         self._target += ACTION_RAD * np.clip(action, -1, 1) + OFFSET_RETURN * (rest - self._target)
@@ -179,6 +194,14 @@ class BatchEnv:
         axis = desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
         return self._grip - self._lever[:, None] * axis, axis
 
+    def path(self, world: int) -> Array:
+        """The points that a world draws in its episode [m], world frame, shape (T, 3)."""
+        time_s = self.policy_s * np.arange(self.horizon + 1)
+        heading = np.full(len(time_s), self._heading[world])
+        lever = np.full(len(time_s), self._lever[world])
+        axis = desired_axis(self.task.offset_m(time_s, heading), lever)
+        return self._grip - lever[:, None] * axis
+
     def lower_end(self) -> Array:
         """Lower end of the stick [m], world frame, shape (N, 3)."""
         axis = quat_z_axis(self.state.stick_quat_wxyz)
@@ -187,7 +210,7 @@ class BatchEnv:
     def _observe(self, state: State, worlds: Array | None = None) -> Array:
         """Observations of all worlds; only `worlds` (None: all) are read again."""
         _, axis = self.reference()
-        touch = self._skin.feel(state, self.time_s, worlds)
+        touch = self._touch = self._skin.feel(state, self.time_s, worlds)
         percept = Percept(state=state, touch=touch, desired_axis=axis, target_rad=self._target)
         return self.observation.read(percept)
 
@@ -211,14 +234,14 @@ class BatchEnv:
             axis_error_rad=2 * np.arcsin(np.minimum(axis_distance / 2, 1.0)),
         )
 
-    def _draw_starts(self) -> InitialState:
-        if not self._starts:
-            specs = self.simulator.specs
-            self._starts = [
-                sample_initial_states(specs, self._rng, self._start_spread)
-                for _ in range(STARTS_PER_WORLD)
-            ]
-        return self._starts[self._rng.integers(STARTS_PER_WORLD)]
+    def _refuse_not_finite(self, action: Array) -> None:
+        bad = np.flatnonzero(~np.isfinite(action).all(axis=1))
+        if bad.size:
+            world = int(bad[0])
+            raise NotFiniteActionError(
+                f"the action of world {world} is not finite at step {self._steps[world] + 1} of "
+                "its episode: the policy gave NaN or infinity"
+            )
 
     def _refuse_nan(self, state: State) -> None:
         bad = state.first_bad_signal()

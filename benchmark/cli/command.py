@@ -102,7 +102,7 @@ def _parameters(
 
 def _of_setting(one: Setting, required: bool, default: str | None) -> inspect.Parameter:
     """The option of a setting."""
-    flags = [one.flag]
+    flags = [one.flag, *([f"--{one.alias}"] if one.alias else [])]
     if isinstance(one.kind, Switch) and one.default is True:
         flags = [f"{one.flag}/--no-{one.name}"]
     plain = isinstance(one.kind, Switch) and one.default is False

@@ -158,7 +158,7 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
     return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
 
 
-def read_log(path: Path) -> Log:
+def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)

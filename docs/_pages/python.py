@@ -9,16 +9,15 @@ from _pages._source import doc, fields, read_text, signature, table, to_table
 
 def pages() -> dict[str, str]:
     """The page."""
-    text = read_text("python.md", **_environments(), **_worlds(), diagnosis=_diagnosis())
+    text = read_text("python.md", **_environments(), **_worlds())
     return {"reference/python.md": text}
 
 
 def _environments() -> dict[str, str]:
-    from benchmark.gym_make import single, vector
     from tasks.batch import BatchEnv, Step
 
     return {
-        "make": _entry("gymnasium.make", single) + "\n" + _entry("gymnasium.make_vec", vector),
+        "face": _face(),
         "settings": _settings(),
         "batch": f"{doc(BatchEnv)}\n\n{_members(BatchEnv)}",
         "step": f"{doc(Step)}\n\n{table(Step)}",
@@ -46,17 +45,17 @@ def _worlds() -> dict[str, str]:
     return {"spec": f"{doc(Spec)}\n\n{table(Spec)}\n{_members(Spec)}"}
 
 
-def _diagnosis() -> str:
-    """Everything that `diagnosis` exports."""
-    import diagnosis
+def _face() -> str:
+    """Everything that `stickbench` exports."""
+    import stickbench
 
-    parts = ["`from diagnosis import ...`\n"]
-    for name in diagnosis.__all__:
-        thing = getattr(diagnosis, name)
+    parts = []
+    for name in stickbench.__all__:
+        thing = getattr(stickbench, name)
         if inspect.isclass(thing):
             parts += [f"### {name}\n\n{doc(thing)}\n", _members(thing)]
         else:
-            parts.append(_entry(f"diagnosis.{name}", thing))
+            parts.append(_entry(f"sb.{name}", thing))
     return "\n".join(parts)
 
 

@@ -8,11 +8,12 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium
+from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
-import benchmark.gym  # noqa: F401 - registers the environments
 from backends.state import Array, State, quat_to_matrix
 from benchmark import registry
+from benchmark.gym import gym_id as name_of
 from tasks.batch import BatchEnv
 from tasks.task import EPISODE_S, RADIUS_M, RATE_RAD_S, Figure
 
@@ -240,11 +241,6 @@ def test_reference_points_from_figure_to_grip(task: str, make: MakeEnv) -> None:
         assert (np.linalg.norm((point - grip)[:, :2], axis=1) <= 0.03 + 1e-12).all()
 
 
-def name_of(task: str) -> str:
-    """The Gymnasium name of a task."""
-    return f"stickbench/{task.capitalize()}-v0"
-
-
 def test_gymnasium_accepts_the_environment(backend: str) -> None:
     """Pass the environment checkers of Gymnasium and Stable-Baselines3 on every engine."""
     env = gymnasium.make(name_of("eight"), backend=backend).unwrapped
@@ -258,7 +254,7 @@ def test_gymnasium_accepts_the_environment(backend: str) -> None:
 
 def test_gymnasium_makes_every_task(task: str) -> None:
     """Register every task, single and vector, with the settings of a run."""
-    env = gymnasium.make(name_of(task), observation="pose", radius_m=0.01, stick="thick")
+    env = gymnasium.make(name_of(task), observation="pose", radius="1cm", stick="thick")
     observation, _ = env.reset(seed=3)
     assert env.observation_space.contains(observation)
     observation, reward, terminated, truncated, info = env.step(env.action_space.sample())
@@ -274,7 +270,8 @@ def test_gymnasium_makes_every_task(task: str) -> None:
 
 def test_gymnasium_makes_vectors(backend: str) -> None:
     """Step, restart within the step and hand out final observations in a vector environment."""
-    env = gymnasium.make_vec(name_of("eight"), num_envs=2, backend=backend)
+    mode = AutoresetMode.SAME_STEP
+    env = gymnasium.make_vec(name_of("eight"), num_envs=2, engine=backend, autoreset_mode=mode)
     first, _ = env.reset(seed=3)
     again, _ = env.reset(seed=3)
     assert np.array_equal(first, again)

@@ -16,6 +16,7 @@ FLOORS = {
     "diagnosis": {"baselines", "tasks", "backends", "files"},
     "leaderboard": {"files"},
     "benchmark": {"leaderboard", "diagnosis", "baselines", "tasks", "backends", "files"},
+    "stickbench": {"benchmark", "leaderboard", "diagnosis"},
 }
 HOMES = {
     "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "backends/_mjcf", "benchmark/_scene.py"}

@@ -37,6 +37,7 @@ CHEAP = ("--version", "list", "excite")
 MOST_TERMS = 40
 STANDING = {
     '"demo/': "benchmark/demo/data",
+    '"leaderboard/': "leaderboard",
     '"transfer/': "leaderboard/transfer/circle-engines",
 }
 """What stands in the repository for what a Python block names."""

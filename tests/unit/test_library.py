@@ -76,3 +76,11 @@ def test_what_is_no_log_is_said(tmp_path):
     """Raise a LogError that says why."""
     with pytest.raises(LogError, match="no log"):
         read_log(tmp_path / "absent")
+
+
+def test_a_notebook_shows_it(found):
+    """Show the sentences, the shares and every size with its interval, as whole HTML."""
+    shown = found._repr_html_()
+    assert all(text in shown for text in ("kp-scale", "J1", "90 % interval", "width:"))
+    for tag in ("div", "p", "span", "table", "tr", "td"):
+        assert shown.count(f"<{tag}>") + shown.count(f"<{tag} ") == shown.count(f"</{tag}>")

@@ -15,12 +15,10 @@ def test_it_is_read_in_two_minutes():
     assert len(TEXT.encode()) <= 6 * 1024
 
 
-@pytest.mark.parametrize("code", EXAMPLES, ids=["training", "diagnosis"])
-def test_examples_run(code, tmp_path, monkeypatch):
-    """Run every Python example, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    assert len([line for line in code.splitlines() if line]) <= 10
-    exec(compile(code, "README.md", "exec"), {})
+def test_examples_are_short():
+    """Hold ten lines at most in a Python example; `test_docs_commands` runs it."""
+    for code in EXAMPLES:
+        assert len([line for line in code.splitlines() if line]) <= 10
 
 
 @pytest.mark.parametrize("target", re.findall(r"\]\(([^)#:]+)\)", TEXT))
