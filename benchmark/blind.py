@@ -2,6 +2,7 @@
 
 import hashlib
 import secrets
+import shutil
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache, partial
 from pathlib import Path
@@ -109,15 +110,46 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
 def make(
     wanted: draw.Settings, seed: int | None, out: Path, answers: Path, workers: int | None
 ) -> dict[str, Any]:
-    """Draw the cases, write their logs to `out` and the answers to `answers`."""
-    _check_places(out, answers)
+    """Draw the cases, write their logs to `out` and the answers to `answers`.
+
+    The set is drawn in a folder beside `out` and renamed when it is whole. What a killed call left
+    there, with the answers that only it knew, is removed: nobody has seen them.
+    """
+    part = out.resolve().with_name(f".{out.resolve().name}.part")
+    _check_places(out, answers, part)
     if seed is not None:
         within("--seed", seed, 0, 2**SECRET_BITS)
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)
     cases = _sized(draw.draw(wanted, _catalogue(), seed), wanted, seed, workers)
-    blind = BlindSet(path=out)
+    if _left_by(part, answers):
+        answers.unlink()
+    shutil.rmtree(part, ignore_errors=True)
+    promised = _write(BlindSet(path=part), cases, wanted, seed, answers, workers)
+    part.rename(out)
+    return {"status": "done", "dir": str(out), "answers": str(answers), **_promise(promised)}
+
+
+def _left_by(part: Path, answers: Path) -> bool:
+    """Whether the answers are those of a set that was drawn whole, but never renamed."""
+    blind = BlindSet(path=part)
+    try:
+        sealed = hashlib.sha256(answers.read_bytes()).hexdigest()
+        return blind.commitment().answers_sha256 == sealed
+    except (BlindError, OSError):
+        return False
+
+
+def _write(
+    blind: BlindSet,
+    cases: tuple[draw.Case, ...],
+    wanted: draw.Settings,
+    seed: int,
+    answers: Path,
+    workers: int | None,
+) -> files.Commitment:
+    """Write the logs of a set, its commitment, and last the answers."""
     sound = draw.sound(wanted, cases, seed)
     makes = {make: number for number, make in enumerate(sound) if wanted.healthy}
     _each("make", _make_one, [(blind, case, seed, makes.get(case.make)) for case in cases], workers)
@@ -128,11 +160,11 @@ def make(
     ]
     _each("sound", _sound_one, logs, workers)
     text = files.seal(wanted, seed, cases)
-    answers.parent.mkdir(parents=True, exist_ok=True)
-    write_atomically(answers, text)
     promised = frozen.commitment(blind, hashlib.sha256(text.encode()).hexdigest(), len(cases))
     blind.commit(promised)
-    return {"status": "done", "dir": str(out), "answers": str(answers), **_promise(promised)}
+    answers.parent.mkdir(parents=True, exist_ok=True)
+    write_atomically(answers, text)
+    return promised
 
 
 def _promise(promised: files.Commitment) -> dict[str, Any]:
@@ -401,12 +433,12 @@ def _checked(ask: Callable) -> Any:
         raise UsageError(str(error)) from error
 
 
-def _check_places(out: Path, answers: Path) -> None:
+def _check_places(out: Path, answers: Path, part: Path) -> None:
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise UsageError(f"{out} exists and is not empty; choose another folder or remove it first")
     if out.resolve() in answers.resolve().parents or out.resolve() == answers.resolve():
         raise UsageError(f"--answers {answers} is in --out {out}; put it where no solver sees it")
-    if answers.exists():
+    if answers.exists() and not _left_by(part, answers):
         raise UsageError(
             f"{answers} exists; choose another file, because sealed answers are never replaced"
         )

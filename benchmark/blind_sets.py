@@ -1,6 +1,5 @@
 """The sets on which a solver is judged, by name: drawn, solved and scored, each stage once."""
 
-import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -68,10 +67,6 @@ def _score(of: str, names: Sequence[str], out: Path, workers: int | None) -> dic
 
 
 def _draw(options: Mapping[str, Any], folder: Path, answers: Path, workers: int | None) -> None:
-    """Make a set; what a killed call left of it is made again."""
-    part = folder.with_name(f".{folder.name}.part")
-    shutil.rmtree(part, ignore_errors=True)
-    answers.unlink(missing_ok=True)
     wanted = blind.settings(
         options["cases"],
         options["real"],
@@ -81,8 +76,7 @@ def _draw(options: Mapping[str, Any], folder: Path, answers: Path, workers: int 
         "all",
         healthy=options.get("healthy_logs", 0),
     )
-    blind.make(wanted, options["seed"], part, answers, workers)
-    part.rename(folder)
+    blind.make(wanted, options["seed"], folder, answers, workers)
 
 
 def _cell(row: Mapping[str, Any], name: str) -> str:

@@ -7,8 +7,8 @@ from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 
 TINY = {
-    "tiny-1": {"cases": 1, "rig": "arm1", "real": "presliding", "seed": 3},
-    "tiny-2": {"cases": 1, "rig": "arm1", "real": "presliding", "seed": 4},
+    "tiny-1": {"cases": 1, "rig": "joint", "real": "presliding", "seed": 3},
+    "tiny-2": {"cases": 1, "rig": "joint", "real": "presliding", "seed": 4},
 }
 
 
