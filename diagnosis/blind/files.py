@@ -16,15 +16,22 @@ import os
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from diagnosis.blind.draw import Case, Settings
-from diagnosis.blind.faults import Fault
+from files import bounded
+from files.bounded import FileError, one_line
 
 SCHEMA = 2
+AS_MADE = "take the set as it was made"
 
 
-class BlindError(ValueError):
+T = TypeVar("T")
+
+
+class BlindError(FileError):
     """A blind set or its answers cannot be used; the message says why and what to do."""
 
 
@@ -44,6 +51,58 @@ class Commitment:
     def cases(self) -> int:
         """Their number."""
         return len(self.logs_sha256)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Given:
+    """The facts that a solver may use beside a case's log."""
+
+    excluded: tuple[str, ...]
+    """Effects that are removed from the solver's catalogue."""
+    robot: bool | None = None
+    """Whether the log is from a robot and not from a simulator."""
+    make: int | None = None
+    """Number of the plant's healthy logs, if there are any."""
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(strict=True)
+
+
+class _Magnitude(_Strict):
+    effect: str
+    joints: list[str]
+    magnitude: float
+    interval: list[float] = Field(min_length=2, max_length=2)
+
+
+class _Result(_Strict):
+    """What the score reads of a result, if it is there."""
+
+    log_sha256: str
+    solver_sha256: str
+    refused: str | None
+    excluded: list[str]
+    cpu_s: float
+    verdict: list[str] = []
+    joints: list[str] = []
+    leading: list[str] = []
+    indistinguishable: list[list[str]] = []
+    magnitudes: list[_Magnitude] = []
+    confidence: float | None = None
+    share: float | None = None
+    left: float | None = None
+    gap_nominal: float | None = None
+    features: dict[str, Any] = {}
+
+
+class _Try(_Strict):
+    solver_sha256: str
+    time: str
+
+
+class _Tried(_Strict):
+    solvers: list[_Try]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,13 +128,14 @@ class BlindSet:
         """Folder of the healthy logs of a plant, by its number."""
         return self.path / "healthy" / f"{make:02d}"
 
-    def given(self, number: int) -> dict:
+    def given(self, number: int) -> Given:
         """The facts that a solver may use beside a case's log."""
-        return read_json(self.log(number) / "case.json")
+        file = self.log(number) / "case.json"
+        return _checked(Given, read_json(file), file)
 
     def healthy_logs(self, number: int) -> list[Path]:
         """Folders of the healthy logs of a case's plant."""
-        make = self.given(number).get("make")
+        make = self.given(number).make
         return [] if make is None else sorted(self.healthy(make).iterdir())
 
     def log_sha256(self, number: int) -> str:
@@ -88,7 +148,7 @@ class BlindSet:
 
     def excluded(self, number: int) -> tuple[str, ...]:
         """Effects that are removed from the solver's catalogue in a case."""
-        return tuple(self.given(number)["excluded"])
+        return self.given(number).excluded
 
     def commitment(self) -> Commitment:
         """The commitment of the set; raises BlindError if there is none."""
@@ -100,7 +160,10 @@ class BlindSet:
         data = read_json(file)
         if data.pop("schema", None) != SCHEMA or set(data) != set(Commitment.__annotations__):
             raise BlindError(f"{file} has another format version; make the set again")
-        return Commitment(**data)
+        found = _checked(Commitment, data, file)
+        if list(found.logs_sha256) != [f"{n:03d}" for n in range(found.cases)]:
+            raise BlindError(f"{file} does not name cases 000, 001 and so on; {AS_MADE}")
+        return found
 
     def commit(self, commitment: Commitment) -> None:
         """Write the commitment, which completes the set."""
@@ -109,12 +172,18 @@ class BlindSet:
     def read_result(self, number: int) -> dict | None:
         """The solver's result for a case; None if it has not solved it."""
         file = self.result(number)
-        return read_json(file) if file.exists() else None
+        if not file.exists():
+            return None
+        said = read_json(file)
+        _checked(_Result, said, file)
+        return said
 
     def tried(self) -> list[dict]:
         """All versions of the solver that were run on this set, in order."""
         file = self.path / "tried.json"
-        return read_json(file)["solvers"] if file.exists() else []
+        if not file.exists():
+            return []
+        return [one.model_dump() for one in _checked(_Tried, read_json(file), file).solvers]
 
     def note_try(self, solver_sha256: str) -> None:
         """Record that a version of the solver is run on this set."""
@@ -150,15 +219,7 @@ def open_answers(path: Path, commitment: Commitment) -> Answers:
             f"the SHA-256 of {path} is {found}, but {commitment.answers_sha256} was committed; "
             "these are other answers, or they were changed: give those of this set"
         )
-    data = read_json(path)
-    cases = tuple(_case(row) for row in data["cases"])
-    return Answers(settings=data["settings"], seed=int(data["seed"]), cases=cases)
-
-
-def _case(row: dict) -> Case:
-    hidden = {key: tuple(Fault(**fault) for fault in row[key]) for key in ("faults", "nominal")}
-    lists = {key: tuple(row[key]) for key in ("channels", "protocols", "excluded")}
-    return Case(**{**row, **lists, **hidden})
+    return _checked(Answers, read_json(path), path)
 
 
 def _sha256(file: Path) -> str:
@@ -186,9 +247,22 @@ def write_json(path: Path, data: Any) -> None:
 def read_json(path: Path) -> dict:
     """A JSON object; raises BlindError."""
     try:
-        data = json.loads(path.read_text())
-    except (OSError, ValueError) as error:
-        raise BlindError(f"{path} cannot be read as JSON: {error}") from None
+        data = bounded.read_json(path)
+    except (OSError, FileError) as error:
+        raise BlindError(str(error)) from None
     if not isinstance(data, dict):
-        raise BlindError(f"{path} holds no JSON object; make the set again")
+        raise BlindError(f"{path} holds no JSON object; {AS_MADE}")
     return data
+
+
+def _checked(kind: type[T], data: dict, path: Path) -> T:
+    """The data as what they should be; raises BlindError that names the field."""
+    try:
+        return TypeAdapter(kind).validate_python(data)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        field = ".".join(map(str, first["loc"]))
+        raise BlindError(
+            f"{path} is damaged: {one_line(field)} is {one_line(repr(first['input']))}; "
+            f"{first['msg']}; {AS_MADE}"
+        ) from None

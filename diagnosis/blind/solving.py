@@ -60,8 +60,8 @@ def task(blind: BlindSet, number: int) -> Task:
         log=log,
         nominal=rigs.nominal(mechanism.hand) if isinstance(mechanism, HandMechanism) else None,
         healthy=tuple(map(read_log, blind.healthy_logs(number))),
-        excluded=tuple(given["excluded"]),
-        robot=bool(given.get("robot", not is_hand)),
+        excluded=given.excluded,
+        robot=not is_hand if given.robot is None else given.robot,
     )
 
 

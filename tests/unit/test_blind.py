@@ -26,6 +26,7 @@ from leaderboard.blind.score import read_score
 SEED = 5
 WORDS = ("command-rate-limit", "sensor-delay", "backlash", "coulomb-friction")
 """Effects that a small set draws from."""
+RESULT = {"log_sha256": "", "solver_sha256": "", "refused": None, "excluded": [], "cpu_s": 1.0}
 NO_BASELINE = plant.Baseline(
     play_rad=0.0, friction_share=0.0, cogging_share=0.0, stiffening_rad2=0.0
 )
@@ -247,6 +248,45 @@ def test_results_carry_solver_and_time(solved):
     assert "proves" in proves and "--replay" in leaves_open
 
 
+@pytest.mark.parametrize(
+    ("name", "text", "said"),
+    [
+        ("commitment.json", "[]", "holds no JSON object"),
+        ("commitment.json", '{"files": 3}', "files is 3"),
+        ("commitment.json", '{"logs_sha256": {"007": "a"}}', "does not name cases 000, 001"),
+        ("cases/000/case.json", "{}", "excluded is {}; Field required"),
+        ("cases/000/case.json", '{"excluded": 1}', "excluded is 1"),
+        ("cases/000/case.json", b"\x87", "cannot be read as UTF-8"),
+        ("results/000.json", '{"verdict": "none"}', "verdict is 'none'"),
+        ("results/000.json", '{"confidence": "x"}', "confidence is 'x'"),
+        ("results/000.json", '{"magnitudes": [{}]}', "magnitudes.0.effect is {}"),
+        ("tried.json", '{"solvers": [1]}', "solvers.0 is 1"),
+        ("tried.json", "[" * 100_000, "nested too deeply"),
+    ],
+)
+def test_a_damaged_set_is_refused(tmp_path, name, text, said):
+    """Name the file and the field of a set that is not as it was made."""
+    found = BlindSet(path=tmp_path)
+    read = {
+        "commitment.json": found.commitment,
+        "cases/000/case.json": lambda: found.given(0),
+        "results/000.json": lambda: found.read_result(0),
+        "tried.json": found.tried,
+    }
+    whole = files.Commitment(answers_sha256="", logs_sha256={}, solver_sha256="", files={})
+    fine = {
+        "commitment.json": {"schema": files.SCHEMA, **dataclasses.asdict(whole)},
+        "results/000.json": RESULT,
+    }
+    if isinstance(text, str) and text.startswith("{"):
+        text = json.dumps(fine.get(name, {}) | json.loads(text))
+    (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+    (tmp_path / name).write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(files.BlindError) as refused:
+        read[name]()
+    assert str(tmp_path / name) in str(refused.value) and said in str(refused.value)
+
+
 def test_a_set_is_committed_to_a_later_solver_until_one_ran(solved, tmp_path):
     """Renew the commitment of a set that nothing was solved on, and of no other."""
     found, _ = copied(solved, tmp_path)
@@ -257,7 +297,7 @@ def test_a_set_is_committed_to_a_later_solver_until_one_ran(solved, tmp_path):
     found.commit(dataclasses.replace(old, solver_sha256="0" * 64))
     assert blind.commit(found.path)["solver_sha256"] == old.solver_sha256
     assert found.commitment() == old
-    (found.log(0) / "case.json").write_text("{}")
+    (found.log(0) / "case.json").write_text('{"excluded": []}')
     with pytest.raises(UsageError, match="log of case 000"):
         blind.commit(found.path)
 
