@@ -180,6 +180,8 @@ class Row(_Part):
             )
         if self.status == "done" and self.spec.steps > 0 and self.policy_sha256 is None:
             raise ValueError("policy_sha256 is None; allowed: that of the trained policy")
+        if self.status == "done" and self.steps < self.spec.steps:
+            raise ValueError(f"steps is {self.steps}; allowed: the run's {self.spec.steps} or more")
         return self
 
     @field_validator("scores", mode="before")

@@ -38,6 +38,7 @@ def read_rows(paths: Iterable[Path | str]) -> tuple[list[Row], list[str]]:
         except OSError as error:
             problems.add(f"{file}: cannot be read ({error.strerror}); allowed: a readable file")
         except ValidationError as error:
+            read.pop(file, None)
             problems.add(f"{file}: {'; '.join(_complaints(error))}")
     problems.update(_conflicts(read))
     return unique(list(read.values())), sorted(problems)
@@ -59,15 +60,14 @@ def _worth(row: Row) -> tuple[bool, str, bool]:
 
 
 def _with_details(row: Row, file: Path) -> Row:
-    """The row of a run folder with its details; raises DetailsError."""
+    """The row of a run folder with its details.
+
+    Raises DetailsError where they cannot be read, ValidationError where they are another row's.
+    """
     if file.name != RUN_FILE or row.status != "done" or row.episodes is not None:
         return row
     details = read_details(file.parent)
-    try:
-        return Row.model_validate({**row.model_dump(by_alias=True, exclude_unset=True), **details})
-    except ValidationError as error:
-        reason = "; ".join(_complaints(error))
-        raise DetailsError(f"{file.parent}: {reason}; its row has no such details") from error
+    return Row.model_validate({**row.model_dump(by_alias=True, exclude_unset=True), **details})
 
 
 def _files(path: Path) -> list[Path]:

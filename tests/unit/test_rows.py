@@ -141,14 +141,20 @@ def test_kept_scores_must_be_those_of_the_means(tmp_path, change, said):
     assert not read and all(text in problem for text in said)
 
 
-@pytest.mark.parametrize("content", [b"", b"PAR1 no parquet at all PAR1", None])
-def test_a_run_with_broken_details_keeps_its_means(tmp_path, content):
-    """Use the means of a run whose episodes cannot be read or are another's, and say so."""
+def test_scores_that_are_not_of_the_episodes_beside_them_are_refused(tmp_path):
+    """Leave out a run whose scores were edited, or whose episodes are another's."""
     folder = save(tmp_path / "a", run())
-    if content is None:
-        pd.DataFrame(detailed(0.4)["episodes"]).to_parquet(folder / "episodes.parquet")
-    else:
-        (folder / "episodes.parquet").write_bytes(content)
+    pd.DataFrame(detailed(0.4)["episodes"]).to_parquet(folder / "episodes.parquet")
+    found, (problem,) = read_rows([folder])
+    assert not found
+    assert str(folder) in problem and "values of tracked whose mean is 0.5" in problem
+
+
+@pytest.mark.parametrize("content", [b"", b"PAR1 no parquet at all PAR1"])
+def test_a_run_with_broken_details_keeps_its_means(tmp_path, content):
+    """Use the means of a run whose episodes cannot be read, and say so."""
+    folder = save(tmp_path / "a", run())
+    (folder / "episodes.parquet").write_bytes(content)
     (row,), (problem,) = read_rows([folder])
     assert row.episodes is None and row.scores is not None and row.scores.tracked == 0.5
     assert str(folder) in problem and "has no such details" in problem
@@ -178,6 +184,7 @@ def test_old_rows_and_new_rows_are_one_line():
         ({"spec": {"backend": "bullet"}}, "not that of this spec and world"),
         ({"scores": {"held": 0.0}, "episodes": None}, "tracked at most held"),
         ({"policy_sha256": None}, "policy_sha256 is None"),
+        ({"steps": 0}, "steps is 0"),
         ({"provenance": {"finished": "9999-01-01T00:00:00"}}, "that is past"),
         ({"provenance": {"finished": "yesterday"}}, "Invalid isoformat"),
         ({"scores": {"tracked": 0.9}}, "whose mean is 0.9"),
