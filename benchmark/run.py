@@ -1,5 +1,6 @@
 """A run: train, evaluate, write the run folder, return the row."""
 
+import contextlib
 import shutil
 import time
 from collections.abc import Callable
@@ -41,14 +42,19 @@ def run(
 
     A run that diverges or cannot be done here is recorded as such before the error is raised.
     """
-    folder = RunFolder(path, spec)
-    finished = folder.claim(resume, force)
-    if finished is not None:
-        warn(f"{path} is finished already; this is its row (--force trains again)")
-        return finished
-    _refuse_full_disk(path)
-    if start is not None and not (path / START_FILE).exists():
-        _copy_start(start, path)
+    with contextlib.closing(RunFolder(path, spec)) as folder:
+        finished = folder.claim(resume, force)
+        if finished is not None:
+            warn(f"{path} is finished already; this is its row (--force trains again)")
+            return finished
+        _refuse_full_disk(path)
+        if start is not None and not (path / START_FILE).exists():
+            _copy_start(start, path)
+        return _recorded(spec, folder, workers)
+
+
+def _recorded(spec: RunSpec, folder: RunFolder, workers: int) -> dict:
+    """Run, and write into the folder what stops it; raises CommandError."""
     try:
         registry.load("backend", spec.backend)
         baseline = registry.load("algo", spec.algo)
@@ -63,7 +69,7 @@ def run(
     except SimulationDivergedError as error:
         reason = f"{spec.backend}: {error}"
         folder.write_run("diverged", reason)
-        raise CommandError(f"diverged, {reason}; recorded in {path}") from error
+        raise CommandError(f"diverged, {reason}; recorded in {folder.path}") from error
     except WorkerError as error:
         reason = f"{spec.backend}: {error}"
         folder.write_run("interrupted", reason)

@@ -11,6 +11,7 @@ import json
 import os
 import re
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 
 from baselines.baseline import Progress
@@ -106,6 +107,7 @@ class RunFolder:
 
     def __init__(self, path: Path, run: RunSpec) -> None:
         self.path, self._run = path, run
+        self._unlock: Callable[[], object] = lambda: None
 
     def claim(self, resume: bool, force: bool) -> dict | None:
         """Prepare the folder; returns the finished run.json if there is nothing left to do.
@@ -132,6 +134,7 @@ class RunFolder:
                 )
             if found["status"] == "done":
                 check_policy(self.path, found)
+                self.drop_checkpoints()
                 return found
             if not resume:
                 raise UsageError(
@@ -157,7 +160,7 @@ class RunFolder:
         """Lock the folder while this process lives; raises UsageError if it is locked."""
         self.path.mkdir(parents=True, exist_ok=True)
         lock = os.open(self.path, os.O_RDONLY)
-        weakref.finalize(self, os.close, lock)
+        self._unlock = weakref.finalize(self, os.close, lock)
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -166,6 +169,10 @@ class RunFolder:
             ) from None
         except OSError:  # a file system without locks: nothing can be known
             pass
+
+    def close(self) -> None:
+        """Let others have the folder."""
+        self._unlock()
 
     def _refuse_remains(self, allowed: bool) -> None:
         """Raise UsageError if remains of a killed run would be deleted unasked."""
