@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,15 +10,19 @@ import pandas as pd
 from scipy.io import savemat
 
 from baselines.saved import POLICY_FILE, file_sha256
+from benchmark.cli import app
 from benchmark.run_folder import RUN_FILE
 
 ROOT = Path(__file__).resolve().parents[2]
+MAKE = ["blind", "make", "--rig", "joint", "--seed", "3"]
+"""Words that make a blind set."""
+PLACES = ["--cases", "2", "--out", "out", "--answers", "answers.json"]
 ARM = """<mujoco model="arm">
   <option timestep="0.001"/>
   <default><geom contype="0"/></default>
   <worldbody>
     <body name="upper" pos="0 0 1">
-      <joint name="a" axis="0 1 0" armature="0.01" damping="0.01" range="-1 1"/>
+      <joint name="a" axis="0 1 0" armature="0.01" damping="0.01" range="-90 90"/>
       <inertial mass="0.5" pos="0 0 -0.1" diaginertia="1e-3 1e-3 1e-3"/>
       <body name="lower" pos="0 0 -0.2">
         <joint name="b" axis="0 1 0" armature="0.01" frictionloss="0.01"/>
@@ -180,10 +185,37 @@ def play_test(folder: Path) -> None:
     pd.DataFrame(table).to_csv(folder / "play.csv", index=False)
 
 
+def blind_set(folder: Path) -> None:
+    """A blind set of one case, and its answers."""
+    folder.mkdir(parents=True, exist_ok=True)
+    words = [*MAKE, "--cases", "1", "--real", "presliding", "--out", str(folder / "set")]
+    if app.call([*words, "--answers", str(folder / "answers.json"), "-j", "1", "-q"]) != 0:
+        raise RuntimeError("no blind set could be made")
+
+
+def solved_set(folder: Path) -> None:
+    """The same, solved."""
+    blind_set(folder)
+    if app.call(["blind", "run", str(folder / "set"), "-j", "1", "-q"]) != 0:
+        raise RuntimeError("no blind set could be solved")
+
+
+EVERYTHING = (run, short_log, small_sweep, bam, solved_set)
+"""What commands act on."""
+
+
+def copy(base: Callable[[Path], None], folder: Path, shelf: Path) -> None:
+    """Put a copy of what `base` writes into a folder; it is written once."""
+    good = shelf / f"base {base.__name__}"
+    if not good.exists():
+        base(good)
+    shutil.copytree(good, folder, dirs_exist_ok=True)
+
+
 def _samples() -> pd.DataFrame:
-    t = np.arange(200) / 100
-    table: dict[str, np.ndarray] = {"episode": np.zeros(200, int), "t_s": t}
-    table["protocol"] = np.full(200, "free")
+    t = np.arange(300) / 100
+    table: dict[str, np.ndarray] = {"episode": np.zeros(300, int), "t_s": t}
+    table["protocol"] = np.full(300, "free")
     for joint, pace in (("a", 2.0), ("b", 3.0)):
         table[f"command_rad.{joint}"] = 0.3 * np.sin(pace * t)
         table[f"position_rad.{joint}"] = 0.3 * np.sin(pace * (t - 0.02))

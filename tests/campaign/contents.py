@@ -8,7 +8,7 @@ from typing import Any
 import pandas as pd
 
 VOLATILE = frozenset(
-    {"wall_s", "env_steps_per_s", "provenance", "cpu_s", "command", "finished", "state"}
+    {"wall_s", "env_steps_per_s", "provenance", "cpu_s", "command", "finished", "state", "time"}
 )
 """Keys and columns with times and circumstances."""
 LEFT_OUT = ("provenance.json", "report.html", ".log", "transfer.json", "leaderboard.html")

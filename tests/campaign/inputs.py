@@ -1,9 +1,9 @@
 """Files and options, spoilt at random, given to the commands that read them."""
 
 import json
-import shutil
 import sys
 import tempfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,7 +28,7 @@ from tests.campaign.mutate import (
     spoil_xml,
 )
 from tests.campaign.table import Case
-from tests.campaign.watch import Outcome, watched
+from tests.campaign.watch import here, watched
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,7 +107,8 @@ def read_mechanism() -> int:
     return 0
 
 
-EVAL = bench("eval", "run", "--episodes", "1", "-j", "1", "-q")
+ONE = ["-j", "1", "-q"]
+EVAL = bench("eval", "run", "--episodes", "1", *ONE)
 
 
 def sealed_eval() -> int:
@@ -116,6 +117,12 @@ def sealed_eval() -> int:
     return EVAL()
 
 
+def solved_anew() -> int:
+    """Solve a blind set whose logs may be others than the committed ones."""
+    return app.call(["blind", "run", "set", "--anyway", *ONE])
+
+
+SCORE = bench("blind", "score", "set", "--answers", "answers.json", "--out", "new", *ONE)
 BOARD = bench("leaderboard", "run", "--include-smoke", "--out", "board")
 FORMATS: Mapping[str, Format] = {
     name: Format(base=base, file=file, spoil=spoil, read=read)
@@ -146,6 +153,11 @@ FORMATS: Mapping[str, Format] = {
          bench("import", "bam", "bam.json", "--out", "new")),
         ("EMPS recording", bases.emps, "emps.mat", spoil_bytes,
          bench("import", "emps", "emps.mat", "--out", "new")),
+        ("commitment.json", bases.solved_set, "set/commitment.json", as_text(json_text), SCORE),
+        ("answers", bases.solved_set, "answers.json", as_text(json_text), SCORE),
+        ("blind case", bases.blind_set, "set/cases/000/case.json", as_text(json_text), solved_anew),
+        ("blind result", bases.solved_set, "set/results/000.json", as_text(json_text), SCORE),
+        ("tried.json", bases.solved_set, "set/tried.json", as_text(json_text), SCORE),
         ("play test", bases.play_test, "play.csv", as_text(spoil_lines),
          bench("import", "play-test", "play.csv", "--out", "new")),
     )
@@ -172,11 +184,16 @@ COMMANDS: Mapping[str, list[str]] = {
     "leaderboard": ["leaderboard", "run", "--include-smoke", "--out", "new"],
     "view": ["view", "run", "--kind", "curve", "--out", "new.png"],
     "list": ["list", "backend"],
+    "sweep": ["sweep", "sweep.yaml", "--dry-run", "--out", "new", *ONE],
+    "import": ["import", "bam", "bam.json", "--out", "new"],
+    "diagnose": ["diagnose", "log", "--out", "new", "-q"],
+    "blind make": ["blind", "make", "--out", "new", "--answers", "new.json", "--cases", "1",
+                   "--real", "presliding", "--rig", "joint", "--modes", "single", "--seed", "3",
+                   "--healthy-logs", "0", *ONE],
+    "blind score": ["blind", "score", "set", "--answers", "answers.json", "--out", "new", *ONE],
     "speed": ["speed", "--backend", "mujoco", "--worlds", "4", "-j", "1", "--duration", "100ms"],
 }  # fmt: skip
 """Commands whose words are spoilt."""
-PATIENCE_S = 900.0
-"""Time for the first call, which compiles [s]."""
 
 
 def spoilt_file(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Callable[[], int]:
@@ -185,7 +202,7 @@ def spoilt_file(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Callab
     Without a generator nothing is spoilt.
     """
     kind = FORMATS[name]
-    _copy(kind.base, folder, shelf)
+    bases.copy(kind.base, folder, shelf)
     file = folder / kind.file
     if rng is not None:
         file.write_bytes(kind.spoil(rng, file.read_bytes()))
@@ -193,22 +210,16 @@ def spoilt_file(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Callab
 
 
 def spoilt_words(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Callable[[], int]:
-    """The command of this name with one or two words replaced, and a run in `folder` to act on.
+    """The command of this name with one or two words replaced, and all it may act on in `folder`.
 
     Without a generator nothing is spoilt.
     """
-    _copy(bases.run, folder, shelf)
+    for base in bases.EVERYTHING:
+        bases.copy(base, folder, shelf)
     words = list(COMMANDS[name.removeprefix("bench ")])
     for _ in range(0 if rng is None else int(rng.integers(1, 3))):
         words[int(rng.integers(1, len(words)))] = str(pick(rng, WORDS))
     return bench(*words)
-
-
-def _copy(base: Callable[[Path], None], folder: Path, shelf: Path) -> None:
-    good = shelf / base.__name__
-    if not good.exists():
-        base(good)
-    shutil.copytree(good, folder, dirs_exist_ok=True)
 
 
 KINDS = {
@@ -221,12 +232,16 @@ QUICK = (
     *("progress.csv", "sweep.yaml", "BAM recording", "EMPS recording", "play test"),
 )
 """Those that take no time."""
+TURNS = list(KINDS)
+"""In which order they are spoilt."""
 
 
 def case(name: str, seed: int, number: int, shelf: Path, hang_s: float) -> Case:
     """Spoil one thing and see what its reader does; good folders are kept on the shelf."""
     _prove(name, shelf)
-    outcome = _outcome(name, np.random.default_rng([seed, number]), shelf, hang_s)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
+    with tempfile.TemporaryDirectory(prefix="input-") as place:
+        outcome = watched(KINDS[name](name, rng, Path(place), shelf), Path(place), hang_s)
     lines = outcome.said.strip().splitlines()
     return Case(
         part="inputs",
@@ -240,16 +255,14 @@ def case(name: str, seed: int, number: int, shelf: Path, hang_s: float) -> Case:
 
 
 def _prove(name: str, shelf: Path) -> None:
-    """Raise RuntimeError unless what is not spoilt is taken; what has to be compiled then is."""
+    """Raise RuntimeError unless what is not spoilt is taken.
+
+    That is asked in this process, so that nothing is loaded or compiled again by what follows.
+    """
     proof = shelf / f"{name}.proven"
     if not proof.exists():
-        outcome = _outcome(name, None, shelf, PATIENCE_S)
+        with tempfile.TemporaryDirectory(prefix="input-") as place:
+            outcome = here(KINDS[name](name, None, Path(place), shelf), Path(place))
         if outcome.code != 0:
             raise RuntimeError(f"{name} is refused though nothing is wrong: {outcome.said}")
         proof.touch()
-
-
-def _outcome(name: str, rng: Rng | None, shelf: Path, limit_s: float) -> Outcome:
-    with tempfile.TemporaryDirectory(prefix="input-") as place:
-        read = KINDS[name](name, rng, Path(place), shelf)
-        return watched(read, Path(place), limit_s)

@@ -1,14 +1,14 @@
-"""Commands killed at a file operation or at a moment, taken up, and compared with a whole call.
+"""Commands killed again and again, taken up each time, and compared with a call that is left alone.
 
-A kill is SIGKILL before the n-th operation that changes a file, or after a share of the time that
-the whole call takes. What it leaves is taken up by the command that its message advises.
+A kill is SIGKILL before an operation that changes a file, or after a share of the time that the
+whole call takes. What it leaves is taken up by the command that its message advises, which may be
+killed in turn; the last one ends.
 """
 
-import os
+import json
 import shutil
-import signal
-import sys
 import tempfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,19 +18,15 @@ import numpy as np
 from benchmark.cli import app
 from tests.campaign import bases
 from tests.campaign.contents import differing
+from tests.campaign.dying import counted, die_after, die_at
 from tests.campaign.table import Case
-from tests.campaign.watch import Outcome, watched
+from tests.campaign.watch import KILLED, Outcome, here, watched
 
 OUT = "out"
-COUNTED = "operations"
-"""File in which a whole call leaves the number of its operations."""
-CHANGES = frozenset({"os.rename", "os.remove", "os.mkdir", "os.rmdir", "os.truncate", "os.link"})
-"""Audit events that change files, besides `open`."""
-WRITES = os.O_WRONLY | os.O_RDWR | os.O_CREAT | os.O_TRUNC
-BY_TIME = 0.25
+MOST_KILLS = 8
+"""Most kills of one command, one after the other."""
+BY_TIME = 0.2
 """Share of the kills that come at a moment."""
-PATIENCE_S = 900.0
-"""Time for the whole call, which compiles [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,202 +40,193 @@ class Killed:
     """Writes what it works on."""
     finished: bool = False
     """Whether it begins where a whole call has ended, with --force."""
+    often: int = 3
+    """How often it has its turn: the quicker, the more often."""
 
 
+BACKENDS = ("mujoco", "bullet", "sapien")
 RUN = ["run", "--task", "line", "--smoke"]
 SHORT = ["--set", "rollout_steps=32", "--steps", "512"]
 RECORD = ["record", "--protocol", "steps", "--rate", "50Hz", "--effects", "backlash=1deg@J3"]
+DEPLOYED = ["--effects", "none", "--episodes", "2"]
 ONE = ["-j", "1", "-q"]
 
 
-def _runs() -> dict[str, Killed]:
+def _engines() -> dict[str, Killed]:
+    """The commands that start an engine, with each."""
+    learners = (("sb3-ppo", SHORT), ("rsl-ppo", SHORT), ("hold-still", []))
+    out = ["--out", OUT, *ONE]
+    found: dict[str, Killed] = {}
+    for name in BACKENDS:
+        on = ["--backend", name]
+        for algo, more in learners:
+            words = [*RUN, *more, *on, "--algo", algo, *out]
+            often = 3 if algo == "hold-still" else 1
+            found[f"run {name} {algo}"] = Killed(words=words, again=["--resume"], often=often)
+        found[f"record {name}"] = Killed(words=[*RECORD, *on, *out], again=["--force"])
+        words = ["transfer", "run", *on, *DEPLOYED, "--include-smoke", *out]
+        found[f"transfer {name}"] = Killed(words=words, again=[], base=bases.run, often=1)
+        words = ["eval", "run", *on, *DEPLOYED, *out]
+        found[f"eval {name}"] = Killed(words=words, again=[], base=bases.run)
+    return found
+
+
+def _forced() -> dict[str, Killed]:
+    """Runs that begin where another has ended."""
+    on = ["--backend", "mujoco", "--out", OUT, *ONE]
     return {
-        f"run {backend} {algo}": Killed(
-            words=[*RUN, *more, "--backend", backend, "--algo", algo, "--out", OUT, *ONE],
-            again=["--resume"],
+        f"run --force {algo}": Killed(
+            words=[*RUN, *SHORT, "--algo", algo, *on], again=["--resume"], finished=True, often=1
         )
-        for backend in ("mujoco", "bullet", "sapien")
-        for algo, more in (("sb3-ppo", SHORT), ("rsl-ppo", SHORT), ("hold-still", []))
-    }
-
-
-def _logs() -> dict[str, Killed]:
-    return {
-        f"record {backend}": Killed(
-            words=[*RECORD, "--backend", backend, "--out", OUT, *ONE], again=["--force"]
-        )
-        for backend in ("mujoco", "bullet", "sapien")
-    }
-
-
-def _transfers() -> dict[str, Killed]:
-    deployed = ["--effects", "none", "--episodes", "2", "--include-smoke"]
-    return {
-        f"transfer {backend}": Killed(
-            words=["transfer", "run", "--backend", backend, *deployed, "--out", OUT, *ONE],
-            again=[],
-            base=bases.run,
-        )
-        for backend in ("mujoco", "bullet", "sapien")
+        for algo in ("sb3-ppo", "rsl-ppo")
     }
 
 
 KINDS: Mapping[str, Killed] = {
-    **_runs(),
-    "run --force": Killed(
-        words=[*RUN, *SHORT, "--backend", "mujoco", "--out", OUT, *ONE],
-        again=["--resume"],
-        finished=True,
-    ),
-    **_logs(),
-    **_transfers(),
-    "eval": Killed(
-        words=["eval", "run", "--episodes", "2", "--out", OUT, *ONE], again=[], base=bases.run
-    ),
+    **_engines(),
+    **_forced(),
     "leaderboard": Killed(
-        words=["leaderboard", "run", "--add", "--policies", "--out", OUT], again=[], base=bases.run
+        words=["leaderboard", "run", "--add", "--policies", "--out", OUT],
+        again=[],
+        base=bases.run,
+        often=8,
     ),
-    "excite": Killed(words=["excite", "--out", f"{OUT}/commands.csv"], again=["--force"]),
+    "excite": Killed(words=["excite", "--out", f"{OUT}/commands.csv"], again=["--force"], often=8),
     "import": Killed(
-        words=["import", "bam", "bam.json", "--out", OUT], again=["--force"], base=bases.bam
+        words=["import", "bam", "bam.json", "--out", OUT],
+        again=["--force"],
+        base=bases.bam,
+        often=8,
     ),
     "view": Killed(
-        words=["view", "run", "--kind", "curve", "--out", f"{OUT}/a.png"], again=[], base=bases.run
+        words=["view", "run", "--kind", "curve", "--out", f"{OUT}/a.png"],
+        again=[],
+        base=bases.run,
+        often=8,
     ),
     "sweep": Killed(
-        words=["sweep", "sweep.yaml", "--out", OUT, *ONE], again=[], base=bases.small_sweep
+        words=["sweep", "sweep.yaml", "--out", OUT, *ONE], again=[], base=bases.small_sweep, often=1
     ),
     "diagnose": Killed(
-        words=["diagnose", "log", "--out", OUT, *ONE], again=["--force"], base=bases.short_log
+        words=["diagnose", "log", "--out", OUT, "-q"], again=[], base=bases.short_log
     ),
-    "blind make": Killed(
-        words=["blind", "make", "--rig", "joint", "--cases", "2", "--real", "mujoco", "--seed", "3",
-               "--out", OUT, "--answers", "answers.json", *ONE],
+    **{
+        f"blind make {real}": Killed(
+            words=[*bases.MAKE, "--real", real, *bases.PLACES, *ONE], again=[], often=1
+        )
+        for real in ("presliding", *BACKENDS)
+    },
+    "blind run": Killed(words=["blind", "run", "set", *ONE], again=[], base=bases.blind_set),
+    "blind score": Killed(
+        words=["blind", "score", "set", "--answers", "answers.json", "--out", OUT, *ONE],
         again=[],
+        base=bases.solved_set,
     ),
-}  # fmt: skip
-"""Commands by name; a sweep's cells are processes of their own."""
+}
+"""Commands by name."""
 QUICK = ("run mujoco hold-still", "record mujoco", "leaderboard", "excite", "import")
 """Those that take little time."""
+TURNS = [name for turn in range(8) for name in KINDS if KINDS[name].often > turn]
+"""In which order they are killed."""
 
 
 def case(name: str, seed: int, number: int, shelf: Path, hang_s: float) -> Case:
-    """Kill a command once, take it up, and compare; whole calls are kept on the shelf."""
-    killed, whole = KINDS[name], shelf / name.replace(" ", "_")
-    if not whole.exists():
-        _whole(killed, whole)
-    rng = np.random.default_rng([seed, number])
+    """Kill a command and what takes it up, and compare what the last one leaves."""
+    whole = _whole(name, shelf)
+    rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
+    places = [_place(rng, whole) for _ in range(rng.integers(1, MOST_KILLS, endpoint=True))]
+    return _killed(name, seed, number, shelf, hang_s, places)
+
+
+def operations(name: str, shelf: Path) -> int:
+    """How many operations of a whole call change a file."""
+    return _whole(name, shelf)["operations"]
+
+
+def at_operation(name: str, number: int, shelf: Path, hang_s: float) -> Case:
+    """Kill a command once, before this operation."""
+    return _killed(name, 0, number, shelf, hang_s, [("operation", number)])
+
+
+def _killed(
+    name: str, seed: int, number: int, shelf: Path, hang_s: float, places: list[tuple[str, float]]
+) -> Case:
+    killed = KINDS[name]
     with tempfile.TemporaryDirectory(prefix="kill-") as place:
-        folder = Path(place)
-        _prepare(killed, folder, whole)
-        at, outcome = _kill(killed, folder, whole, rng, hang_s)
-        taken = watched(_call(killed, killed.again), folder, 2 * hang_s)
-        fault = outcome.fault if outcome.code >= 0 else ""
-        fault = fault or taken.fault or ("stuck" if taken.code != 0 else "")
-        differs = differing(folder / OUT, whole / OUT)
-        fault = fault or ("changed" if differs else "")
-    said = (taken.said.strip().splitlines() or [""])[-1]
+        folder = Path(place) / "here"
+        _prepare(killed, folder, shelf)
+        if killed.finished:
+            shutil.copytree(shelf / name / OUT, folder / OUT)
+        more, kills = ["--force"] * killed.finished, 0
+        for at in places:
+            outcome = watched(_dying(_call(killed, more), at), folder, hang_s)
+            if outcome.code != KILLED or outcome.hung:
+                break
+            more, kills = killed.again, kills + 1
+        else:
+            outcome = watched(_call(killed, more), folder, hang_s)
+        fault, said = _judged(outcome, differing(folder, shelf / name))
     return Case(
         part="kills",
         kind=name,
         seed=seed,
         number=number,
+        kills=kills,
         refused=False,
         fault=fault,
-        said=f"{at}; {said}; changed: {', '.join(differs)}" if fault else at,
+        said=f"{said}; killed at {places[:kills]}",
     )
 
 
-def _whole(killed: Killed, whole: Path) -> None:
-    """Make a call that is not killed, and count its operations; raises RuntimeError."""
-    _prepare(killed, whole, None)
-    call = _call(killed, [])
-    if killed.finished:
-        watched(call, whole, PATIENCE_S)
-        call = _call(killed, ["--force"])
-    outcome = watched(lambda: _counted(call), whole, PATIENCE_S)
-    if outcome.code != 0:
-        shutil.rmtree(whole)
-        raise RuntimeError(f"{' '.join(killed.words)} failed unkilled: {outcome.said}")
-    again = watched(call, whole, PATIENCE_S) if killed.finished else None
-    (whole / "wall_s").write_text(str((again or outcome).wall_s))
+def _judged(last: Outcome, differs: list[str]) -> tuple[str, str]:
+    """The fault of what took up a killed command, if any, and what is to be said."""
+    if last.fault or last.code != 0:
+        return last.fault or "stuck", (last.said.strip().splitlines() or [""])[-1]
+    return ("changed", f"changed: {', '.join(differs)}") if differs else ("", "")
 
 
-def _prepare(killed: Killed, folder: Path, whole: Path | None) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
+def _whole(name: str, shelf: Path) -> dict:
+    """Operations and time [s] of a call that is left alone; what it leaves is on the shelf.
+
+    It is made in this process, so that nothing is loaded or compiled again by those that follow.
+    """
+    folder, facts = shelf / name, shelf / f"{name}.json"
+    if not facts.exists():
+        killed = KINDS[name]
+        _prepare(killed, folder, shelf)
+        if killed.finished:
+            here(_call(killed, []), folder)
+        call = _call(killed, ["--force"] * killed.finished)
+        operations = [0]
+
+        def counting() -> int:
+            code, operations[0] = counted(call)
+            return code
+
+        outcome = here(counting, folder)
+        if outcome.code != 0:
+            raise RuntimeError(f"{' '.join(killed.words)} failed unkilled: {outcome.said}")
+        facts.write_text(json.dumps({"operations": operations[0], "wall_s": outcome.wall_s}))
+    return json.loads(facts.read_text())
+
+
+def _prepare(killed: Killed, folder: Path, shelf: Path) -> None:
+    folder.mkdir(parents=True)
     if killed.base is not None:
-        killed.base(folder)
-    if killed.finished and whole is not None:
-        shutil.copytree(whole / OUT, folder / OUT)
+        bases.copy(killed.base, folder, shelf)
 
 
 def _call(killed: Killed, more: list[str]) -> Callable[[], int]:
     return lambda: app.call([*killed.words, *more])
 
 
-def _counted(call: Callable[[], int]) -> int:
-    """Make a call and leave the number of its operations in a file."""
-    seen = [0]
-    _before_each(lambda: seen.__setitem__(0, seen[0] + 1))
-    code = call()
-    Path(COUNTED).write_text(str(seen[0]))
-    return code
+def _place(rng: np.random.Generator, whole: dict) -> tuple[str, float]:
+    """Where a kill comes."""
+    if rng.random() < BY_TIME:
+        return "second", round(float(rng.random()) * whole["wall_s"], 3)
+    return "operation", int(rng.integers(whole["operations"]))
 
 
-def _kill(
-    killed: Killed, folder: Path, whole: Path, rng: np.random.Generator, hang_s: float
-) -> tuple[str, Outcome]:
-    """Where the kill came, and how the call ended."""
-    call = _call(killed, ["--force"] if killed.finished else [])
-    operations = int((whole / COUNTED).read_text())
-    if rng.random() < BY_TIME or operations == 0:
-        after_s = float(rng.random()) * min(float((whole / "wall_s").read_text()), hang_s)
-        return f"after {after_s:.2f} s", watched(lambda: _die_after(call, after_s), folder, hang_s)
-    at = int(rng.integers(operations))
-    return f"at operation {at} of {operations}", watched(lambda: _die_at(call, at), folder, hang_s)
-
-
-def _die_at(call: Callable[[], int], operation: int) -> int:
-    left = [operation]
-
-    def count() -> None:
-        if left[0] == 0:
-            os.kill(os.getpid(), signal.SIGKILL)
-        left[0] -= 1
-
-    _before_each(count)
-    return call()
-
-
-def _die_after(call: Callable[[], int], after_s: float) -> int:
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    own = os.getpid()
-    if os.fork() == 0:  # a process that does nothing but wait and kill
-        import time
-
-        time.sleep(after_s)
-        os.kill(own, signal.SIGKILL)
-        os._exit(0)
-    return call()
-
-
-def _before_each(act: Callable[[], None]) -> None:
-    """From now on, call this before each operation of this process that changes a file here."""
-    here, own = f"{Path.cwd()}/", os.getpid()
-
-    def hook(event: str, arguments: tuple) -> None:
-        if event == "open":
-            path, _, flags = arguments
-            if not (isinstance(flags, int) and flags & WRITES):
-                return
-        elif event not in CHANGES:
-            return
-        else:
-            path = arguments[0]
-        if isinstance(path, bytes):
-            path = path.decode(errors="replace")
-        inside = isinstance(path, str | Path) and os.path.abspath(path).startswith(here)
-        if inside and os.getpid() == own:
-            act()
-
-    sys.addaudithook(hook)
+def _dying(call: Callable[[], int], at: tuple[str, float]) -> Callable[[], int]:
+    kind, place = at
+    return lambda: die_after(call, place) if kind == "second" else die_at(call, int(place))

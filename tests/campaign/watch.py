@@ -23,6 +23,8 @@ LONGEST_LINE = 1200
 POLL_S = 0.02
 CRASH = 70
 """Exit code of a child whose call raised."""
+KILLED = -signal.SIGKILL
+"""Exit code of a child that was killed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,6 +74,27 @@ def watched(call: Callable[[], int], folder: Path, limit_s: float) -> Outcome:
         peak_bytes=peak_bytes,
         hung=hung,
     )
+
+
+def here(call: Callable[[], int], folder: Path) -> Outcome:
+    """Run `call` in this process within `folder`: what it loads stays loaded."""
+    began, before = time.monotonic(), Path.cwd()
+    kept = [os.dup(1), os.dup(2)]
+    with tempfile.TemporaryFile() as said:
+        try:
+            os.chdir(folder)
+            for stream in (1, 2):
+                os.dup2(said.fileno(), stream)
+            code = call()
+        finally:
+            os.chdir(before)
+            for stream, old in zip((1, 2), kept, strict=True):
+                os.dup2(old, stream)
+                os.close(old)
+        said.seek(0)
+        text = said.read().decode(errors="replace")
+    wall_s = time.monotonic() - began
+    return Outcome(code=code, said=text, wall_s=wall_s, peak_bytes=0, hung=False)
 
 
 def _run(call: Callable[[], int], folder: Path, said: int) -> None:

@@ -10,20 +10,23 @@ ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize(
-    ("part", "cases"),
+    "words",
     [
-        ("--inputs", 60),
-        ("--kills", 10),
-        pytest.param("--inputs", 1000, marks=pytest.mark.slow),
-        pytest.param("--kills", 200, marks=pytest.mark.slow),
+        ["--inputs", "--quick", "--n", "60"],
+        ["--kills", "--quick", "--n", "5"],
+        ["--kills", "--every", "--only", "blind make presliding"],
+        ["--kills", "--only", "run mujoco sb3-ppo", "--n", "2"],
+        ["--kills", "--only", "run mujoco rsl-ppo", "--n", "2"],
+        pytest.param(["--kills", "--every"], marks=pytest.mark.slow),
+        pytest.param(["--kills", "--n", "100"], marks=pytest.mark.slow),
+        pytest.param(["--inputs", "--n", "500"], marks=pytest.mark.slow),
     ],
+    ids=" ".join,
 )
-def test_nothing_breaks(part, cases):
+def test_nothing_breaks(words):
     """End without a trace, a hang or a full memory; leave no row changed and no folder stuck."""
-    quick = ["--quick"] if cases <= 60 else []
-    words = [part, "--n", str(cases), "--seed", "7", "--hang-s", "600", *quick]
     done = subprocess.run(
-        [sys.executable, "-m", "tests.campaign", *words],
+        [sys.executable, "-m", "tests.campaign", *words, "--seed", "7", "--hang-s", "600"],
         cwd=ROOT,
         capture_output=True,
         text=True,
