@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from files.bounded import one_line
@@ -58,7 +59,10 @@ def kept_text(row: dict, details: Mapping[str, dict[str, list]]) -> str:
 
 def _read(path: Path, read: Callable[[Path], pd.DataFrame], columns: tuple[str, ...]) -> Any:
     try:
-        return read(path)[list(columns)].astype(float)
+        found = read(path)[list(columns)].astype(float)
+        if not np.isfinite(found.to_numpy()).all():
+            raise ValueError("it has values that are no finite numbers")
+        return found
     except (OSError, ValueError, KeyError, TypeError) as error:
         reason = one_line(str(error))
         raise DetailsError(

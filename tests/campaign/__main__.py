@@ -22,7 +22,7 @@ def main() -> int:
     asked = _asked()
     part, table, faults = PARTS[asked.part], Table(asked.out), 0
     names = _names(asked, part)
-    if asked.anew:
+    if asked.again:
         for name in names:
             table.forget(asked.part, name, asked.seed)
     with tempfile.TemporaryDirectory(prefix="campaign-") as place:
@@ -58,7 +58,7 @@ def _asked() -> argparse.Namespace:
     parser.add_argument("--hang-s", type=float, default=HANG_S, help="longer is a hang [s]")
     parser.add_argument("--case", type=int, help="the number of one case, to repeat it")
     parser.add_argument("--out", type=Path, help="CSV file with the table")
-    parser.add_argument("--anew", action="store_true", help="forget what it says of these kinds")
+    parser.add_argument("--again", action="store_true", help="forget what it says of these kinds")
     parser.add_argument("--every", action="store_true", help="one kill at each operation in turn")
     asked = parser.parse_args()
     if asked.every and asked.part != "kills":

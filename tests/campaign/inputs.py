@@ -117,7 +117,7 @@ def sealed_eval() -> int:
     return EVAL()
 
 
-def solved_anew() -> int:
+def solve_again() -> int:
     """Solve a blind set whose logs may be others than the committed ones."""
     return app.call(["blind", "run", "set", "--anyway", *ONE])
 
@@ -155,7 +155,7 @@ FORMATS: Mapping[str, Format] = {
          bench("import", "emps", "emps.mat", "--out", "new")),
         ("commitment.json", bases.solved_set, "set/commitment.json", as_text(json_text), SCORE),
         ("answers", bases.solved_set, "answers.json", as_text(json_text), SCORE),
-        ("blind case", bases.blind_set, "set/cases/000/case.json", as_text(json_text), solved_anew),
+        ("blind case", bases.blind_set, "set/cases/000/case.json", as_text(json_text), solve_again),
         ("blind result", bases.solved_set, "set/results/000.json", as_text(json_text), SCORE),
         ("tried.json", bases.solved_set, "set/tried.json", as_text(json_text), SCORE),
         ("play test", bases.play_test, "play.csv", as_text(spoil_lines),

@@ -49,7 +49,7 @@ class Table:
                     self._rows[row["part"], row["kind"], int(row["seed"])] = row | counts
 
     def forget(self, part: str, kind: str, seed: int) -> None:
-        """Take out a kind, to count it anew."""
+        """Take out a kind, to count it from the start."""
         self._rows.pop((part, kind, seed), None)
 
     def cases(self, part: str, kind: str, seed: int) -> int:

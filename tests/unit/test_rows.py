@@ -160,6 +160,15 @@ def test_a_run_with_broken_details_keeps_its_means(tmp_path, content):
     assert str(folder) in problem and "has no such details" in problem
 
 
+def test_a_curve_with_holes_is_left_out(tmp_path):
+    """Keep a run's row where its learning curve has steps that are no numbers, and say so."""
+    folder = save(tmp_path / "a", run())
+    lines = ["steps,reward,p_err_cm,q_err_deg,wall_s", "1,1,1,1,1", ",1,1,1,2"]
+    (folder / "progress.csv").write_text("\n".join(lines))
+    (row,), (problem,) = read_rows([folder])
+    assert row.curve is None and "no finite numbers" in problem
+
+
 def test_the_row_with_episodes_counts_before_the_one_without(tmp_path):
     """Take the richer of two files of one run."""
     save(tmp_path / "a", run())
