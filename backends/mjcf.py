@@ -32,6 +32,7 @@ __all__ = [
     "Play",
     "Servo",
     "file_drives",
+    "joint_ranges",
     "left_out",
     "mechanism",
     "whole",
@@ -105,6 +106,22 @@ def file_drives(xml: str) -> dict[str, FileDrive]:
     model = compiled(xml)
     hinges = [j for j in range(model.njnt) if int(model.jnt_type[j]) in ROOM]
     return {model.joint(j).name: file_drive(model, j) for j in hinges}
+
+
+def joint_ranges(xml: str) -> dict[str, tuple[float, float, bool]]:
+    """Range of each hinge [rad] and slide [m] of a text, and whether it slides.
+
+    In the file's order; raises MjcfError.
+    """
+    model = compiled(xml)
+    found: dict[str, tuple[float, float, bool]] = {}
+    for j in range(model.njnt):
+        kind = int(model.jnt_type[j])
+        if kind in ROOM:
+            low, high = model.jnt_range[j] if model.jnt_limited[j] else (-np.inf, np.inf)
+            slides = kind == int(mujoco.mjtJoint.mjJNT_SLIDE)
+            found[model.joint(j).name] = float(low), float(high), slides
+    return found
 
 
 def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, ...]:

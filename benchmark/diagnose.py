@@ -13,9 +13,9 @@ from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
 from backends.sticks import STICKS
-from benchmark import registry
+from benchmark import registry, robot_log
 from benchmark._diagnosis_texts import effects_text, summary
-from benchmark.console import Bar
+from benchmark.console import Bar, say
 from benchmark.effects import parse_effects
 from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import provenance, usable_cores
@@ -43,12 +43,14 @@ OUT = Path("diagnoses")
 class Settings:
     """The settings of `bench diagnose`."""
 
-    path: Path
-    """Folder of the log."""
+    source: robot_log.Source
+    """The log: a folder, or the two files that it is made of."""
     nominal: str
     """Engine that the compiled replay of the nominal world is compared with."""
     known_effects: str | None
     """Effects that the nominal world is known to have; None: those named in the log."""
+    out: Path | None = None
+    """Folder of the results; None: named after the log."""
     healthy: tuple[Path, ...] = ()
     """Folders of logs of the same mechanism, recorded while nothing was wrong with it."""
 
@@ -56,6 +58,16 @@ class Settings:
     def words(self) -> str:
         """The logs as written on the command line."""
         return " ".join([str(self.path), *(f"--healthy {path}" for path in self.healthy)])
+
+    @property
+    def path(self) -> Path:
+        """Folder of the log; that of two files is written there."""
+        return self.source.folder or self.folder / robot_log.FOLDER
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        return self.out or OUT / self.source.name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,21 +81,21 @@ class World:
     """Its effects."""
 
 
-def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     """Diagnose and write diagnosis.json and report.html; returns the result and its summary.
 
     Raises UsageError for a log or setting that cannot be used, CommandError if a process stops.
     """
-    folder = out or OUT / settings.path.resolve().name
+    folder = settings.folder
     if (folder / FILE).exists() and not force:
         raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
     engine = registry.load("backend", settings.nominal)
     try:
-        log = read_log(settings.path)
+        log = _understood(settings, force)
         world = _world(log, settings)
         healthy = _healthy(settings, log, world)
         apart = _apart_rad(log, world, settings.nominal, engine)
-        with Bar(f"diagnose {settings.path.name}", 100) as bar:
+        with Bar(f"diagnose {settings.source.name}", 100) as bar:
             found = diagnose(
                 log,
                 healthy,
@@ -104,6 +116,16 @@ def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, Render
     whole = result | {"provenance": provenance()}
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
     return result, summary(found, result)
+
+
+def _understood(settings: Settings, force: bool) -> Log:
+    """The log; of two files, what was understood of them is said first."""
+    found = robot_log.read(settings.source, settings.folder, force)
+    if found.said:
+        for line in (*found.said, *robot_log.understood(found.log)):
+            say(line)
+        say(f"as a log, with a log.yaml to edit: {found.folder}")
+    return found.log
 
 
 def _healthy(settings: Settings, today: Log, world: World) -> list[Log]:
@@ -259,7 +281,7 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
     held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
-        "log": settings.path.resolve().name,
+        "log": settings.source.name,
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": f"compiled; {held}",

@@ -20,7 +20,7 @@ from benchmark import console, errors
 from benchmark.cli import blind, doctor
 from benchmark.cli.check import list_parts, measure_speed, verify
 from benchmark.cli.demo import demo
-from benchmark.cli.gap import calibrate, diagnose
+from benchmark.cli.gap import calibrate, check, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
 from benchmark.cli.log import excite, import_logs, record
 from benchmark.cli.run import evaluate, run, view
@@ -43,7 +43,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "verify": verify,
     },
     "Logs": {"record": record, "excite": excite, "import": import_logs},
-    "The gap": {"calibrate": calibrate, "diagnose": diagnose},
+    "The gap": {"check": check, "calibrate": calibrate, "diagnose": diagnose},
     "This machine": {"speed": measure_speed, "list": list_parts},
 }
 """By panel of the help."""

@@ -13,6 +13,62 @@ CAUSE, UNKNOWN = "cause", "unknown"
 OF_LOG = "those that the log names"
 
 
+LogFolder = Annotated[
+    Path | None, typer.Argument(metavar="[LOG]", help="Folder of the log.", show_default=False)
+]
+Robot = Annotated[
+    Path | None, typer.Option("--robot", metavar="MODEL", help="MJCF or URDF of the robot.")
+]
+Table = Annotated[
+    Path | None,
+    typer.Option("--log", metavar="TABLE", help="What it recorded, as CSV or parquet."),
+]
+Unit = Annotated[
+    str | None,
+    typer.Option(metavar="UNIT", help="Of positions and commands: rad, deg, turn, mrad, m, mm."),
+]
+Column = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="JOINT.KIND=COLUMN",
+        help="Which column it is; kinds: command, position, motor, torque, velocity, push; "
+        "repeatable.",
+    ),
+]
+DriveOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--drive",
+        metavar="JOINT=NUMBERS",
+        help="Numbers of a drive that the model lacks, such as '*=kp:60,kd:1.5,limit:12'; "
+        "repeatable.",
+    ),
+]
+Hold = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="JOINT=POSITION", help="Where a joint is held that the table lacks; repeatable."
+    ),
+]
+FixBase = Annotated[
+    bool, typer.Option("--fix-base", help="Hold a floating base where the model has it.")
+]
+GravityCompensation = Annotated[
+    bool,
+    typer.Option(
+        "--gravity-compensation", help="The drives carry the links' weight by themselves."
+    ),
+]
+OF_FILES = {
+    "robot": "none",
+    "table": "none",
+    "unit": "as the names say, or as the ranges do",
+    "column": "by their names",
+    "drive": "the model's",
+    "hold": "where the model has them",
+}
+
+
 @command(
     defaults={
         "known_effects": OF_LOG,
@@ -58,10 +114,19 @@ def calibrate(
         "out": "diagnoses/LOG",
         "healthy": "none",
         "fail_on": "nothing",
+        **OF_FILES,
     }
 )
 def diagnose(
-    log: Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")],
+    log: LogFolder = None,
+    robot: Robot = None,
+    table: Table = None,
+    unit: Unit = None,
+    column: Column = None,
+    drive: DriveOf = None,
+    hold: Hold = None,
+    fix_base: FixBase = False,
+    gravity_compensation: GravityCompensation = False,
     healthy: Annotated[
         list[Path] | None,
         typer.Option(
@@ -84,26 +149,87 @@ def diagnose(
 ) -> Any:
     """Say where a log departs from the nominal world, which effect explains it, and how well.
 
+    LOG is a folder, or a robot's model and the table that it recorded make one.
+
     Writes diagnosis.json and report.html. Replays are compiled, for any engine alike; the nominal
     one is held against them, and a difference that matters is a warning.
 
-    Example: [bold]bench diagnose logs/one --known-effects built[/bold]
+    Example: [bold]bench diagnose --robot arm.xml --log run.csv[/bold]
+
+    A log folder: [bold]bench diagnose logs/one --known-effects built[/bold]
 
     A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
     """
     from benchmark import diagnose as diagnoses
 
     settings = diagnoses.Settings(
-        path=log,
+        source=_source(
+            log, robot, table, unit, column, drive, hold, fix_base, gravity_compensation
+        ),
+        out=out,
         healthy=tuple(healthy or ()),
         nominal=nominal,
         known_effects=known_effects,
     )
     failing = _failing(fail_on)
-    result, summary = diagnoses.run(settings, out, force)
+    result, summary = diagnoses.run(settings, force)
     if failing:
         result["ok"] = not failing & {_kind(result["verdict"])}
     return result, summary
+
+
+@command(defaults={"out": "checks/LOG", **OF_FILES})
+def check(
+    log: LogFolder = None,
+    robot: Robot = None,
+    table: Table = None,
+    unit: Unit = None,
+    column: Column = None,
+    drive: DriveOf = None,
+    hold: Hold = None,
+    fix_base: FixBase = False,
+    gravity_compensation: GravityCompensation = False,
+    out: Out = None,
+    force: Force = False,
+) -> Any:
+    """Read a log, say what was understood of it and draw it, before anything is fitted.
+
+    Of two files it writes the log, whose log.yaml can be edited. Exits with 1 where the data has a
+    fault.
+
+    Example: [bold]bench check --robot arm.xml --log run.csv[/bold]
+    """
+    from benchmark import check as checks
+
+    source = _source(log, robot, table, unit, column, drive, hold, fix_base, gravity_compensation)
+    return checks.run(source, out, force)
+
+
+def _source(
+    log: Path | None,
+    robot: Path | None,
+    table: Path | None,
+    unit: str | None,
+    column: list[str] | None,
+    drive: list[str] | None,
+    hold: list[str] | None,
+    fix_base: bool,
+    gravity_compensation: bool,
+) -> Any:
+    """Where the log comes from."""
+    from benchmark.robot_log import Source
+
+    return Source(
+        folder=log,
+        robot=robot,
+        table=table,
+        unit=unit,
+        columns=column or (),
+        drives=drive or (),
+        hold=hold or (),
+        fix_base=fix_base,
+        gravity_compensation=gravity_compensation,
+    )
 
 
 def _failing(text: str | None) -> set[str]:

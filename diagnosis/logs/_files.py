@@ -30,6 +30,8 @@ from files.bounded import FileError, one_line
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
 FORMS = ("parquet", "csv")
+MODELS = (".xml", ".mjcf", ".urdf")
+"""Ends of a model's file name."""
 MOST_MJCF_BYTES = 1_000_000
 """Largest MJCF file that is read."""
 
@@ -132,7 +134,7 @@ def check_target(folder: Path, form: str, force: bool = False) -> None:
         raise LogError(f"{folder} is no log ({META_FILE} is missing), so --force leaves it alone")
     known = {META_FILE, PARQUET_FILE, CSV_FILE, PROVENANCE_FILE}
     for file in sorted(folder.iterdir()):
-        if file.name not in known and file.suffix.lower() != ".xml":
+        if file.name not in known and file.suffix.lower() not in MODELS:
             raise LogError(
                 f"{folder} holds {file.name}, which no log does, so --force leaves it alone; "
                 "choose another --out"

@@ -38,6 +38,7 @@ __all__ = [
     "LogMeta",
     "MjcfMechanism",
     "make_log",
+    "plausible",
     "name_of",
     "read_log",
     "check_target",
@@ -161,9 +162,14 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
 def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
-    log = make_log(meta, samples, mjcf_xml)
+    log = plausible(make_log(meta, samples, mjcf_xml))
+    return dataclasses.replace(log, warnings=(*odd, *log.warnings))
+
+
+def plausible(log: Log) -> Log:
+    """The log with warnings of what is unlikely; raises LogError for what is certainly wrong."""
     unlikely = _plausible.check(log.meta, log.samples, log.joints)
-    return dataclasses.replace(log, warnings=(*odd, *log.warnings, *unlikely))
+    return dataclasses.replace(log, warnings=(*log.warnings, *unlikely))
 
 
 def write_log(

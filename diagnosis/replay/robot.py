@@ -67,7 +67,8 @@ def known_drives(log: Log) -> dict[str, KnownDrive]:
         first = f"{{{without[0]}: {{kp: 60, kd: 1.5}}}}"
         raise LogError(
             f"{settings.mjcf} has no position actuator for {', '.join(without)}, and log.yaml has "
-            f"no kp: write the drives there, such as `joints: {first}` [Nm/rad, Nms/rad]"
+            f"no kp: write the drives there, such as `joints: {first}` [Nm/rad, Nms/rad], or give "
+            f"them with --drive '{without[0]}=kp:60,kd:1.5'"
         )
     return {name: one for name, one in found.items() if one is not None}
 

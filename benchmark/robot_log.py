@@ -1,0 +1,137 @@
+"""A log from a user's robot: from a folder, or from its model and its table; and what it says."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from benchmark.errors import UsageError
+from diagnosis.logs.log import DriveSettings, HandMechanism, Log, plausible, read_log, write_log
+from diagnosis.logs.two_files import Asked, pair
+from diagnosis.replay.nominal import left_out, mjcf_world
+from diagnosis.replay.robot import contradictions, known_drives
+
+FOLDER = "log"
+"""Where the log of two files is written, within the folder of the results."""
+NUMBERS = ("kp", "kd", "limit", "armature")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where a log comes from: a folder, or two files and what is asked of them."""
+
+    folder: Path | None = None
+    robot: Path | None = None
+    table: Path | None = None
+    unit: str | None = None
+    columns: Sequence[str] = ()
+    """JOINT.KIND=COLUMN each."""
+    drives: Sequence[str] = ()
+    """JOINT=kp:60,kd:1.5,limit:12,armature:0.01 each; JOINT may be *."""
+    hold: Sequence[str] = ()
+    """JOINT=POSITION each."""
+    fix_base: bool = False
+    gravity_compensation: bool = False
+
+    @property
+    def name(self) -> str:
+        """Name of the folder or of the table."""
+        place = self.folder or self.table or self.robot
+        if place is None:
+            raise UsageError("give LOG, the folder of a log, or --robot MODEL and --log TABLE")
+        return place.resolve().stem if self.folder is None else place.resolve().name
+
+
+@dataclass(frozen=True, kw_only=True)
+class Read:
+    """A log in its folder, and what was understood of two files."""
+
+    folder: Path
+    log: Log
+    said: tuple[str, ...] = field(default=())
+
+
+def read(source: Source, out: Path, force: bool) -> Read:
+    """The log of a source; that of two files is written to a folder in `out`.
+
+    Raises UsageError, or LogError for a log that cannot be used.
+    """
+    if source.folder is not None:
+        if source.robot or source.table:
+            raise UsageError("give LOG, or --robot and --log, not both")
+        return Read(folder=source.folder, log=read_log(source.folder))
+    if source.robot is None or source.table is None:
+        lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
+        raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
+    made, folder = pair(source.robot, source.table, _asked(source)), out / FOLDER
+    log = plausible(made.log)
+    known_drives(log)
+    write_log(log, folder, "csv", force=force)
+    return Read(folder=folder, log=log, said=made.said)
+
+
+def understood(log: Log) -> Iterator[str]:
+    """What is known of a robot's joints and drives, from where, and what is left out, by line."""
+    if isinstance(log.meta.mechanism, HandMechanism):
+        yield f"a hand known by name: {log.meta.mechanism.hand}"
+        return
+    world = mjcf_world(log)
+    slides = {body.joint.name: body.joint.slides for body in world.hand.driven}
+    for name, drive in known_drives(log).items():
+        units = ("N/m", "Ns/m", "N", "kg") if slides[name] else ("Nm/rad", "Nms/rad", "Nm", "kg m²")
+        values = (drive.kp, drive.kd, drive.limit, drive.armature)
+        numbers = ", ".join(
+            f"{number} {value:g} {unit} ({drive.origins[number]})"
+            if value is not None
+            else f"{number} unknown"
+            for number, value, unit in zip(NUMBERS, values, units, strict=True)
+        )
+        yield f"{name}, a {'slide' if slides[name] else 'hinge'}: PD law on the joint, {numbers}"
+    yield from contradictions(log)
+    yield from (f"not simulated: {text}" for text in left_out(log))
+    yield from (f"warning: {text}" for text in log.warnings)
+
+
+def _asked(source: Source) -> Asked:
+    """The user's own words as data; raises UsageError."""
+    columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns)
+    hold = {
+        name: _number(value, "--hold")
+        for name, value in (_pair(text, "--hold", "JOINT=POSITION") for text in source.hold)
+    }
+    return Asked(
+        unit=source.unit,
+        columns=columns,
+        drives=dict(_drive(text) for text in source.drives),
+        hold=hold,
+        fix_base=source.fix_base,
+        gravity_compensation=source.gravity_compensation,
+    )
+
+
+def _drive(text: str) -> tuple[str, DriveSettings]:
+    form = "JOINT=kp:60,kd:1.5,limit:12,armature:0.01"
+    name, numbers = _pair(text, "--drive", form)
+    found: dict[str, float] = {}
+    for part in numbers.split(","):
+        key, _, value = part.partition(":")
+        if key.strip() not in NUMBERS:
+            raise UsageError(f"--drive {text}: '{key}' is no number of a drive; allowed: {form}")
+        found[key.strip()] = _number(value, "--drive")
+    try:
+        return name, DriveSettings.model_validate(found)
+    except ValueError:
+        raise UsageError(f"--drive {text}: allowed are numbers above 0, as in {form}") from None
+
+
+def _pair(text: str, option: str, form: str) -> tuple[str, str]:
+    name, sign, value = text.partition("=")
+    if not (sign and name and value):
+        raise UsageError(f"{option} is '{text}'; allowed: {form}")
+    return name, value
+
+
+def _number(text: str, option: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise UsageError(f"{option} has '{text}'; allowed: a number") from None

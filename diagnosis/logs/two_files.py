@@ -1,0 +1,270 @@
+"""A robot's model and its recording, two files as they are, put together as a log.
+
+What names and numbers show is taken and said; what they do not is asked for in one sentence.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs._files import read_model
+from diagnosis.logs._meta import DriveSettings, LogError, LogMeta, MjcfMechanism
+from diagnosis.logs.foreign import read_table
+from diagnosis.logs.log import Log, make_log, name_of
+from diagnosis.logs.roles import (
+    ANGLES,
+    LENGTHS,
+    TIMES,
+    Role,
+    episode_column,
+    roles,
+    time_column,
+    words,
+)
+
+HOLE, REPEATED = 20.0, 0.02
+"""A step of so many median steps begins a new episode; so large a share of repeated stamps means
+that they are coarse."""
+BEYOND = 1.1
+"""A joint's reading may be so many times its range."""
+SLOWEST_S = 0.5
+"""Rows further apart than this are stamped in another unit."""
+KINDS = ("command", "position", "motor", "torque", "velocity", "push")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What the user says of a recording, where the table does not show it."""
+
+    unit: str | None = None
+    """Of positions and commands: a key of `ANGLES` or `LENGTHS`."""
+    columns: Mapping[str, str] = field(default_factory=dict)
+    """Columns by what they are, such as `shoulder.command`."""
+    drives: Mapping[str, DriveSettings] = field(default_factory=dict)
+    """Drives by joint; `*` is every joint."""
+    hold: Mapping[str, float] = field(default_factory=dict)
+    fix_base: bool = False
+    gravity_compensation: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class Pair:
+    """A log of two files, and what was understood of them, a line each."""
+
+    log: Log
+    said: tuple[str, ...]
+
+
+def pair(robot: Path, table: Path, asked: Asked) -> Pair:
+    """Put a model and a table together; raises LogError, which says what to do."""
+    from backends.mjcf import joint_ranges
+
+    xml, (frame, form) = read_model(robot), read_table(table)
+    ranges = joint_ranges(xml)
+    columns = _columns(frame, list(ranges), asked)
+    said = [f"{table.name}: {form}, {len(frame)} rows, {len(frame.columns)} columns"]
+    samples, clock = _clock(frame)
+    said += clock
+    scales = _scales(frame, columns, ranges, asked)
+    for (joint, kind), role in columns.items():
+        slides, (scale, unit) = ranges[joint][2], scales[role.column]
+        name = name_of(kind, joint, slides)
+        samples[name] = pd.to_numeric(frame[role.column], errors="coerce") / scale
+        said.append(f"{name} is '{role.column}'" + (f" in {unit}" if unit else ""))
+    unused = [n for n in frame.columns if n not in {role.column for role in columns.values()}]
+    unused = [n for n in unused if n not in (time_column(unused), episode_column(unused))]
+    if "protocol" in unused:
+        unused.remove("protocol")
+    if unused:
+        said.append(f"not used: {', '.join(unused)}")
+    meta = LogMeta(
+        schema=1,
+        source=f"{table.name} of {robot.name}",
+        mechanism=MjcfMechanism(
+            mjcf=robot.name if robot.suffix else f"{robot.name}.xml",
+            joints=_drives(asked, [joint for joint, kind in columns if kind == "command"]),
+            hold=dict(asked.hold),
+            fix_base=asked.fix_base,
+            gravity_compensation=asked.gravity_compensation,
+        ),
+    )
+    return Pair(log=make_log(meta, samples, xml), said=tuple(said))
+
+
+def _drives(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
+    every = dict.fromkeys(joints, asked.drives["*"]) if "*" in asked.drives else {}
+    return every | {name: one for name, one in asked.drives.items() if name != "*"}
+
+
+def _columns(
+    frame: pd.DataFrame, joints: Sequence[str], asked: Asked
+) -> dict[tuple[str, str], Role]:
+    """The column of each joint and kind; raises LogError."""
+    found: dict[tuple[str, str], list[Role]] = {}
+    known = [role for role in roles(list(frame.columns), joints) if role.kind != "other"]
+    for role in known:
+        found.setdefault((role.joint, role.kind), []).append(role)
+    for place, column in asked.columns.items():
+        joint, _, kind = place.rpartition(".")
+        if joint not in joints or kind not in KINDS or column not in frame.columns:
+            raise LogError(
+                f"--column {place}={column}: give JOINT.KIND=COLUMN, of the joints "
+                f"{', '.join(joints)}, the kinds {', '.join(KINDS)}, and the table's columns"
+            )
+        found[joint, kind] = [Role(column=column, joint=joint, kind=kind, unit=_unit_in(column))]
+    for joint in joints:
+        bare = found.pop((joint, "bare"), [])
+        for kind in ("position", "command"):
+            if bare and (joint, kind) not in found:
+                found[joint, kind], bare = bare, []
+    chosen = {place: _only(*place, some) for place, some in found.items()}
+    return _with_both(frame, chosen, joints)
+
+
+def _only(joint: str, kind: str, some: Sequence[Role]) -> Role:
+    """The one column; raises LogError where there are several."""
+    if len(some) > 1:
+        names = " or ".join(f"'{role.column}'" for role in some)
+        raise LogError(
+            f"which column is the {kind} of {joint}: {names}? Say it with "
+            f"--column '{joint}.{kind}={some[0].column}'"
+        )
+    return some[0]
+
+
+def _unit_in(column: str) -> str | None:
+    have = words(column)
+    return next((unit for unit in (*ANGLES, *LENGTHS) if unit in have), None)
+
+
+def _with_both(
+    frame: pd.DataFrame, chosen: dict[tuple[str, str], Role], joints: Sequence[str]
+) -> dict[tuple[str, str], Role]:
+    """Joints that have both a command and a position; raises LogError where none has."""
+    there = {joint for joint, _ in chosen}
+    both = [j for j in joints if {(j, "command"), (j, "position")} <= set(chosen)]
+    if both:
+        return {place: role for place, role in chosen.items() if place[0] in both}
+    if not there:
+        raise LogError(
+            f"no column names a joint of the model, which has {', '.join(joints)}; the table has "
+            f"{', '.join(map(str, frame.columns))}; say which is which with "
+            f"--column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
+        )
+    first = sorted(there)[0]
+    lacks = "command" if (first, "command") not in chosen else "position"
+    raise LogError(
+        f"no column is the {lacks} of {first}; the table has {', '.join(map(str, frame.columns))}; "
+        f"say which with --column '{first}.{lacks}=COLUMN'"
+    )
+
+
+def _clock(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """Episodes and times, and what was done to them; raises LogError."""
+    name = time_column(list(frame.columns))
+    if name is None:
+        raise LogError(
+            f"no column is the time; the table has {', '.join(map(str, frame.columns))}; name one "
+            "'time', in seconds"
+        )
+    stamps = pd.to_numeric(frame[name], errors="coerce").to_numpy(float)
+    if not np.isfinite(stamps).all():
+        raise LogError(f"the time '{name}' has values that are no numbers; remove those rows")
+    forward = np.diff(stamps)
+    median = float(np.median(forward[forward > 0])) if (forward > 0).any() else 1.0
+    unit = next((u for u in words(name) if u in TIMES and u != "s"), None) or _time_unit(median)
+    time_s = stamps / TIMES[unit]
+    given = episode_column(list(frame.columns))
+    number = pd.factorize(frame[given])[0] if given else np.zeros(len(frame), int)
+    step = np.diff(time_s)
+    breaks = (step < 0) | (step > HOLE * median / TIMES[unit]) | (np.diff(number) != 0)
+    episode = np.append(0, np.cumsum(breaks))
+    said = [f"t_s is '{name}' in {unit}"]
+    time_s, more = _even(time_s, episode)
+    samples = pd.DataFrame({"episode": episode, "t_s": time_s})
+    if "protocol" in frame.columns:
+        samples["protocol"] = frame["protocol"].astype(str)
+    kept = samples.groupby("episode")["t_s"].agg(["count", lambda t: t.iloc[-1] - t.iloc[0]])
+    count, lasts_s = len(kept), float(kept.iloc[:, 1].sum())
+    rate = 1.0 / float(np.median(np.diff(time_s)[~breaks])) if len(time_s) > 1 else 0.0
+    said.append(f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz")
+    return samples, said + more
+
+
+def _time_unit(median: float) -> str:
+    """The unit that puts rows a plausible time apart."""
+    return next((u for u in ("s", "ms", "us", "ns") if median / TIMES[u] <= SLOWEST_S), "ns")
+
+
+def _even(time_s: np.ndarray, episode: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Times that increase: where many repeat, rows are spread evenly."""
+    found, repeated = time_s.copy(), 0
+    for number in np.unique(episode):
+        rows = np.flatnonzero(episode == number)
+        same = np.diff(time_s[rows]) <= 0
+        found[rows] -= time_s[rows[0]]
+        if same.any():
+            repeated += int(same.sum())
+            found[rows] = np.linspace(0.0, time_s[rows[-1]] - time_s[rows[0]], len(rows))
+    if not repeated:
+        return found, []
+    return found, [f"warning: {repeated} times repeat, so rows are spread evenly over each episode"]
+
+
+def _scales(
+    frame: pd.DataFrame,
+    columns: Mapping[tuple[str, str], Role],
+    ranges: Mapping[str, tuple[float, float, bool]],
+    asked: Asked,
+) -> dict[str, tuple[float, str | None]]:
+    """What each column is divided by, and its unit in words; raises LogError."""
+    found: dict[str, tuple[float, str | None]] = {}
+    guessed = {
+        slides: _guess(frame, columns, ranges, slides, asked.unit)
+        for slides in {ranges[joint][2] for joint, _ in columns}
+    }
+    for (joint, kind), role in columns.items():
+        if kind in ("torque", "push"):
+            found[role.column] = 1.0, "N" if ranges[joint][2] else "Nm"
+            continue
+        unit = asked.unit or role.unit or guessed[ranges[joint][2]]
+        sizes = LENGTHS if ranges[joint][2] else ANGLES
+        if unit not in sizes:
+            raise LogError(
+                f"'{role.column}' is in {unit}, of which one does not know how many are a "
+                f"{'metre' if ranges[joint][2] else 'turn'}; convert it, or say --unit with one of "
+                f"{', '.join(sizes)}"
+            )
+        found[role.column] = sizes[unit], f"{unit}/s" if kind == "velocity" else unit
+    return found
+
+
+def _guess(
+    frame: pd.DataFrame,
+    columns: Mapping[tuple[str, str], Role],
+    ranges: Mapping[str, tuple[float, float, bool]],
+    slides: bool,
+    given: str | None,
+) -> str:
+    """The unit of columns whose names have none: SI, or what alone fits the joints' ranges."""
+    si, other = ("m", "mm") if slides else ("rad", "deg")
+    size = LENGTHS[other] if slides else ANGLES[other]
+    over, fits = 0, True
+    for (joint, kind), role in columns.items():
+        if kind not in ("command", "position") or ranges[joint][2] != slides or role.unit:
+            continue
+        reach = float(np.nanmax(np.abs(pd.to_numeric(frame[role.column], errors="coerce"))))
+        room = BEYOND * max(map(abs, ranges[joint][:2]))
+        over += reach > room
+        fits &= reach / size <= room
+    if not over or given:
+        return si
+    if fits:
+        return other
+    raise LogError(
+        f"positions are beyond the joints' ranges in {si} and in {other}: in which unit are they? "
+        f"Say it with --unit"
+    )

@@ -1,0 +1,179 @@
+"""A robot's model and its table, as people write them, become a log, or one question."""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark.cli import app as cli
+from diagnosis.logs.log import LogError, read_log
+from diagnosis.logs.two_files import Asked, pair
+
+BODY = (
+    '<body name="{0}" pos="0.3 0 0"><inertial mass="0.8" pos="0.15 0 0" '
+    'diaginertia="8e-4 4e-3 4e-3"/>'
+    '<joint name="{0}" axis="0 1 0" range="-90 90" armature="0.02"/>'
+)
+NAMES = "shoulder_pan", "elbow_flex"
+ARM = (
+    f'<mujoco model="arm"><worldbody>{BODY.format(NAMES[0])}{BODY.format(NAMES[1])}</body></body>'
+    "</worldbody><actuator>"
+    + "".join(f'<position joint="{n}" kp="40" kv="1.2" forcerange="-8 8"/>' for n in NAMES)
+    + "</actuator></mujoco>"
+)
+T = np.arange(800) / 200
+COMMAND = np.stack([0.4 * np.sin(2 * T), 0.3 * np.sin(3 * T)], axis=1)
+POSITION = np.stack([0.4 * np.sin(2 * (T - 0.03)), 0.3 * np.sin(3 * (T - 0.03))], axis=1)
+
+
+@pytest.fixture
+def robot(tmp_path):
+    """The file of an arm of two joints."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    return tmp_path / "arm.xml"
+
+
+def table(command: str, position: str, time: str = "t", **more) -> pd.DataFrame:
+    """The table of a motion; `{}` in a name stands for the joint, `#` for its number."""
+    frame = pd.DataFrame({time: T})
+    for values, name in ((COMMAND, command), (POSITION, position)):
+        for k, joint in enumerate(NAMES):
+            frame[name.format(joint).replace("#", str(k))] = values[:, k]
+    return frame.assign(**more)
+
+
+@pytest.mark.parametrize(
+    ("command", "position", "time"),
+    [
+        ("command_rad.{}", "position_rad.{}", "t_s"),
+        ("{}_cmd", "{}_pos", "time"),
+        ("{}.goal_position", "{}.present_position", "timestamp"),
+        ("target {}", "{}", "Time [s]"),
+        ("{}", "{}_actual", "elapsed_sec"),
+        ("q_des_#", "q_#", "t"),
+        ("/joint_commands/position[#]", "/joint_states/position[#]", "stamp"),
+    ],
+)
+def test_columns_are_told_from_their_names(robot, tmp_path, command, position, time):
+    """Take commands, positions and times under the names that people give them."""
+    frame = table(command, position, time, current_0=0.1)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(robot, tmp_path / "run.csv", Asked())
+    assert made.log.joints == NAMES
+    assert np.allclose(made.log.signal("command", 0), COMMAND)
+    assert np.allclose(made.log.signal("position", 0), POSITION)
+    assert "not used: current_0" in made.said
+
+
+def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
+    """Read the numbers as they are meant, and say which unit they had."""
+    frame = table("{} Soll [deg]", "{} Ist [deg]", "Zeit [ms]")
+    frame = pd.concat([frame[["Zeit [ms]"]] * 1000, np.degrees(frame.iloc[:, 1:])], axis=1)
+    frame.round(6).to_csv(tmp_path / "run.csv", index=False, sep=";", decimal=",")
+    made = pair(robot, tmp_path / "run.csv", Asked())
+    assert np.allclose(made.log.signal("position", 0), POSITION, atol=1e-6)
+    assert made.log.dt_s(0) == pytest.approx(5e-3)
+    assert (
+        made.said[0] == "run.csv: CSV between semicolons, with decimal commas, 800 rows, 5 columns"
+    )
+    assert "command_rad.elbow_flex is 'elbow_flex Soll [deg]' in deg" in made.said
+
+
+def test_degrees_without_a_word_are_told_from_the_ranges(robot, tmp_path):
+    """Take degrees where only these fit the joints; ask where nothing fits."""
+    frame = table("{}_cmd", "{}_pos")
+    for size, name in ((180 / np.pi, "deg"), (1e3, "far")):
+        many = pd.concat([frame[["t"]], size * frame.iloc[:, 1:]], axis=1)
+        many.to_csv(tmp_path / f"{name}.csv", index=False)
+    made = pair(robot, tmp_path / "deg.csv", Asked())
+    assert np.allclose(made.log.signal("position", 0), POSITION)
+    with pytest.raises(LogError, match="in which unit are they\\? Say it with --unit"):
+        pair(robot, tmp_path / "far.csv", Asked())
+    made = pair(robot, tmp_path / "far.csv", Asked(unit="mrad"))
+    assert np.allclose(made.log.signal("position", 0), POSITION)
+
+
+def test_gaps_begin_episodes_and_coarse_stamps_are_spread(robot, tmp_path):
+    """Cut where the recording stopped or began anew; spread rows that share a stamp."""
+    frame = table("{}_cmd", "{}_pos")
+    frame["t"] = np.round(frame["t"], 2)
+    frame.loc[300:, "t"] += 5.0
+    frame.loc[500:, "t"] -= 6.5
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(robot, tmp_path / "run.csv", Asked())
+    assert [len(made.log.episode(n)) for n in range(3)] == [300, 200, 300]
+    assert made.log.dt_s(0) == pytest.approx(5e-3, rel=0.02)
+    assert any("times repeat, so rows are spread evenly" in text for text in made.said)
+
+
+@pytest.mark.parametrize(
+    ("command", "position", "said"),
+    [
+        (
+            "{}_a",
+            "{}_pos",
+            "command of elbow_flex: 'elbow_flex_a' or 'elbow_flex_b'\\? Say it with",
+        ),
+        ("{}_pos_a", "{}_pos_b", "position of shoulder_pan: .* Say it with --column"),
+        ("a#x", "b#", "no column names a joint of the model, which has shoulder_pan, elbow_flex"),
+    ],
+)
+def test_what_cannot_be_told_is_asked_for(robot, tmp_path, command, position, said):
+    """Ask in one sentence, with the option that settles it."""
+    frame = table(command, position)
+    frame = frame.assign(elbow_flex_b=0.0) if "_a" in command else frame[["t", "a0x"]]
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    with pytest.raises(LogError, match=said):
+        pair(robot, tmp_path / "run.csv", Asked())
+
+
+def test_a_column_that_is_named_counts(robot, tmp_path):
+    """Take the columns that the user names, under any name."""
+    frame = table("x#", "y#")
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    named = {f"{n}.{kind}": f"{c}{k}" for k, n in enumerate(NAMES) for kind, c in KINDS.items()}
+    made = pair(robot, tmp_path / "run.csv", Asked(columns=named))
+    assert np.allclose(made.log.signal("command", 0), COMMAND)
+    with pytest.raises(LogError, match="give JOINT.KIND=COLUMN, of the joints shoulder_pan"):
+        pair(robot, tmp_path / "run.csv", Asked(columns={"wrist.command": "x0"}))
+
+
+KINDS = {"command": "x", "position": "y"}
+
+
+def test_a_lerobot_data_set_is_read(robot, tmp_path):
+    """Take action and observation.state by the names in info.json, in degrees, by episode."""
+    (tmp_path / "meta").mkdir()
+    names = [f"{name}.pos" for name in NAMES]
+    features = {column: {"names": names} for column in ("action", "observation.state")}
+    (tmp_path / "meta" / "info.json").write_text(json.dumps({"features": features}))
+    frame = pd.DataFrame(
+        {
+            "action": list(np.degrees(COMMAND)),
+            "observation.state": list(np.degrees(POSITION)),
+            "timestamp": np.tile(T[:400], 2),
+            "frame_index": np.tile(np.arange(400), 2),
+            "episode_index": np.repeat([0, 1], 400),
+        }
+    )
+    (tmp_path / "data").mkdir()
+    frame.to_parquet(tmp_path / "data" / "file-000.parquet")
+    made = pair(robot, tmp_path / "data" / "file-000.parquet", Asked())
+    assert np.allclose(made.log.signal("position", 1), POSITION[400:])
+    assert [e.episode for e in made.log.episodes] == [0, 1]
+
+
+def test_check_says_it_draws_it_and_writes_a_log(robot, tmp_path, capfd):
+    """Name columns, drives and their sources; write a log that can be read, and a picture."""
+    table("{}_cmd", "{}_pos").to_csv(tmp_path / "run.csv", index=False)
+    words = ["check", "--robot", str(robot), "--log", str(tmp_path / "run.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert any("kp 40 Nm/rad (arm.xml)" in line for line in found["understood"])
+    assert read_log(tmp_path / "out" / "log").joints == NAMES
+    assert (tmp_path / "out" / "motion.png").is_file()
+    assert cli.call(["check", "--robot", str(robot)]) == 2
+    assert "--log TABLE is missing" in capfd.readouterr().err
+    assert cli.call([*words, "--drive", "elbow_flex=kq:1", "--out", str(tmp_path / "two")]) == 2
+    assert "'kq' is no number of a drive" in capfd.readouterr().err
