@@ -225,6 +225,7 @@ class _World:
 class Backend(Engine):
     """N Bullet worlds in one process; threads do not help: pybullet keeps the interpreter lock."""
 
+    package = "pybullet"
     worlds_in_cache = 8
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},

@@ -1,22 +1,21 @@
-"""Every effect there is, by name: its file in `backends.effects`; nobody keeps a list of them."""
+"""Every effect there is, by name: nobody keeps a list of them."""
 
 import importlib
-import pkgutil
 from collections.abc import Mapping
 from functools import cache
 
-from backends import effects
 from backends.effect import Effect
+from files.plugins import Kind, parts
+
+EFFECTS = Kind(home="backends.effects", class_name="Effect", group="effects")
 
 
 @cache
 def catalogue() -> Mapping[str, type[Effect]]:
     """All effect classes by their names on the command line."""
-    names = sorted(module.name for module in pkgutil.iter_modules(effects.__path__))
     return {
-        name.replace("_", "-"): importlib.import_module(f"backends.effects.{name}").Effect
-        for name in names
-        if not name.startswith("_")
+        name: getattr(importlib.import_module(part.module), part.attribute)
+        for name, part in parts(EFFECTS).items()
     }
 
 

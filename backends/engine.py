@@ -102,6 +102,8 @@ class Engine(ABC):
     and the refitting of candidate worlds both use this.
     """
 
+    package: ClassVar[str | None] = None
+    """The installed package whose version `bench doctor` shows."""
     support: ClassVar[Mapping[str, str]]
     """Per spec field: 'exact', 'approximate: why' or 'refused: why'."""
     steps_in_threads: ClassVar[bool] = False

@@ -208,6 +208,7 @@ def _differences(models: Sequence[mujoco.MjModel]) -> dict[str, Array]:
 class Backend(Engine):
     """N MuJoCo worlds that share one model; fields in which they differ are kept per world."""
 
+    package = "mujoco"
     steps_in_threads = True
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},

@@ -151,6 +151,7 @@ class _World:
 class Backend(Engine):
     """N SAPIEN scenes; a reset builds new scenes, see `_place`."""
 
+    package = "sapien"
     worlds_in_cache = 8
     support = {
         **{name: _SINGLE for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},

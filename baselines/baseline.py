@@ -52,6 +52,8 @@ class Learner(ABC):
     """
 
     trains = True
+    package: ClassVar[str | None] = None
+    """The installed package whose version `bench doctor` shows."""
     hyperparameters: ClassVar[type]
     """A frozen dataclass with defaults; its fields can be set on the command line."""
 

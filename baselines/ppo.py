@@ -77,7 +77,7 @@ class Deployed:
     clip: float
     """Bound of normalised observations."""
     network: torch.nn.Module
-    """Linear layers with ELU between them."""
+    """Linear layers with ELU between them, and Tanh at the end where the library has it."""
 
 
 def export_onnx(policy: Deployed, path: Path) -> None:
@@ -123,6 +123,8 @@ def _layer(layer: torch.nn.Module, number: int) -> tuple[dict[str, torch.Tensor]
         return weights, "Gemm", {"transB": 1}
     if isinstance(layer, torch.nn.ELU):
         return {}, "Elu", {"alpha": layer.alpha}
+    if isinstance(layer, torch.nn.Tanh):
+        return {}, "Tanh", {}
     raise TypeError(f"a policy's network has no {type(layer).__name__}")
 
 

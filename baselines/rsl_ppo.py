@@ -91,6 +91,7 @@ def _config(settings: PpoSettings) -> dict:
 class Baseline(Learner):
     """rsl-rl PPO with the shared hyperparameters; its learning rate adapts per minibatch."""
 
+    package = "rsl-rl-lib"
     hyperparameters = PpoSettings
 
     def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:

@@ -127,6 +127,7 @@ def _set_rate(model: Any, rate: float) -> None:
 class Baseline(Learner):
     """Stable-Baselines3 PPO with the shared hyperparameters; its rate adapts per update."""
 
+    package = "stable-baselines3"
     hyperparameters = PpoSettings
 
     def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:

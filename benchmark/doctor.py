@@ -3,6 +3,7 @@
 `bench doctor physics`: compare each engine with closed forms and with the reference engine.
 """
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,18 +13,12 @@ from rich.table import Table
 
 from benchmark import registry
 from benchmark.console import Bar
-from benchmark.errors import CommandError
-from benchmark.extras import install_command
 from benchmark.provenance import version
+from files.plugins import Part
 
-_PACKAGE = {
-    "mujoco": "mujoco",
-    "bullet": "pybullet",
-    "sapien": "sapien",
-    "sb3-ppo": "stable-baselines3",
-    "rsl-ppo": "rsl-rl-lib",
-}
 _SYSTEM = {"libX11": "libx11-6", "libGL": "libgl1", "libEGL": "libegl1", "libvulkan": "libvulkan1"}
+_REFUSED = " is refused: "
+"""In what `make_env` says of an engine that cannot have a world: nothing to install."""
 _PROBES = {
     "backend": (
         "import sys; from benchmark.run_spec import RunSpec; from benchmark.worlds import make_env;"
@@ -60,7 +55,7 @@ def examine_physics(backend: str, out: Path | None) -> tuple[dict, Group]:
 
 
 def _examine(kind: str, name: str) -> dict:
-    package = _PACKAGE.get(name)
+    package = registry.distribution(kind, name)
     done = subprocess.run(
         [sys.executable, "-P", "-c", _PROBES[kind], name],
         capture_output=True,
@@ -69,19 +64,21 @@ def _examine(kind: str, name: str) -> dict:
     )
     works = done.returncode == 0
     last = (done.stderr.strip().splitlines() or ["it died without a message"])[-1]
-    last = last.removeprefix(f"{CommandError.__module__}.{CommandError.__name__}: ")
+    last = re.sub(r"^[\w.]+: (?=\S)", "", last) if "Error: " in last else last
     return {
         "part": kind,
         "name": name,
         "package": package,
         "version": version(package) if package else None,
         "state": "works" if works else last,
-        "what_to_do": None if works else _remedy(last, registry.module_of(kind, name)),
+        "what_to_do": None if works else _remedy(last, registry.part(kind, name)),
     }
 
 
-def _remedy(trouble: str, module: str) -> str:
+def _remedy(trouble: str, found: Part) -> str | None:
     for library, package in _SYSTEM.items():
         if library in trouble:
             return f"apt-get install {package}"
-    return install_command(module)
+    if _REFUSED in trouble:
+        return None
+    return registry.installs(found)

@@ -7,6 +7,7 @@ from backends.effect import UNITS, Effect
 from backends.spec import Hand
 from benchmark import registry
 from benchmark.errors import UsageError, unknown
+from files.plugins import name_of
 
 BUILT = "backlash=1deg,self-lock=10Nm"
 """The hand as built: the default effects of every engine."""
@@ -50,7 +51,7 @@ def parse_spread(text: str, hand: Hand) -> tuple[Effect, ...]:
 
 def effect_name(effect: Effect) -> str:
     """An effect's name on the command line."""
-    return type(effect).__module__.rsplit(".", 1)[-1].replace("_", "-")
+    return name_of(type(effect).__module__)
 
 
 def _parse_one(item: str, hand: Hand) -> Effect:

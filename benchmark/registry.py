@@ -1,54 +1,61 @@
-"""Plug-ins by name: files that hold one class of a kind. They are chosen only here.
+"""Plug-ins by name: those that stand here, and those of installed packages. Chosen only here.
 
 Listing reads the text of files and imports nothing, so it needs no engine and no learner.
 """
 
 import importlib
-import importlib.util
 import re
-from collections.abc import Iterator
-from functools import cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from backends.catalogue import EFFECTS
 from benchmark.errors import CommandError, unknown
 from benchmark.extras import install_command
+from files.plugins import Kind, Part, parts
 
 ROOT = Path(__file__).resolve().parent.parent
 _KINDS = {
-    "backend": ("backends", "Backend"),
-    "task": ("tasks", "Task"),
-    "observation": ("tasks/observations", "Observation"),
-    "algo": ("baselines", "Baseline"),
-    "effect": ("backends/effects", "Effect"),
-    "importer": ("diagnosis/importers", "Importer"),
+    "backend": Kind(home="backends", class_name="Backend", group="backends"),
+    "task": Kind(home="tasks", class_name="Task", group="tasks"),
+    "observation": Kind(home="tasks.observations", class_name="Observation", group="observations"),
+    "algo": Kind(home="baselines", class_name="Baseline", group="algorithms"),
+    "effect": EFFECTS,
+    "importer": Kind(home="diagnosis.importers", class_name="Importer", group="importers"),
 }
 KINDS = tuple(_KINDS)
 
 
-@cache
 def names(kind: str) -> tuple[str, ...]:
     """Names of all plug-ins of a kind, as typed on the command line, sorted."""
-    folder, class_name = _KINDS[kind]
-    declares = re.compile(rf"^class {class_name}\b", re.MULTILINE)
-    base_file = folder.split("/")[-1].rstrip("s") + ".py"
-    files = (file for place in _places(folder) for file in place.glob("*.py"))
-    found = [f.stem for f in files if f.name != base_file and declares.search(f.read_text())]
-    return tuple(sorted(name.replace("_", "-") for name in found))
+    return tuple(parts(_KINDS[kind]))
 
 
-def _places(folder: str) -> Iterator[Path]:
-    """The directories of a package."""
-    found = importlib.util.find_spec(folder.replace("/", "."))
-    return map(Path, (found and found.submodule_search_locations) or ())
+def part(kind: str, name: str) -> Part:
+    """Where a plug-in is; raises UsageError if it is unknown."""
+    return parts(_KINDS[kind])[check(kind, name)]
 
 
 def summary(kind: str, name: str) -> str:
     """First line of the plug-in's module docstring."""
-    places = (place / f"{_module(name)}.py" for place in _places(_KINDS[kind][0]))
-    text = next(file for file in places if file.exists()).read_text()
-    match = re.match(r'"""(.*?)(?:"""|\n)', text)
+    match = re.match(r'"""(.*?)(?:"""|\n)', part(kind, name).text)
     return match.group(1) if match else ""
+
+
+def distribution(kind: str, name: str) -> str | None:
+    """The package whose version a plug-in depends on: `package = "..."` in its class, or its own.
+
+    None where it needs nothing else.
+    """
+    found = part(kind, name)
+    named = re.search(r'^    package(?:: .*)? = "(.+)"$', found.text, re.MULTILINE)
+    return named.group(1) if named else found.package
+
+
+def scripted() -> tuple[str, ...]:
+    """Names of the baselines that act without learning."""
+    declares = re.compile(r"^class \w+\((?:\w+\.)?Scripted\)", re.MULTILINE)
+    return tuple(name for name in names("algo") if declares.search(part("algo", name).text))
 
 
 def check(kind: str, name: str) -> str:
@@ -65,23 +72,22 @@ def chosen(kind: str, text: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
 
 
-def module_of(kind: str, name: str) -> str:
-    """The module that holds a plug-in."""
-    return f"{_KINDS[kind][0].replace('/', '.')}.{_module(name)}"
-
-
 def load(kind: str, name: str) -> Any:
     """The class of a plug-in; raises if it is unknown or its library is missing."""
-    module = module_of(kind, check(kind, name))
+    found = part(kind, name)
     try:
-        return getattr(importlib.import_module(module), _KINDS[kind][1])
+        return getattr(importlib.import_module(found.module), found.attribute)
+    except AttributeError as error:
+        raise CommandError(
+            f"{kind} '{name}' of {found.package} cannot be loaded: {error}"
+        ) from error
     except ModuleNotFoundError as error:
         missing = (error.name or "").split(".")[0]
         if (ROOT / missing).exists():
             raise
         raise CommandError(
             f"{kind} '{name}' needs the package '{missing}', which is not installed; "
-            f"install it with: {install_command(module)}"
+            f"install it with: {installs(found)}"
         ) from error
     except ImportError as error:
         raise CommandError(
@@ -89,5 +95,9 @@ def load(kind: str, name: str) -> Any:
         ) from error
 
 
-def _module(name: str) -> str:
-    return name.replace("-", "_")
+def installs(found: Part) -> str:
+    """The command that installs what a plug-in needs."""
+    if found.package is None:
+        return install_command(found.module)
+    needed = metadata.requires(found.package) or ()
+    return f"pip install {' '.join(map(repr, needed)) or found.package}"

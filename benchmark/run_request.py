@@ -15,8 +15,6 @@ from benchmark.errors import UsageError, unknown
 from benchmark.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
-SCRIPTED = ("hold-still", "random")
-
 
 def requested(
     given: Mapping[str, Any],
@@ -38,10 +36,12 @@ def requested(
         if name not in fields:
             raise UsageError(f"{config} has no {name}; give it there or as --{name}")
     algo = fields.get("algo", RunSpec.algo)
-    if algo in SCRIPTED:
+    if algo in registry.scripted():
         fields |= {"steps": 0, "randomize": False}
     elif fields.get("steps") == 0:
-        raise UsageError(f"--steps is 0; allowed: from 1, or --algo {' or '.join(SCRIPTED)}")
+        raise UsageError(
+            f"--steps is 0; allowed: from 1, or --algo {' or '.join(registry.scripted())}"
+        )
     if fields.get("smoke"):
         fields["worlds"] = SMOKE_WORLDS
         fields["steps"] = min(fields.get("steps", SMOKE_STEPS), SMOKE_STEPS)
@@ -141,7 +141,7 @@ def _policy_sha256(run: Path, algo: str) -> str:
     from benchmark.run_folder import finished_run
 
     found = finished_run(run)
-    if found["policy_sha256"] is None or algo in SCRIPTED:
+    if found["policy_sha256"] is None or algo in registry.scripted():
         raise UsageError(
             f"--from {run}: {algo} and a scripted baseline learn nothing; leave it out"
         )

@@ -56,6 +56,7 @@ Backends = Annotated[
     str,
     typer.Option(
         "--backend",
+        "--engine",
         metavar="NAMES",
         help="Engines that simulate, between commas.",
         autocompletion=completes("backend"),

@@ -14,6 +14,7 @@ from benchmark.registry import ROOT
 from diagnosis.blind import draw, make, rigs
 from diagnosis.coverage import not_looked_for
 from diagnosis.solver import solve
+from files import plugins
 
 FILE = '''"""The encoder's magnet sits askew."""
 
@@ -45,11 +46,11 @@ def added(tmp_path, monkeypatch):
     (tmp_path / "magnet_offset.py").write_text(FILE)
     monkeypatch.setattr(effects, "__path__", [*effects.__path__, str(tmp_path)])
     effects.__spec__.submodule_search_locations = effects.__path__
-    catalogue.cache_clear(), registry.names.cache_clear()
+    catalogue.cache_clear(), plugins.parts.cache_clear()
     yield catalogue()
     monkeypatch.undo()
     effects.__spec__.submodule_search_locations = effects.__path__
-    catalogue.cache_clear(), registry.names.cache_clear()
+    catalogue.cache_clear(), plugins.parts.cache_clear()
     sys.modules.pop("backends.effects.magnet_offset")
 
 

@@ -1,0 +1,92 @@
+"""Parts by name: files of a package here, and what installed packages register for it.
+
+A file that holds one class of a kind is a part; its name is the file's. A package of one's own
+registers a part by an entry point: `clover = "mine.clover:Task"` in the group `stickbench.tasks`.
+Finding reads the text of files and imports no part, so it needs no engine and no learner.
+"""
+
+import importlib.util
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from importlib import metadata
+from pathlib import Path
+
+PREFIX = "stickbench."
+"""Of the groups of entry points."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Where a part is."""
+
+    name: str
+    module: str
+    attribute: str
+    """The class in the module."""
+    package: str | None
+    """The installed distribution that registers it; None: it stands here."""
+
+    @property
+    def text(self) -> str:
+        """The source; empty where there is none."""
+        found = importlib.util.find_spec(self.module)
+        origin = found.origin if found else None
+        return Path(origin).read_text() if origin and origin.endswith(".py") else ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """A kind of part."""
+
+    home: str
+    """Package of the files here."""
+    class_name: str
+    group: str
+    """Group of entry points, without its prefix."""
+
+
+@cache
+def parts(kind: Kind) -> Mapping[str, Part]:
+    """All parts of a kind by name, sorted; what stands here comes before what is registered."""
+    found = {one.name: one for one in (*_registered(kind), *_files(kind))}
+    return dict(sorted(found.items()))
+
+
+def name_of(module: str) -> str:
+    """The name of the part that a module holds."""
+    return _names().get(module) or module.rpartition(".")[2].replace("_", "-")
+
+
+@cache
+def _names() -> Mapping[str, str]:
+    """Names of registered parts by module."""
+    points = (point for one in metadata.distributions() for point in one.entry_points)
+    return {p.value.partition(":")[0]: p.name for p in points if p.group.startswith(PREFIX)}
+
+
+def _files(kind: Kind) -> Iterator[Part]:
+    declares = re.compile(rf"^class {kind.class_name}\b", re.MULTILINE)
+    base = kind.home.rpartition(".")[2].rstrip("s") + ".py"
+    home = importlib.util.find_spec(kind.home)
+    for place in (home and home.submodule_search_locations) or ():
+        for file in Path(place).glob("*.py"):
+            if file.name != base and declares.search(file.read_text()):
+                yield Part(
+                    name=file.stem.replace("_", "-"),
+                    module=f"{kind.home}.{file.stem}",
+                    attribute=kind.class_name,
+                    package=None,
+                )
+
+
+def _registered(kind: Kind) -> Iterator[Part]:
+    for point in metadata.entry_points(group=PREFIX + kind.group):
+        module, _, attribute = point.value.partition(":")
+        yield Part(
+            name=point.name,
+            module=module,
+            attribute=attribute or kind.class_name,
+            package=point.dist.name if point.dist else module.partition(".")[0],
+        )

@@ -1,0 +1,64 @@
+"""Every learner keeps the contract: same seed same policy, a checkpoint is all it has, ONNX."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from baselines.baseline import Learner, Progress
+from baselines.saved import SavedPolicy, write_contract
+from benchmark import registry
+from benchmark.errors import CommandError
+from tasks.batch import BatchEnv
+
+MakeEnv = Callable[..., BatchEnv]
+WORLDS, ITERATIONS = 4, 2
+
+
+@pytest.fixture(params=registry.names("algo"))
+def learner(request: pytest.FixtureRequest) -> type[Learner]:
+    """Every learner whose library is installed."""
+    try:
+        found: type[Learner] = registry.load("algo", request.param)
+    except CommandError as error:
+        pytest.skip(str(error))
+    if not found.trains:
+        pytest.skip("it does not learn")
+    return found
+
+
+def segment(kind: type[Learner], env: BatchEnv, number: int, folder: Path) -> list[Progress]:
+    """Train as a run does: from the last checkpoint in the folder to the next."""
+    env.seed(number)
+    made, told = kind(env, number, kind.hyperparameters()), list[Progress]()
+    if number:
+        made.load(folder / f"{number - 1}.pt")
+    made.learn(ITERATIONS, told.append)
+    made.save(folder / f"{number}.pt")
+    made.export(folder / "policy.onnx")
+    write_contract(folder, env.observation)
+    return told
+
+
+def test_a_chain_is_the_same_again(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:
+    """Train three segments; then, from the first checkpoint, the others again, to the bit.
+
+    So a training that is killed and resumed gives the policy that it would have given.
+    """
+    env, policies = make(WORLDS), []
+    for first in (0, 1):
+        for number in range(first, 3):
+            told = segment(learner, env, number, tmp_path)
+        policies.append((tmp_path / "policy.onnx").read_bytes())
+    assert policies[0] == policies[1]
+    per_iteration = learner.steps_per_iteration(WORLDS, learner.hyperparameters())
+    assert [one.steps for one in told] == [per_iteration] * ITERATIONS
+
+
+def test_the_policy_is_one(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:
+    """Export a network that takes the observation and gives actions in [-1, 1]."""
+    env = make(WORLDS)
+    segment(learner, env, 0, tmp_path)
+    action = SavedPolicy(tmp_path, env.observation)(env.reset())
+    assert action.shape == (WORLDS, env.action_width) and np.abs(action).max() <= 1.0
