@@ -1,0 +1,53 @@
+"""The search of causes on one joint's log: smaller sets, and from a part of a log to all of it."""
+
+import pytest
+from arms import Real, log_of
+
+from backends.catalogue import catalogue
+from diagnosis.evidence.evidence import evidence
+from diagnosis.models.parameters import parameters
+from diagnosis.models.world import World
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.parts import limbs
+from diagnosis.search.fit import Fitter
+from diagnosis.search.search import Found, Search
+from diagnosis.search.whole import on_whole
+from diagnosis.verdict.ordinary import ROBOTS
+
+
+@pytest.fixture(scope="module")
+def fitter():
+    """Fits of an arm whose gain is 40 % too low."""
+    log = log_of(Real(kp={0: 0.6}))
+    (part,) = limbs(mjcf_world(log))
+    said = evidence(Limb(spec=part, recordings=recordings(log, part), rigid=True))
+    known = parameters(catalogue(), said, 0.05, ROBOTS.everyday)
+    return Fitter(World(said, known))
+
+
+def number(fitter, effect):
+    """The number of an effect on the first joint."""
+    return next(k for k, p in enumerate(fitter.parameters) if (p.effect, p.joint) == (effect, 0))
+
+
+def test_a_smaller_set_is_fitted_from_the_larger_one(fitter):
+    """Find that the gain alone does as well, though its own first fit did not get there."""
+    gain, bias = number(fitter, "kp-scale"), number(fitter, "encoder-bias")
+    search = Search(fitter, ROBOTS, lambda text, done: None)
+    search._keep(fitter.fit((gain,), {gain: 1.0}, steps=1))
+    astray = search.tried[frozenset({gain})]
+    both = fitter.fit((gain, bias), {gain: -0.5})
+    assert search._without(both, bias).excess < 0.1 * astray.excess
+
+
+def test_the_whole_log_may_choose_otherwise_than_a_part(fitter):
+    """Name what leaves least on all of a log, not what a search on its part came to."""
+    gain, friction = number(fitter, "kp-scale"), number(fitter, "coulomb-friction")
+    right, wrong = fitter.fit((gain,), {gain: -0.5}), fitter.fit((friction,), {friction: 0.05})
+    found = Found(
+        nominal=fitter.settled(), chosen=wrong, singles=(right, wrong), tied=(), is_likely=True
+    )
+    again = on_whole(fitter, found, ROBOTS)
+    assert again.chosen.freed == (gain,) and not again.is_likely
