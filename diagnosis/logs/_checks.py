@@ -16,6 +16,8 @@ GAP_PERIODS, HOLE_PERIODS = 3.0, 20.0
 """A step longer than this is a gap (a warning), a much longer one is a hole, in median periods."""
 LARGEST = 1e12
 """Numbers from here on count as infinite."""
+FARTHEST = 1e6
+"""Angles [rad] and ways [m] from here on are none of a joint's."""
 RATE_TOLERANCE = 0.1
 """Largest relative difference between a declared rate and the rate of the rows."""
 SLOWEST_S = 0.5
@@ -166,16 +168,19 @@ def _refuse_holes(number: int, part: pd.DataFrame, periods: np.ndarray, warnings
 
 
 def values_are_finite(number: int, part: pd.DataFrame) -> None:
-    """Refuse NaN and infinity, except where a column is empty in a whole episode."""
+    """Refuse NaN and what is too large, except where a column is empty in a whole episode."""
     for column in part.columns:
+        needed = column.startswith(("command_", "position_"))
         if column.startswith("touch."):
             missing = part[column].isna().to_numpy()
         else:
-            missing = ~(np.abs(part[column].to_numpy()) < LARGEST)
-        needed = column.startswith(("command_", "position_"))
+            missing = ~(np.abs(part[column].to_numpy()) < (FARTHEST if needed else LARGEST))
         if missing.any() and (needed or not part[column].isna().all()):
+            value = part[column].to_numpy()[missing][0]
+            finite = isinstance(value, float) and np.isfinite(value)
+            said = f"{value:g}" if finite else "not a finite number"
             raise LogError(
-                f"'{column}' is not a finite number in sample {_row(part, missing)} of episode "
+                f"'{column}' is {said} in sample {_row(part, missing)} of episode "
                 f"{number}; fill it (a slower channel repeats its last value) or remove the row"
             )
 
