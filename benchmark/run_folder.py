@@ -122,9 +122,12 @@ class RunFolder:
                 "choose another --out"
             )
         self._lock_folder()
+        for half_written in self.path.glob(".*.tmp"):
+            half_written.unlink()
         if force or RUN_FILE not in self._names():
             self._refuse_remains(resume or force)
-            self._clear()
+            self.drop_checkpoints()
+            (self.path / START_FILE).unlink(missing_ok=True)
         else:
             found = read_run(self.path)
             if found["digest"] != self._run.digest:
@@ -141,9 +144,9 @@ class RunFolder:
                     f"{self.path} holds this run, {found['status']}; --resume continues it, "
                     "--force starts it again"
                 )
-        for half_written in self.path.glob(".*.tmp"):
-            half_written.unlink()
         self.write_run("interrupted", "the run has not finished")
+        if self.checkpoint() == (0, None):
+            self._clear()
         return None
 
     def _differences(self, spec: dict) -> str:
@@ -184,10 +187,8 @@ class RunFolder:
             )
 
     def _clear(self) -> None:
-        """Remove the files of the run and nothing else; run.json is removed last."""
-        self.drop_checkpoints()
-        written = (PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE, START_FILE, RUN_FILE)
-        for name in written:
+        """Remove what a run before this one made."""
+        for name in (PROGRESS_FILE, EPISODES_FILE, POLICY_FILE, CONTRACT_FILE):
             (self.path / name).unlink(missing_ok=True)
 
     def write_run(self, status: str, reason: str = "", **fields: object) -> dict:

@@ -146,7 +146,7 @@ FORMATS: Mapping[str, Format] = {
          bench("run", "--config", "run/run.json", "--algo", "hold-still", "--smoke", "--out",
                "new", "-j", "1", "-q")),
         ("settings.yaml", bases.settings, "settings.yaml", as_text(yaml_text),
-         bench("run", "--config", "settings.yaml", "--out", "new", "-j", "1", "-q")),
+         bench("run", "--config", "settings.yaml", "--smoke", "--out", "new", *ONE)),
         ("sweep.yaml", bases.sweep, "sweep.yaml", as_text(yaml_text),
          bench("sweep", "sweep.yaml", "--dry-run", "--out", "new", "-j", "1", "-q")),
         ("BAM recording", bases.bam, "bam.json", as_text(json_text),

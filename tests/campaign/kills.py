@@ -151,7 +151,7 @@ def at_operation(name: str, number: int, shelf: Path, hang_s: float) -> Case:
 def _killed(
     name: str, seed: int, number: int, shelf: Path, hang_s: float, places: list[tuple[str, float]]
 ) -> Case:
-    killed = KINDS[name]
+    killed, _ = KINDS[name], _whole(name, shelf)
     with tempfile.TemporaryDirectory(prefix="kill-") as place:
         folder = Path(place) / "here"
         _prepare(killed, folder, shelf)

@@ -103,6 +103,22 @@ def test_a_folder_left_without_its_file_is_recovered(run_copy, capfd):
     assert not (run_copy / ".run.json.tmp").exists()
 
 
+def test_a_kill_within_force_leaves_a_run_that_resumes(run_copy, monkeypatch, capfd):
+    """Say that the run is interrupted before anything of the finished one goes."""
+    words = [*SMOKE, "--backend", "mujoco", "--algo", "hold-still", "--out", str(run_copy)]
+
+    def dies(folder):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(RunFolder, "_clear", dies)
+        assert cli.call([*words, "--force"]) == 130
+    (run_copy / ".progress.csv.tmp").touch()
+    assert cli.call([*words, "--resume"]) == 0
+    capfd.readouterr()
+    assert {file.name for file in run_copy.iterdir()} == {"run.json", "episodes.parquet"}
+
+
 def test_a_second_run_in_a_folder_is_refused(tmp_path, capfd):
     """Say that another process runs there, and do not advise --force."""
     folder = RunFolder(tmp_path / "run", RunSpec(backend="mujoco", task="line", smoke=True))
