@@ -1,10 +1,6 @@
 """Recording: deterministic, whole, and changed by an effect only where it acts."""
 
 import json
-import os
-import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +10,7 @@ import pytest
 from backends.shard import simulate
 from benchmark import registry
 from benchmark.cli import app as cli
+from benchmark.console import Bar
 from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
 from diagnosis.logs.log import Log, LogError, read_log, write_log
@@ -312,21 +309,12 @@ def test_record_writes_a_log_and_one_json_object(tmp_path, capfd):
     assert "exists; choose another" in capfd.readouterr().err
 
 
-def test_a_killed_recording_leaves_no_log(tmp_path):
+def test_a_stopped_recording_leaves_no_log(tmp_path, monkeypatch):
     """Leave no folder behind when stopped on the way, and exit with 130."""
-    out = tmp_path / "log"
-    asked = [*RECORD, "--repeats", "50", "--out", str(out)]
-    code = "import sys; from benchmark.cli.app import main; main()"
-    arguments = [sys.executable, "-c", code, *asked]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    with subprocess.Popen(
-        arguments, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, env=environment
-    ) as recorder:
-        assert recorder.stderr is not None
-        for line in recorder.stderr:
-            if b"5/100" in line:
-                recorder.send_signal(signal.SIGTERM)
-                break
-        recorder.stderr.read()
-    assert recorder.returncode == 130
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Bar, "update", stopped)
+    assert cli.call([*RECORD, "--protocol", "steps", "--out", str(tmp_path / "log")]) == 130
     assert not list(tmp_path.iterdir())
