@@ -64,10 +64,15 @@ def signals(
         slides=limb.spec.hand.driven[joint].joint.slides,
         time_s=tuple(float(f"{t:.{DIGITS}g}") for t in time_s[kept]),
         measured=line(evidence.measured),
-        simulated={name: line(values) for name, values in shown.items()},
+        simulated=drawable({name: line(values) for name, values in shown.items()}),
         floor=float(evidence.floor[channel, joint]),
         worst_s=worst_s,
     )
+
+
+def drawable(lines: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+    """The lines without those of worlds that diverge, of which nothing can be drawn or kept."""
+    return {name: line for name, line in lines.items() if np.isfinite(line).all()}
 
 
 def _worst(evidence: Evidence, left: Array) -> tuple[int, int]:

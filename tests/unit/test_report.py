@@ -11,6 +11,7 @@ from diagnosis import Diagnosis, diagnose, page
 from diagnosis.logs.log import Log
 from diagnosis.report import wording
 from diagnosis.report.report import FAINT, parts
+from diagnosis.signals import drawable
 from diagnosis.verdict.result import NONE, UNKNOWN
 from diagnosis.verdict.sentences import sentences
 
@@ -109,3 +110,9 @@ def test_a_sensor_at_fault_is_no_contradiction(found):
     none = {"verdict": (NONE,), "causes": (), "gap_after": 0.5}
     noisy = dataclasses.replace(limb, sensors=limb.causes, **none)
     assert sentences(noisy).sentences[0].startswith("The motion shows no fault")
+
+
+def test_a_world_that_diverges_is_not_drawn():
+    """Leave out a line with numbers that no JSON can hold."""
+    lines = {"nominal": (1.0, 2.0), "with the causes": (1.0, float("nan"))}
+    assert drawable(lines) == {"nominal": (1.0, 2.0)}
