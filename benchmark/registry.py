@@ -31,6 +31,11 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(parts(_KINDS[kind]))
 
 
+def kind_of(kind: str) -> Kind:
+    """Where plug-ins of a kind are found."""
+    return _KINDS[kind]
+
+
 def part(kind: str, name: str) -> Part:
     """Where a plug-in is; raises UsageError if it is unknown."""
     return parts(_KINDS[kind])[check(kind, name)]

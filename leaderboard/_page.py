@@ -1,4 +1,4 @@
-"""The leaderboard as one self-contained HTML page: no script, nothing fetched."""
+"""The leaderboard as one self-contained HTML page that fetches nothing."""
 
 import base64
 import math
@@ -9,8 +9,10 @@ from typing import Any, NamedTuple
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from PIL import Image, UnidentifiedImageError
 
+from files.tables import csv_text
 from leaderboard import _svg, transfer_text
 from leaderboard._matrices import matrices
+from leaderboard._summary import summary
 from leaderboard._wording import (
     COMPARING,
     MADE_BY,
@@ -60,6 +62,8 @@ def page(board: Board, pictures: Sequence[Path], transfers: Sequence[Path] = ())
     tasks = dict.fromkeys(line.cells["task"] for line in board.lines)
     return environment.get_template("_page.html.jinja").render(
         made_by=MADE_BY.replace("`", ""),
+        summary=summary(board, transfers),
+        csv=base64.b64encode(csv_text(board.frame, float_format="%.6g").encode()).decode(),
         reading=READING.replace("`", ""),
         comparing=COMPARING,
         tasks={task: _worlds(board, task) for task in tasks},

@@ -77,4 +77,4 @@ def plot(bands: Sequence[tuple[str, Band]], label: str, from_zero: bool) -> str:
             parts.append(f'<path fill="{hue}" fill-opacity=".2" d="M{outline}Z"/>')
         parts.append(f'<path class="curve" stroke="{hue}" d="M{at(band.steps, band.mean)}"/>')
     caption = f'<text x="{LEFT}" y="{PLOT_H - 5}">{label} over environment steps</text>'
-    return f'<svg width="{PLOT_W}" height="{PLOT_H}">{"".join(parts)}{caption}</svg>'
+    return f'<svg viewBox="0 0 {PLOT_W} {PLOT_H}" width="{PLOT_W}">{"".join(parts)}{caption}</svg>'

@@ -23,6 +23,7 @@ from benchmark.cli.demo import demo
 from benchmark.cli.gap import calibrate, check, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
 from benchmark.cli.log import excite, import_logs, record
+from benchmark.cli.own import new, test
 from benchmark.cli.run import evaluate, run, view
 from benchmark.provenance import version
 from benchmark.variables import in_effect, name_variables
@@ -43,6 +44,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "verify": verify,
     },
     "Logs": {"record": record, "excite": excite, "import": import_logs},
+    "Parts of your own": {"new": new, "test": test},
     "The gap": {"check": check, "calibrate": calibrate, "diagnose": diagnose},
     "This machine": {"speed": measure_speed, "list": list_parts},
 }

@@ -1,7 +1,7 @@
 """What the conformance suites share: every engine, and environments that are closed again."""
 
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 
@@ -10,9 +10,28 @@ from benchmark import registry
 from benchmark.errors import CommandError
 from benchmark.run_spec import RunSpec
 from benchmark.worlds import make_env
+from files.plugins import name_of
 from tasks.batch import BatchEnv
 
 MakeEnv = Callable[..., BatchEnv]
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """`--only NAME`: the checks of one part, as `bench test` asks for."""
+    parser.addoption("--only", metavar="NAME", help="checks of the part of this name")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Keep the checks that take the part of `--only`."""
+    only = config.getoption("--only")
+    if only is not None:
+        items[:] = [i for i in items if only in getattr(i, "callspec", _NONE).params.values()]
+
+
+class _NONE:
+    """Of a check that takes no part."""
+
+    params: ClassVar[dict[str, Any]] = {}
 
 
 @pytest.fixture(params=registry.names("backend"))
@@ -27,7 +46,7 @@ def engine(request: pytest.FixtureRequest) -> type[Engine]:
 @pytest.fixture
 def backend(engine: type[Engine]) -> str:
     """The name of every engine that is installed."""
-    return engine.__module__.split(".")[-1].replace("_", "-")
+    return name_of(engine.__module__)
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The leaderboard: lines and ranks, comparisons, and the files that say them."""
 
+import base64
 import csv
 import json
 import random
@@ -221,7 +222,7 @@ def test_page_stands_alone(tmp_path):
     tags = Tags(text)
     assert tags.count["circle"] == 3 * 3 and text.count('class="bar"') == 3
     assert text.count('class="paper"') == 3 and "2.36" in text
-    assert text.count('class="curve"') == 2 and tags.count.get("script") is None
+    assert text.count('class="curve"') == 2 and tags.count["script"] == 1
     assert all(target.startswith(("#", "data:")) for target in tags.fetched)
     assert "3 x 100" in text and "mujoco 3.3, ppo 2.7" in text and "w0" in text
 
@@ -230,7 +231,7 @@ def test_page_escapes_what_rows_say(tmp_path):
     """Show markup in names and reasons as text."""
     lost = run(seed=4, status="diverged", reason="<b>q</b> & so", scores=None)
     text = page(tmp_path, rows(run(algo="<script>"), lost), ("<i>.json: bad",))
-    assert {"script", "b", "i"}.isdisjoint(Tags(text).count)
+    assert {"b", "i"}.isdisjoint(Tags(text).count) and Tags(text).count["script"] == 1
     assert "&lt;b&gt;q&lt;/b&gt; &amp; so" in text and "&lt;i&gt;.json: bad" in text
 
 
@@ -290,3 +291,14 @@ def test_shipped_files_come_from_the_shipped_rows(tmp_path: Path) -> None:
     for file in write(board(read, problems), tmp_path):
         assert file.read_bytes() == (home / file.name).read_bytes()
         assert file.stat().st_size < 4_000_000
+
+
+def test_page_begins_with_a_summary(tmp_path):
+    """Say what is best and how to add a row, and hand out every row as CSV."""
+    runs = [detailed(mean, seed=seed) for seed, mean in enumerate((0.4, 0.5, 0.6))]
+    text = page(tmp_path, rows(*runs, run(task="line", seed=0)))
+    said = text.partition('<dl class="summary">')[2].partition("</dl>")[0]
+    assert "0.50 (mujoco: " in said and "4 runs of 2 policies, 1 of them ranked." in said
+    assert "bench leaderboard runs --add" in said
+    table = text.partition("data:text/csv;base64,")[2].partition('"')[0]
+    assert base64.b64decode(table).startswith(b"rank,task,backend")
