@@ -1,5 +1,6 @@
 """Robots as people have them: read as MuJoCo reads them, and refused for what matters alone."""
 
+import json
 import re
 
 import numpy as np
@@ -7,6 +8,7 @@ import pandas as pd
 import pytest
 
 from backends.mjcf import MjcfError, Plain, Play, file_drives, whole
+from benchmark.cli import app as cli
 from diagnosis.logs._meta import parse_meta
 from diagnosis.logs.log import Log, LogError, LogMeta, make_log
 from diagnosis.replay.nominal import mjcf_world
@@ -210,6 +212,23 @@ def moved(xml: str = ARM, factor: float = 1.0, off_s: tuple[float, float] = (0.0
     values = {"command_rad.shoulder": command[:, 0], "position_rad.shoulder": position}
     frame = pd.DataFrame({"t_s": time_s, **{name: factor * v for name, v in values.items()}})
     return make_log(log.meta, frame, ARM)
+
+
+def test_the_corrected_model_is_a_file_that_moves_as_the_robot_does(tmp_path, capfd):
+    """Write the user's own file with other numbers, and measure the gap with it in MuJoCo."""
+    (tmp_path / "arm.xml").write_text(ARM.replace("<worldbody>", "<!-- mine --><worldbody>", 1))
+    weak = ARM.replace('kp="40"', 'kp="24"').replace('kv="1.2"', 'kv="2"')
+    moved(weak).samples.to_csv(tmp_path / "run.csv", index=False)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "run.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    model = found["model"]
+    assert model["after_rad"] < 0.2 * model["before_rad"]
+    (gain,) = [one for one in model["changes"] if one["number"] == "kp"]
+    assert gain["before"] == 40 and abs(gain["after"] - 24) < 4
+    text = (tmp_path / "out" / "corrected.xml").read_text()
+    assert "<!-- mine -->" in text
+    assert file_drives(text)["shoulder"].kp == gain["after"]
 
 
 @pytest.mark.parametrize(
