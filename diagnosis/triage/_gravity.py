@@ -30,6 +30,9 @@ COARSEST = 100.0
 """Counts per radian that encoders have at least."""
 FREE = np.geomspace(1e-2, 1e4, 400)
 """Sizes of a unit that are tried where none with a name fits."""
+ZEROS, FAR_RAD, SURE = np.radians(np.arange(-180, 181, 3)), np.pi / 4, 0.1
+"""Zeros that are tried; a nearer one may be a tilt of gravity, which is an effect; the relative
+misfit that names one."""
 OUTSIDE, REACH = 1.5, 1.1
 """Readings are outside a joint's range, and within it, by these shares of it."""
 CARRIED = 0.2
@@ -43,7 +46,8 @@ def weight(track: Track) -> Fault | None:
     size = _rms(expected)
     if len(sags) < LEAST_RESTS or size < SEEN_RAD or _rms(sags - expected) < WRONG * size:
         return None
-    return _unit(track, sags, positions) or _carried(track, sags, expected)
+    unit = _unit(track, sags, positions)
+    return unit or _zero(track, sags, positions) or _carried(track, sags, expected)
 
 
 def rests(track: Track) -> tuple[Array, Array]:
@@ -120,6 +124,29 @@ def _fault(track: Track, said: str, remedy: str) -> Fault:
         joints=(track.name,),
         evidence=f"{said}: so says the sag of the joint under its weight, and its range",
         remedy=f"{remedy} to {si}",
+    )
+
+
+def _zero(track: Track, sags: Array, positions: Array) -> Fault | None:
+    """Both sides far from the model's zero, or gravity that turns as far."""
+    if track.slides:
+        return None
+    misfits = []
+    for zero in ZEROS:
+        moved = positions.copy()
+        moved[:, track.index] -= zero
+        expected = _expected(track, moved, 1.0)
+        misfits.append(_rms(sags - expected) / max(_rms(expected), 1e-12))
+    best = int(np.argmin(misfits))
+    if misfits[best] > SURE or abs(ZEROS[best]) < FAR_RAD:
+        return None
+    far = f"{np.degrees(ZEROS[best]):.0f} deg"
+    return Fault(
+        kind="zero",
+        joints=(track.name,),
+        evidence=f"positions and commands both stand {far} from the model's zero: so says the sag "
+        "of the joint under its weight; or the robot is mounted so",
+        remedy=f"subtract {far} from both, or turn gravity in the model",
     )
 
 

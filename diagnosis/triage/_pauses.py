@@ -10,8 +10,9 @@ from diagnosis.triage._tracks import Track
 OFF, NEAR = 0.3, 0.03
 """A joint does not follow while it is off the nominal world by so much of its travel; it begins
 and ends where it is off by the second."""
-LEAST_S, MOST = 0.3, 0.5
-"""It lasts so long, and no longer than this share of an episode."""
+LEAST_S, LEAST_SAMPLES, MOST, COUNT = 0.3, 20, 0.5, 3
+"""It lasts so long, all together no longer than this share of an episode, and is so rare: what
+comes again and again is physics."""
 ALIKE_S = 0.25
 """Episodes are alike whose pauses begin and end as near [s]."""
 
@@ -40,10 +41,13 @@ def _of_episode(track: Track, time_s: Array, error: Array) -> list[tuple[float, 
     found = [
         (float(time_s[begin]), float(time_s[end - 1]))
         for begin, end in edges.reshape(-1, 2)
-        if off[begin:end].max() > OFF and time_s[end - 1] - time_s[begin] >= LEAST_S
+        if off[begin:end].max() > OFF
+        and time_s[end - 1] - time_s[begin] >= LEAST_S
+        and end - begin >= LEAST_SAMPLES
     ]
     lasts_s = sum(end - begin for begin, end in found)
-    return found if lasts_s <= MOST * float(time_s[-1]) else []
+    rare = len(found) <= COUNT and lasts_s <= MOST * float(time_s[-1])
+    return found if rare else []
 
 
 def _alike(times: list[tuple[float, float]], first: list[tuple[float, float]]) -> bool:

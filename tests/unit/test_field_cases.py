@@ -201,8 +201,13 @@ def test_the_nominal_world_is_plain_mujoco(xml):
 STEPS = np.array([0.0, 0.4, -0.3, 0.2, -0.4, 0.1, 0.3, -0.1])
 
 
-def moved(xml: str = ARM, factor: float = 1.0, off_s: tuple[float, float] = (0.0, 0.0)) -> Log:
-    """The log of an arm in plain MuJoCo that steps, both sides times a factor, off for a while."""
+def moved(
+    xml: str = ARM,
+    factor: float = 1.0,
+    zero: float = 0.0,
+    off_s: tuple[float, float] = (0.0, 0.0),
+) -> Log:
+    """The log of an arm in plain MuJoCo that steps; both sides scaled and shifted; off a while."""
     log, time_s = log_of(ARM), np.arange(1600) / 200
     command = np.repeat(STEPS, 200)[:, None]
     asked = Play(time_s=time_s, command=command, push=0 * command, start=np.array([0.0]))
@@ -210,7 +215,7 @@ def moved(xml: str = ARM, factor: float = 1.0, off_s: tuple[float, float] = (0.0
     position = position + 1e-4 * np.random.default_rng(0).normal(size=1600)
     position[(time_s >= off_s[0]) & (time_s < off_s[1])] = -1.5
     values = {"command_rad.shoulder": command[:, 0], "position_rad.shoulder": position}
-    frame = pd.DataFrame({"t_s": time_s, **{name: factor * v for name, v in values.items()}})
+    frame = pd.DataFrame({"t_s": time_s, **{name: factor * v + zero for name, v in values.items()}})
     return make_log(log.meta, frame, ARM)
 
 
@@ -237,6 +242,7 @@ def test_the_corrected_model_is_a_file_that_moves_as_the_robot_does(tmp_path, ca
         (lambda: moved(factor=1 / (2 * np.pi)), "both are in turns"),
         (lambda: moved(factor=100 / 1.2), "both are in a unit of which about 8. make one rad"),
         (lambda: moved(factor=7.0), "both are in a unit of which about (7|6.9|7.1) make one rad"),
+        (lambda: moved(zero=np.pi / 3), "both stand (57|60|63) deg from the model's zero"),
         (lambda: moved(ARM.replace('name="upper"', 'gravcomp="1" name="upper"')), "gravity_comp"),
     ],
 )
