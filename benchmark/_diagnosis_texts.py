@@ -76,6 +76,8 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     if found.nominal:
         moved = wording.listed(wording.moved(one) for one in found.nominal)
         lines.append(f"Nominal numbers that took part of the gap: {moved}.")
+    if model := result.get("model"):
+        lines += [f"Model: {text}." for text in model["words"]]
     lines += [f"Not judged: {text}." for text in found.missing]
     lines += [f"Warning: {text}" for text in (*found.notes, *result["warnings"])]
     end = [f"Next: {text}." for text in wording.next_steps(found)]

@@ -21,6 +21,8 @@ from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.provenance import provenance, usable_cores
 from benchmark.run_folder import write_atomically
 from benchmark.run_spec import HANDS
+from benchmark.take_home import FILE as CORRECTED
+from benchmark.take_home import TakeHome, take_home
 from diagnosis.answer import Diagnosis
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.evidence.evidence import FLOOR_RAD
@@ -111,6 +113,9 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     log = dataclasses.replace(log, warnings=(*log.warnings, *_warnings(log, world, apart)))
     result = _result(folder, found, log, world, settings, apart)
     folder.mkdir(parents=True, exist_ok=True)
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        home = take_home(log, world.spec, found, own_catalogue(_catalogue(), world.spec))
+        result["model"] = _kept(folder, home, result)
     text = page(found, log, _facts(result, log, settings), result["next"])
     write_atomically(folder / REPORT, text)
     whole = result | {"provenance": provenance()}
@@ -263,6 +268,15 @@ def _result(
         "warnings": list(log.warnings),
         **row,
     }
+
+
+def _kept(folder: Path, home: TakeHome | None, result: dict) -> dict | None:
+    """Write the corrected model; what is said of it."""
+    if home is None:
+        return None
+    write_atomically(folder / CORRECTED, home.text)
+    result["written"].append(str(folder / CORRECTED))
+    return home.plain() | {"file": str(folder / CORRECTED), "words": home.words}
 
 
 def _corrected(found: Diagnosis, world: World) -> str | None:

@@ -48,6 +48,13 @@ def read_csv(path: Path, **options: Any) -> pd.DataFrame:
     return parse_csv(path, read_text(path, MOST_BYTES), **options)
 
 
+def _without_huge(frame: pd.DataFrame) -> pd.DataFrame:
+    """The table with integers that no float can hold as text, which reads as infinite."""
+    mixed = frame.select_dtypes(object)
+    huge = [name for name in mixed if mixed[name].map(type).eq(int).any()]
+    return frame.astype(dict.fromkeys(huge, str))
+
+
 def parse_csv(path: Path, text: str, **options: Any) -> pd.DataFrame:
     """The table in the text of a CSV file; raises FileError."""
     first = text.split("\n", 1)[0]
@@ -56,7 +63,7 @@ def parse_csv(path: Path, text: str, **options: Any) -> pd.DataFrame:
     if not text.strip():
         raise FileError(f"{path} is empty; it should hold a table with a header")
     try:
-        return pd.read_csv(io.StringIO(text), **options)
+        return _without_huge(pd.read_csv(io.StringIO(text), **options))
     except (pd.errors.ParserError, ValueError, csv.Error, OverflowError) as error:
         raise FileError(f"{path}: {one_line(str(error))}; correct or remove that line") from None
 

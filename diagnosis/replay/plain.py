@@ -1,6 +1,6 @@
 """A user's robot in plain MuJoCo under a log's own commands: what its own simulator would show."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -22,11 +22,16 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
     return {body.joint.name: _numbers(body) for body in spec.hand.driven}
 
 
-def model_text(log: Log, spec: Spec) -> str:
-    """The text of a log's model with the numbers of a world; raises LogError."""
+def model_text(log: Log, spec: Spec, joints: Collection[str] | None = None) -> str:
+    """The text of a log's model with the numbers of a world, of some joints or all.
+
+    Raises LogError.
+    """
     xml, settings = model_of(log)
+    every = numbers_of(spec)
+    some = {name: one for name, one in every.items() if joints is None or name in joints}
     try:
-        return written(xml, numbers_of(spec))
+        return written(xml, some)
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
 

@@ -22,13 +22,15 @@ from diagnosis.logs.signals import CLEAR, UNCLEAR, line
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
-from diagnosis.triage import _clocks, _scales, _zeros
+from diagnosis.triage import _clocks, _gravity, _scales, _zeros
 from diagnosis.triage._faults import Fault
+from diagnosis.triage._pauses import pauses
 from diagnosis.triage._tracks import Track, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
 TESTS: tuple[Callable[[Track], Fault | None], ...] = (
     _zeros.convention,
+    _gravity.weight,
     _scales.scale,
     _zeros.slips,
     _zeros.zero,
@@ -53,11 +55,20 @@ def triage(log: Log, nominal: Spec) -> None:
         raise FaultError(found)
 
 
-def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
-    """The faults in the data of a log, by joint; empty if there are none."""
+def not_following(log: Log, nominal: Spec) -> tuple[str, ...]:
+    """When joints did not follow their commands for a while, in words."""
+    return tuple(text for track in _tracks(log, nominal) for text in pauses(track))
+
+
+def _tracks(log: Log, nominal: Spec) -> list[Track]:
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     parts = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
-    every = tracks(parts)
+    return tracks(parts)
+
+
+def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
+    """The faults in the data of a log, by joint; empty if there are none."""
+    every = _tracks(log, nominal)
     swapped = _order(every)
     if swapped:
         return swapped

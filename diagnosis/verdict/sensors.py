@@ -18,6 +18,8 @@ NOISE_RAD = 8e-4
 """Noise of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
 BEYOND = 1.5
 """So many times what the mechanism's own sensors are known to have is a finding."""
+REST_S, LEAST_RESTS = 0.3, 20
+"""Targets that stood still for so long are at rest; noise is judged on so many samples there."""
 SHARE_OFF = 0.1
 """A measured noise or step is right to this share."""
 NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
@@ -36,13 +38,28 @@ def sensor_findings(
         own_noise, own_step = (known[j, COLUMNS.index(n)] for n in (NOISE, RESOLUTION))
         step, noise = float(evidence.step[j]), float(evidence.noise[0, j])
         if evidence.limb.period_s >= BLOCK_S:  # rows are far apart: motion looks like noise
-            noise = min(noise, float(white_noise(left[j, 0]) * evidence.floor[0, j]))
+            left_noise = float(white_noise(left[j, 0]) * evidence.floor[0, j])
+            noise = min(noise, left_noise, _noise_at_rest(evidence, j))
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
             yield _finding(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
         elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
             yield _finding(NOISE, (joint,), (more, off[0] * more, off[1] * more), catalogue)
+
+
+def _noise_at_rest(evidence: Evidence, j: int) -> float:
+    """White noise of a position where all targets rest; 0 where they hardly do."""
+    third = []
+    for recording in evidence.limb.recordings:
+        fresh = np.any(np.diff(recording.command, axis=0, prepend=0.0) != 0.0, axis=1)
+        row = np.arange(len(fresh))
+        since = np.maximum.accumulate(np.where(fresh, row, 0))
+        rests = recording.time_s[row] - recording.time_s[since] > REST_S
+        whole = rests[3:] & (since[3:] == since[:-3])
+        third.append(np.diff(recording.measured[:, 0, j], n=3)[whole])
+    found = np.abs(np.concatenate(third))
+    return float(np.median(found) / 0.6745 / np.sqrt(20.0)) if len(found) >= LEAST_RESTS else 0.0
 
 
 def loss_finding(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:

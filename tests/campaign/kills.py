@@ -47,6 +47,7 @@ class Killed:
 BACKENDS = ("mujoco", "bullet", "sapien")
 RUN = ["run", "--task", "line", "--smoke"]
 SHORT = ["--set", "rollout_steps=32", "--steps", "512"]
+SAC = ["--set", "rollout_steps=16", "--set", "updates=2", "--set", "batch=32", "--steps", "512"]
 RECORD = ["record", "--protocol", "steps", "--rate", "50Hz", "--effects", "backlash=1deg@J3"]
 DEPLOYED = ["--effects", "none", "--episodes", "2"]
 ONE = ["-j", "1", "-q"]
@@ -54,7 +55,7 @@ ONE = ["-j", "1", "-q"]
 
 def _engines() -> dict[str, Killed]:
     """The commands that start an engine, with each."""
-    learners = (("sb3-ppo", SHORT), ("rsl-ppo", SHORT), ("hold-still", []))
+    learners = (("sb3-ppo", SHORT), ("rsl-ppo", SHORT), ("sb3-sac", SAC), ("hold-still", []))
     out = ["--out", OUT, *ONE]
     found: dict[str, Killed] = {}
     for name in BACKENDS:

@@ -1,15 +1,20 @@
 """Robots as people have them: read as MuJoCo reads them, and refused for what matters alone."""
 
+import json
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from backends.mjcf import MjcfError, Plain, Play, file_drives, whole
+from benchmark.cli import app as cli
 from diagnosis.logs._meta import parse_meta
-from diagnosis.logs.log import LogError, LogMeta, make_log
+from diagnosis.logs.log import Log, LogError, LogMeta, make_log
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions, uncertainties
+from diagnosis.triage.triage import faults, not_following
 
 INERTIAL = '<inertial mass="0.8" pos="0.15 0 0" fullinertia="8e-4 4e-3 4e-3 2e-4 0 1e-4"/>'
 JOINT = '<joint name="shoulder" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/>'
@@ -191,6 +196,84 @@ def test_the_nominal_world_is_plain_mujoco(xml):
     """Replay a nominal arm, damped, stiff or light, within 1e-6 rad of MuJoCo's own simulation."""
     log = log_of(xml)
     assert plain_apart(log, mjcf_world(log)) < 1e-6
+
+
+STEPS = np.array([0.0, 0.4, -0.3, 0.2, -0.4, 0.1, 0.3, -0.1])
+
+
+def moved(
+    xml: str = ARM,
+    factor: float = 1.0,
+    zero: float = 0.0,
+    off_s: tuple[float, float] = (0.0, 0.0),
+) -> Log:
+    """The log of an arm in plain MuJoCo that steps; both sides scaled and shifted; off a while."""
+    log, time_s = log_of(ARM), np.arange(1600) / 200
+    command = np.repeat(STEPS, 200)[:, None]
+    asked = Play(time_s=time_s, command=command, push=0 * command, start=np.array([0.0]))
+    position = Plain(xml, ["shoulder"], {}, timestep_s=1e-3).positions(asked)[:, 0]
+    position = position + 1e-4 * np.random.default_rng(0).normal(size=1600)
+    position[(time_s >= off_s[0]) & (time_s < off_s[1])] = -1.5
+    values = {"command_rad.shoulder": command[:, 0], "position_rad.shoulder": position}
+    frame = pd.DataFrame({"t_s": time_s, **{name: factor * v + zero for name, v in values.items()}})
+    return make_log(log.meta, frame, ARM)
+
+
+def test_the_corrected_model_is_a_file_that_moves_as_the_robot_does(tmp_path, capfd):
+    """Write the user's own file with other numbers, and measure the gap with it in MuJoCo."""
+    (tmp_path / "arm.xml").write_text(ARM.replace("<worldbody>", "<!-- mine --><worldbody>", 1))
+    weak = ARM.replace('kp="40"', 'kp="24"').replace('kv="1.2"', 'kv="2"')
+    moved(weak).samples.to_csv(tmp_path / "run.csv", index=False)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "run.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    model = found["model"]
+    assert model["after_rad"] < 0.2 * model["before_rad"]
+    (gain,) = [one for one in model["changes"] if one["number"] == "kp"]
+    assert gain["before"] == 40 and abs(gain["after"] - 24) < 4
+    text = (tmp_path / "out" / "corrected.xml").read_text()
+    assert "<!-- mine -->" in text
+    assert file_drives(text)["shoulder"].kp == gain["after"]
+
+
+@pytest.mark.parametrize(
+    ("log", "said"),
+    [
+        (lambda: moved(factor=1 / (2 * np.pi)), "both are in turns"),
+        (lambda: moved(factor=100 / 1.2), "both are in a unit of which about 8. make one rad"),
+        (lambda: moved(factor=7.0), "both are in a unit of which about (7|6.9|7.1) make one rad"),
+        (lambda: moved(zero=np.pi / 3), "both stand (57|60|63) deg from the model's zero"),
+        (lambda: moved(ARM.replace('name="upper"', 'gravcomp="1" name="upper"')), "gravity_comp"),
+    ],
+)
+def test_gravity_says_what_both_sides_are(log, said):
+    """Name the unit of command and position together, or who carries the weight."""
+    found = faults(log(), mjcf_world(log()))
+    assert len(found) == 1
+    assert re.search(said, str(found[0]))
+
+
+@pytest.mark.parametrize(
+    "xml",
+    [
+        ARM,
+        ARM.replace('kp="40"', 'kp="60"'),
+        ARM.replace('mass="0.8"', 'mass="0.6"'),
+        ARM.replace("<joint", '<joint frictionloss="0.4"'),
+    ],
+)
+def test_gravity_accuses_no_arm_that_differs_a_little(xml):
+    """Leave gains, masses and friction to the diagnosis."""
+    log = moved(xml)
+    assert not faults(log, mjcf_world(log))
+    assert not not_following(log, mjcf_world(log))
+
+
+def test_a_drive_that_was_off_is_said_with_its_time():
+    """Say from when to when a joint did not follow."""
+    log = moved(off_s=(3.0, 4.5))
+    said = not_following(log, mjcf_world(log))
+    assert said == ("shoulder did not follow from 3.0 to 4.5 s of episode 0",)
 
 
 def test_held_joints_stand_still_in_plain_mujoco():

@@ -218,6 +218,8 @@ def without(column: str) -> pd.DataFrame:
         (edited("position_rad.J0", 7, math.nan), "not a finite number in sample 7 of episode 0"),
         (edited("position_rad.J0", 7, math.inf), "not a finite number in sample 7 of episode 0"),
         (edited("position_rad.J0", 7, 1e300), r"is 1e\+300 in sample 7 of episode 0"),
+        (edited("position_rad.J0", 7, "9" * 400), "not a finite number in sample 7 of episode 0"),
+        (table().assign(episode="9" * 400, protocol="free"), "must be a whole number from 0"),
         (edited("command_rad.J0", 7, 1e11), r"is 1e\+11 in sample 7 of episode 0"),
         (edited("position_rad.J0", 7, "off"), "is 'off' in sample 7"),
         (edited("t_s", 7, 6 / 200), "'t_s' repeats at sample 7"),

@@ -1,6 +1,9 @@
 """A robot's model and its table, as people write them, become a log, or one question."""
 
 import json
+import re
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -162,6 +165,33 @@ def test_a_lerobot_data_set_is_read(robot, tmp_path):
     made = pair(robot, tmp_path / "data" / "file-000.parquet", Asked())
     assert np.allclose(made.log.signal("position", 1), POSITION[400:])
     assert [e.episode for e in made.log.episodes] == [0, 1]
+
+
+PAGE = Path(__file__).resolve().parents[2] / "docs/guide/own-robot.md"
+
+
+def test_the_page_on_own_robots_can_be_followed(tmp_path, monkeypatch, capfd):
+    """Check the model and the table that the page shows with every command that it shows."""
+    page = PAGE.read_text()
+    arm, header, calls = (
+        re.findall(rf"```{kind}\n(.*?)```", page, re.DOTALL) for kind in ("xml", "text", "sh")
+    )
+    monkeypatch.chdir(tmp_path)
+    Path("arm.xml").write_text(arm[0])
+    names = header[0].splitlines()[0].split(";")
+    rows = np.degrees(np.stack([COMMAND[:, 0], POSITION[:, 0], COMMAND[:, 1], POSITION[:, 1]], 1))
+    table = np.column_stack([1e3 * T, rows, np.ones(len(T))])
+    pd.DataFrame(table, columns=names).to_csv("run.csv", index=False, sep=";", decimal=",")
+    checks = [
+        line for text in calls for line in text.splitlines() if line.startswith("bench check")
+    ]
+    for number, line in enumerate(checks):
+        words = [*shlex.split(line)[1:], "--out", f"out{number}", "--json"]
+        assert cli.call(words) in (0, 1)
+        found = json.loads(capfd.readouterr().out)
+        assert found["joints"] == ["shoulder", "elbow"]
+        assert any("kp 60 Nm/rad (arm.xml)" in said for said in found["understood"])
+    assert len(checks) == 2 and len(page.encode()) < 8000
 
 
 def test_check_says_it_draws_it_and_writes_a_log(robot, tmp_path, capfd):

@@ -1,0 +1,158 @@
+"""A corrected model to take home: the user's own file with the numbers that a diagnosis changed.
+
+The gap before and after is measured in plain MuJoCo with the two files.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+
+import numpy as np
+
+from backends.effect import UNITS, Effect, NumberEffect
+from backends.spec import Spec
+from diagnosis.answer import Diagnosis
+from diagnosis.logs.log import Log
+from diagnosis.motion.columns import COLUMNS, changed, table
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.parts import limbs
+from diagnosis.replay.plain import model_text, plain, shown
+from diagnosis.verdict.result import UNKNOWN, Cause, Nominal
+
+FILE = "corrected.xml"
+INTEGRATOR = "implicitfast"
+SPREAD = 3.29
+"""A 90 % interval is so many standard deviations wide."""
+WRITTEN = {
+    "drive.kp_nm_rad": ("kp", "Nm/rad", "N/m"),
+    "drive.kd_nms_rad": ("kv", "Nms/rad", "Ns/m"),
+    "drive.torque_limit_nm": ("forcerange", "Nm", "N"),
+    "drive.rotor_inertia_kgm2": ("armature", "kg m²", "kg"),
+    "drive.viscous_nms_rad": ("damping", "Nms/rad", "Ns/m"),
+    "drive.coulomb_nm": ("frictionloss", "Nm", "N"),
+    "body.mass_kg": ("mass", "kg", "kg"),
+}
+"""Numbers that an MJCF has: their names there, and their units of hinges and slides."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """A number of the model that is changed."""
+
+    joint: str
+    number: str
+    """Its name in MJCF."""
+    before: float
+    after: float
+    sd: float
+    unit: str
+
+    @property
+    def words(self) -> str:
+        """The change in words."""
+        return (
+            f"change {self.number} of {self.joint} from {self.before:.4g} to {self.after:.4g} "
+            f"{self.unit} (plus or minus {self.sd:.2g})"
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeHome:
+    """The corrected model."""
+
+    text: str
+    changes: tuple[Change, ...]
+    beside: tuple[str, ...]
+    """Effects that were named, which an MJCF cannot hold."""
+    before_rad: float
+    """Root mean square gap of all positions in plain MuJoCo, with the nominal numbers."""
+    after_rad: float
+    """The same with the corrected file."""
+
+    @property
+    def words(self) -> list[str]:
+        """The table of changes, and the gaps, by line."""
+        gaps = f"{1e3 * self.before_rad:.3g} to {1e3 * self.after_rad:.3g} mrad (slides: mm)"
+        beside = [f"not in an MJCF: {text}" for text in self.beside]
+        return [
+            *(one.words for one in self.changes),
+            *beside,
+            f"in plain MuJoCo with the file, the gap goes from {gaps}",
+        ]
+
+    def plain(self) -> dict:
+        """As JSON has it."""
+        return {
+            "changes": [asdict(one) for one in self.changes],
+            "not_in_mjcf": list(self.beside),
+            "before_rad": self.before_rad,
+            "after_rad": self.after_rad,
+        }
+
+
+def take_home(
+    log: Log, nominal: Spec, found: Diagnosis, catalogue: Mapping[str, type[Effect]]
+) -> TakeHome | None:
+    """The corrected model of a user's robot; None where the verdict changes nothing in it."""
+    if found.verdict == (UNKNOWN,):
+        return None
+    world, changes = nominal, list[Change]()
+    every: tuple[Cause | Nominal, ...] = (*found.magnitudes, *found.nominal)
+    for one in every:
+        for joint in one.joints if isinstance(one, Cause) else (one.joint,):
+            kind = catalogue.get(one.effect)
+            if kind is None or not issubclass(kind, NumberEffect) or kind.number not in WRITTEN:
+                continue
+            world, change = _with(world, joint, kind, one)
+            changes.append(change)
+    held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in WRITTEN}
+    named = [one for one in found.magnitudes if one.effect not in held]
+    beside = [f"{one.effect} of {one.value:.3g} {one.unit}" for one in named]
+    if not changes:
+        return None
+    text = model_text(log, world, {one.joint for one in changes})
+    before, after = (_gap_rad(log, nominal, model_text(log, one)) for one in (nominal, world))
+    return TakeHome(
+        text=text,
+        changes=tuple(changes),
+        beside=tuple(beside),
+        before_rad=before,
+        after_rad=after,
+    )
+
+
+def _with(
+    world: Spec, joint: str, kind: type[NumberEffect], one: Cause | Nominal
+) -> tuple[Spec, Change]:
+    """A world with one number changed, and the change."""
+    bodies = list(world.hand.driven)
+    j = world.hand.joint_names.index(joint)
+    place, row = COLUMNS.index(kind.number), table(world, True)[j]
+    size = UNITS[one.unit][1]
+    sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
+    before = float(row[place])
+    per = before * size if UNITS[one.unit][0] == "share" else size
+    row[place] = max(before + one.value * per, 0.0)
+    number, turning, sliding = WRITTEN[kind.number]
+    bodies[j] = changed(bodies[j], row)
+    return world.with_driven(bodies), Change(
+        joint=joint,
+        number=number,
+        before=before,
+        after=float(row[place]),
+        sd=abs(sd * per),
+        unit=sliding if bodies[j].joint.slides else turning,
+    )
+
+
+def _gap_rad(log: Log, nominal: Spec, text: str) -> float:
+    """Root mean square distance of a model's positions from the log's, in plain MuJoCo."""
+    squares, count = 0.0, 0
+    for part in limbs(nominal):
+        episodes = recordings(log, part)
+        step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
+        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR)
+        for recording in episodes:
+            off = shown(world, recording) - recording.measured[:, 0]
+            squares, count = squares + float(np.nansum(off**2)), count + off.size
+    return float(np.sqrt(squares / max(count, 1)))

@@ -1,0 +1,178 @@
+"""What gravity says of command and position together: their unit, and who carries the weight.
+
+At rest a PD law holds a link by command - position = weight(position) / kp. Both numbers in another
+unit break that in a way that names the unit; a drive that carries the weight by itself leaves
+no difference at all.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.logs.signals import LENGTHS, UNITS
+from diagnosis.motion.along import along
+from diagnosis.motion.columns import KP
+from diagnosis.motion.recordings import Recording
+from diagnosis.replay.chain import chain
+from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._tracks import Track
+
+REST_S = 0.5
+"""A joint rests at the end of so long a time without a new target."""
+STILL = 0.02
+"""Largest motion in that rest, over the joint's travel."""
+LEAST_RESTS, SEEN_RAD = 5, 2e-3
+"""So many rests, and so much sag, are needed [rad, m]."""
+WRONG, RIGHT = 0.5, 0.25
+"""Relative misfit of the sag from which a unit is wrong, and up to which another is right."""
+COARSEST = 100.0
+"""Counts per radian that encoders have at least."""
+FREE = np.geomspace(1e-2, 1e4, 400)
+"""Sizes of a unit that are tried where none with a name fits."""
+ZEROS, FAR_RAD, SURE = np.radians(np.arange(-180, 181, 3)), np.pi / 4, 0.1
+"""Zeros that are tried; a nearer one may be a tilt of gravity, which is an effect; the relative
+misfit that names one."""
+OUTSIDE, REACH = 1.5, 1.1
+"""Readings are outside a joint's range, and within it, by these shares of it."""
+CARRIED = 0.2
+"""Share of the expected sag up to which the weight is carried by something else."""
+
+
+def weight(track: Track) -> Fault | None:
+    """Both sides in another unit, or a weight that the PD law does not carry."""
+    sags, positions = rests(track)
+    expected = _expected(track, positions, 1.0)
+    size = _rms(expected)
+    if len(sags) < LEAST_RESTS or size < SEEN_RAD or _rms(sags - expected) < WRONG * size:
+        return None
+    unit = _unit(track, sags, positions)
+    return unit or _zero(track, sags, positions) or _carried(track, sags, expected)
+
+
+def rests(track: Track) -> tuple[Array, Array]:
+    """Command less position (R,) where all joints rest, and the positions there (R, K)."""
+    found = [_rests(r, track.index) for r in track.limb.recordings]
+    every = [pair for pairs in found for pair in pairs]
+    joints = len(track.limb.joints)
+    sags = np.array([sag for sag, _ in every])
+    return sags, np.array([q for _, q in every]).reshape(-1, joints)
+
+
+def _rests(recording: Recording, j: int) -> list[tuple[float, Array]]:
+    asked = np.concatenate([recording.command, recording.push], axis=1)
+    fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
+    edges = [0, *fresh, len(asked)]
+    travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)
+    found = []
+    for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        if recording.time_s[end - 1] - recording.time_s[begin] < REST_S or begin == 0:
+            continue
+        last = recording.measured[end - max(3, (end - begin) // 5) : end, 0]
+        if np.ptp(last, axis=0).max() < STILL * travel and not recording.push[begin].any():
+            position = last.mean(axis=0)
+            found.append((float(recording.command[begin, j] - position[j]), position))
+    return found
+
+
+def _expected(track: Track, positions: Array, per_si: float) -> Array:
+    """The nominal sag [rad or m] at positions in a unit of which a radian or metre has `per_si`."""
+    if not len(positions):
+        return np.zeros(0)
+    q = positions / per_si
+    bias = along(chain(track.limb.spec), q, np.zeros_like(q)).model[1]
+    return bias[:, track.index] / track.limb.nominal[track.index, KP]
+
+
+def _misfit(track: Track, sags: Array, positions: Array, per_si: float) -> float:
+    """Relative misfit of the sag in a unit; infinite where the joint does not reach so far."""
+    room = _room(track)
+    if np.abs(positions[:, track.index]).max() / per_si > REACH * room:
+        return np.inf
+    expected = _expected(track, positions, per_si)
+    return _rms(sags / per_si - expected) / max(_rms(expected), 1e-12)
+
+
+def _unit(track: Track, sags: Array, positions: Array) -> Fault | None:
+    named = {n: _misfit(track, sags, positions, s) for n, s in _units(track).items()}
+    best = min(named, key=named.__getitem__)
+    if named[best] < RIGHT:
+        return _fault(track, f"both are in {best}", "convert command and position")
+    reach = max(float(np.abs(p).max()) for p in (*track.position, *track.command))
+    if reach < OUTSIDE * _room(track):
+        return None
+    free = [_misfit(track, sags, positions, s) for s in FREE]
+    if min(free) > RIGHT:
+        return None
+    size = float(FREE[int(np.argmin(free))])
+    said = f"both are in a unit of which about {size:.2g} make one {'m' if track.slides else 'rad'}"
+    return _fault(
+        track, said, "they may be of a calibration, or on the motor's side of a gear: convert them"
+    )
+
+
+def _units(track: Track) -> dict[str, float]:
+    """Units with a name, without those of encoders that are coarser than any."""
+    every = LENGTHS if track.slides else UNITS
+    return {n: s for n, s in every.items() if s > COARSEST or not n.startswith("counts")}
+
+
+def _fault(track: Track, said: str, remedy: str) -> Fault:
+    si = "m" if track.slides else "rad"
+    return Fault(
+        kind="unit",
+        joints=(track.name,),
+        evidence=f"{said}: so says the sag of the joint under its weight, and its range",
+        remedy=f"{remedy} to {si}",
+    )
+
+
+def _zero(track: Track, sags: Array, positions: Array) -> Fault | None:
+    """Both sides far from the model's zero, or gravity that turns as far."""
+    if track.slides:
+        return None
+    misfits = []
+    for zero in ZEROS:
+        moved = positions.copy()
+        moved[:, track.index] -= zero
+        expected = _expected(track, moved, 1.0)
+        misfits.append(_rms(sags - expected) / max(_rms(expected), 1e-12))
+    best = int(np.argmin(misfits))
+    if misfits[best] > SURE or abs(ZEROS[best]) < FAR_RAD:
+        return None
+    far = f"{np.degrees(ZEROS[best]):.0f} deg"
+    return Fault(
+        kind="zero",
+        joints=(track.name,),
+        evidence=f"positions and commands both stand {far} from the model's zero: so says the sag "
+        "of the joint under its weight; or the robot is mounted so",
+        remedy=f"subtract {far} from both, or turn gravity in the model",
+    )
+
+
+def _carried(track: Track, sags: Array, expected: Array) -> Fault | None:
+    """A weight that leaves no sag, where the nominal world moves as logged without weight."""
+    if _rms(sags) > CARRIED * _rms(expected):
+        return None
+    limb = track.limb
+    bare = replace(limb, spec=replace(limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
+    light = replace(track, limb=bare).replayed()
+    if light.misfit * BETTER > track.misfit:
+        return None
+    return Fault(
+        kind="convention",
+        joints=(track.name,),
+        evidence=f"at rest it is {1e3 * _rms(sags):.2g} mrad from its targets, where its weight "
+        f"should hold it {1e3 * _rms(expected):.2g} mrad below",
+        remedy="the drive compensates gravity: say --gravity-compensation, or `gravity_compensation"
+        ": true` under mechanism; or it has an integral term, which is not simulated",
+    )
+
+
+def _room(track: Track) -> float:
+    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
+    return max(abs(low), abs(high))
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
