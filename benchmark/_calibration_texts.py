@@ -12,7 +12,6 @@ from benchmark.effects import BUILT, PAPER_SPREAD, effect_name
 from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
 from diagnosis.calibration.spread import Confusion
-from diagnosis.calibration.tactile import Skin
 
 CALIBRATED = ("backlash", "self-lock", "kp-scale", "kd-scale", "taxel-dropout", "taxel-drift")
 """Effects that a calibration sets itself; those of the nominal world are replaced."""
@@ -131,7 +130,7 @@ def _joint(found: Calibration, ideal: Spec, name: str) -> Iterator[str]:
 def _skin(found: Calibration) -> Iterator[str]:
     if isinstance(found.touch, str) or not found.touch:
         return
-    skins: list[Skin] = list(found.touch.values())
+    skins = list(found.touch.values())
     touched, dead = sum(s.touched for s in skins), sum(len(s.dead) for s in skins)
     fastest = max(s.fastest_drift_s for s in skins)
     if dead:

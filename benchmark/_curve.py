@@ -64,10 +64,10 @@ def _labels(specs: Sequence[RunSpec]) -> list[str]:
     """Labels of the runs: the settings in which they differ; for a single run its names."""
     fields = [dataclasses.asdict(spec) for spec in specs]
     named = ("backend", "task", "algo", "observation")
-    told = [name for name in fields[0] if len({str(f[name]) for f in fields}) > 1] or list(named)
+    shown = [name for name in fields[0] if len({str(f[name]) for f in fields}) > 1] or list(named)
     return [
         ", ".join(
-            str(f[name]) if isinstance(f[name], str) else f"{name} {f[name]}" for name in told
+            str(f[name]) if isinstance(f[name], str) else f"{name} {f[name]}" for name in shown
         )
         for f in fields
     ]

@@ -29,7 +29,6 @@ from diagnosis.calibration.result import (
     CalibrationFile,
     joints_of,
     read_calibration,
-    touch_of,
     write_calibration,
 )
 from diagnosis.logs.log import HandMechanism, Log, LogError, MjcfMechanism, read_log
@@ -178,7 +177,7 @@ def _content(
         effects=texts.effects_text(found, ideal, effects),
         spread=texts.spread_text(found),
         joints=joints_of(found, confounded),
-        tactile=touch_of(found),
+        tactile=found.touch,
     )
     parse_effects(content.effects, ideal.hand)
     parse_spread(content.spread, ideal.hand)

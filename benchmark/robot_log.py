@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from benchmark.errors import UsageError
-from diagnosis.logs.log import DriveSettings, HandMechanism, Log, plausible, read_log, write_log
+from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
 from diagnosis.logs.two_files import Asked, pair
 from diagnosis.replay.nominal import left_out, mjcf_world
 from diagnosis.replay.robot import contradictions, known_drives
@@ -63,10 +63,9 @@ def read(source: Source, out: Path, force: bool) -> Read:
         lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
         raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
     made, folder = pair(source.robot, source.table, _asked(source)), out / FOLDER
-    log = plausible(made.log)
-    known_drives(log)
-    write_log(log, folder, "csv", force=force)
-    return Read(folder=folder, log=log, said=made.said)
+    known_drives(made.log)
+    write_log(made.log, folder, "csv", force=force)
+    return Read(folder=folder, log=made.log, said=made.said)
 
 
 def understood(log: Log) -> Iterator[str]:

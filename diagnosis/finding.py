@@ -1,6 +1,5 @@
 """What is found beside a verdict on joints: touch, stick and contact."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -14,9 +13,6 @@ TOUCH, STICK = "touch", "stick"
 RIGHT, RIGHT_UNKNOWN = 0.88, 0.90
 """Shares of effects named on touch, stick and contact, and of gaps called `unknown` there, that
 were right where the blind check hid them in grasps."""
-TIE_NATS = 8.0
-"""Effects whose likelihood is this near the best are not distinguished: beyond it a rival is right
-once in 3,000 times."""
 Z90 = 1.645
 """Half of a 90 % interval, in standard deviations."""
 
@@ -30,26 +26,18 @@ class Finding:
 
     effect: str
     """Name of an effect, or `unknown`."""
-    joint: str | None = None
-    """None: every joint that the effect concerns, or an effect that concerns none."""
     value: float = 0.0
     """Magnitude in SI units, 0 of an unknown."""
     interval: tuple[float, float] = (0.0, 0.0)
     """90 % interval of the magnitude."""
-    joints: tuple[str, ...] = ()
-    """Joints that it was found on."""
     share: float
     """Share of the squared gap above the floor that it explains."""
     gap_before: float
     """Root mean square of what it was judged by, over the floor, as nominal."""
     gap_after: float
     """The same with the effect."""
-    lead_nats: float
-    """How far it is ahead of the next best explanation."""
-    ties: tuple[tuple[str, float], ...] = ()
-    """Effects that this log cannot distinguish from it, and their log evidence ratios [nats]."""
-    experiment: str = "record --protocol grasp with more --variants"
-    """What would distinguish them."""
+    ties: tuple[str, ...] = ()
+    """Effects that this log cannot distinguish from it."""
     evidence: str
     """What in the log says so."""
     family: str
@@ -57,14 +45,8 @@ class Finding:
 
     @property
     def confidence(self) -> float:
-        """Probability that it is right among rivals with such likelihoods.
-
-        Burnham and Anderson, Model Selection and Multimodel Inference, 2002, 2.9.
-        """
-        if self.effect == UNKNOWN:
-            return RIGHT_UNKNOWN
-        behind = [nats for _, nats in self.ties] or [self.lead_nats]
-        return RIGHT / (1 + sum(math.exp(-nats) for nats in behind))
+        """Probability that it is right: shared with what is tied."""
+        return RIGHT_UNKNOWN if self.effect == UNKNOWN else RIGHT / (1 + len(self.ties))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -56,7 +56,8 @@ def diagnose(
     world = nominal or mjcf_world(log)
     tell = _forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
-    triage(log, world)
+    for one in (log, *healthy):
+        triage(one, world)
     limbs, notes = solver.judged(
         log, healthy, nominal=world, catalogue=known, origin=origin, progress=tell
     )
@@ -69,7 +70,6 @@ def diagnose(
     strange = [f for f in held.findings if f.effect == UNKNOWN]
     unknown = result.verdict == (UNKNOWN,) or bool(strange)
     accused = {joint for cause in causes for joint in cause.joints}
-    accused |= {joint for f in strange for joint in f.joints}
     worst = max(limbs, key=lambda one: one.result.gap_nominal)
     if result.verdict == (UNKNOWN,):
         accused.add(max(worst.result.gaps, key=worst.result.gaps.__getitem__))
@@ -144,8 +144,8 @@ def _cause(found: Finding, catalogue: Mapping[str, type[Effect]]) -> Cause:
     low, high = found.interval
     return Cause(
         effect=found.effect,
-        joint=found.joint,
-        joints=found.joints,
+        joint=None,
+        joints=(),
         value=found.value / size,
         low=low / size,
         high=high / size,

@@ -63,13 +63,13 @@ class Grasps:
             return _skin_nats(skin, real[skin], without[skin])
         others = [self._signals(case, engine) for engine in engines if engine != case.real]
         noise = _noise(self._spec)
-        told = [
+        found = [
             _nats(real[n] - without[n], noise[n], [real[n] - other[n] for other in others])
             for n in noise
             if n in real
         ]
         return max(
-            [_slip_nats(real["slips"], without["slips"], [o["slips"] for o in others]), *told]
+            [_slip_nats(real["slips"], without["slips"], [o["slips"] for o in others]), *found]
         )
 
     @property

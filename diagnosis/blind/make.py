@@ -33,6 +33,7 @@ from diagnosis.logs.log import (
     name_of,
     write_log,
 )
+from diagnosis.motion.batch import states
 
 FOREVER_S = 1e6
 
@@ -56,9 +57,9 @@ def write_case(
     log = real_log(case, catalogue, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
     robot = case.real in PLANTS or rigs.robot(case.rig) is not None
-    told = {"excluded": list(case.excluded), "robot": robot}
-    told |= {} if make is None else {"make": make}
-    write_json(blind.log(case.number) / "case.json", told)
+    given = {"excluded": list(case.excluded), "robot": robot}
+    given |= {} if make is None else {"make": make}
+    write_json(blind.log(case.number) / "case.json", given)
 
 
 def write_sound(
@@ -187,19 +188,13 @@ def _played(
     still = np.zeros(len(target))
     pull = np.stack([still if m.pull_n is None else m.pull_n for m in motions], axis=1)
     rows: list[dict[str, Array]] = []
-    try:
-        state = engine.reset(_together(motions, seeds), np.ones(len(motions), dtype=bool))
-        for k in range(len(target)):
-            row = {
-                "position": state.measured_rad.copy(),
-                "motor": state.motor_rad.copy(),
-                "torque": state.drive_torque_nm.copy(),
-            }
-            rows.append(row | (touching.read(state, k / rigs.RATE_HZ) if touching else {}))
-            if k + 1 < len(target):
-                state = engine.advance(target[k], push[k], pull[k] if pull.any() else None)
-    finally:
-        engine.close()
+    for k, state in enumerate(states(engine, _together(motions, seeds), target, push, pull)):
+        row = {
+            "position": state.measured_rad.copy(),
+            "motor": state.motor_rad.copy(),
+            "torque": state.drive_torque_nm.copy(),
+        }
+        rows.append(row | (touching.read(state, k / rigs.RATE_HZ) if touching else {}))
     stacked = {kind: np.stack([row[kind] for row in rows], axis=1) for kind in rows[0]}
     return [{kind: values[e] for kind, values in stacked.items()} for e in range(len(motions))]
 

@@ -117,8 +117,8 @@ def flat(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, float | int | N
 
 def confusion(cases: pd.DataFrame) -> pd.DataFrame:
     """Counts of verdicts (columns) by truth (rows), over detectable cases without pairs."""
-    told = cases[(cases["mode"] == "none") | (cases["detectable"] & (cases["mode"] != "pair"))]
-    return pd.crosstab(told["truth"], told["verdict"]).reset_index()
+    judged = cases[(cases["mode"] == "none") | (cases["detectable"] & (cases["mode"] != "pair"))]
+    return pd.crosstab(judged["truth"], judged["verdict"]).reset_index()
 
 
 def by_effect(faults: pd.DataFrame) -> pd.DataFrame:
@@ -140,13 +140,13 @@ def by_effect(faults: pd.DataFrame) -> pd.DataFrame:
 
 def reliability(cases: pd.DataFrame) -> pd.DataFrame:
     """Share of right verdicts by confidence, over `none` and detectable cases."""
-    told = cases[(cases["mode"] == "none") | cases["detectable"]]
-    confidence = pd.to_numeric(told["confidence"])
+    judged = cases[(cases["mode"] == "none") | cases["detectable"]]
+    confidence = pd.to_numeric(judged["confidence"])
     rows = []
     for low, high in zip(CONFIDENCES[:-1], CONFIDENCES[1:], strict=True):
         last = high == CONFIDENCES[-1]
         inside = (confidence >= low) & ((confidence < high) | (last & (confidence <= high)))
-        right = share(told["right"][inside])
+        right = share(judged["right"][inside])
         mean = float(confidence[inside].mean()) if inside.any() else None
         rows.append({"from": low, "to": high, "confidence": mean, **vars(right)})
     return pd.DataFrame(rows)

@@ -17,10 +17,11 @@ from diagnosis.calibration import gains
 from diagnosis.calibration.backlash import Play, lock_of, push_test
 from diagnosis.calibration.refine import ROUNDS, Refined, refine
 from diagnosis.calibration.spread import Spread, spreads
-from diagnosis.calibration.tactile import Skin, calibrate_touch
-from diagnosis.calibration.units import check_units
+from diagnosis.calibration.tactile import TouchSensor, calibrate_touch
 from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
 from diagnosis.logs.log import Log, LogError
+from diagnosis.motion.recordings import LEAST_S as COMPARED_S
+from diagnosis.triage.triage import triage
 
 FREE_AIR = ("steps", "multisine", "triangle", "free", "push")
 """Protocols to which gains are fitted; the push only where its torque is known."""
@@ -45,7 +46,7 @@ class JointGains:
 
     scale: Array
     """kp and kd over nominal, shape (2,)."""
-    search: gains.Found
+    search: gains.GainFit
     """Result of CMA-ES, from which the linearised replays start."""
     spread: Spread
     channel: int
@@ -65,7 +66,7 @@ class Calibration:
     """The nominal world with the identified gains, play and locks."""
     joints: Mapping[str, JointGains | str]
     plays: Mapping[str, Play | str]
-    touch: Mapping[str, Skin] | str
+    touch: dict[str, TouchSensor] | str
     touch_unit: str
     """Unit of the taxels' readings: m, or 1 for contact or none."""
     motions: tuple[Motion, ...]
@@ -81,12 +82,13 @@ def calibrate(
     rng: np.random.Generator,
     progress: gains.Progress = lambda generations: None,
 ) -> Calibration:
-    """Calibrate `nominal` to a log; raises LogError for another mechanism or wrong units."""
+    """Calibrate `nominal` to a log; raises LogError for another mechanism or faulty data."""
     names = nominal.hand.joint_names
     _same_joints(log, names)
-    check_units(log, nominal)
     drive_s = nominal.timing.drive_s
     found = motions(log, names, drive_s, FREE_AIR)
+    if drive_s * sum(motion.tick[-1] for motion in found) >= COMPARED_S:
+        triage(log, nominal)
     pushes = [motion for motion in found if motion.push_nm.any()]
     moved = [motion for motion in found if motion.protocol != "push" or motion.push_nm.any()]
     free = _shortened(_telling(moved), REFINE_S / drive_s, LEAST_S / drive_s)
@@ -142,7 +144,7 @@ def _gains(
 
 def _joint(
     j: int,
-    found: gains.Found,
+    found: gains.GainFit,
     refined: Refined,
     spread: Mapping[int, Spread],
     shown: Sequence[Array],
@@ -180,7 +182,7 @@ def _open(scale: Array, spread: Spread) -> str | None:
     return None
 
 
-def _scale(spec: Spec, found: Mapping[int, gains.Found]) -> Array:
+def _scale(spec: Spec, found: Mapping[int, gains.GainFit]) -> Array:
     scale = np.ones((len(spec.drives), 2))
     for j, gain in found.items():
         scale[j] = gain.scale

@@ -62,7 +62,7 @@ class Trace:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class GainFit:
     """The final distribution of a search: kp and kd of one joint."""
 
     scale: Array
@@ -144,7 +144,7 @@ def search(
     joints: Sequence[int],
     rng: np.random.Generator,
     progress: Progress = lambda generations: None,
-) -> dict[int, Found]:
+) -> dict[int, GainFit]:
     """The gains of `joints` by CMA-ES; other joints keep those of `world`."""
     judged, _ = judge(simulate, world, motions, rng)
     searches = {j: _cma(rng) for j in joints}
@@ -181,7 +181,7 @@ def _scales(world: Spec, points: Mapping[int, Array]) -> Array:
     return scale
 
 
-def _found(search: cma.CMAEvolutionStrategy) -> Found:
+def _found(search: cma.CMAEvolutionStrategy) -> GainFit:
     covariance = TO_LOG_GAINS @ (search.sigma**2 * search.sm.C) @ TO_LOG_GAINS.T
     mean = np.exp(TO_LOG_GAINS @ search.result.xfavorite)
-    return Found(scale=np.clip(mean, *SCALES.T), std=np.sqrt(np.diag(covariance)))
+    return GainFit(scale=np.clip(mean, *SCALES.T), std=np.sqrt(np.diag(covariance)))

@@ -21,7 +21,7 @@ from diagnosis.calibration.worlds import Motion, Simulate, replay
 
 ROUNDS, AVERAGED = 5, 3
 """Number of rounds, and how many of the last ones are averaged."""
-STEP, BENT_RAD = 0.1, 1e-3
+STEP, CURVED_RAD = 0.1, 1e-3
 """Change of a gain's logarithm for the differences, and the allowed deviation from linearity."""
 LARGEST_STEP = 0.1
 """Largest change of the logarithm of a gain in one round."""
@@ -101,8 +101,8 @@ def linearise(
         trace = judged[j]
         paths = used(shown, trace, j)
         up, down = paths[1 + 4 * i : 5 + 4 * i : 2], paths[2 + 4 * i : 5 + 4 * i : 2]
-        bent = np.abs(up + down - 2 * paths[0]).max(axis=0)
-        straight = bent < BENT_RAD
+        curved = np.abs(up + down - 2 * paths[0]).max(axis=0)
+        straight = curved < CURVED_RAD
         if straight.sum() < LEAST_SAMPLES:
             continue
         recorded = used([m.read_rad[None] for m in motions], trace, j)

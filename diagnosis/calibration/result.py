@@ -6,46 +6,41 @@ from typing import Annotated, Literal
 
 import numpy as np
 import yaml
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, ValidationError
+from pydantic import Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.calibrate import Calibration, JointGains
-from diagnosis.calibration.tactile import Skin
+from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 SCHEMA: Literal[1] = 1
-Size = Annotated[FiniteFloat, Field(ge=0)]
 
 
 class CalibrationError(ValueError):
     """A calibration file cannot be used; the message names field, value and what is allowed."""
 
 
-class _Part(BaseModel):
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
-
-
-class Gain(_Part):
+class Gain(Part):
     """A gain of the PD law."""
 
-    mean: Annotated[FiniteFloat, Field(gt=0)]
+    mean: Annotated[Number, Field(gt=0)]
     """In Nm/rad or Nms/rad."""
     std: Size
     """Standard deviation, by bootstrap, in the same unit."""
-    relative: FiniteFloat
+    relative: Number
     """Relative difference from the nominal gain."""
     cma_mean: Size
     cma_std: Size
     """Mean and standard deviation of the final CMA-ES distribution, in the same unit."""
 
 
-class Gains(_Part):
+class Gains(Part):
     """The gains of one joint."""
 
     kp_nm_rad: Gain
     kd_nms_rad: Gain
-    correlation: Annotated[FiniteFloat, Field(ge=-1, le=1)]
+    correlation: Annotated[Number, Field(ge=-1, le=1)]
     compared: Literal["position", "motor"]
     """The angle that is compared: motor or position."""
     samples: Annotated[int, Field(gt=0)]
@@ -57,17 +52,17 @@ class Gains(_Part):
     like."""
 
 
-class Backlash(_Part):
+class Backlash(Part):
     """The play of one joint."""
 
     half_deg: Size
     """Half of the play, mean over the positions."""
     std_deg: Size | None
     """Standard deviation over the positions; None for a single one."""
-    range_deg: tuple[FiniteFloat, FiniteFloat]
+    range_deg: tuple[Number, Number]
     """The paper's [q_c - q_a, q_b - q_a], mean over the positions."""
     positions: Annotated[int, Field(gt=0)]
-    stiffness_nm_rad: FiniteFloat | None
+    stiffness_nm_rad: Number | None
     """Stiffness of the teeth, from the deflection under the push; None: no deflection was seen."""
     residual_mrad: Size
     motor: Literal["logged", "replayed"]
@@ -75,28 +70,14 @@ class Backlash(_Part):
     self_lock: bool
 
 
-class Joint(_Part):
+class Joint(Part):
     """One joint; a text says why a number is not identifiable from this log."""
 
     gains: Gains | str
     backlash: Backlash | str
 
 
-class Touch(_Part):
-    """One finger, in the unit of its readings; lists are in the order of the taxels."""
-
-    threshold: Size
-    false_share: Annotated[FiniteFloat, Field(ge=0, le=1)]
-    fastest_drift_s: Size
-    dead: tuple[int, ...]
-    touched: int
-    offset: tuple[FiniteFloat, ...]
-    noise: tuple[Size, ...]
-    drift_s: tuple[FiniteFloat, ...]
-    drift_std_s: tuple[Size, ...]
-
-
-class CalibrationFile(_Part):
+class CalibrationFile(Part):
     """The contents of calibration.yaml."""
 
     schema_version: Literal[1] = Field(alias="schema")
@@ -112,7 +93,7 @@ class CalibrationFile(_Part):
     spread: str
     """Domain randomisation around it: standard deviations, half widths for stick and contact."""
     joints: dict[str, Joint]
-    tactile: dict[str, Touch] | str
+    tactile: dict[str, TouchSensor] | str
 
 
 def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> dict[str, Joint]:
@@ -127,13 +108,6 @@ def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> 
         )
         for (name, gains), drive in zip(found.joints.items(), drives.values(), strict=True)
     }
-
-
-def touch_of(found: Calibration) -> dict[str, Touch] | str:
-    """The touch sensors of a calibration as plain data."""
-    if isinstance(found.touch, str):
-        return found.touch
-    return {finger: _touch(skin) for finger, skin in found.touch.items()}
 
 
 def write_calibration(path: Path, content: CalibrationFile) -> None:
@@ -168,22 +142,22 @@ def _problem(error: ErrorDetails) -> str:
 def _gains(gains: JointGains, nominal: tuple[float, float], confounded: tuple[str, ...]) -> Gains:
     kp, kd = (
         Gain(
-            mean=_round(nominal[k] * gains.scale[k]),
-            std=_round(nominal[k] * gains.scale[k] * gains.spread.std[k]),
-            relative=_round(gains.scale[k] - 1),
-            cma_mean=_round(nominal[k] * gains.search.scale[k]),
-            cma_std=_round(nominal[k] * gains.search.scale[k] * gains.search.std[k]),
+            mean=nominal[k] * gains.scale[k],
+            std=nominal[k] * gains.scale[k] * gains.spread.std[k],
+            relative=gains.scale[k] - 1,
+            cma_mean=nominal[k] * gains.search.scale[k],
+            cma_std=nominal[k] * gains.search.scale[k] * gains.search.std[k],
         )
         for k in (0, 1)
     )
     return Gains(
         kp_nm_rad=kp,
         kd_nms_rad=kd,
-        correlation=_round(gains.spread.correlation),
+        correlation=gains.spread.correlation,
         compared="motor" if gains.channel else "position",
         samples=gains.samples,
-        error_nominal_mrad=_round(1e3 * gains.error_rad[0]),
-        error_calibrated_mrad=_round(1e3 * gains.error_rad[1]),
+        error_nominal_mrad=1e3 * gains.error_rad[0],
+        error_calibrated_mrad=1e3 * gains.error_rad[1],
         confounded=confounded,
     )
 
@@ -193,34 +167,12 @@ def _backlash(play: Play | str) -> Backlash | str:
         return play
     low, high = np.degrees(play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
     return Backlash(
-        half_deg=_round(np.degrees(play.mean_rad)),
-        std_deg=_round(np.degrees(play.std_rad)) if len(play.held_rad) > 1 else None,
-        range_deg=(_round(low), _round(high)),
+        half_deg=np.degrees(play.mean_rad),
+        std_deg=np.degrees(play.std_rad) if len(play.held_rad) > 1 else None,
+        range_deg=(low, high),
         positions=len(play.held_rad),
-        stiffness_nm_rad=_round(1 / play.give_rad_nm) if play.give_rad_nm > 0 else None,
-        residual_mrad=_round(1e3 * play.residual_rad),
+        stiffness_nm_rad=1 / play.give_rad_nm if play.give_rad_nm > 0 else None,
+        residual_mrad=1e3 * play.residual_rad,
         motor="logged" if play.reference == "logged" else "replayed",
         self_lock=bool(play.locks),
     )
-
-
-def _touch(skin: Skin) -> Touch:
-    def rounded(values: np.ndarray) -> tuple[float, ...]:
-        return tuple(_round(v) for v in values)
-
-    return Touch(
-        threshold=_round(skin.threshold),
-        false_share=_round(skin.false_share),
-        fastest_drift_s=_round(skin.fastest_drift_s),
-        dead=skin.dead,
-        touched=skin.touched,
-        offset=rounded(skin.offset),
-        noise=rounded(skin.noise),
-        drift_s=rounded(skin.drift_s),
-        drift_std_s=rounded(skin.drift_std_s),
-    )
-
-
-def _round(value: float) -> float:
-    """Round to five digits."""
-    return float(f"{float(value):.5g}")

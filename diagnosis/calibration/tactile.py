@@ -7,9 +7,11 @@ minus the offset is compared with one fixed threshold:
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from scipy.ndimage import correlate
 
 from backends.state import Array
 from diagnosis.logs.log import Log
@@ -34,32 +36,42 @@ NO_READINGS = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Skin:
-    """The taxels of one finger (T), in the unit of their readings: m, or 1 for contact or none."""
+def _rounded(value: float) -> float:
+    """Five digits of a number."""
+    return float(f"{float(value):.5g}")
 
-    offset: Array
-    """Mean reading without contact, shape (T,)."""
-    noise: Array
-    """Standard deviation about offset and drift, shape (T,)."""
-    drift_s: Array
-    """Slope of the readings without contact [unit/s], shape (T,)."""
-    drift_std_s: Array
-    """Its standard deviation [unit/s], shape (T,)."""
-    threshold: float
+
+Number = Annotated[FiniteFloat, AfterValidator(_rounded)]
+Size = Annotated[Number, Field(ge=0)]
+
+
+class Part(BaseModel):
+    """A part of calibration.yaml."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class TouchSensor(Part):
+    """The taxels of one finger, in the unit of their readings: m, or 1 for contact or none."""
+
+    threshold: Size
     """A reading that is further above the offset than this counts as contact."""
-    false_share: float
-    """Share of the readings without contact that would count as contact [1]."""
-    dead: tuple[int, ...] = ()
+    false_share: Annotated[Number, Field(ge=0, le=1)]
+    """Share of the readings without contact that would count as contact."""
+    fastest_drift_s: Size
+    """Largest significant upward slope [unit/s]; 0 if there is none."""
+    dead: tuple[int, ...]
     """Taxels that stay silent while their neighbours are in contact."""
-    touched: int = 0
+    touched: int
     """Number of taxels that were in contact or are dead; of the others only the rest is known."""
-
-    @property
-    def fastest_drift_s(self) -> float:
-        """Largest significant upward slope [unit/s]; 0 if there is none."""
-        sure = self.drift_s > SURE * self.drift_std_s
-        return float(self.drift_s[sure].max(initial=0.0))
+    offset: tuple[Number, ...]
+    """Mean reading of every taxel without contact."""
+    noise: tuple[Size, ...]
+    """Standard deviation about offset and drift."""
+    drift_s: tuple[Number, ...]
+    """Slope of the readings without contact [unit/s]."""
+    drift_std_s: tuple[Size, ...]
+    """Its standard deviation [unit/s]."""
 
 
 def binarise(reading: Array, offset: Array, threshold: float) -> Array:
@@ -69,7 +81,7 @@ def binarise(reading: Array, offset: Array, threshold: float) -> Array:
 
 def calibrate_touch(
     log: Log, grid: tuple[int, int] | None, threshold: float | None = None
-) -> dict[str, Skin] | str:
+) -> dict[str, TouchSensor] | str:
     """The touch sensor of every finger, or why it is not identifiable from this log.
 
     `grid` holds the rows and columns of the taxels; without it no dead taxel is found. `threshold`
@@ -99,18 +111,19 @@ def _finger(
     press: Sequence[Array],
     grid: tuple[int, int] | None,
     threshold: float | None,
-) -> Skin:
+) -> TouchSensor:
     readings = np.concatenate([touch for _, touch in rest])
     offset = readings.mean(axis=0)
     drift, drift_std, noise = _drift(rest)
     level = NOISES * float(noise.max()) if threshold is None else threshold
     active = [binarise(touch, offset, level) for touch in press]
     dead, touched = _dead(active, grid)
-    return Skin(
-        offset=offset,
-        noise=noise,
-        drift_s=drift,
-        drift_std_s=drift_std,
+    return TouchSensor(
+        offset=tuple(offset),
+        noise=tuple(noise),
+        drift_s=tuple(drift),
+        drift_std_s=tuple(drift_std),
+        fastest_drift_s=float(drift[drift > SURE * drift_std].max(initial=0.0)),
         threshold=level,
         false_share=float(binarise(readings, offset, level).mean()),
         dead=dead,
@@ -155,9 +168,9 @@ def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[
 
 def _around(contact: Array) -> Array:
     """Share of each taxel's neighbours, up to eight, that are in contact: shape (N, rows, cols)."""
-    padded = np.pad(contact.astype(float), ((0, 0), (1, 1), (1, 1)))
-    there = np.pad(np.ones(contact.shape[1:]), 1)
-    rows, columns = contact.shape[1:]
-    shifts = [(a, b) for a in range(3) for b in range(3) if (a, b) != (1, 1)]
-    near = np.sum([padded[:, a : a + rows, b : b + columns] for a, b in shifts], axis=0)
-    return near / np.sum([there[a : a + rows, b : b + columns] for a, b in shifts], axis=0)
+    ring = np.ones((1, 3, 3))
+    ring[0, 1, 1] = 0.0
+    near, there = (
+        correlate(v.astype(float), ring, mode="constant") for v in (contact, np.ones_like(contact))
+    )
+    return near / there

@@ -14,6 +14,7 @@ from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import EpisodeMeta, Log
+from diagnosis.motion.batch import states, together
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
 """Starts worlds on an engine."""
@@ -58,23 +59,15 @@ def motions(
 
 
 def _motion(log: Log, joints: Sequence[str], drive_s: float, episode: EpisodeMeta) -> Motion:
-    frame = log.episode(episode.episode)
-    time_s = frame["t_s"].to_numpy(dtype=float)
-
-    def read(kind: str) -> Array:
-        blank = np.full(len(frame), np.nan)
-        there = [log.has(kind, joint, episode.episode) for joint in joints]
-        pairs = zip(joints, there, strict=True)
-        columns = [frame[log.column(kind, j)].to_numpy(float) if t else blank for j, t in pairs]
-        return np.stack(columns, axis=1)
-
+    number = episode.episode
+    time_s = log.episode(number)["t_s"].to_numpy(dtype=float)
     return Motion(
-        episode=episode.episode,
+        episode=number,
         protocol=episode.protocol,
         tick=np.round((time_s - time_s[0]) / drive_s).astype(np.int64),
-        command_rad=read("command"),
-        push_nm=np.nan_to_num(read("push")),
-        read_rad=np.stack([read(kind) for kind in READINGS]),
+        command_rad=log.signal("command", number, joints),
+        push_nm=np.nan_to_num(log.signal("push", number, joints)),
+        read_rad=np.stack([log.signal(kind, number, joints) for kind in READINGS]),
     )
 
 
@@ -95,11 +88,7 @@ def replay(
     e = len(motions)
     if offset_rad is not None:
         start += np.repeat(offset_rad, e, axis=0)
-    simulator = simulate([world for world, _ in pairs])
-    try:
-        shown = _run(simulator, start, [path for _, path in pairs])
-    finally:
-        simulator.close()
+    shown = _run(simulate([world for world, _ in pairs]), start, [path for _, path in pairs])
     rows = [m.tick // stride for m in motions]
     return [shown[rows[k]][:, :, k::e].transpose(2, 1, 0, 3) for k in range(e)]
 
@@ -117,24 +106,11 @@ class _Path:
 
 def _run(simulator: Simulator, start: Array, paths: Sequence[_Path]) -> Array:
     """Readings at every step of the grid, shape (steps, 2, N, J)."""
-    steps = max(len(path.command_rad) for path in paths)
     target, load = (
-        np.stack([_padded(getattr(p, name), steps) for p in paths], axis=1)
-        for name in ("command_rad", "push_nm")
+        together([getattr(p, name) for p in paths]) for name in ("command_rad", "push_nm")
     )
-    pushed = bool(load.any())
-    shown = np.empty((steps, len(READINGS), *start.shape))
-    state = simulator.reset(_at_rest(start), np.ones(len(start), dtype=bool))
-    for k in range(steps):
-        shown[k, 0], shown[k, 1] = state.measured_rad, state.motor_rad
-        if k + 1 < steps:
-            state = simulator.advance(target[k], load[k] if pushed else None)
-    return shown
-
-
-def _padded(rows: Array, length: int) -> Array:
-    """Rows with the last one repeated."""
-    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])
+    every = states(simulator, _at_rest(start), target, load)
+    return np.stack([np.stack([state.measured_rad, state.motor_rad]) for state in every])
 
 
 def _aside(spec: Spec, stride: int) -> Spec:

@@ -51,9 +51,9 @@ def _require_motion(limb: Limb) -> None:
     command = np.concatenate([r.command for r in limb.recordings])
     position = np.concatenate([r.measured[:, 0] for r in limb.recordings])
     pushed = any(r.push.any() for r in limb.recordings)
-    told = max(float(np.ptp(r.command, axis=0).max()) for r in limb.recordings)
+    commanded = max(float(np.ptp(r.command, axis=0).max()) for r in limb.recordings)
     slides = any(body.joint.slides for body in limb.spec.hand.driven)
-    if told < (0.0 if slides else STILL_RAD) and not pushed:
+    if commanded < (0.0 if slides else STILL_RAD) and not pushed:
         raise StillError(
             f"nothing moves in this log: the targets of {', '.join(limb.joints)} stand still and "
             "no joint is pushed; record steps, triangle, multisine, push"

@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import linregress
 
 from backends.catalogue import of_part
 from backends.effect import Effect
@@ -40,7 +41,7 @@ GIVEN_M_N = 0.1e-3
 OWN = 0.3
 """A replay on the nominal engine is this near where the log is from it; of others no replay comes
 nearer than 0.35, see `judged`."""
-BENT, NOISE_M = 2.0, 7e-6
+CURVED, NOISE_M = 2.0, 7e-6
 """Gaps are no line where they leave so many times what another reading does, and that is more than
 what a tracker makes of medians."""
 FIRM = 1.15
@@ -102,15 +103,12 @@ class Shapes:
 def line(gap_m: Array, force_n: Array) -> Line:
     """The least-squares line through gaps and forces, both (E, F)."""
     gap, force = gap_m.ravel(), force_n.ravel()
-    design = np.stack([np.ones_like(force), -force], axis=1)
-    (radius, compliance), *_ = np.linalg.lstsq(design, gap, rcond=None)
-    left = gap - design @ (radius, compliance)
-    variance = float(left @ left) / max(len(gap) - 2, 1)
-    spread = np.sqrt(np.diag(np.linalg.pinv(design.T @ design)) * variance)
+    fit = linregress(force, gap)
+    left = gap - fit.intercept - fit.slope * force
     return Line(
-        radius_m=float(radius),
-        compliance_m_n=float(compliance),
-        std=(float(spread[0]), float(spread[1])),
+        radius_m=float(fit.intercept),
+        compliance_m_n=-float(fit.slope),
+        std=(float(fit.intercept_stderr), float(fit.stderr)),
         left_m=float(np.sqrt(np.mean(left**2))),
     )
 
@@ -252,8 +250,8 @@ def _better(readings: tuple[Seen, Seen], is_own: bool) -> Seen:
     """
     rigid, yielding = (replace(seen, is_own=is_own) for seen in readings)
     if rigid.line.asks == yielding.line.asks:
-        bent = yielding.line.left_m > BENT * max(rigid.line.left_m, NOISE_M)
-        return rigid if not is_own or bent or SOFTNESS in yielding.line.effects else yielding
+        curved = yielding.line.left_m > CURVED * max(rigid.line.left_m, NOISE_M)
+        return rigid if not is_own or curved or SOFTNESS in yielding.line.effects else yielding
     return rigid if rigid.line.asks < yielding.line.asks else yielding
 
 
@@ -301,10 +299,9 @@ def _findings(nominal: Spec, seen: Seen, names: Mapping[str, str]) -> tuple[Find
     """The effects that a line asks for; `unknown` where one is not in the catalogue."""
     before = float(np.sqrt(1 + np.mean((seen.gap_m / FLOOR_M) ** 2)))
     after = float(np.sqrt(1 + (seen.line.left_m / FLOOR_M) ** 2))
-    odds = dict(zip((RADIUS, SOFTNESS), seen.line.odds, strict=True))
     sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
     return tuple(
-        finding(names.get(number, UNKNOWN), sizes[number], odds[number], before, after)
+        finding(names.get(number, UNKNOWN), sizes[number], before, after)
         for number in seen.line.effects
     )
 
@@ -335,8 +332,8 @@ def _softness(seen: Seen) -> Size:
     return seen.compliance_m_n, (max(low - blur, 0.0), high + blur), text
 
 
-def finding(effect: str, size: Size, z: float, before: float, after: float) -> Finding:
-    """A finding about the stick, `z` standard deviations from none; an unknown has no size."""
+def finding(effect: str, size: Size, before: float, after: float) -> Finding:
+    """A finding about the stick; an unknown has no size."""
     known, (value, interval, text) = effect != UNKNOWN, size
     return Finding(
         effect=effect,
@@ -346,6 +343,5 @@ def finding(effect: str, size: Size, z: float, before: float, after: float) -> F
         share=share(before, after) if known else 0.0,
         gap_before=before,
         gap_after=after if known else before,
-        lead_nats=float(z**2 / 2),
         evidence=text,
     )

@@ -9,8 +9,9 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.grasp.simulate_grasps import Shown, ends_m
-from diagnosis.motion.held import Held, white_noise
+from diagnosis.grasp.simulate_grasps import GraspReplay, ends_m
+from diagnosis.motion.held import Held
+from diagnosis.motion.recordings import white_noise
 
 EPS = (5e-5, 5e-5, 5e-4)
 """Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""
@@ -23,7 +24,7 @@ SAME = 0.25
 otherwise by 0.35 and more."""
 
 
-def judged(shown: Sequence[Shown], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
+def judged(shown: Sequence[GraspReplay], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
     """Cost by episode (E,) [nats], with every channel's spread profiled out, and the gap."""
     nats, gaps = [], []
     for one, part in zip(shown, parts, strict=True):
@@ -37,9 +38,9 @@ def judged(shown: Sequence[Shown], parts: Sequence[Held], world: Spec) -> tuple[
         for (model, real), eps, far in zip(pairs, EPS, ENGINES, strict=True):
             if np.isfinite(real).all():
                 square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
-                told = real.shape[1] * part.time_s[-1] / ALIKE_S
+                count = real.shape[1] * part.time_s[-1] / ALIKE_S
                 noise = float(np.mean(white_noise(real) ** 2))
-                cost += told / 2 * np.log(square + eps**2 + noise)
+                cost += count / 2 * np.log(square + eps**2 + noise)
                 ratios.append(max(square - noise, 0.0) / far**2)
         nats.append(cost)
         gaps.append(np.mean(ratios))

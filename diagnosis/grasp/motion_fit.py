@@ -12,7 +12,7 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, TIE_NATS, Finding, Report, missing
+from diagnosis.finding import STICK, Finding, Report, missing
 from diagnosis.grasp.contact_geometry import SOFTNESS
 from diagnosis.grasp.grasp_likelihood import SAME, judged
 from diagnosis.grasp.pull_test import FRICTION, MASS
@@ -31,15 +31,14 @@ AGREE = (
     "not identifiable from this log; record --protocol grasp with the channel stick, --variants 2 "
     "or more: one episode may agree by chance"
 )
-ACCUSE_NATS = 30.0
-"""All episodes together must favour an effect by this."""
 CLOSE_NATS = 1.35
 """Half of the 90 % point of a squared normal number: ends of an interval."""
 FINER = (-0.8, -0.5, -0.25, 0.25, 0.5, 0.8)
 """Where later rounds look, as shares of the way from the best magnitude to its neighbours."""
 ROUNDS = 2
-EXPLAINED = 0.9
-"""An effect must explain this share of the squared gap: less, and the engines differ."""
+EXPLAINED, TIE_SHARE = 0.9, 0.05
+"""An effect must explain this share of the squared gap: less, and the engines differ. Effects are
+tied that explain no less than the second of them below the best."""
 STILL = 0.01
 """A gap this far under what engines differ by is none."""
 ENGINE = (
@@ -77,15 +76,12 @@ class Swept:
         return 1.0 - float(self.gaps[self.best] / self.gaps[self.zero]) ** 2
 
     @property
-    def lead(self) -> float:
-        """What it gains in all episodes, each at the size that the others choose [nats].
-
-        0 where one of them does not agree.
-        """
+    def agrees(self) -> bool:
+        """Whether it makes every episode likelier, each at the size that the others choose."""
         total = self.nats.sum(axis=1)
         chosen = np.argmin(total[:, None] - self.nats, axis=0)
         gains = self.nats[self.zero] - self.nats[chosen, np.arange(self.nats.shape[1])]
-        return float(gains.sum()) if (gains > 0).all() else 0.0
+        return bool((gains > 0).all())
 
     @property
     def interval(self) -> tuple[float, float]:
@@ -108,12 +104,10 @@ def motions(
     base_gap = singles[0].gaps[singles[0].zero]
     if base_gap < STILL:
         return Report()
-    agreed = {s.effect: s.lead for s in singles}
-    best = max(singles, key=lambda s: agreed[s.effect])
-    explained = best.share >= EXPLAINED and best.gaps[best.best] < SAME
-    if best.lead >= ACCUSE_NATS and explained:
-        behind = {n: best.lead - lead for n, lead in agreed.items() if n != best.effect}
-        ties = [(n, nats) for n, nats in behind.items() if nats < TIE_NATS]
+    agreed = sorted((s for s in singles if s.agrees), key=lambda s: -s.share)
+    if agreed and agreed[0].share >= EXPLAINED and agreed[0].gaps[agreed[0].best] < SAME:
+        best, *others = agreed
+        ties = [s.effect for s in others if best.share - s.share < TIE_SHARE]
         return Report(findings=(_finding(best, base_gap, ties),))
     return Report(missing=missing(_moving(kinds), ENGINE.format(base_gap)))
 
@@ -128,7 +122,7 @@ def _number(kind: type[Effect]) -> str:
     return kind.spec_fields()[0]
 
 
-def _finding(swept: Swept, before: float, ties: Sequence[tuple[str, float]]) -> Finding:
+def _finding(swept: Swept, before: float, ties: Sequence[str]) -> Finding:
     after = float(swept.gaps[swept.best])
     return Finding(
         effect=swept.effect,
@@ -138,10 +132,9 @@ def _finding(swept: Swept, before: float, ties: Sequence[tuple[str, float]]) -> 
         share=swept.share,
         gap_before=before,
         gap_after=after,
-        lead_nats=swept.lead,
         ties=tuple(ties),
-        evidence=f"every one of {swept.nats.shape[1]} grasps is replayed better, by "
-        f"{swept.lead:.0f} nats in all",
+        evidence=f"every one of {swept.nats.shape[1]} grasps is replayed better: it takes "
+        f"{100 * swept.share:.0f} % of the gap",
     )
 
 

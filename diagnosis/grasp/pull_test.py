@@ -92,8 +92,8 @@ class PullFit:
         after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
         logs = (self.friction, self.friction_std), (self.mass, self.spread)
         findings = tuple(
-            finding(names.get(number, UNKNOWN), _size(*log, self.episodes), odd, before, after)
-            for number, log, odd, found in zip((FRICTION, MASS), logs, odds, sure, strict=True)
+            finding(names.get(number, UNKNOWN), _size(*log, self.episodes), before, after)
+            for number, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
             if found
         )
         vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
@@ -143,9 +143,9 @@ def _size(log: float, std: float, episodes: int) -> Size:
     return float(value), (float(low), float(high)), text
 
 
-def corrected(world: Spec, told: PullFit) -> Spec:
+def corrected(world: Spec, fit: PullFit) -> Spec:
     """The world with what is sure."""
-    friction, mass = (v * s for v, s in zip((told.friction, told.mass), told.sure, strict=True))
+    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.sure, strict=True))
     return changed(world, friction, mass)
 
 

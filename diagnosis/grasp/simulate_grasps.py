@@ -8,6 +8,7 @@ import numpy as np
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState, State, quat_z_axis
+from diagnosis.motion.batch import states, together
 from diagnosis.motion.held import Held
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
@@ -19,7 +20,7 @@ GONE_M = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
-class Shown:
+class GraspReplay:
     """One world in one episode, a row per sample of the log."""
 
     joint_rad: Array
@@ -40,7 +41,7 @@ def ends_m(stick: Array, length_m: float) -> Array:
 
 def simulate_grasps(
     simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]
-) -> list[list[Shown]]:
+) -> list[list[GraspReplay]]:
     """What every world shows in every episode: a list per world of one per episode.
 
     Joints and stick start where the log has them; all episodes have one rate.
@@ -52,25 +53,19 @@ def simulate_grasps(
         stick_pos_m=np.stack([p.stick[0, :3] for _, p in pairs]),
         stick_quat_wxyz=np.stack([p.stick[0, 3:] for _, p in pairs]),
     )
-    length = max(len(p.time_s) for p in parts)
-    target = np.stack([_padded(p.command_rad, length) for _, p in pairs], axis=1)
-    load = np.stack([_padded(p.push_nm, length) for _, p in pairs], axis=1)
-    pull = np.stack([_padded(p.pull_n, length) for _, p in pairs], axis=1)
-    loads, pulls = (some if some.any() else [None] * length for some in (load, pull))
-    simulator = simulate([world for world, _ in pairs])
-    try:
-        rows = [_row(simulator.reset(start, np.ones(len(pairs), dtype=bool)))]
-        for k in range(length - 1):
-            state = simulator.advance(target[k], loads[k], pulls[k])
-            rows.append(_row(state))
-            if (state.stick_pos_m[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
-                break
-    finally:
-        simulator.close()
-    rows += rows[-1:] * (length - len(rows))
+    target, load, pull = (
+        together([getattr(part, name) for _, part in pairs])
+        for name in ("command_rad", "push_nm", "pull_n")
+    )
+    rows = []
+    for state in states(simulate([world for world, _ in pairs]), start, target, load, pull):
+        rows.append(_row(state))
+        if (state.stick_pos_m[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
+            break
+    rows += rows[-1:] * (len(target) - len(rows))
     taken = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
     shown = [
-        Shown(**dict(zip(_NAMES, (v[n, : len(p.time_s)] for v in taken), strict=True)))
+        GraspReplay(**dict(zip(_NAMES, (v[n, : len(p.time_s)] for v in taken), strict=True)))
         for n, (_, p) in enumerate(pairs)
     ]
     count = len(parts)
@@ -92,8 +87,3 @@ def _row(state: State) -> tuple[Array, ...]:
 def _at_rate(world: Spec, dt_s: float) -> Spec:
     timing = replace(world.timing, policy_s=dt_s)
     return replace(world, timing=timing)
-
-
-def _padded(rows: Array, length: int) -> Array:
-    """Rows with the last one repeated."""
-    return np.concatenate([rows, np.repeat(rows[-1:], length - len(rows), axis=0)])

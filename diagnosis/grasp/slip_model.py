@@ -7,7 +7,8 @@ import numba
 import numpy as np
 
 from backends.state import Array, quat_z_axis
-from diagnosis.motion.held import Held, white_noise
+from diagnosis.motion.held import Held
+from diagnosis.motion.recordings import white_noise
 
 LEAST_S = 0.2
 """A stick is held so long, at least, before it is pulled."""

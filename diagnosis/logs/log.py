@@ -6,6 +6,7 @@ the next row. Episodes start at rest. The format is described in docs/reference/
 """
 
 import dataclasses
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,7 +16,7 @@ import pandas as pd
 
 from diagnosis.logs import _checks as _log_checks
 from diagnosis.logs import _files as _log_files
-from diagnosis.logs import _plausible
+from diagnosis.logs import _loads
 from diagnosis.logs._columns import KINDS, PULL, STICK, kind_of, name_of
 from diagnosis.logs._files import check_target
 from diagnosis.logs._meta import (
@@ -38,7 +39,6 @@ __all__ = [
     "LogMeta",
     "MjcfMechanism",
     "make_log",
-    "plausible",
     "name_of",
     "read_log",
     "check_target",
@@ -96,12 +96,9 @@ class Log:
             raise LogError(f"this log has no '{name}'; it has: {', '.join(self.samples.columns)}")
         return name
 
-    def has(self, kind: str, joint: str, episode: int | None = None) -> bool:
-        """Whether a kind was logged for a joint, in any episode or in the given one."""
-        name = name_of(kind, joint, self.is_linear(joint))
-        if name not in self.samples.columns:
-            return False
-        return episode is None or bool(self.episode(episode)[name].notna().all())
+    def has(self, kind: str, joint: str) -> bool:
+        """Whether a kind was logged for a joint in any episode."""
+        return name_of(kind, joint, self.is_linear(joint)) in self.samples.columns
 
     def episode(self, number: int) -> pd.DataFrame:
         """The samples of one episode, indexed from 0; raises LogError if it does not exist."""
@@ -110,13 +107,11 @@ class Log:
             raise LogError(f"this log has no episode {number}; it has: {known}")
         return self._parts[number]
 
-    def signal(self, kind: str, episode: int) -> Array:
-        """A kind for all joints, shape (T, J); raises LogError if a joint lacks it."""
-        columns = [self.column(kind, joint) for joint in self.joints]
-        values = self.episode(episode)[columns].to_numpy(dtype=float)
-        if np.isnan(values).any():
-            raise LogError(f"'{kind}' was not logged in episode {episode}; choose another episode")
-        return values
+    def signal(self, kind: str, episode: int, joints: Sequence[str] | None = None) -> Array:
+        """A kind for all joints or some, shape (T, J); NaN where it was not logged."""
+        named = self.joints if joints is None else joints
+        names = [name_of(kind, joint, self.is_linear(joint)) for joint in named]
+        return self.episode(episode).reindex(columns=names).to_numpy(dtype=float)
 
     def touch(self, episode: int) -> Array | None:
         """Readings of all taxels, shape (T, F, 128); None if the episode has none."""
@@ -162,14 +157,9 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
 def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
-    log = plausible(make_log(meta, samples, mjcf_xml))
+    log = make_log(meta, samples, mjcf_xml)
+    _loads.check(log.meta, log.samples)
     return dataclasses.replace(log, warnings=(*odd, *log.warnings))
-
-
-def plausible(log: Log) -> Log:
-    """The log with warnings of what is unlikely; raises LogError for what is certainly wrong."""
-    unlikely = _plausible.check(log.meta, log.samples, log.joints)
-    return dataclasses.replace(log, warnings=(*log.warnings, *unlikely))
 
 
 def write_log(

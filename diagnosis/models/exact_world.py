@@ -17,7 +17,7 @@ from diagnosis.motion.columns import changed
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
 from diagnosis.replay import limb as exact
-from diagnosis.replay.replay import Commands, Told, replays
+from diagnosis.replay.replay import Batch, Commands, replays
 
 
 class ExactWorld(World):
@@ -27,17 +27,17 @@ class ExactWorld(World):
         """See `World.blocks`."""
         self.runs += 1
         limb = self.evidence.limb
-        told = replace(self._commands, start=self._commands.start + nudge * self.evidence.size)
-        episodes = replays(self._spec(*self.numbers(u)), told)
+        batch = replace(self._commands, start=self._commands.start + nudge * self.evidence.size)
+        episodes = replays(self._spec(*self.numbers(u)), batch)
         rows = [exact.CHANNELS.index(name) for name in CHANNELS]
         pairs = zip(episodes, limb.edges, strict=True)
         means = (block_means(shown[rows].transpose(1, 0, 2), edges) for shown, edges in pairs)
         return np.concatenate(list(means))
 
     @cached_property
-    def _commands(self) -> Told:
+    def _commands(self) -> Batch:
         limb = self.evidence.limb
-        return Told.of(
+        return Batch.of(
             [
                 Commands(
                     ticks=np.round(one.time_s / limb.dt).astype(np.int64),

@@ -13,6 +13,7 @@ from backends.spec import Spec
 from backends.state import Array, State, quat_to_matrix
 from backends.touch import Skin, stick_shape, surface_distance
 from diagnosis.logs.log import Log
+from diagnosis.motion.recordings import white_noise
 
 PROTOCOLS = ("grasp", "policy")
 """Protocols with the stick in the hand, and staying there."""
@@ -91,14 +92,11 @@ def _while_held(nominal: Spec, part: Held) -> Held:
 
 
 def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
-    frame, names = log.episode(episode), nominal.hand.joint_names
-    time_s, pull = frame["t_s"].to_numpy(float), log.pull(episode)
-
-    def read(kind: str) -> Array:
-        blank = np.full(len(frame), np.nan)
-        columns = [log.column(kind, n) if log.has(kind, n, episode) else None for n in names]
-        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
-
+    names, pull = nominal.hand.joint_names, log.pull(episode)
+    time_s = log.episode(episode)["t_s"].to_numpy(float)
+    position, command, push, torque = (
+        log.signal(kind, episode, names) for kind in ("position", "command", "push", "torque")
+    )
     encoders = [body.joint.encoder for body in nominal.hand.driven]
     bias, scale = (
         np.array(v) for v in zip(*((e.bias_rad, e.scale_error) for e in encoders), strict=True)
@@ -108,12 +106,12 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
         episode=episode,
         protocol=protocol,
         time_s=time_s - time_s[0],
-        joint_rad=(read("position") - bias) / (1 + scale),
+        joint_rad=(position - bias) / (1 + scale),
         stick=stick,
-        command_rad=read("command"),
-        push_nm=np.nan_to_num(read("push")),
-        pull_n=np.zeros(len(frame)) if pull is None else pull,
-        torque_nm=read("torque"),
+        command_rad=command,
+        push_nm=np.nan_to_num(push),
+        pull_n=np.zeros(len(time_s)) if pull is None else pull,
+        torque_nm=torque,
         touch=log.touch(episode) if same else None,
     )
 
@@ -160,12 +158,6 @@ def blur_m(spec: Spec, part: Held) -> tuple[float, float]:
     steps = np.array([b.joint.encoder.resolution_rad for b in spec.hand.driven]) / np.sqrt(12)
     stepped = np.sqrt(((arm_m * steps[:, None]) ** 2).sum(axis=0).max())
     return float(white_noise(gaps_m(spec, part)).max()), float(stepped)
-
-
-def white_noise(values: Array) -> Array:
-    """White noise of columns (T, C): third differences take smooth motion away."""
-    third = np.diff(values, n=3, axis=0)
-    return np.median(np.abs(third), axis=0) / 0.6745 / np.sqrt(20)
 
 
 def smoothed(part: Held) -> Held:

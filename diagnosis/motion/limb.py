@@ -125,7 +125,7 @@ class Limb:
     def _at_motor(self) -> Array:
         return np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
 
-    def told(self, commands: Sequence[Array]) -> "Limb":
+    def commanded(self, commands: Sequence[Array]) -> "Limb":
         """The same limb and motion with other targets, (T, K) by episode."""
         pairs = zip(self.recordings, commands, strict=True)
         return self._alike(recordings=tuple(replace(r, command=c) for r, c in pairs))

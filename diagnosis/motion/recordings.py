@@ -41,16 +41,17 @@ class Recording:
 def recordings(log: Log, limb: Spec) -> tuple[Recording, ...]:
     """All usable episodes of a log in free air; raises LogError where there are none."""
     require_joints(log, limb.hand.joint_names)
-    found = [_recording(log, limb, e.episode, e.protocol) for e in log.episodes]
-    usable = tuple(r for r in found if r.protocol in FREE_AIR and len(r.time_s) >= LEAST_SAMPLES)
-    lasts_s = sum(float(r.time_s[-1]) for r in usable)
+    chosen = [e for e in log.episodes if e.protocol in FREE_AIR]
+    every = (_recording(log, limb, e.episode, e.protocol) for e in chosen)
+    found = tuple(r for r in every if len(r.time_s) >= LEAST_SAMPLES)
+    lasts_s = sum(float(r.time_s[-1]) for r in found)
     if lasts_s < LEAST_S:
         raise LogError(
             f"not identifiable from this log: {lasts_s:.3g} s in free air in episodes of "
             f"{LEAST_SAMPLES} samples or more, allowed: from {LEAST_S:g} s; record "
             f"{', '.join(FREE_AIR[:4])}"
         )
-    return usable
+    return found
 
 
 def require_joints(log: Log, names: Sequence[str]) -> None:
@@ -76,21 +77,15 @@ def white_noise(measured: Array) -> Array:
 
 
 def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
-    frame, names = log.episode(number), limb.hand.joint_names
-
-    def read(kind: str) -> Array:
-        blank = np.full(len(frame), np.nan)
-        columns = [log.column(kind, n) if log.has(kind, n) else None for n in names]
-        return np.stack([blank if c is None else frame[c].to_numpy(float) for c in columns], axis=1)
-
-    time_s = frame["t_s"].to_numpy(float)
+    names, time_s = limb.hand.joint_names, log.episode(number)["t_s"].to_numpy(float)
     later = np.append(True, np.diff(np.maximum.accumulate(time_s)) > 0)
-    command, measured = read("command")[later], np.stack([read(k) for k in CHANNELS], 1)[later]
+    command, push = (log.signal(kind, number, names)[later] for kind in ("command", "push"))
+    measured = np.stack([log.signal(kind, number, names) for kind in CHANNELS], axis=1)[later]
     return Recording(
         protocol=protocol,
         time_s=time_s[later] - time_s[0],
         command=command,
-        push=np.nan_to_num(read("push")[later]),
+        push=np.nan_to_num(push),
         measured=measured,
         start=_start(measured[:, 0], command[0]),
     )

@@ -75,7 +75,7 @@ def arrived(limb: Limb, lost: Losses) -> Limb:
         columns = list(lost.joints)
         command[:, columns] = command[latest][:, columns]
         commands.append(command)
-    return limb.told(commands)
+    return limb.commanded(commands)
 
 
 def _decoded(
@@ -99,15 +99,15 @@ def _decoded(
         clear = np.abs(worth) >= CLEAR_NATS
         share = float(np.clip((lost[clear].sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
     clear = np.abs(worth) >= CLEAR_NATS
-    count, told = int(lost[clear].sum()), int(clear.sum())
-    share = count / max(told, 1)
+    count, clear_count = int(lost[clear].sum()), int(clear.sum())
+    share = count / max(clear_count, 1)
     nats = _cost(flat, weight, memory) - _cost(left, weight, memory)
     nats -= price * (int(lost.sum()) - int(first.sum()))
     if count < LEAST_LOST or not SHARES[0] <= share <= SHARES[1]:
         return None
     if nats < LEAST_NATS and not first.any():
         return None
-    wide = NINETY * np.sqrt(share * (1 - share) / told)
+    wide = NINETY * np.sqrt(share * (1 - share) / clear_count)
     parts = np.split(lost, found.begins[1:-1])
     return Losses(
         joints=tuple(lossy),

@@ -59,7 +59,7 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
         shown = []
         for j in range(joints):
             nudge = NUDGE_RAD * evidence.size[j]
-            moved = limb.told(_nudged(limb, nudged, begins, j, nudge))
+            moved = limb.commanded(_nudged(limb, nudged, begins, j, nudge))
             shown.append((moved.simulate(numbers, tilt) - base) / nudge / evidence.floor)
         mine = row % per_block == offset
         nearest = np.abs(nudged[:, None] - np.flatnonzero(mine)).argmin(axis=0)

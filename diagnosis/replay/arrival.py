@@ -17,11 +17,11 @@ def arrivals(ticks, target, path, late, dt):
     `path` (J, 3) as in `backends.command`, of which nothing is lost. A span ends wherever sensors
     that are `late` (J,) [s] look back to; after so many ticks the span `ends` of that has ended.
     """
-    told, slow = np.repeat(np.arange(len(ticks)), ticks), path[:, 0] / dt
+    row_of, slow = np.repeat(np.arange(len(ticks)), ticks), path[:, 0] / dt
     looks = _looks(ticks, late / dt)
-    spans = np.zeros(len(told) + len(ticks), dtype=np.int64)
+    spans = np.zeros(len(row_of) + len(ticks), dtype=np.int64)
     wanted, samples = np.zeros((len(spans), len(path))), np.zeros_like(spans)
-    last, ends, tick, span = target[0].copy(), np.zeros(len(told) + 1, dtype=np.int64), 0, -1
+    last, ends, tick, span = target[0].copy(), np.zeros(len(row_of) + 1, dtype=np.int64), 0, -1
     for k in range(len(ticks)):
         span += 1
         samples[span], wanted[span] = k, last
@@ -30,9 +30,9 @@ def arrivals(ticks, target, path, late, dt):
             for j in range(len(path)):
                 whole = int(slow[j])
                 share = slow[j] - whole
-                new = target[told[max(tick - whole, 0)], j]
+                new = target[row_of[max(tick - whole, 0)], j]
                 if share > 0.0:
-                    old = target[told[max(tick - whole - 1, 0)], j]
+                    old = target[row_of[max(tick - whole - 1, 0)], j]
                     new = (1.0 - share) * new + share * old
                 if path[j, 1] > 0.0 and tick > 0:
                     most = dt / path[j, 1]

@@ -44,7 +44,7 @@ class Commands:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Told:
+class Batch:
     """The commands of E episodes end to end, for compiled code; N samples in total."""
 
     begin: Array
@@ -59,7 +59,7 @@ class Told:
     """What the sensors read at rest at the starts [rad], shape (E, J)."""
 
     @classmethod
-    def of(cls, episodes: Sequence[Commands]) -> "Told":
+    def of(cls, episodes: Sequence[Commands]) -> "Batch":
         """The commands of one or more episodes."""
         ticks, target, load = (
             np.concatenate(parts) for parts in zip(*map(_until, episodes), strict=True)
@@ -83,17 +83,17 @@ def _until(one: Commands) -> tuple[Array, Array, Array]:
 
 def replay(spec: Spec, commands: Commands) -> Array:
     """The readings of the mechanism of `spec`, shape (4, T, J) with `limb.CHANNELS` first."""
-    return replays(spec, Told.of((commands,)))[0]
+    return replays(spec, Batch.of((commands,)))[0]
 
 
-def replays(spec: Spec, told: Told) -> list[Array]:
+def replays(spec: Spec, batch: Batch) -> list[Array]:
     """See `replay`, for every episode."""
-    limb, episodes = numbers(spec), tuple(vars(told).values())
+    limb, episodes = numbers(spec), tuple(vars(batch).values())
     if is_closed(limb):
         shown = _in_closed_form(episodes, limb)
     else:
         shown = _tick_by_tick(episodes, limb, memory(limb))
-    return [shown[a:b].transpose(1, 0, 2) for a, b in pairwise(told.begin)]
+    return [shown[a:b].transpose(1, 0, 2) for a, b in pairwise(batch.begin)]
 
 
 @numba.njit(cache=True, error_model="numpy")

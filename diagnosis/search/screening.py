@@ -64,11 +64,11 @@ class Screening:
             moved = self.fitter.world.shown({**self.free, number: now + size})
             column = np.nan_to_num(moved - self.base) / size * self.weights
             shared = self.jacobian[:, rest].T @ column
-            bent = column @ column - shared @ inverse @ shared
+            curvature = column @ column - shared @ inverse @ shared
             pull = column @ self.left - shared @ inverse @ self.pull[rest]
-            to = np.clip(pull / max(bent, 1e-9), -one.most, one.most)
+            to = np.clip(pull / max(curvature, 1e-9), -one.most, one.most)
             to = to if one.either_sign else max(to, 0.0)
-            gain = float(pull * to - bent * to * to / 2)
+            gain = float(pull * to - curvature * to * to / 2)
             if gain > best.gain:
                 best = Screened(number=number, gain=gain, to=float(now + to))
         return best

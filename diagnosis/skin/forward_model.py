@@ -30,7 +30,7 @@ CLEARLY = 1.0
 """Blurs that a drift must be over what one is where the taxel is silent."""
 WILD, ANYWHERE_M = 1e-3, 1e-3
 """Share of answers that nothing explains, and how far off a wild depth may be."""
-MISSED = 0.02
+MISSED = 0.01
 """Share of wrong answers that is no gap, beside those that the blur predicts."""
 NEVER = 1e-9
 """A chance under this is none."""

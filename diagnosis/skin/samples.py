@@ -8,7 +8,7 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.motion.held import CALMER, Held, blur_m, gaps_m, pressed_m, smoothed
-from diagnosis.skin.forward_model import Faults, Pressed, nats
+from diagnosis.skin.forward_model import Faults, Pressed, joined, nats
 
 PERIOD_S = 0.2
 """Samples are thinned to this."""
@@ -33,7 +33,7 @@ MOVED_M = 5e-5
 class Samples:
     """What the episodes of a log say of a skin."""
 
-    episodes: tuple[Pressed, ...]
+    pressed: Pressed
     start: Faults
     """The nominal skin."""
     misplaced: tuple[str, ...]
@@ -49,7 +49,7 @@ def samples(nominal: Spec, parts: Sequence[Held], binary: bool) -> Samples:
     pressed = [_pressed(nominal, part, binary, blur) for part in parts]
     wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
     return Samples(
-        episodes=tuple(data for data, _ in pressed),
+        pressed=joined([data for data, _ in pressed]),
         start=Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur),
         misplaced=tuple(sorted(wrong)),
     )

@@ -1,158 +1,113 @@
-"""The search for the faults of a skin: one after the other, each judged by samples held out."""
+"""The search for the faults of a skin: the smallest set that takes the gap, as for any robot.
 
-from collections.abc import Sequence
+All sets of as many faults are fitted to all samples, and the smallest is named that takes its share
+of the squared gap beyond one floor (`verdict.ordinary`) and leaves no more than a floor and the
+law's own error. The geometry says how deep taxels are pressed, so the law of their answers is
+exact: likelihoods name as well what leaves less than shows in a gap (`verdict.exact`).
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
-import numpy as np
-
-from backends.state import Array
-from diagnosis.finding import TIE_NATS, share
-from diagnosis.skin.forward_model import Faults, Pressed, joined
+from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.taxel_fits import Fitting, Guess
+from diagnosis.verdict.exact import ACCUSE_NATS, TIE_NATS
+from diagnosis.verdict.ordinary import SHARE, SIMULATORS, allowed, share_of
 
-BLOCK_S = 1.0
-"""Blocks that judge each other in turn."""
 MOST = 2
 """Faults that are named at once: more of them imitate any other."""
-ACCUSE_NATS = 6.0
-"""A fault must raise the likelihood of the judging samples by this, and what is unknown as well."""
-EXPLAINED = 0.9
-"""Faults must take this share of the squared gap, where what they leave is not ordinary."""
-ORDINARY_GAP = 1.5
-"""What a good skin leaves: the geometry has errors that come again where it is the same."""
-
-
-class Skins:
-    """All samples, and both halves that judge each other."""
-
-    def __init__(self, episodes: Sequence[Pressed], grid: Array) -> None:
-        self._fits = [Fitting(half, grid) for half in _split(episodes)]
-        self.whole = Fitting(joined(episodes), grid)
-        self.bare: Faults | None = None
-        """Another skin that a fault may be fitted to."""
-
-    def lead(self, fault: str, start: Faults, faults: Faults, first: str | None = None) -> float:
-        """How much better a fault fitted to one half explains the other one [nats].
-
-        Beside the fault that is there `first`, which is fitted again with it, and without.
-        """
-        gain = 0.0
-        for fit, judge in (self._fits, self._fits[::-1]):
-            alone = faults if first is None else fit.alone(first, start, faults)
-            skin = self.fitted(fault, start, faults, first, fit)
-            gain += judge.nats(skin) - judge.nats(alone)
-        return gain
-
-    def fitted(
-        self,
-        fault: str,
-        start: Faults,
-        faults: Faults,
-        first: str | None = None,
-        fit: Fitting | None = None,
-    ) -> Faults:
-        """The skin with a fault, and with the first one refitted, to all samples.
-
-        Or to those of `fit`. A lone fault may explain what a small offset seems to.
-        """
-        fit = fit or self.whole
-        if first is not None:
-            return fit.both((first, fault), start, faults)
-        skins = [faults] if self.bare is None or self.bare is faults else [faults, self.bare]
-        guesses = (fit.guess(fault, skin) for skin in skins)
-        return max((faults, *(g.faults for g in guesses if g is not None)), key=fit.nats)
-
-    def cross_validated_gain(self, faults: Faults) -> float:
-        """Cross-validated gain of each half on what faults leave of the other one [nats]."""
-        one, other = self._fits
-        return one.cross_validated_gain(other, faults) + other.cross_validated_gain(one, faults)
+LAW = replace(SIMULATORS, floors=1.0)
+"""The right faults leave a floor, and what their law is off by."""
+HEALTHY = 1.5
+"""A good skin leaves this gap: the geometry has errors that come again where it is the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Named:
-    """A fault that was found."""
+class Tried:
+    """A set of faults at the sizes that fit best together."""
 
-    guess: Guess
-    lead_nats: float
-    ties: tuple[tuple[str, float], ...]
-    """Faults that are as near to it as its own lead, and how near [nats]."""
+    guesses: tuple[Guess, ...]
+    skin: Faults
+    worst: float
+    """The gap that it leaves."""
+    nats: float
+    """Log-likelihood of the samples."""
+
+    @property
+    def excess(self) -> float:
+        """The squared gap beyond one floor."""
+        return max(self.worst**2 - 1.0, 0.0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the faults."""
+        return tuple(guess.fault for guess in self.guesses)
 
 
 @dataclass(frozen=True, kw_only=True)
-class Found:
+class SkinFit:
     """What a search found."""
 
-    named: tuple[Named, ...]
-    faults: Faults
-    """The skin with them."""
-    before: float
-    after: float
-    """Gaps of the nominal skin and with them."""
-    structure_nats: float
-    """How well what they leave predicts itself."""
+    nominal: Tried
+    chosen: Tried
+    """The smallest set that explains the samples; `nominal` where none does."""
+    tied: tuple[Tried, ...]
+    """Sets of the same size that this log cannot tell from the chosen one."""
 
     @property
     def share(self) -> float:
-        """Share of the squared gap that they take."""
-        return share(self.before, self.after)
+        """Share of the squared gap that the chosen set takes."""
+        return max(share_of(self.chosen, self.nominal), 0.0)
 
     @property
     def is_unknown(self) -> bool:
-        """Whether something else is wrong: what is left is not ordinary, or follows a law."""
-        strained = any(one.guess.extreme for one in self.named)
-        ordinary = self.after <= ORDINARY_GAP or self.share >= EXPLAINED
-        return strained or self.structure_nats >= ACCUSE_NATS or not ordinary
+        """Whether no set explains an odd gap, or its size is at the end of what there is."""
+        odd = not self.chosen.guesses and self.nominal.worst > HEALTHY
+        return odd or any(guess.extreme for guess in self.chosen.guesses)
 
 
-def search(skins: Skins, start: Faults, sought: Sequence[str]) -> Found:
-    """Faults one after the other, the clearest first, while halves ask for one."""
-    named: list[Named] = []
-    faults, whole = start, skins.whole
-    left = list(sought)
-    while left and len(named) < MOST:
-        first = named[0].guess.fault if named else None
-        leads = {name: skins.lead(name, start, faults, first) for name in left}
-        best = max(leads, key=lambda name: leads[name])
-        guess = whole.beside(best, start, skins.fitted(best, start, faults, first))
-        if guess is None or leads[best] < ACCUSE_NATS:
-            break
-        faults = guess.faults
-        again = (_refitted(one, whole, start, faults) for one in named)
-        named = [one for one in again if one is not None]
-        named.append(_named(guess, leads))
-        left.remove(best)
-    return Found(
-        named=tuple(named),
-        faults=faults,
-        before=whole.gap(start),
-        after=whole.gap(faults),
-        structure_nats=skins.cross_validated_gain(faults),
-    )
+def search(fitting: Fitting, starts: Sequence[Faults], sought: Sequence[str]) -> SkinFit:
+    """The faults of a skin: the smallest set that explains its samples.
 
-
-def _refitted(one: Named, whole: Fitting, start: Faults, faults: Faults) -> Named | None:
-    """A fault with the size that it has beside another one; None where that is none."""
-    guess = whole.beside(one.guess.fault, start, faults)
-    return None if guess is None else replace(one, guess=guess)
-
-
-def _named(guess: Guess, leads: dict[str, float]) -> Named:
-    """A fault with its lead over none and over the next best."""
-    lead = leads[guess.fault]
-    behind = {name: lead - other for name, other in leads.items() if name != guess.fault}
-    return Named(
-        guess=guess,
-        lead_nats=min([lead, *behind.values()]),
-        ties=tuple((name, nats) for name, nats in behind.items() if nats < TIE_NATS),
-    )
-
-
-def _split(episodes: Sequence[Pressed]) -> tuple[Pressed, Pressed]:
-    """Two halves that judge each other: every second block, of the next episode the others.
-
-    So each has seen what the other one has at that time, as drift has it.
+    `starts`: the skin beside which faults are sought, and others that a lone one may be fitted to.
     """
-    turns = [np.floor(p.time_s / BLOCK_S + k) % 2 == 0 for k, p in enumerate(episodes)]
-    one = [part.some(turn) for part, turn in zip(episodes, turns, strict=True)]
-    other = [part.some(~turn) for part, turn in zip(episodes, turns, strict=True)]
-    return joined(one), joined(other)
+    nominal = _tried(fitting, starts[0], starts[0], ())
+    now, tied = nominal, tuple[Tried, ...]()
+    for count in range(1, MOST + 1):
+        if count > 1 and not now.guesses and now.worst <= LAW.floors:
+            break
+        sets = sorted(_sets(fitting, starts, sought, count), key=lambda one: -one.nats)
+        if sets and _explains(sets[0], now, nominal):
+            now = sets[0]
+            tied = tuple(one for one in sets[1:] if now.nats - one.nats < TIE_NATS)
+    return SkinFit(nominal=nominal, chosen=now, tied=tied)
+
+
+def _sets(
+    fitting: Fitting, starts: Sequence[Faults], sought: Sequence[str], count: int
+) -> Iterator[Tried]:
+    """All sets of so many faults that are some."""
+    for names in combinations(sought, count):
+        fits = [(fitting.together(names, start), start) for start in starts[: 3 - count]]
+        skin, start = max(fits, key=lambda fit: fitting.nats(fit[0]))
+        one = _tried(fitting, skin, start, names)
+        if len(one.guesses) == count:
+            yield one
+
+
+def _tried(fitting: Fitting, skin: Faults, start: Faults, names: tuple[str, ...]) -> Tried:
+    guesses = (fitting.beside(name, start, skin) for name in names)
+    return Tried(
+        guesses=tuple(guess for guess in guesses if guess is not None),
+        skin=skin,
+        worst=fitting.gap(skin),
+        nats=fitting.nats(skin),
+    )
+
+
+def _explains(one: Tried, now: Tried, nominal: Tried) -> bool:
+    """Whether a set leaves the noise, and takes its share of the gap or is by far likelier."""
+    takes = not now.guesses and share_of(one, nominal) >= SHARE
+    worth = takes or one.nats - now.nats >= ACCUSE_NATS
+    return worth and one.worst <= allowed(nominal.worst, LAW)

@@ -17,7 +17,7 @@ from diagnosis.logs.log import Log
 from diagnosis.motion.held import FLOOR_M, held
 from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples
-from diagnosis.skin.search import Found, Skins, search
+from diagnosis.skin.search import SkinFit, search
 from diagnosis.skin.taxel_fits import FIELDS, HALO, THRESHOLD, Fitting
 
 ANSWERS = (THRESHOLD, HALO)
@@ -58,17 +58,17 @@ def _identified(log: Log, nominal: Spec, names: Mapping[str, str], mended: bool)
         return Report(missing=missing(names.values(), other))
     binary = log.meta.channels["touch"].unit == "1"
     seen = samples(nominal, parts, binary)
-    skins, start = Skins(seen.episodes, grid), seen.start
+    fitting, starts = Fitting(seen.pressed, grid), [seen.start]
     if mended and binary:
-        skins.bare, start = start, _offset(skins.whole, start)
+        starts.insert(0, _offset(fitting, seen.start))
     misplaced = MISPLACED.format(", ".join(seen.misplaced))
     mute, why = _mute(binary, bool(seen.misplaced), misplaced)
-    found = search(skins, start, [fault for fault in names if fault not in mute])
+    found = search(fitting, starts, [fault for fault in names if fault not in mute])
     if seen.misplaced and found.is_unknown:
         return Report(missing=missing(names.values(), misplaced))
     return Report(
         findings=tuple(_findings(found, names, nominal.hand.taxels)),
-        spots=_spots(nominal, skins.whole, start, found.faults),
+        spots=_spots(nominal, fitting, found),
         missing=missing([names[fault] for fault in mute if fault in names], why),
     )
 
@@ -90,18 +90,18 @@ def _offset(skin: Fitting, start: Faults) -> Faults:
     return guess.faults if guess is not None and small else start
 
 
-def _findings(found: Found, names: Mapping[str, str], nominal: Taxels) -> Iterator[Finding]:
+def _findings(found: SkinFit, names: Mapping[str, str], nominal: Taxels) -> Iterator[Finding]:
     """What is more than nominal, and a threshold more than sticks are thick alike."""
     if found.is_unknown:
         yield _finding(
             found,
             UNKNOWN,
-            lead_nats=max(found.after**2 - 1, found.structure_nats),
             evidence="the taxels that respond are not those that stick and joints press",
         )
         return
-    for one in found.named:
-        guess, known = one.guess, getattr(nominal, one.guess.fault)
+    others = {name for one in found.tied for name in one.names} - set(found.chosen.names)
+    for guess in found.chosen.guesses:
+        known = getattr(nominal, guess.fault)
         value, low, high = (v - known for v in (guess.value, *guess.interval))
         within = guess.fault == THRESHOLD and abs(value) < FLOOR_M
         if not (within or low <= 0.0 <= high):
@@ -110,31 +110,30 @@ def _findings(found: Found, names: Mapping[str, str], nominal: Taxels) -> Iterat
                 names[guess.fault],
                 value=value,
                 interval=(low, high),
-                lead_nats=one.lead_nats,
-                ties=tuple((names[fault], nats) for fault, nats in one.ties),
+                ties=tuple(names[fault] for fault in sorted(others)),
                 evidence=guess.evidence,
             )
 
 
-def _finding(found: Found, effect: str, **said: Any) -> Finding:
+def _finding(found: SkinFit, effect: str, **said: Any) -> Finding:
     return Finding(
         effect=effect,
         family=TOUCH,
         share=found.share,
-        gap_before=found.before,
-        gap_after=found.after,
+        gap_before=found.nominal.worst,
+        gap_after=found.chosen.worst,
         **said,
     )
 
 
-def _spots(nominal: Spec, skin: Fitting, start: Faults, faults: Faults) -> tuple[Spot, ...]:
+def _spots(nominal: Spec, fitting: Fitting, found: SkinFit) -> tuple[Spot, ...]:
     """The gap of every finger's skin, before and after."""
     return tuple(
         Spot(
             finger=tip.finger,
             family=TOUCH,
-            gap_before=skin.gap(start, f),
-            gap_after=skin.gap(faults, f),
+            gap_before=fitting.gap(found.nominal.skin, f),
+            gap_after=fitting.gap(found.chosen.skin, f),
         )
         for f, tip in enumerate(nominal.hand.fingertips)
     )

@@ -7,7 +7,6 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
-from diagnosis.skin.residual_structure import left
 
 CLOSE_NATS = 1.35
 """Half of the 90 % point of a squared normal number: ends of an interval."""
@@ -73,14 +72,17 @@ class Fitting:
             HALO: self._halo,
         }[fault](faults)
 
-    def both(self, pair: tuple[str, str], start: Faults, faults: Faults) -> Faults:
-        """The skin with two faults that fit best together, from one that may have either.
+    def together(self, names: tuple[str, ...], start: Faults) -> Faults:
+        """The skin with one fault or two at the sizes that fit best together.
 
         Who answers late and wide looks like who answers early and less wide, and a guess of the one
         alone takes a part of the other. So a threshold is tried at several sizes, or the halo that
         a drift spreads by, and the rest in turns.
         """
-        tries = [faults]
+        tries = [self.alone(name, start, start) for name in names]
+        return tries[0] if len(names) == 1 else self._turned(names, start, tries)
+
+    def _turned(self, pair: tuple[str, ...], start: Faults, tries: list[Faults]) -> Faults:
         if THRESHOLD in pair:
             other = next(name for name in pair if name != THRESHOLD)
             late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
@@ -106,13 +108,8 @@ class Fitting:
         """Log-likelihood of the samples [nats]."""
         return float(nats(self._data, faults, self._near(faults)).sum())
 
-    def cross_validated_gain(self, other: "Fitting", faults: Faults) -> float:
-        """Cross-validated gain of these samples on the residuals of others [nats]."""
-        mine, theirs = (left(f._data, faults, f._apart, f._near(faults)) for f in (self, other))
-        return theirs.gain(mine.fitted())
-
     def gap(self, faults: Faults, finger: int | None = None) -> float:
-        """See `_skin.gap`."""
+        """See `forward_model.gap`."""
         return gap(self._data, faults, self._near(faults), finger)
 
     def _near(self, faults: Faults) -> Array | None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.logs.signals import CLEAR, correlations
 from diagnosis.triage._faults import BETTER
+from diagnosis.triage._signals import CLEAR, correlations
 from diagnosis.triage._tracks import Track
 
 FINE = 0.01

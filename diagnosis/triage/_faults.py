@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from backends.state import Array
-from diagnosis.logs.signals import CLEAR, Regression, line
+from diagnosis.triage._signals import CLEAR, Regression, line
 from diagnosis.triage._tracks import Track
 
 SCALES = (0.4, 2.5)

@@ -10,12 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.logs.signals import LENGTHS, UNITS
 from diagnosis.motion.along import along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain
 from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._signals import LENGTHS, UNITS
 from diagnosis.triage._tracks import Track
 
 REST_S = 0.5

@@ -2,13 +2,15 @@
 
 import numpy as np
 
-from diagnosis.logs.signals import CLEAR, UNITS, line, unit
 from diagnosis.triage._faults import SCALES, Fault, best_line, less
+from diagnosis.triage._signals import CLEAR, UNITS, line, unit
 from diagnosis.triage._tracks import Track
 
 BEYOND, WITHIN = 3.0, 1.5
 """Commands beyond the first multiple of a joint's range are in another unit if that brings them
 within the second."""
+MOST_PUSH = 50.0
+"""Largest push, as a multiple of the drive's largest torque."""
 UNKNOWN_UNIT = "counts of an unknown encoder, or another gear ratio"
 
 
@@ -83,4 +85,20 @@ def pushed_way(track: Track) -> Fault | None:
         joints=(track.name,),
         evidence=f"the joint moves against its pushes (correlation {found.correlation:.2f})",
         remedy="change the sign of 'push': a positive push moves a free joint to larger positions",
+    )
+
+
+def push_size(track: Track) -> Fault | None:
+    """Unit of a known push, from its size: the drive would be pushed away."""
+    drive = track.limb.spec.drives[track.index]
+    most = max(float(np.abs(r.push[:, track.index]).max()) for r in track.limb.recordings)
+    if most <= MOST_PUSH * drive.torque_limit_nm:
+        return None
+    si, other = ("N", "mN") if track.slides else ("Nm", "Nmm")
+    return Fault(
+        kind="unit",
+        joints=(track.name,),
+        evidence=f"pushes reach {most:.3g} {si}, and its drive gives {drive.torque_limit_nm:.3g} "
+        f"{si} at most: they are in {other}",
+        remedy=f"convert 'push' to {si}",
     )

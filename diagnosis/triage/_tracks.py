@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.logs.signals import centred
 from diagnosis.motion.columns import KD
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
+from diagnosis.triage._signals import centred
 
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""

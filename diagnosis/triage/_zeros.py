@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from diagnosis.logs.signals import CLEAR, line
 from diagnosis.triage._faults import BETTER, SCALES, Fault, best_line, less
+from diagnosis.triage._signals import CLEAR, line
 from diagnosis.triage._tracks import Track
 
 ZERO_RAD = np.radians(15)

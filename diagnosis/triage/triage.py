@@ -18,13 +18,13 @@ from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.logs.signals import CLEAR, UNCLEAR, line
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
 from diagnosis.triage import _clocks, _gravity, _scales, _zeros
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._pauses import pauses
+from diagnosis.triage._signals import CLEAR, UNCLEAR, line
 from diagnosis.triage._tracks import Track, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
@@ -69,9 +69,9 @@ def _tracks(log: Log, nominal: Spec) -> list[Track]:
 def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
     """The faults in the data of a log, by joint; empty if there are none."""
     every = _tracks(log, nominal)
-    swapped = _order(every)
-    if swapped:
-        return swapped
+    first = _order(every) or tuple(f for track in every if (f := _scales.push_size(track)))
+    if first:
+        return first
     found = [fault for track in every if (fault := _first(track))]
     return tuple(found) or _clocks_of(every)
 

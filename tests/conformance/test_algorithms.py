@@ -31,14 +31,14 @@ def learner(request: pytest.FixtureRequest) -> type[Learner]:
 def segment(kind: type[Learner], env: BatchEnv, number: int, folder: Path) -> list[Progress]:
     """Train as a run does: from the last checkpoint in the folder to the next."""
     env.seed(number)
-    made, told = kind(env, number, kind.hyperparameters()), list[Progress]()
+    made, progress = kind(env, number, kind.hyperparameters()), list[Progress]()
     if number:
         made.load(folder / f"{number - 1}.pt")
-    made.learn(ITERATIONS, told.append)
+    made.learn(ITERATIONS, progress.append)
     made.save(folder / f"{number}.pt")
     made.export(folder / "policy.onnx")
     write_contract(folder, env.observation)
-    return told
+    return progress
 
 
 def test_a_chain_is_the_same_again(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:
@@ -49,11 +49,11 @@ def test_a_chain_is_the_same_again(learner: type[Learner], make: MakeEnv, tmp_pa
     env, policies = make(WORLDS), []
     for first in (0, 1):
         for number in range(first, 3):
-            told = segment(learner, env, number, tmp_path)
+            progress = segment(learner, env, number, tmp_path)
         policies.append((tmp_path / "policy.onnx").read_bytes())
     assert policies[0] == policies[1]
     per_iteration = learner.steps_per_iteration(WORLDS, learner.hyperparameters())
-    assert [one.steps for one in told] == [per_iteration] * ITERATIONS
+    assert [one.steps for one in progress] == [per_iteration] * ITERATIONS
 
 
 def test_the_policy_is_one(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:

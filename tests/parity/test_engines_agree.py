@@ -75,11 +75,11 @@ def episode(engine: Engine, stick_m: tuple[float, float, float], targets: list[A
     """Every signal after a reset and each target."""
     spec = engine.specs[0]
     engine.reset(at_rest([spec], np.array(spec.hand.grasp_rad), stick_m), np.ones(1, dtype=bool))
-    heard = []
+    states = []
     for target in targets:
         state = engine.advance(target)
-        heard += [getattr(state, f.name).tobytes() for f in fields(State)]
-    return heard
+        states += [getattr(state, f.name).tobytes() for f in fields(State)]
+    return states
 
 
 @pytest.mark.parametrize("stick", ["reference", "square"])

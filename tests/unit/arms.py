@@ -76,7 +76,7 @@ def log_of(real: Real, seed: int = 0) -> Log:
     """The log of an arm whose file says nothing of what `real` has."""
     noise = np.random.default_rng(seed)
     frames = [
-        _frame(number, _simulated(real, _told(real, command, noise)), command, real, noise)
+        _frame(number, _simulated(real, _received(real, command, noise)), command, real, noise)
         for number, command in enumerate(commands(real.joints))
     ]
     drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": LIMIT} for j in range(real.joints)}
@@ -89,7 +89,7 @@ def log_of(real: Real, seed: int = 0) -> Log:
     return make_log(LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints))
 
 
-def _told(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
+def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
     """The targets that arrive (T, K)."""
     lost = noise.random(len(command)) < real.lost_share
     return command[np.maximum.accumulate(np.where(lost, 0, np.arange(len(command))))]

@@ -45,9 +45,8 @@ def test_held_cases_draw_what_a_stick_shows():
 
 def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
-    kinds = {
-        name: catalogue()[name] for name in ("backlash", "kp-scale", "link-mass", *faults.in_hand())
-    }
+    nominal = {name: kind for name, kind in catalogue().items() if kind.nominal}
+    kinds = nominal | {name: catalogue()[name] for name in faults.in_hand()}
     monkeypatch.setattr(blind, "_catalogue", lambda: kinds)
     folder, answers = tmp_path / "set", tmp_path / "answers.json"
     few = ("taxel-dropout", "taxel-drift", "stick-mass")

@@ -24,7 +24,6 @@ from diagnosis.calibration.result import (
     CalibrationFile,
     joints_of,
     read_calibration,
-    touch_of,
     write_calibration,
 )
 from diagnosis.calibration.robust import least_absolute
@@ -310,7 +309,7 @@ def test_the_skin_is_calibrated():
     centred = truth["offset"] + truth["drift"] * 2.0  # the mean time of a rest of 4 s
     assert skin.offset == pytest.approx(centred, abs=5 * truth["noise"] / np.sqrt(800) + 5e-8)
     assert skin.noise == pytest.approx([truth["noise"]] * 16, rel=0.15)
-    assert (np.abs(skin.drift_s - truth["drift"]) < 5 * skin.drift_std_s).all()
+    assert (np.abs(skin.drift_s - truth["drift"]) < 5 * np.array(skin.drift_std_s)).all()
     assert skin.fastest_drift_s == pytest.approx(2e-5, rel=0.02)
     assert skin.threshold == pytest.approx(5 * truth["noise"], rel=0.15)
     assert skin.dead == (truth["dead"],)
@@ -339,7 +338,7 @@ def made_up() -> Calibration:
     )
     joint = JointGains(
         scale=np.array([1.1, 0.9]),
-        search=gains.Found(scale=np.array([1.1, 0.9]), std=np.array([0.01, 0.01])),
+        search=gains.GainFit(scale=np.array([1.1, 0.9]), std=np.array([0.01, 0.01])),
         spread=spread.Spread(std=np.array([0.02, 0.03]), correlation=0.9, confused=()),
         channel=0,
         samples=300,
@@ -382,7 +381,7 @@ def written(path) -> CalibrationFile:
         effects=texts.effects_text(found, world(), "built,link-mass=10%"),
         spread=texts.spread_text(found),
         joints=joints_of(found, {"J0": ()}),
-        tactile=touch_of(found),
+        tactile=found.touch,
     )
     write_calibration(path, content)
     return content
@@ -521,8 +520,8 @@ def test_bad_logs_give_one_message_and_exit_code_2(tmp_path, mechanism, rows, wo
 @pytest.mark.parametrize(
     ("kinds", "factor", "words"),
     [
-        (("command_rad", "position_rad"), 180 / np.pi, "-1.2 to 1.2 rad: is it in degrees?"),
-        (("push_nm",), 1e3, "its drive gives 1.2 Nm at most"),
+        (("command_rad", "position_rad"), 180 / np.pi, "commands and positions are in degrees"),
+        (("push_nm",), 1e3, "its drive gives 1.2 Nm at most: they are in Nmm"),
     ],
 )
 def test_other_units_are_refused(pushed, tmp_path, kinds, factor, words, capfd):

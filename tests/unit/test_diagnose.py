@@ -53,7 +53,7 @@ def log(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def told(log) -> tuple[dict, Path, str]:
+def diagnosed(log) -> tuple[dict, Path, str]:
     """What the command says of it, the folder it writes, and what it prints beside."""
     out = log.parent / "out"
     words = ["diagnose", str(log), "--out", str(out), "--json"]
@@ -65,17 +65,17 @@ def told(log) -> tuple[dict, Path, str]:
     return json.loads(done.stdout), out, done.stderr
 
 
-def test_hidden_play_is_found(told):
+def test_hidden_play_is_found(diagnosed):
     """Name effect and joint, and the size to three percent: play that rattles blurs it."""
-    found = told[0]
+    found = diagnosed[0]
     assert found["verdict"] == ["backlash"] and found["joints"] == ["J3"]
     assert found["magnitudes"][0]["value"] == pytest.approx(1.0, rel=0.03)
     assert found["gap_after"] < found["gap_nominal"] < found["gap_before"]
 
 
-def test_the_json_object_keeps_its_promise(told):
+def test_the_json_object_keeps_its_promise(diagnosed):
     """Give every promised key, the same in diagnosis.json, and progress elsewhere."""
-    found, out, beside = told
+    found, out, beside = diagnosed
     assert found.keys() >= KEYS
     kept = json.loads((out / "diagnosis.json").read_text())
     assert {key: kept[key] for key in found} == found
@@ -83,22 +83,22 @@ def test_the_json_object_keeps_its_promise(told):
     assert all(f"--out {out}-corrected" in one for one in found["next"] if "diagnose" in one)
 
 
-def test_the_compiled_replay_is_the_engine(told):
+def test_the_compiled_replay_is_the_engine(diagnosed):
     """Report a difference far under a floor between the engine and what was replayed."""
-    assert told[0]["nominal"]["replay_apart_rad"] < 1e-4
+    assert diagnosed[0]["nominal"]["replay_apart_rad"] < 1e-4
 
 
-def test_the_effects_to_add_are_the_real_world(told):
+def test_the_effects_to_add_are_the_real_world(diagnosed):
     """Write effects that give the real world's numbers, the play to three percent."""
-    corrected, real = with_effects(told[0]["effects"]), with_effects("backlash=1deg@J3")
+    corrected, real = with_effects(diagnosed[0]["effects"]), with_effects("backlash=1deg@J3")
     play = [d.play_rad for d in corrected.drives], [d.play_rad for d in real.drives]
     assert play[0] == pytest.approx(play[1], rel=0.03)
 
 
-def test_the_next_policy_trains_in_the_nominal_engine(told):
+def test_the_next_policy_trains_in_the_nominal_engine(diagnosed):
     """Offer the corrected world in the engine that was asked for."""
-    train = f"bench run --backend bullet --task circle --effects {told[0]['effects']}"
-    assert train in told[0]["next"]
+    train = f"bench run --backend bullet --task circle --effects {diagnosed[0]['effects']}"
+    assert train in diagnosed[0]["next"]
 
 
 def test_what_is_known_is_not_found_again(log, tmp_path, capfd):
@@ -198,9 +198,9 @@ def test_what_is_no_log_gives_one_message(log, tmp_path, capfd):
         assert said in capfd.readouterr().err
 
 
-def test_a_diagnosis_is_not_replaced_unasked(told, log, capfd):
+def test_a_diagnosis_is_not_replaced_unasked(diagnosed, log, capfd):
     """Keep what a folder holds unless --force is given."""
-    assert cli.call(["diagnose", str(log), "--out", str(told[1])]) == 2
+    assert cli.call(["diagnose", str(log), "--out", str(diagnosed[1])]) == 2
     assert "--force to replace it" in capfd.readouterr().err
 
 

@@ -1,4 +1,4 @@
-"""Excitation: inside the ranges, every joint moved, joints told apart, the same for a seed."""
+"""Excitation: inside the ranges, every joint moved, joints distinguished, the same for a seed."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Stick and contact: told from grasps by geometry on any engine, by motion on the nominal one."""
+"""Stick and contact: found from grasps by geometry on any engine, by motion on the nominal one."""
 
 import dataclasses
 from functools import cache
@@ -100,7 +100,7 @@ def test_nominal_grasps_show_no_shape(backend):
 
 
 @pytest.mark.parametrize("soft_mm_n", [0.04, 0.2])
-def test_a_softness_is_told_beside_what_soft_contacts_yield(soft_mm_n):
+def test_a_softness_is_named_beside_what_soft_contacts_yield(soft_mm_n):
     """Take off what the engine's contacts yield beside a softness, which is more than without."""
     (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N").findings
     assert one.value == pytest.approx(1e-3 * soft_mm_n, abs=4e-6)
@@ -160,11 +160,13 @@ def test_no_contact_is_harder_than_hard():
 
 
 def test_a_reading_that_leaves_far_more_is_not_believed():
-    """Take a line for softness where the nominal engine's own way to yield leaves bent gaps."""
+    """Take a line for softness where the nominal engine leaves gaps that are no line."""
     force = np.array([[2.3, 2.0, 4.4], [1.9, 2.2, 4.1]])
     own = -0.05e-3 * force - 0.2e-3
-    for bent_m, rigid in ((3e-6, False), (2e-5, True)):
-        readings = _readings(-0.05e-3 * force, own + bent_m * np.array([1, -1, 0]), force, 0.05e-3)
+    for curved_m, rigid in ((3e-6, False), (2e-5, True)):
+        readings = _readings(
+            -0.05e-3 * force, own + curved_m * np.array([1, -1, 0]), force, 0.05e-3
+        )
         assert readings[0].line.asks == readings[1].line.asks == 1
         assert _better(readings, True).rigid is rigid
 

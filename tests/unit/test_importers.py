@@ -221,7 +221,10 @@ def test_emps_without_friction_is_off_by_its_friction():
 def _missed(log: Log, model: mujoco.MjModel, friction: bool) -> float:
     """Root mean square of position error when the axis is simulated at the log's rate [m]."""
     drive, mass = log.meta.mechanism.joints["axis"], model.body_mass[1] + model.dof_armature[0]
-    command, position = log.signal("command", 0)[:, 0], log.signal("position", 0)[:, 0]
+    command, position = (
+        log.signal("command", 0)[:, 0],
+        log.signal("position", 0)[:, 0],
+    )
     q, speed, dt, missed = position[0], 0.0, 1e-3, []
     for target, measured in zip(command, position, strict=True):
         missed.append(q - measured)

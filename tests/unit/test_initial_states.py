@@ -165,7 +165,7 @@ def test_impossible_stick_is_refused(change: dict) -> None:
 
 
 def test_training_may_start_from_a_single_state() -> None:
-    """Start every training episode from the nominal grasp when told so, else from Algorithm 1's."""
+    """Start every training episode from the nominal grasp when asked, else from Algorithm 1's."""
     for width, count in ((0.0, 1), (1.0, 16)):
         run = RunSpec(backend="mujoco", task="line", worlds=16, start_spread=width)
         env = make_env(run, [run.world()] * 16, seed=0, workers=1)

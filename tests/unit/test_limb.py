@@ -10,7 +10,7 @@ from diagnosis.blind import motion, rigs
 from diagnosis.replay import limb
 from diagnosis.replay.expansion import SMALL_RAD, turned, wave
 from diagnosis.replay.lanes import LANES
-from diagnosis.replay.replay import Commands, Told, replay, replays
+from diagnosis.replay.replay import Batch, Commands, replay, replays
 
 EFFECTS = {"backlash": 0.01, "command-delay": 6.3e-3, "sensor-delay": 4.1e-3, "encoder-bias": 0.02}
 
@@ -67,7 +67,7 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {"sensor-delay": 0.2, "command-delay": 6.3e-3, "backlash": 0.01},
     ],
 )
-def test_what_is_foretold_is_what_happens_tick_by_tick(rig, effects):
+def test_what_is_predicted_is_what_happens_tick_by_tick(rig, effects):
     """Move and read a limb by what is late or limited beforehand as by its path, also at rest."""
     spec, one = rigs.nominal(rig), asked(rig, 0)
     for name, size in effects.items():
@@ -101,9 +101,9 @@ def test_lanes_do_what_a_limb_alone_does(rig, effects):
     fast = dataclasses.replace(slow, load=slow.load + (5.0 if rig == "joint" else 1.3) * pushed)
     numbers, alive = limb.numbers(spec), np.ones(1, dtype=bool)
     for one in (slow, fast):
-        told, out = Told.of([one]), np.zeros((len(one.ticks), 1, 4, len(spec.drives)))
+        batch, out = Batch.of([one]), np.zeros((len(one.ticks), 1, 4, len(spec.drives)))
         state, age = limb.rest(one.start, numbers), np.zeros(1, dtype=np.int64)
-        now = told.ticks, told.target[:, None], told.load, alive
+        now = batch.ticks, batch.target[:, None], batch.load, alive
         limb.run(*now, numbers, limb.memory(numbers), state, age, out)
         assert np.array_equal(replay(spec, one), out[:, 0].transpose(1, 0, 2))
     assert np.abs(out[:, 0, 3]).max() * spec.timing.drive_s > SMALL_RAD
@@ -119,7 +119,7 @@ def test_episodes_at_a_time_are_episodes_alone(rig, effects):
     several = [asked(rig, 0), asked(rig, 1).first(200), asked(rig, 2).first(1)]
     several += [dataclasses.replace(asked(rig, 3), ticks=2 * several[0].ticks), asked(rig, 4)]
     several += [asked(rig, 5 + k).first(100 + 9 * k) for k in range(LANES)]
-    for one, shown in zip(several, replays(spec, Told.of(several)), strict=True):
+    for one, shown in zip(several, replays(spec, Batch.of(several)), strict=True):
         assert np.array_equal(shown, replay(spec, one))
 
 

@@ -285,11 +285,11 @@ def test_what_is_left_out_is_said():
 
 def test_joints_without_a_drive_are_held():
     """Make one body of a link and what hangs on held joints, where these are held."""
-    bent = PENDULUM.replace("</body>", f"{FINGER}</body>")
-    welded = bent.replace('<joint name="z" axis="1 0 0"/>', "")
+    jointed = PENDULUM.replace("</body>", f"{FINGER}</body>")
+    welded = jointed.replace('<joint name="z" axis="1 0 0"/>', "")
     turned = welded.replace('name="c" pos="0 0 1"', 'name="c" pos="0 0 1" euler="90 0 0"')
     for hold, other in (({}, welded), ({"z": np.pi / 2}, turned)):
-        held = mechanism(bent, {"a": servo()}, held=hold)
+        held = mechanism(jointed, {"a": servo()}, held=hold)
         assert numbers(held) == pytest.approx(numbers(mechanism(other, {"a": servo()})))
 
 

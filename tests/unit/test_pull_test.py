@@ -42,7 +42,7 @@ def log(effects: str, backend: str = "mujoco") -> Log:
 
 
 @cache
-def told(effects: str, backend: str = "mujoco"):
+def findings(effects: str, backend: str = "mujoco"):
     report = identify_grasp_parameters(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
     return {one.effect: one for one in report.findings}
 
@@ -84,9 +84,9 @@ def test_newton_tells_mass_and_friction(mass_kg):
         pytest.param("contact-friction=40%", marks=pytest.mark.slow),
     ],
 )
-def test_friction_is_told_on_every_engine(backend, effects):
+def test_friction_is_named_on_every_engine(backend, effects):
     """Name friction, and nothing else, whatever engine the log is from."""
-    found = told(effects, backend)
+    found = findings(effects, backend)
     if effects == "none":
         assert not found
         return
@@ -97,16 +97,16 @@ def test_friction_is_told_on_every_engine(backend, effects):
     assert 1 + found["contact-friction"].value == pytest.approx(1 + true, rel=0.05)
 
 
-def test_a_slippery_stick_is_told():
+def test_a_slippery_stick_is_named():
     """Tell a friction so small that the nominal stick would not have slipped yet."""
-    found = told("contact-friction=-80%", "bullet")
+    found = findings("contact-friction=-80%", "bullet")
     assert found["contact-friction"].value < -0.6
 
 
 @pytest.mark.parametrize("backend", ENGINES)
-def test_a_heavy_stick_is_told_on_every_engine(backend):
+def test_a_heavy_stick_is_named_on_every_engine(backend):
     """Name a stick of thrice the mass, and nothing else."""
-    found = told("stick-mass=200%", backend)
+    found = findings("stick-mass=200%", backend)
     assert set(found) == {"stick-mass"}
     assert 1 + found["stick-mass"].value == pytest.approx(3.0, rel=0.4)
 
@@ -114,14 +114,14 @@ def test_a_heavy_stick_is_told_on_every_engine(backend):
 @pytest.mark.slow
 def test_a_thick_stick_is_not_rough():
     """Blame a radius, which squeezes more, for a later slip, and not the friction."""
-    assert set(told("stick-radius=15%", "bullet")) == {"stick-radius"}
+    assert set(findings("stick-radius=15%", "bullet")) == {"stick-radius"}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("soft_mm_n", [0.05, 0.12])
 def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
-    """Blame softness alone for a slip that begins slowly, and measure it beside a stick as told."""
-    found = told(f"contact-softness={soft_mm_n}mm/N")
+    """Blame softness alone for a slip that begins slowly, and measure it beside the stick."""
+    found = findings(f"contact-softness={soft_mm_n}mm/N")
     assert set(found) == {"contact-softness"}
     softness = found["contact-softness"]
     assert softness.value == pytest.approx(soft_mm_n / 1e3, rel=0.2)
@@ -156,16 +156,16 @@ def test_a_vague_mass_says_what_would_tell():
 @pytest.mark.parametrize("backend", ["bullet", pytest.param("sapien", marks=pytest.mark.slow)])
 def test_newton_tells_a_mass_where_contacts_are_soft(backend):
     """Name mass and softness together where sticks slip by Newton's law, which holds anywhere."""
-    found = told("stick-mass=180%,contact-softness=0.2mm/N", backend)
+    found = findings("stick-mass=180%,contact-softness=0.2mm/N", backend)
     assert set(found) == {"stick-mass", "contact-softness"}
     low, high = found["stick-mass"].interval
     assert low <= 1.8 <= high
 
 
 @pytest.mark.parametrize("backend", ENGINES)
-def test_friction_is_told_where_contacts_are_soft(backend):
+def test_friction_is_named_where_contacts_are_soft(backend):
     """Measure friction by the forces of a replay, which need not creep as the log does."""
-    found = told("contact-friction=16%,contact-softness=0.27mm/N", backend)
+    found = findings("contact-friction=16%,contact-softness=0.27mm/N", backend)
     assert set(found) == {"contact-friction", "contact-softness"}
     assert found["contact-friction"].value == pytest.approx(0.16, abs=0.06)
 
@@ -173,7 +173,7 @@ def test_friction_is_told_where_contacts_are_soft(backend):
 @pytest.mark.parametrize("backend", ["bullet", "sapien"])
 def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend):
     """Name a softness as small as what the nominal engine's own contacts yield, and a radius."""
-    found = told("contact-softness=0.042mm/N,stick-radius=-3.5%", backend)
+    found = findings("contact-softness=0.042mm/N,stick-radius=-3.5%", backend)
     assert set(found) == {"contact-softness", "stick-radius"}
     assert found["contact-softness"].value == pytest.approx(4.2e-5, rel=0.3)
 

@@ -139,11 +139,11 @@ def test_leaves_out_torques_of_the_wrong_sign():
 
 def test_tells_its_progress_from_the_start():
     """Begin at nothing, never go back, and name what is fitted."""
-    told = []
-    solve(log_of(Real(kp={0: 0.6})), progress=lambda text, done: told.append((text, done)))
-    done = [share for _, share in told]
+    said = []
+    solve(log_of(Real(kp={0: 0.6})), progress=lambda text, done: said.append((text, done)))
+    done = [share for _, share in said]
     assert done[0] == 0.0 and done == sorted(done) and done[-1] < 1.0
-    assert any("kp-scale on J0" in text for text, _ in told)
+    assert any("kp-scale on J0" in text for text, _ in said)
 
 
 def thinned(log, every, protocols):

@@ -12,9 +12,9 @@ from backends.shard import simulate
 from benchmark import registry
 from benchmark.effects import parse_effects
 from diagnosis.logs.log import Log, make_log
-from diagnosis.logs.signals import correlations, line
 from diagnosis.recording.record import Plan, record
 from diagnosis.triage._faults import Fault
+from diagnosis.triage._signals import correlations, line
 from diagnosis.triage._zeros import ZERO_RAD
 from diagnosis.triage.triage import KINDS, FaultError, faults
 from diagnosis.walk import diagnose
@@ -136,6 +136,7 @@ BUGS: dict[str, tuple[Change, str, tuple[str, ...], str]] = {
     "command turned": (times("command_rad.J3", -1), "sign", ("J3",), "times as far"),
     "motor turned": (times("motor_rad.J1", -1), "sign", ("J1",), "the column 'motor'"),
     "torque turned": (times("torque_nm.J7", -1), "sign", ("J7",), "the column 'torque'"),
+    "push in Nmm": (times("push_nm.J1", 1e3), "unit", ("J1",), "they are in Nmm"),
     "push turned": (times("push_nm.J1", -1), "sign", ("J1",), "against its pushes"),
     "position in degrees": (
         times("position_rad.J0", 180 / np.pi),
@@ -198,7 +199,7 @@ def test_bugs_are_named(ideal, name):
     ],
 )
 def test_bugs_are_named_beside_physics(built, name):
-    """Name the kind also where the mechanism has play and locks that nobody told of."""
+    """Name the kind also where the mechanism has play and locks that nobody stated."""
     change, kind, joints, _ = BUGS[name]
     findings = found(changed(built, change))
     assert {f.kind for f in findings} == {kind}

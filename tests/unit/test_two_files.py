@@ -58,7 +58,7 @@ def table(command: str, position: str, time: str = "t", **more) -> pd.DataFrame:
         ("/joint_commands/position[#]", "/joint_states/position[#]", "stamp"),
     ],
 )
-def test_columns_are_told_from_their_names(robot, tmp_path, command, position, time):
+def test_columns_are_known_from_their_names(robot, tmp_path, command, position, time):
     """Take commands, positions and times under the names that people give them."""
     frame = table(command, position, time, current_0=0.1)
     frame.to_csv(tmp_path / "run.csv", index=False)
@@ -83,7 +83,7 @@ def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
     assert "command_rad.elbow_flex is 'elbow_flex Soll [deg]' in deg" in made.said
 
 
-def test_degrees_without_a_word_are_told_from_the_ranges(robot, tmp_path):
+def test_degrees_without_a_word_are_known_from_the_ranges(robot, tmp_path):
     """Take degrees where only these fit the joints; ask where nothing fits."""
     frame = table("{}_cmd", "{}_pos")
     for size, name in ((180 / np.pi, "deg"), (1e3, "far")):
@@ -122,7 +122,7 @@ def test_gaps_begin_episodes_and_coarse_stamps_are_spread(robot, tmp_path):
         ("a#x", "b#", "no column names a joint of the model, which has shoulder_pan, elbow_flex"),
     ],
 )
-def test_what_cannot_be_told_is_asked_for(robot, tmp_path, command, position, said):
+def test_what_cannot_be_known_is_asked_for(robot, tmp_path, command, position, said):
     """Ask in one sentence, with the option that settles it."""
     frame = table(command, position)
     frame = frame.assign(elbow_flex_b=0.0) if "_a" in command else frame[["t", "a0x"]]

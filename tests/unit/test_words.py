@@ -111,3 +111,30 @@ def test_private_words_are_seen(tmp_path):
     )
     found = [match[0] for _, text in strings(file) for match in PATTERN.finditer(text)]
     assert found == ["foretells", "nats behind"]
+
+
+NAMES = re.compile(
+    r"(?i)(?:^|_)(?:fore)?(told|heard|bent|beliefs?|innocents?|littles|strangers?)(?:_|$)"
+)
+
+
+def names(path: Path) -> Iterator[tuple[int, str]]:
+    """Line and name of everything that code names."""
+    for node in ast.walk(ast.parse(path.read_text())):
+        for field in ("name", "id", "attr", "arg"):
+            name = getattr(node, field, None)
+            if isinstance(name, str):
+                yield getattr(node, "lineno", 0), name
+
+
+@pytest.mark.parametrize("part", [*ROOMS, "tests"])
+def test_no_private_words_in_names(part):
+    """Name code in the field's words too."""
+    files = sorted((ROOT / part).rglob("*.py"))
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {name}"
+        for path in files
+        for line, name in names(path)
+        if NAMES.search(name)
+    ]
+    assert not found, "\n".join(found)

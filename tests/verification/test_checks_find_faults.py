@@ -81,7 +81,7 @@ def test_fault_is_found(change: Change, measure: Measure, found: str) -> None:
     assert [name for name in failed if name.startswith(found)]
 
 
-def test_worn_out_drive_is_told_from_the_reference() -> None:
+def test_worn_out_drive_differs_from_the_reference() -> None:
     """Fail the comparison of free responses when a gain is 1 % off."""
     checks = tuple(parity.response(faulty(scaled("drive", "kp_nm_rad", 1.01)), Backend))
     assert not any(check.passed for check in checks[:2])
