@@ -194,6 +194,13 @@ COMMANDS: Mapping[str, list[str]] = {
     "speed": ["speed", "--backend", "mujoco", "--worlds", "4", "-j", "1", "--duration", "100ms"],
 }  # fmt: skip
 """Commands whose words are spoilt."""
+BOUNDS = {
+    "run": [["--smoke"]],
+    "eval": [["--episodes", "1"]],
+    "transfer": [["--episodes", "2"]],
+    "record": [["--protocol", "steps"], ["--variants", "1"], ["--repeats", "1"]],
+}
+"""What keeps them short is given again where it was spoilt."""
 
 
 def spoilt_file(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Callable[[], int]:
@@ -219,6 +226,8 @@ def spoilt_words(name: str, rng: Rng | None, folder: Path, shelf: Path) -> Calla
     words = list(COMMANDS[name.removeprefix("bench ")])
     for _ in range(0 if rng is None else int(rng.integers(1, 3))):
         words[int(rng.integers(1, len(words)))] = str(pick(rng, WORDS))
+    for bound in BOUNDS.get(words[0], []):
+        words += [] if bound[0] in words else bound
     return bench(*words)
 
 
