@@ -9,17 +9,24 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 
 
+EVERY = ("run mujoco sb3-ppo", "run mujoco rsl-ppo", "run --force sb3-ppo", "blind make presliding")
+"""Commands that are killed at each of their operations."""
+
+
 @pytest.mark.parametrize(
     "words",
     [
-        ["--inputs", "--quick", "--n", "60"],
+        ["--inputs", "--quick", "--n", "50"],
         ["--kills", "--quick", "--n", "5"],
-        ["--kills", "--every", "--only", "blind make presliding"],
         ["--kills", "--only", "run mujoco sb3-ppo", "--n", "2"],
-        ["--kills", "--only", "run mujoco rsl-ppo", "--n", "2"],
-        pytest.param(["--kills", "--every"], marks=pytest.mark.slow),
-        pytest.param(["--kills", "--n", "100"], marks=pytest.mark.slow),
-        pytest.param(["--inputs", "--n", "500"], marks=pytest.mark.slow),
+        ["--kills", "--only", "run mujoco rsl-ppo", "--n", "1"],
+        ["--kills", "--only", "blind make presliding", "--n", "2"],
+        *(
+            pytest.param(["--kills", "--every", "--only", name], marks=pytest.mark.slow)
+            for name in EVERY
+        ),
+        pytest.param(["--kills", "--n", "84"], marks=pytest.mark.slow),
+        pytest.param(["--inputs", "--n", "430"], marks=pytest.mark.slow),
     ],
     ids=" ".join,
 )
