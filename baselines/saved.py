@@ -40,7 +40,11 @@ class SavedPolicy:
 
     def __call__(self, observation: Array) -> Array:
         """Actions (N, J) in [-1, 1] from observations (N, width)."""
-        action = np.asarray(self._session.run(["action"], {"observation": observation})[0])
+        try:
+            action = np.asarray(self._session.run(["action"], {"observation": observation})[0])
+        except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
+            said = one_line(str(error))
+            raise PolicyError(f"{self._path} gives no actions: {said}") from error
         wanted = (len(observation), self._width)
         if action.shape != wanted or not np.isfinite(action).all():
             raise PolicyError(

@@ -77,10 +77,16 @@ def test_what_does_not_matter_takes_no_memory(part):
 
 
 def network(
-    nodes, inputs=18, outputs=6, given="observation", gives="action", kind=TensorProto.FLOAT
+    nodes,
+    inputs=18,
+    outputs=6,
+    given="observation",
+    gives="action",
+    kind=TensorProto.FLOAT,
+    batch="batch",
 ):
     """An ONNX model of these nodes."""
-    rows = [helper.make_tensor_value_info(given, kind, ["batch", inputs])]
+    rows = [helper.make_tensor_value_info(given, kind, [batch, inputs])]
     actions = [helper.make_tensor_value_info(gives, kind, ["batch", outputs])]
     weights = helper.make_tensor("w", kind, [inputs, outputs], np.zeros(inputs * outputs))
     first = helper.make_tensor("first", TensorProto.INT64, [1], [0])
@@ -102,6 +108,7 @@ MODELS = {
     "fewer actions": (network([linear()], outputs=5), "gives 5 numbers"),
     "randomness": (network([NOISE, linear("noise")]), "RandomUniformLike"),
     "a branch": (network([LOOP]), "operators If"),
+    "another batch": (network([linear()], batch=39), "gives no actions"),
     "one row for all": (
         network([linear(gives="a"), helper.make_node("Gather", ["a", "first"], ["action"])]),
         "shape",
