@@ -131,7 +131,7 @@ def run_cell(
     try:
         cell.log.parent.mkdir(parents=True, exist_ok=True)
         with cell.log.open("ab") as log:
-            if _lock(log):
+            if _locked(log, lambda: beat(cell)):
                 return _run_locked(cell, limit_s, cores, beat, log)
     except OSError as error:
         return Outcome(name=name, state="failed", reason=str(error))
@@ -150,6 +150,17 @@ def _run_locked(
     if outcome.state in ("timed out", "crashed"):
         _mark(cell, outcome.reason)
     return outcome
+
+
+def _locked(log: IO[bytes], stop: Callable[[], bool]) -> bool:
+    """Lock a cell's log, once the cell of a sweep that was killed has ended; False if it does not.
+
+    Such a cell may take GRACE_S.
+    """
+    deadline_s = time.monotonic() + GRACE_S
+    while not (locked := _lock(log)) and time.monotonic() < deadline_s and not stop():
+        time.sleep(POLL_S)
+    return locked
 
 
 def _lock(log: IO[bytes]) -> bool:

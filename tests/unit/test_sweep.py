@@ -280,14 +280,31 @@ def test_a_hanging_cell_is_killed(tmp_path, monkeypatch):
     assert run["status"] == "interrupted" and "time limit" in run["reason"]
 
 
-def test_a_cell_is_run_once_at_a_time(tmp_path):
+def test_a_cell_is_run_once_at_a_time(tmp_path, monkeypatch):
     """Leave a cell alone that another process is running."""
+    monkeypatch.setattr(_cell, "GRACE_S", 0.0)
     mine = cell(tmp_path)
     mine.log.parent.mkdir(parents=True)
     with mine.log.open("ab") as log:
         fcntl.flock(log, fcntl.LOCK_EX)
         outcome = run_cell(mine, limit_s=100)
     assert outcome.state == "busy" and not mine.path.exists()
+
+
+def test_a_cell_waits_for_one_that_is_ending(tmp_path):
+    """Run a cell whose sweep was killed as soon as that sweep's own cell has ended."""
+    mine, beats = cell(tmp_path), []
+    mine.log.parent.mkdir(parents=True)
+    with mine.log.open("ab") as log:
+        fcntl.flock(log, fcntl.LOCK_EX)
+
+        def beat(_):
+            beats.append(None)
+            if len(beats) == 3:
+                fcntl.flock(log, fcntl.LOCK_UN)
+            return len(beats) > 4
+
+        assert run_cell(mine, limit_s=100, beat=beat).state == "interrupted"
 
 
 def test_an_unwritable_folder_fails_the_cell_alone():
