@@ -10,7 +10,7 @@ from benchmark.errors import UsageError
 from diagnosis.logs.log import HandMechanism, Log, LogError
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.motion_picture import draw
-from diagnosis.triage.triage import FaultError, not_following, triage
+from diagnosis.triage.triage import FaultError, remarks, triage
 
 OUT, PICTURE = Path("checks"), "motion.png"
 
@@ -52,7 +52,7 @@ def _faults(log: Log) -> list[str]:
     try:
         world = mjcf_world(log)
         triage(log, world)
-        return list(not_following(log, world))
+        return list(remarks(log, world))
     except FaultError as error:
         return [str(fault) for fault in error.faults]
     except LogError as error:

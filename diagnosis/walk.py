@@ -20,7 +20,7 @@ from diagnosis.replay.nominal import mjcf_world
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
-from diagnosis.triage.triage import not_following, triage
+from diagnosis.triage.triage import remarks, triage
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
@@ -61,7 +61,7 @@ def diagnose(
     limbs, notes = solver.judged(
         log, healthy, nominal=world, catalogue=known, origin=origin, progress=tell
     )
-    notes = [*not_following(log, world), *notes]
+    notes = [*remarks(log, world), *notes]
     if log.fingers:
         tell("touch and stick", LAST_SHARE)
     result = combine([one.result for one in limbs], 0.0, notes)

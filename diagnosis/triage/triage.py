@@ -25,6 +25,7 @@ from diagnosis.triage import _clocks, _gravity, _scales, _zeros
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._pauses import pauses
 from diagnosis.triage._signals import CLEAR, UNCLEAR, line
+from diagnosis.triage._stamps import made_up
 from diagnosis.triage._tracks import Track, tracks
 
 KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
@@ -55,9 +56,11 @@ def triage(log: Log, nominal: Spec) -> None:
         raise FaultError(found)
 
 
-def not_following(log: Log, nominal: Spec) -> tuple[str, ...]:
-    """When joints did not follow their commands for a while, in words."""
-    return tuple(text for track in _tracks(log, nominal) for text in pauses(track))
+def remarks(log: Log, nominal: Spec) -> tuple[str, ...]:
+    """When joints did not follow for a while, and stamps that are too regular, in words."""
+    every = _tracks(log, nominal)
+    stamps = [said for track in every if (said := made_up(track))]
+    return (*(text for track in every for text in pauses(track)), *stamps)
 
 
 def _tracks(log: Log, nominal: Spec) -> list[Track]:

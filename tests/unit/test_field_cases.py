@@ -14,7 +14,7 @@ from diagnosis.logs.log import Log, LogError, LogMeta, make_log
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions, uncertainties
-from diagnosis.triage.triage import faults, not_following
+from diagnosis.triage.triage import faults, remarks
 
 INERTIAL = '<inertial mass="0.8" pos="0.15 0 0" fullinertia="8e-4 4e-3 4e-3 2e-4 0 1e-4"/>'
 JOINT = '<joint name="shoulder" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/>'
@@ -206,10 +206,13 @@ def moved(
     factor: float = 1.0,
     zero: float = 0.0,
     off_s: tuple[float, float] = (0.0, 0.0),
+    strokes: bool = False,
 ) -> Log:
     """The log of an arm in plain MuJoCo that steps; both sides scaled and shifted; off a while."""
     log, time_s = log_of(ARM), np.arange(1600) / 200
     command = np.repeat(STEPS, 200)[:, None]
+    if strokes:  # there and back, and a rest
+        command = 0.3 * np.sin(4 * np.minimum(time_s, np.pi * 1.5))[:, None]
     asked = Play(time_s=time_s, command=command, push=0 * command, start=np.array([0.0]))
     position = Plain(xml, ["shoulder"], {}, timestep_s=1e-3).positions(asked)[:, 0]
     position = position + 1e-4 * np.random.default_rng(0).normal(size=1600)
@@ -266,14 +269,29 @@ def test_gravity_accuses_no_arm_that_differs_a_little(xml):
     """Leave gains, masses and friction to the diagnosis."""
     log = moved(xml)
     assert not faults(log, mjcf_world(log))
-    assert not not_following(log, mjcf_world(log))
+    assert not remarks(log, mjcf_world(log))
 
 
 def test_a_drive_that_was_off_is_said_with_its_time():
     """Say from when to when a joint did not follow."""
     log = moved(off_s=(3.0, 4.5))
-    said = not_following(log, mjcf_world(log))
+    said = remarks(log, mjcf_world(log))
     assert said == ("shoulder did not follow from 3.0 to 4.5 s of episode 0",)
+
+
+@pytest.mark.parametrize("scatter_s", [0.0, 0.008])
+def test_stamps_that_are_too_regular_are_said(scatter_s):
+    """Say so where rows scatter in time and their stamps do not, and where neither does."""
+    fine = moved(strokes=True).samples
+    rng, count = np.random.default_rng(3), 230
+    real_s = np.sort(np.arange(count) / 30 + 0.02 + scatter_s * rng.normal(size=count))
+    frame = pd.DataFrame({"t_s": np.arange(count) / 30})
+    row = np.searchsorted(fine["t_s"], real_s, side="right") - 1
+    frame["command_rad.shoulder"] = fine["command_rad.shoulder"].to_numpy()[row]
+    frame["position_rad.shoulder"] = np.interp(real_s, fine["t_s"], fine["position_rad.shoulder"])
+    log = make_log(log_of(ARM).meta.model_copy(update={"channels": {}}), frame, ARM)
+    said = " ".join(remarks(log, mjcf_world(log)))
+    assert ("made from a row number" in said) == bool(scatter_s)
 
 
 def test_held_joints_stand_still_in_plain_mujoco():
