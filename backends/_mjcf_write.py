@@ -46,6 +46,9 @@ def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping))
         joint.set("frictionloss", repr(one.frictionloss))
+        if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
+            joint.attrib.pop("actuatorfrcrange", None)
+            joint.set("actuatorfrclimited", "false")
         _set_mass(body, model, model.joint(name).bodyid[0], one.mass_kg)
         _set_servo(root, model, name, one)
     ElementTree.indent(root)

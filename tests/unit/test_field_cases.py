@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from backends.mjcf import MjcfError, Plain, Play, file_drives, whole
+from backends.mjcf import JointNumbers, MjcfError, Plain, Play, file_drives, whole, written
 from benchmark.cli import app as cli
 from diagnosis.logs._meta import parse_meta
 from diagnosis.logs.log import Log, LogError, LogMeta, make_log
@@ -220,6 +220,28 @@ def moved(
     values = {"command_rad.shoulder": command[:, 0], "position_rad.shoulder": position}
     frame = pd.DataFrame({"t_s": time_s, **{name: factor * v + zero for name, v in values.items()}})
     return make_log(log.meta, frame, ARM)
+
+
+@pytest.mark.parametrize(
+    "xml",
+    [
+        ARM,
+        ARM.replace("<joint", '<joint actuatorfrcrange="-3 3"'),
+        ARM.replace("<joint", "<frame><joint").replace("/></body>", "/></frame></body>"),
+        ARM.replace(SERVO, '<motor name="m" joint="shoulder" gear="5"/>'),
+        ARM.replace(SERVO, SERVO.replace('kp="40"', 'gear="2" kp="40"') + SERVO),
+        URDF,
+    ],
+)
+def test_numbers_that_are_written_are_those_of_the_file(xml):
+    """Write drive, friction and mass of a joint; MuJoCo reads the same numbers back."""
+    numbers = {"kp": 30.0, "kd": 2.0, "limit": 9.0, "armature": 0.03, "damping": 0.2}
+    text = written(xml, {"shoulder": JointNumbers(**numbers, frictionloss=0.4, mass_kg=0.9)})
+    drive = file_drives(text)["shoulder"]
+    found = (drive.kp, drive.kd, drive.limit, drive.armature, drive.damping)
+    assert found == pytest.approx(tuple(numbers.values()))
+    world = mjcf_world(log_of(text))
+    assert world.hand.bodies[0].mass_kg == 0.9 and world.drives[0].coulomb_nm == 0.4
 
 
 def test_the_corrected_model_is_a_file_that_moves_as_the_robot_does(tmp_path, capfd):
