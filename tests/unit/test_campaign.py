@@ -13,14 +13,16 @@ EVERY = ("run mujoco sb3-ppo", "run mujoco rsl-ppo", "run --force sb3-ppo", "bli
 """Commands that are killed at each of their operations."""
 
 
+def only(*names):
+    """Words that choose kinds."""
+    return [word for name in names for word in ("--only", name)]
+
+
 @pytest.mark.parametrize(
     "words",
     [
-        ["--inputs", "--quick", "--n", "50"],
-        ["--kills", "--quick", "--n", "5"],
-        ["--kills", "--only", "run mujoco sb3-ppo", "--n", "2"],
-        ["--kills", "--only", "run mujoco rsl-ppo", "--n", "1"],
-        ["--kills", "--only", "blind make presliding", "--n", "2"],
+        ["--inputs", "--quick", "--n", "36"],
+        ["--kills", "--n", "4", *only("run mujoco sb3-ppo", "blind make presliding", "excite")],
         *(
             pytest.param(["--kills", "--every", "--only", name], marks=pytest.mark.slow)
             for name in EVERY
