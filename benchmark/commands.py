@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmark import run_folder
-from benchmark.errors import CommandError
+from benchmark.errors import CommandError, UsageError
 from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.provenance import provenance, usable_cores
 from benchmark.quantities import within
@@ -40,12 +40,20 @@ def run(
     workers: int | None,
     resume: bool,
     force: bool,
+    logger: str | None = None,
 ) -> dict:
     """Run or continue `spec`, from the policy of the run `start` if given; returns the row."""
+    from benchmark import tensorboard
     from benchmark.run import row, run
 
     path = out or RUNS / spec.name
-    return row(run(spec, path, workers or usable_cores(), resume, force, start), path)
+    events = tensorboard.logger(logger, path)
+    try:
+        watch = events.add if events else None
+        return row(run(spec, path, workers or usable_cores(), resume, force, start, watch), path)
+    finally:
+        if events:
+            events.close()
 
 
 def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
@@ -171,3 +179,40 @@ def leaderboard(
         "written": files,
         "problems": problems,
     }
+
+
+def view(
+    folders: list[Path],
+    given: Mapping[str, Any],
+    out: Path | None,
+    kind: str | None,
+    episodes: int | None,
+    time: str | None,
+    workers: int | None,
+) -> dict:
+    """Draw runs to a file; returns what was drawn."""
+    from benchmark import quantities
+    from benchmark.view import view
+
+    if out is None:
+        raise UsageError("where to? give --out FILE, or --live for the browser")
+    moment = None if time is None else quantities.quantity(time, "--time", "s")
+    return view(folders, out, kind, read_settings(given), episodes, moment, workers)
+
+
+def view_live(
+    folders: list[Path],
+    given: Mapping[str, Any],
+    out: Path | None,
+    port: int,
+    workers: int | None,
+) -> dict:
+    """Show one run in the browser; returns where it was shown."""
+    from benchmark.view import view_live
+
+    if len(folders) > 1 or out is not None:
+        raise UsageError("--live shows one run and writes no file; leave --out out")
+    (folder,) = folders
+    trained = run_folder.run_spec(run_folder.finished_run(folder))
+    changed = dataclasses.replace(trained, **read_settings(given))
+    return view_live(changed, trained, folder, port, workers)

@@ -26,6 +26,8 @@ from tasks.batch import BatchEnv, SimulationDivergedError, Step
 
 FREE_BYTES = 50_000_000
 """A run is refused if the disk of its folder has less free space than this."""
+Watch = Callable[[Progress, int], None]
+"""Is called after every iteration with its result and the steps so far."""
 
 
 def run(
@@ -35,10 +37,12 @@ def run(
     resume: bool = False,
     force: bool = False,
     start: Path | None = None,
+    watch: Watch | None = None,
 ) -> dict:
     """Run or continue `spec` in the folder `path`; returns its run.json.
 
-    `start` is the folder of the policy that training starts from, if the spec has one.
+    `start` is the folder of the policy that training starts from, if the spec has one. `watch` is
+    called after every iteration with the steps so far.
 
     A run that diverges or cannot be done here is recorded as such before the error is raised.
     """
@@ -50,10 +54,10 @@ def run(
         _refuse_full_disk(path)
         if start is not None and not (path / START_FILE).exists():
             _copy_start(start, path)
-        return _recorded(spec, folder, workers)
+        return _recorded(spec, folder, workers, watch)
 
 
-def _recorded(spec: RunSpec, folder: RunFolder, workers: int) -> dict:
+def _recorded(spec: RunSpec, folder: RunFolder, workers: int, watch: Watch | None) -> dict:
     """Run, and write into the folder what stops it; raises CommandError."""
     try:
         registry.load("backend", spec.backend)
@@ -62,7 +66,7 @@ def _recorded(spec: RunSpec, folder: RunFolder, workers: int) -> dict:
         folder.write_run("skipped", str(error))
         raise
     try:
-        return _train_and_evaluate(spec, folder, baseline, workers)
+        return _train_and_evaluate(spec, folder, baseline, workers, watch)
     except PolicyError as error:
         folder.write_run("skipped", str(error))
         raise UsageError(str(error)) from error
@@ -76,7 +80,13 @@ def _recorded(spec: RunSpec, folder: RunFolder, workers: int) -> dict:
         raise CommandError(f"{reason}; --resume continues the run") from error
 
 
-def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers: int) -> dict:
+def _train_and_evaluate(
+    spec: RunSpec,
+    folder: RunFolder,
+    baseline: Any,
+    workers: int,
+    watch: Watch | None,
+) -> dict:
     steps, wall_s = 0, 0.0
     if baseline.trains:
         with Bar(f"train {spec.backend} {spec.task}", spec.steps) as bar:
@@ -84,6 +94,8 @@ def _train_and_evaluate(spec: RunSpec, folder: RunFolder, baseline: Any, workers
             def report(progress: Progress, done: int) -> None:
                 note = f"reward {progress.reward:.2f} error {progress.p_err_cm:.2f}cm"
                 bar.update(done, f"{note} {progress.q_err_deg:.1f}deg")
+                if watch is not None:
+                    watch(progress, done)
 
             training = Training(spec, folder, workers, report)
             training.finish()

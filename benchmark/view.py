@@ -18,7 +18,7 @@ from benchmark._curve import draw_curves, read_curves
 from benchmark._pictures import Caption
 from benchmark._render import Scene, render
 from benchmark._replay import Recording, replay
-from benchmark.console import Bar
+from benchmark.console import Bar, say
 from benchmark.errors import UsageError, unknown
 from benchmark.evaluate import EPISODES
 from benchmark.provenance import usable_cores
@@ -85,6 +85,17 @@ def view(
         _pictures.write_figure(_PLOTS[kind](recording, title), caption, out)
     drawn = {"status": "done", "written": str(out), "kind": kind}
     return {**drawn, **shown, **recording.scores, "run": str(folder)}
+
+
+def view_live(run: RunSpec, trained: RunSpec, folder: Path, port: int, workers: int | None) -> dict:
+    """Show episode 0 of a run in the browser until Ctrl-C; returns where it was shown."""
+    from benchmark.live import Live
+
+    recording = replay(run, folder, 1, workers or usable_cores())
+    live = Live(recording, _title(run, trained, recording), port)
+    say(f"open {live.url} in a browser; Ctrl-C ends it")
+    live.play()
+    return {"status": "done", "kind": "live", "url": live.url, "run": str(folder)}
 
 
 def _view_curves(folders: Sequence[Path], out: Path) -> dict:

@@ -14,7 +14,6 @@ from benchmark.cli.options import (
     Force,
     Made,
     Out,
-    OutFile,
     Resume,
     Run,
     Workers,
@@ -29,7 +28,13 @@ SHOWN += ["steps", "wall_s", "env_steps_per_s"]
 @command(
     tuple(SETTINGS),
     required=("backend", "task"),
-    defaults={"out": "runs/NAME", "calibration": "none", "config": "none", "start": "none"},
+    defaults={
+        "out": "runs/NAME",
+        "calibration": "none",
+        "config": "none",
+        "start": "none",
+        "logger": "none",
+    },
     kept="what was written is kept; --resume continues",
 )
 def run(
@@ -62,6 +67,10 @@ def run(
     resume: Resume = False,
     force: Force = False,
     dry_run: DryRun = False,
+    logger: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Log the training in RUN/tensorboard, too: tensorboard."),
+    ] = None,
     workers: Workers = None,
 ) -> Any:
     """Train a policy, evaluate 100 fixed episodes, write the run folder, print the row.
@@ -74,8 +83,10 @@ def run(
     if dry_run:
         plan = commands.plan(asked, out, workers)
         return plan, _planned(asked, plan)
-    row = commands.run(asked, start, out, workers, resume, force)
-    return row, Group(row_table(row, SHOWN), f"folder: {row['dir']}")
+    row = commands.run(asked, start, out, workers, resume, force, logger)
+    said = [f"folder: {row['dir']}"]
+    said += [f"see the training: tensorboard --logdir {row['dir']}"] if logger else []
+    return row, Group(row_table(row, SHOWN), *said)
 
 
 def _planned(asked: RunSpec, plan: dict[str, Any]) -> Table:
@@ -116,8 +127,16 @@ def view(
     run_folders: Annotated[
         list[Path], typer.Argument(metavar="RUN", help="Folder of a run; curve takes several.")
     ],
-    out: OutFile,
     settings: dict[str, Any],
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="File to write.")
+    ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Show the run in the browser instead, until Ctrl-C.")
+    ] = False,
+    port: Annotated[
+        int, typer.Option(metavar="N", help="Where --live serves.", min=0, max=65535)
+    ] = 8080,
     kind: Annotated[
         str | None,
         typer.Option(
@@ -139,10 +158,8 @@ def view(
 
     Example: [bold]bench view runs/NAME --out video.mp4[/bold]
     """
-    from benchmark import quantities
-    from benchmark.run_spec import read_settings
-    from benchmark.view import view
+    from benchmark import commands
 
-    moment = None if time is None else quantities.quantity(time, "--time", "s")
-    changes = read_settings(settings)
-    return view(run_folders, out, kind, changes, episodes, moment, workers)
+    if live:
+        return commands.view_live(run_folders, settings, out, port, workers)
+    return commands.view(run_folders, settings, out, kind, episodes, time, workers)

@@ -383,3 +383,18 @@ def test_a_kept_policy_acts_as_it_did_and_says_what_it_is(finished, tmp_path, ca
     assert str(tmp_path) not in card + (kept / "run.json").read_text()
     assert cli.call(["eval", str(kept), "--json", "--workers", "1"]) == 0
     assert json.loads(capfd.readouterr().out)["episodes"] == 100
+
+
+def test_training_is_logged_for_tensorboard(tmp_path, capfd):
+    """Write the curve of progress.csv as events, and say how to open them."""
+    from tensorboard.backend.event_processing.event_accumulator import EventAccumulator
+
+    words = ["run", "--backend", "mujoco", "--task", "line", "--smoke", "--logger", "tensorboard"]
+    assert cli.call([*words, "--steps", "600", "--out", str(tmp_path / "a")]) == 0
+    assert f"tensorboard --logdir {tmp_path / 'a'}" in capfd.readouterr().out.replace("\n", "")
+    events = EventAccumulator(str(tmp_path / "a" / "tensorboard")).Reload()
+    curve = pd.read_csv(tmp_path / "a" / "progress.csv")
+    logged = events.Scalars("train/reward")
+    assert [one.step for one in logged] == curve["steps"].tolist()
+    assert [one.value for one in logged] == pytest.approx(curve["reward"].tolist(), rel=1e-5)
+    assert cli.call([*words[:-1], "wandb"]) == 2
