@@ -30,8 +30,11 @@ class Part:
 
     @property
     def text(self) -> str:
-        """The source; empty where there is none."""
-        found = importlib.util.find_spec(self.module)
+        """The source; empty where there is none, or where its package cannot be imported."""
+        try:
+            found = importlib.util.find_spec(self.module)
+        except Exception:  # noqa: BLE001 - a package of others may raise anything
+            return ""
         origin = found.origin if found else None
         return Path(origin).read_text() if origin and origin.endswith(".py") else ""
 
