@@ -32,6 +32,11 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         subject = "The motion" if result.sensors else "This log"
         left = _floors(result.gap_after)
         yield f"{subject} shows no fault: the nominal world, refitted, leaves {left}; {limit}."
+        if result.gap_before > result.ordinary:
+            yield (
+                f"As they stand, the nominal numbers leave {_floors(result.gap_before)}: no fault "
+                "is needed only if they are as uncertain as the log says (nominal_uncertainty)."
+            )
         if result.gap_after > BORDER * result.ordinary:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):

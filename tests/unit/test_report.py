@@ -112,6 +112,14 @@ def test_a_sensor_at_fault_is_no_contradiction(found):
     assert sentences(noisy).sentences[0].startswith("The motion shows no fault")
 
 
+@pytest.mark.parametrize(("gap", "said"), [(30.0, True), (1.0, False)])
+def test_a_gap_that_nominal_numbers_close_is_said(found, gap, said):
+    """Say that no fault is needed only because the nominal numbers may be off."""
+    none = {"verdict": (NONE,), "causes": (), "gap_after": 0.5, "gap_before": gap}
+    limb = dataclasses.replace(found.limbs[0], ordinary=3.5, **none)
+    assert ("nominal_uncertainty" in " ".join(sentences(limb).sentences)) == said
+
+
 def test_a_world_that_diverges_is_not_drawn():
     """Leave out a line with numbers that no JSON can hold."""
     lines = {"nominal": (1.0, 2.0), "with the causes": (1.0, float("nan"))}
