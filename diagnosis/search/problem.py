@@ -10,7 +10,7 @@ from backends.state import Array
 from diagnosis.models.parameters import Parameter, bounds
 from diagnosis.motion.columns import PLAY
 
-REACH = 3.0
+REACH = 2.5
 """A tolerance ends at so many standard deviations: no healthy robot is further off."""
 SOFT = 5.0
 """A gear with play may twist so many times more than others."""

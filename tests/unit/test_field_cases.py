@@ -9,6 +9,7 @@ import pytest
 
 from backends.mjcf import JointNumbers, MjcfError, Plain, Play, file_drives, whole, written
 from benchmark.cli import app as cli
+from diagnosis import diagnose
 from diagnosis.logs._meta import parse_meta
 from diagnosis.logs.log import Log, LogError, LogMeta, make_log
 from diagnosis.replay.nominal import mjcf_world
@@ -332,3 +333,9 @@ def test_held_joints_stand_still_in_plain_mujoco():
         time_s=np.arange(3.0), command=np.zeros((3, 1)), push=np.zeros((3, 1)), start=np.zeros(1)
     )
     assert model.positions(still)[-1, 0] == pytest.approx((0.8 * 0.15 + 0.1 * 0.3) * 9.81 / 40, 0.2)
+
+
+def test_a_weak_drive_is_no_matter_of_nominal_numbers():
+    """Name a gain that is five of its standard deviations low, which all others could hide."""
+    found = diagnose(moved(ARM.replace('kp="40"', 'kp="30"')))
+    assert found.verdict == ("kp-scale",) and found.magnitudes[0].value == pytest.approx(-25, abs=5)
