@@ -4,6 +4,9 @@ Numba caches compiled code per function and checks only whether that function's 
 changed. Code that it calls is compiled into it and may come from another file. Without this module,
 the old code would still run after an update of that other file. A file's code is deleted when the
 file, or one that it imports directly or not, has changed.
+
+Compiled functions copy arrays in loops: to assign an array to a slice compiles numba's message
+about shapes as well, which takes longer than most functions here.
 """
 
 import ast

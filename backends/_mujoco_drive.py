@@ -51,7 +51,9 @@ def control(model, data):
     ticks = array_at(head[6], worlds)
     if ticks[n] > 0.0:
         ticks[n] -= 1.0
-        applied[stick : stick + 3] = array_at(head[7], (worlds, 3))[n]
+        carry_n = array_at(head[7], (worlds, 3))
+        for i in range(3):
+            applied[stick + i] = carry_n[n, i]
     _set(model, data, applied.ctypes.data, APPLIED)
 
 

@@ -98,13 +98,17 @@ class TipChains:
 
 @numba.njit(cache=True)
 def _walk(joint, parent, column, offset, axis, tip_body, center, axes, origin, rotation):
-    at, turn = np.empty((len(parent) + 1, 3)), np.empty((len(parent) + 1, 3, 3))
-    at[-1], turn[-1], hinge = 0.0, np.eye(3), np.empty((3, 3))
+    at, turn = np.zeros((len(parent) + 1, 3)), np.zeros((len(parent) + 1, 3, 3))
+    hinge = np.eye(3)
+    for i in range(3):
+        turn[-1, i, i] = 1.0
     for n in range(joint.shape[0]):
         for b in range(len(parent)):
             _place(at[parent[b]], turn[parent[b]], offset[b], at[b])
             if column[b] < 0:
-                turn[b] = turn[parent[b]]
+                for i in range(3):
+                    for j in range(3):
+                        turn[b, i, j] = turn[parent[b], i, j]
             else:
                 _hinge(axis[b], joint[n, column[b]], hinge)
                 _multiply(turn[parent[b]], hinge, turn[b])

@@ -4,13 +4,14 @@ The OpenGL platform is chosen once per process, so each one is tried in its own 
 EGL, then OSMesa.
 """
 
+import contextlib
 import os
 import pickle
 import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import IO
 
@@ -73,6 +74,17 @@ class Painter:
             return self._first(moment)
         return self._child.paint(moment)
 
+    def paint_all(self, moments: Iterable[Moment]) -> Iterator[Array]:
+        """The picture of each moment; while one is looked at, the next is drawn."""
+        first, *others = moments
+        picture = self.paint(first)
+        for moment in others:
+            assert self._child is not None
+            self._child.ask(moment)
+            yield picture
+            picture = self._child.picture()
+        yield picture
+
     def close(self) -> None:
         """End the child process; a second call is harmless."""
         if self._child is not None:
@@ -115,8 +127,36 @@ class _Child:
 
     def paint(self, moment: Moment) -> Array:
         """The picture; raises _DrawingError, after which the process has ended."""
+        self.ask(moment)
+        return self.picture()
+
+    def ask(self, moment: Moment) -> None:
+        """Let the process draw; `picture` must follow. Raises as `paint` does."""
+        with self._guarded():
+            assert self._process.stdin is not None
+            for one in (*self._todo, moment):
+                pickle.dump(one, self._process.stdin)
+            self._todo.clear()
+            self._process.stdin.flush()
+
+    def picture(self) -> Array:
+        """The picture that was asked for; raises as `paint` does."""
+        (width, height), out = self._size, self._process.stdout
+        with self._guarded():
+            assert out is not None
+            watchdog = threading.Timer(LIMIT_S, self._process.kill)
+            watchdog.start()
+            pixels = out.read(width * height * 3)
+            watchdog.cancel()
+            if len(pixels) < width * height * 3:
+                raise EOFError
+        return np.frombuffer(pixels, np.uint8).reshape(height, width, 3)
+
+    @contextlib.contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """End the process with what goes wrong; what it said last is the reason."""
         try:
-            return self._ask(moment)
+            yield
         except (EOFError, BrokenPipeError) as error:
             self._errors.seek(0)
             lines = self._errors.read().decode(errors="replace").strip().splitlines()
@@ -131,21 +171,6 @@ class _Child:
         self._process.kill()
         self._process.communicate()
         self._errors.close()
-
-    def _ask(self, moment: Moment) -> Array:
-        process, (width, height) = self._process, self._size
-        assert process.stdin is not None and process.stdout is not None
-        for one in (*self._todo, moment):
-            pickle.dump(one, process.stdin)
-        self._todo.clear()
-        process.stdin.flush()
-        watchdog = threading.Timer(LIMIT_S, process.kill)
-        watchdog.start()
-        pixels = process.stdout.read(width * height * 3)
-        watchdog.cancel()
-        if len(pixels) < width * height * 3:
-            raise EOFError
-        return np.frombuffer(pixels, np.uint8).reshape(height, width, 3)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,7 +210,6 @@ def render(scene: Scene) -> Iterator[Array]:
     """Each frame, shape (height, width, 3), uint8; raises as `Painter` does."""
     painter = Painter(Stage(spec=scene.spec, size=scene.size))
     try:
-        for step in scene.frames:
-            yield painter.paint(scene.moment(step))
+        yield from painter.paint_all(map(scene.moment, scene.frames))
     finally:
         painter.close()

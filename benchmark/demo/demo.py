@@ -20,7 +20,7 @@ from benchmark.errors import CommandError, UsageError
 
 DATA = Path(__file__).parent / "data"
 """The shipped policy and log."""
-EPISODES = 20
+EPISODES = 10
 
 
 def demo(out: Path, force: bool) -> tuple[dict, RenderableType]:

@@ -95,10 +95,12 @@ def _sweep(q, v, bodies, work, step, mass, bias, dq, dv):
     for i in range(points):
         dynamics(q[i], v[i], bodies, work, mass[i], bias[i])
         for k in range(joints if step > 0.0 else 0):
-            angle[:], speed[:] = q[i], v[i]
-            angle[k] += step
+            for j in range(joints):
+                angle[j] = q[i, j] + (step if j == k else 0.0)
+                speed[j] = v[i, j] + (step if j == k else 0.0)
             dynamics(angle, v[i], bodies, work, spare, moved)
-            dq[i, :, k] = (moved - bias[i]) / step
-            speed[k] += step
+            for j in range(joints):
+                dq[i, j, k] = (moved[j] - bias[i, j]) / step
             dynamics(q[i], speed, bodies, work, spare, moved)
-            dv[i, :, k] = (moved - bias[i]) / step
+            for j in range(joints):
+                dv[i, j, k] = (moved[j] - bias[i, j]) / step

@@ -102,9 +102,12 @@ def decode(command, begins, lossy, first, price, block, template, unit, residual
                     lost[k] = not lost[k]
                     worth[k] = -gain
                     turned += 1
-                    left[block[k] : block[k] + length] -= spare[:length]
+                    for b in range(length):
+                        for c in range(left.shape[1]):
+                            left[block[k] + b, c] -= spare[b, c]
                     for i in range(count):
-                        held[k + i] += change[i]
+                        for j in range(joints):
+                            held[k + i, j] += change[i, j]
         if turned == 0:
             break
     return lost, worth, left

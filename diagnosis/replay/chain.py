@@ -155,7 +155,8 @@ origin, centre of mass, inertial force and moment about the centre, and two scra
 def workspace(bodies, joints):
     """Arrays for the intermediate results of `dynamics`; the last body is the world."""
     turn = np.zeros((bodies + 1, 3, 3))
-    turn[bodies] = np.eye(3)
+    for i in range(3):
+        turn[bodies, i, i] = 1.0
     return turn, np.zeros((bodies + 1, 10, 3)), np.zeros((joints, 3, 3))
 
 
@@ -209,7 +210,9 @@ def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
             body[_OMEGA, i] += body[_AXIS, i] * qd[j]
             body[_ALPHA, i] += body[_TEMP, i] * qd[j]
         return
-    turn[:] = turn_above
+    for i in range(3):
+        for k in range(3):
+            turn[i, k] = turn_above[i, k]
     if kind == 1:
         _cross(above[_OMEGA], body[_AXIS], body[_TEMP])
         for i in range(3):
@@ -240,13 +243,13 @@ def _resist(body, turn, mass_kg, com, inertia, gravity):
 @numba.njit(cache=True)
 def _column(body, carrier, turn, kind, column):
     """Effect of a joint on a body: velocity of its centre, and rotation in both frames."""
-    if kind == 1:
-        column[0], column[1] = carrier[_AXIS], 0.0
-    else:
-        for i in range(3):
-            body[_ARM, i] = body[_CENTER, i] - carrier[_AT, i]
+    hinge = kind != 1
+    for i in range(3):
+        body[_ARM, i] = body[_CENTER, i] - carrier[_AT, i]
+        column[0, i] = carrier[_AXIS, i]
+        column[1, i] = carrier[_AXIS, i] if hinge else 0.0
+    if hinge:
         _cross(carrier[_AXIS], body[_ARM], column[0])
-        column[1] = carrier[_AXIS]
     _turn_back(turn, column[1], column[2])
 
 
