@@ -26,7 +26,7 @@ from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
 
-FIRST = "checking the log; the first diagnosis after installing compiles for some 20 s"
+FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
 LAST_SHARE = 0.95
 """Of the work is done when all joints are judged."""
 REFITTED, CAUSES = "nominal numbers refitted", "with the causes"

@@ -42,7 +42,7 @@ class Diagnosing:
 
     def _note(self) -> str:
         passed_s = time.monotonic() - self._began_s
-        return f"running for {passed_s:.0f} s; the first one compiles for some 20 s"
+        return f"running for {passed_s:.0f} s; the first one compiles for some 15 s"
 
 
 @contextlib.contextmanager
