@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmark import run_folder
 from benchmark.errors import CommandError, UsageError
-from benchmark.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.provenance import provenance, usable_cores
-from benchmark.quantities import within
-from benchmark.run_request import read_pairs, requested
-from benchmark.run_spec import RunSpec, read_settings
-from benchmark.worlds import make_env
+from benchmark.runs import run_folder
+from benchmark.runs.evaluate import EPISODES, SMOKE_EPISODES
+from benchmark.runs.worlds import make_env
+from benchmark.settings.quantities import within
+from benchmark.settings.request import read_pairs, requested
+from benchmark.settings.run_spec import RunSpec, read_settings
 
 RUNS, LEADERBOARD, POLICIES = Path("runs"), Path("leaderboard"), "policies"
 EPISODES_RANGE = (1, EPISODES)
@@ -43,8 +43,8 @@ def run(
     logger: str | None = None,
 ) -> dict:
     """Run or continue `spec`, from the policy of the run `start` if given; returns the row."""
-    from benchmark import tensorboard
-    from benchmark.run import row, run
+    from benchmark.runs import tensorboard
+    from benchmark.runs.run import row, run
 
     path = out or RUNS / spec.name
     events = tensorboard.logger(logger, path)
@@ -97,7 +97,7 @@ def evaluate(
     workers: int | None,
 ) -> dict:
     """Evaluate a finished run's policy under changed settings; returns the row."""
-    from benchmark import run
+    from benchmark.runs import run
 
     if episodes is not None:
         within("--episodes", episodes, *EPISODES_RANGE)
@@ -147,7 +147,7 @@ def leaderboard(
 
     `add` copies the rows of the sources there, `policies` their policies.
     """
-    from benchmark.keep import keep_policies, keep_rows
+    from benchmark.results.keep import keep_policies, keep_rows
     from leaderboard.files import write
     from leaderboard.rows import read_rows
     from leaderboard.tables import board
@@ -191,8 +191,8 @@ def view(
     workers: int | None,
 ) -> dict:
     """Draw runs to a file; returns what was drawn."""
-    from benchmark import quantities
-    from benchmark.view import view
+    from benchmark.pictures.view import view
+    from benchmark.settings import quantities
 
     if out is None:
         raise UsageError("where to? give --out FILE, or --live for the browser")
@@ -208,7 +208,7 @@ def view_live(
     workers: int | None,
 ) -> dict:
     """Show one run in the browser; returns where it was shown."""
-    from benchmark.view import view_live
+    from benchmark.pictures.view import view_live
 
     if len(folders) > 1 or out is not None:
         raise UsageError("--live shows one run and writes no file; leave --out out")

@@ -26,7 +26,7 @@ from benchmark.cli.log import excite, import_logs, record
 from benchmark.cli.own import new, test
 from benchmark.cli.run import evaluate, run, view
 from benchmark.provenance import version
-from benchmark.variables import in_effect, name_variables
+from benchmark.settings.variables import in_effect, name_variables
 from files.bounded import FileError
 
 INTERRUPTED = errors.Interrupted.exit_code

@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from benchmark import quantities
 from benchmark.cli.command import command
 from benchmark.cli.options import (
     Cases,
@@ -20,6 +19,7 @@ from benchmark.cli.options import (
     Workers,
 )
 from benchmark.errors import UsageError
+from benchmark.settings import quantities
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
 Answers = Annotated[
@@ -73,7 +73,7 @@ def make(
 
     Example: [bold]bench blind make --out blind/a --answers sealed/a.json --cases 100[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     wanted = blind.settings(
         cases,
@@ -102,7 +102,7 @@ def run(
 
     Example: [bold]bench blind run blind/a -j 2[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     return blind.run(folder, workers, anyway)
 
@@ -114,7 +114,7 @@ def commit(folder: Folder) -> Any:
 
     Example: [bold]bench blind commit blind/a[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     return blind.commit(folder)
 
@@ -142,7 +142,7 @@ def detectable(
 
     Example: [bold]bench blind detectable --out detectable --hidden-effects backlash[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     wanted = blind.settings(1, real, rig, "single", hidden_effects, protocol, 1)
     return blind.detectable(wanted, draws, seed, out, workers)
@@ -169,7 +169,7 @@ def score(
 
     Example: [bold]bench blind score blind/a --answers sealed/a.json --out blind/a-score[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     return blind.score(_pairs(folders, answers), out, workers, replay)
 
@@ -201,7 +201,7 @@ def judge(
 
     Example: [bold]bench blind judge makes-1 --out judged -j 2[/bold]
     """
-    from benchmark import blind_sets
+    from benchmark.gap import blind_sets
 
     return blind_sets.judge(sets or [], out, [s.strip() for s in stages.split(",")], workers)
 
@@ -217,6 +217,6 @@ def calibrate(
 
     Example: [bold]bench blind calibrate blind/a --answers sealed/a.json --out curve.json[/bold]
     """
-    from benchmark import blind
+    from benchmark.gap import blind
 
     return blind.calibrate(_pairs(folders, answers), out)

@@ -5,10 +5,11 @@ from typing import Annotated, Any
 
 import typer
 
-from benchmark import quantities, registry
 from benchmark.cli.command import command
 from benchmark.cli.options import Backends, Made, Out, Seed, Workers
 from benchmark.errors import UsageError
+from benchmark.parts import registry
+from benchmark.settings import quantities
 
 
 @command(defaults={"backend": "all", "workers": "1, and 2 where there are", "out": "none"})
@@ -36,7 +37,7 @@ def measure_speed(
 
     Example: [bold]bench speed --backend mujoco --worlds 64,256 --workers 1,2[/bold]
     """
-    from benchmark import speed as speeds
+    from benchmark.speed import speed as speeds
 
     duration_s = quantities.quantity(duration, "--duration", "s")
     return speeds.speed(speeds.plan(backend, worlds, workers, duration_s, seed), out)
@@ -64,7 +65,7 @@ def verify(
 
     Example: [bold]bench verify leaderboard/policies --sample 5[/bold]
     """
-    from benchmark.verify import verify
+    from benchmark.results.verify import verify
 
     return verify(runs or [], sample, out, workers)
 
@@ -85,7 +86,7 @@ def list_parts(
 
     Example: [bold]bench list effect[/bold]
     """
-    from benchmark import listing
+    from benchmark.parts import listing
 
     if support and kind:
         raise UsageError(f"--support lists engines; leave '{kind}' or --support out")

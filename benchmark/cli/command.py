@@ -15,8 +15,8 @@ from typer.models import OptionInfo
 from benchmark import console
 from benchmark.cli.options import Json, Quiet, Verbose, completes
 from benchmark.errors import Interrupted, UsageError, was_interrupt
-from benchmark.run_spec import SETTINGS
-from benchmark.settings import Name, Number, Setting, Switch
+from benchmark.settings.kinds import Name, Number, Setting, Switch
+from benchmark.settings.run_spec import SETTINGS
 
 OF_RUN = "the run's"
 """Default of a setting that a policy's own run has."""

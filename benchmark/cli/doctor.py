@@ -42,7 +42,7 @@ def installation() -> Any:
 
     Example: [bold]bench doctor[/bold]
     """
-    from benchmark.doctor import examine
+    from benchmark.parts.doctor import examine
 
     return examine()
 
@@ -62,6 +62,6 @@ def physics(
 
     Example: [bold]bench doctor physics --backend bullet[/bold]
     """
-    from benchmark.doctor import examine_physics
+    from benchmark.parts.doctor import examine_physics
 
     return examine_physics(backend, out)

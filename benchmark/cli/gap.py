@@ -95,7 +95,7 @@ def calibrate(
 
     Example: [bold]bench calibrate logs/one --out calibrations/one[/bold]
     """
-    from benchmark import calibrate as calibrations
+    from benchmark.gap import calibrate as calibrations
 
     settings = calibrations.Settings(
         path=log,
@@ -160,7 +160,7 @@ def diagnose(
 
     A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
     """
-    from benchmark import diagnose as diagnoses
+    from benchmark.gap import diagnose as diagnoses
 
     settings = diagnoses.Settings(
         source=_source(
@@ -199,7 +199,7 @@ def check(
 
     Example: [bold]bench check --robot arm.xml --log run.csv[/bold]
     """
-    from benchmark import check as checks
+    from benchmark.gap import check as checks
 
     source = _source(log, robot, table, unit, column, drive, hold, fix_base, gravity_compensation)
     return checks.run(source, out, force)
@@ -217,7 +217,7 @@ def _source(
     gravity_compensation: bool,
 ) -> Any:
     """Where the log comes from."""
-    from benchmark.robot_log import Source
+    from benchmark.gap.robot_log import Source
 
     return Source(
         folder=log,

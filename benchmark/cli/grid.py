@@ -41,7 +41,7 @@ def sweep(
 
     Example: [bold]bench sweep sweeps/smoke.yaml -j 2[/bold]
     """
-    from benchmark import sweep as sweeps
+    from benchmark.sweep import sweep as sweeps
 
     if dry_run:
         return sweeps.preview(file, out, workers)
@@ -80,8 +80,8 @@ def transfer(
 
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
-    from benchmark import transfer as transfers
-    from benchmark.evaluate import EPISODES
+    from benchmark.results import transfer as transfers
+    from benchmark.runs.evaluate import EPISODES
 
     return transfers.transfer(
         runs,

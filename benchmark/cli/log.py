@@ -5,7 +5,6 @@ from typing import Annotated, Any
 
 import typer
 
-from benchmark import quantities, registry
 from benchmark.cli.command import command
 from benchmark.cli.options import (
     Force,
@@ -19,6 +18,8 @@ from benchmark.cli.options import (
     Seed,
     Workers,
 )
+from benchmark.parts import registry
+from benchmark.settings import quantities
 
 
 @command(
@@ -65,7 +66,7 @@ def record(
 
     Example: [bold]bench record --backend mujoco --effects backlash=1.5deg@J3 --out logs/one[/bold]
     """
-    from benchmark import record as records
+    from benchmark.gap import record as records
 
     world = records.world(settings, known_effects or "none", policy, workers)
     rate_hz = quantities.quantity(rate, "--rate", "Hz")
@@ -108,7 +109,7 @@ def excite(
 
     Example: [bold]bench excite --joints shoulder,elbow --range=-60:60deg --out commands.csv[/bold]
     """
-    from benchmark import logs
+    from benchmark.gap import logs
 
     rate_hz = quantities.quantity(rate, "--rate", "Hz")
     return logs.excite(out, protocol, joints, ranges, limit, rate_hz, seed, one_at_a_time, force)
@@ -130,6 +131,6 @@ def import_logs(
 
     Example: [bold]bench import emps DATA_EMPS.mat --out logs/emps[/bold]
     """
-    from benchmark import logs
+    from benchmark.gap import logs
 
     return logs.import_logs(kind, path, out, form, force)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from benchmark import registry
+from benchmark.parts import registry
 
 
 def completes(kind: str) -> Callable[[str], list[str]]:

@@ -25,7 +25,7 @@ def new(
 
     Example: [bold]bench new task clover[/bold]
     """
-    from benchmark import new_part
+    from benchmark.parts import new_part
 
     return new_part.new(kind, name, out or Path(), package)
 
@@ -38,6 +38,6 @@ def test(
 
     Example: [bold]bench test circle[/bold]
     """
-    from benchmark import new_part
+    from benchmark.parts import new_part
 
     return new_part.check(name)

@@ -19,7 +19,7 @@ from benchmark.cli.options import (
     Workers,
 )
 from benchmark.console import listed, row_table
-from benchmark.run_spec import DEPLOYED, SETTINGS, RunSpec
+from benchmark.settings.run_spec import DEPLOYED, SETTINGS, RunSpec
 
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s"]

@@ -10,13 +10,13 @@ from pathlib import Path
 
 from rich.console import RenderableType
 
-from benchmark import registry
-from benchmark._pictures import Caption
 from benchmark.demo import film, texts
 from benchmark.demo.diagnosis import diagnosing
 from benchmark.demo.plays import Play, play, trained_in
 from benchmark.demo.texts import ABOUT, FILM, LOG, PATHS, POLICY
 from benchmark.errors import CommandError, UsageError
+from benchmark.parts import registry
+from benchmark.pictures._pictures import Caption
 
 DATA = Path(__file__).parent / "data"
 """The shipped policy and log."""

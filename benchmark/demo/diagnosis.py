@@ -14,7 +14,7 @@ from typing import IO
 
 from benchmark.console import Bar
 from benchmark.errors import CommandError
-from benchmark.variables import without_variables
+from benchmark.settings.variables import without_variables
 
 COMMAND = (sys.executable, "-m", "benchmark")
 POLL_S = 0.2

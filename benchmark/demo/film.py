@@ -9,12 +9,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MultipleLocator
 from PIL import Image, ImageDraw, ImageFont
 
-from benchmark import _pictures
-from benchmark._pictures import Caption
-from benchmark._plots import add_legend, draw_paths
-from benchmark._render import render
-from benchmark._replay import Recording
-from benchmark.view import counted, scene_of
+from benchmark.pictures import _pictures
+from benchmark.pictures._pictures import Caption
+from benchmark.pictures._plots import add_legend, draw_paths
+from benchmark.pictures._render import render
+from benchmark.pictures._replay import Recording
+from benchmark.pictures.view import counted, scene_of
 
 PANEL_SIZE, TITLE_HEIGHT = (320, 432), 32
 """Width and height of one hand, and height of the line above it [pixels]; together whole blocks."""

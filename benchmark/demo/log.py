@@ -9,8 +9,8 @@ from pathlib import Path
 from backends.effect import with_effects
 from backends.mjcf import mechanism
 from backends.shard import simulate
-from benchmark import registry
-from benchmark.effects import parse_effects
+from benchmark.parts import registry
+from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import DriveSettings, Log, MjcfMechanism, make_log, write_log
 from diagnosis.recording.record import Plan, record
 

@@ -4,10 +4,10 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark import run_folder
-from benchmark._replay import Recording, replay
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec
+from benchmark.pictures._replay import Recording, replay
+from benchmark.runs import run_folder
+from benchmark.settings.run_spec import RunSpec
 
 _SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")
 

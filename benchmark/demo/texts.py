@@ -9,7 +9,7 @@ from rich.text import Text
 
 from benchmark.demo.log import HIDDEN
 from benchmark.demo.plays import Play
-from benchmark.run_spec import RunSpec
+from benchmark.settings.run_spec import RunSpec
 
 SCORES = {
     "tracked": ("tracked", ".3f"),

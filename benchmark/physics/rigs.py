@@ -12,8 +12,8 @@ from backends import sticks, trx
 from backends.effect import with_effects
 from backends.spec import Body, Contact, Drive, Fingertip, Joint, Spec, Stick, Timing, Vec3
 from backends.state import Array
-from benchmark.effects import parse_effects
 from benchmark.physics.rollout import UP
+from benchmark.settings.effects import parse_effects
 
 G_M_S2 = 9.81
 DT_S = trx.spec(sticks.STICKS["reference"]).timing.drive_s

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 
 from backends.engine import Engine
-from benchmark import registry
 from benchmark.errors import CommandError
+from benchmark.parts import registry
 from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin
 from benchmark.physics.check import Check, Compare, Measure
 

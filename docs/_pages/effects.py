@@ -4,7 +4,7 @@ from collections import defaultdict
 
 from _pages._source import TEXTS, read_text
 from backends.effect import Effect, description, magnitudes
-from benchmark import registry
+from benchmark.parts import registry
 
 FOLDER = "reference/effects"
 

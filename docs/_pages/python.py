@@ -26,8 +26,8 @@ def _environments() -> dict[str, str]:
 
 def _settings() -> str:
     """Fields of a run's spec: what they mean, and their defaults as they are typed."""
-    from benchmark.run_spec import SETTINGS, RunSpec
-    from benchmark.settings import Number
+    from benchmark.settings.kinds import Number
+    from benchmark.settings.run_spec import SETTINGS, RunSpec
 
     declared = {one.field: one for one in SETTINGS.values()}
     lines = []

@@ -21,7 +21,7 @@ def pages() -> dict[str, str]:
 
 def _run() -> dict[str, str]:
     from baselines.baseline import Progress
-    from benchmark.evaluate import Episodes
+    from benchmark.runs.evaluate import Episodes
     from leaderboard.row import Provenance, Row, Scores
 
     row = table(

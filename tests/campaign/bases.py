@@ -11,7 +11,7 @@ from scipy.io import savemat
 
 from baselines.saved import POLICY_FILE, file_sha256
 from benchmark.cli import app
-from benchmark.run_folder import RUN_FILE
+from benchmark.runs.run_folder import RUN_FILE
 
 ROOT = Path(__file__).resolve().parents[2]
 MAKE = ["blind", "make", "--rig", "joint", "--seed", "3"]

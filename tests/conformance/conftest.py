@@ -6,10 +6,10 @@ from typing import Any, ClassVar
 import pytest
 
 from backends.engine import Engine
-from benchmark import registry
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec
-from benchmark.worlds import make_env
+from benchmark.parts import registry
+from benchmark.runs.worlds import make_env
+from benchmark.settings.run_spec import RunSpec
 from files.plugins import name_of
 from tasks.batch import BatchEnv
 

@@ -8,8 +8,8 @@ import pytest
 
 from baselines.baseline import Learner, Progress
 from baselines.saved import SavedPolicy, write_contract
-from benchmark import registry
 from benchmark.errors import CommandError
+from benchmark.parts import registry
 from tasks.batch import BatchEnv
 
 MakeEnv = Callable[..., BatchEnv]

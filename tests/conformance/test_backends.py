@@ -15,8 +15,8 @@ from backends.shard import Sharded, WorkerError, simulate
 from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State
 from backends.sticks import STICKS
-from benchmark import registry
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from tasks.initial_states import sample_initial_states
 
 SIGNALS = tuple(f.name for f in dataclasses.fields(State))

@@ -10,7 +10,7 @@ from backends.effect import Effect, with_effects
 from backends.shard import simulate
 from backends.spec import Spec
 from backends.sticks import STICKS
-from benchmark import registry
+from benchmark.parts import registry
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record

@@ -15,11 +15,11 @@ from backends.effect import UNITS, Effect, NumberEffect
 from backends.engine import Engine
 from backends.randomize import randomize
 from backends.spec import Spec, field_names
-from benchmark import registry
-from benchmark.effects import BUILT, effect_name, parse_effects
 from benchmark.errors import UsageError
-from benchmark.run_spec import RunSpec
-from benchmark.worlds import make_env
+from benchmark.parts import registry
+from benchmark.runs.worlds import make_env
+from benchmark.settings.effects import BUILT, effect_name, parse_effects
+from benchmark.settings.run_spec import RunSpec
 
 SPEC = trx.spec(sticks.STICKS["reference"])
 JOINTS = SPEC.hand.joint_names

@@ -18,8 +18,8 @@ from backends.shard import simulate
 from backends.spec import Spec
 from backends.state import Array, InitialState, State
 from backends.touch import Skin
-from benchmark import registry
-from benchmark.effects import parse_effects
+from benchmark.parts import registry
+from benchmark.settings.effects import parse_effects
 from tasks.initial_states import sample_initial_states
 
 IDEAL = trx.spec(sticks.STICKS["reference"])

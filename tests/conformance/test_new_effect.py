@@ -8,9 +8,9 @@ from backends import effects
 from backends.catalogue import catalogue
 from backends.engine import Simulator
 from backends.shard import simulate
-from benchmark import registry
-from benchmark.effects import parse_effects
-from benchmark.registry import ROOT
+from benchmark.parts import registry
+from benchmark.parts.registry import ROOT
+from benchmark.settings.effects import parse_effects
 from diagnosis.blind import draw, make, rigs
 from diagnosis.coverage import not_looked_for
 from diagnosis.solver import solve

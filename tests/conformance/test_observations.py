@@ -13,8 +13,8 @@ from backends.encoder import EncoderBank
 from backends.spec import Hand, Spec
 from backends.state import Array, State, quat_to_matrix
 from backends.touch import Skin, taxel_grid
-from benchmark import registry
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from tasks.batch import BatchEnv
 from tasks.observation import Observation, Percept
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark import registry
+from benchmark.parts import registry
 from diagnosis.blind import faults, motion, rigs, sides, sizing, strange
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault

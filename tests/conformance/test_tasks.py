@@ -12,8 +12,8 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.env_checker import check_env as check_sb3
 
 from backends.state import Array, State, quat_to_matrix
-from benchmark import registry
-from benchmark.gym import gym_id as name_of
+from benchmark.parts import registry
+from benchmark.runs.gym import gym_id as name_of
 from tasks.batch import BatchEnv
 from tasks.task import EPISODE_S, RADIUS_M, RATE_RAD_S, Figure
 

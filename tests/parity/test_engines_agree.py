@@ -10,8 +10,8 @@ from backends import kinematics, sticks, trx
 from backends.engine import Engine
 from backends.spec import Spec
 from backends.state import Array, State
-from benchmark import registry
 from benchmark.errors import CommandError
+from benchmark.parts import registry
 from benchmark.physics import rigs, suite
 from benchmark.physics.check import Compare
 from benchmark.physics.grasp import squeeze

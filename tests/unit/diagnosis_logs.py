@@ -9,9 +9,9 @@ import pytest
 
 from backends.shard import simulate
 from backends.spec import Spec
-from benchmark import registry
 from benchmark.cli import app as cli
-from benchmark.effects import parse_effects
+from benchmark.parts import registry
+from benchmark.settings.effects import parse_effects
 from diagnosis.calibration import worlds
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
 from diagnosis.recording.excitation import FREE, Excitation, Joints

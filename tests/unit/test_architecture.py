@@ -19,7 +19,12 @@ FLOORS = {
     "stickbench": {"benchmark", "leaderboard", "diagnosis"},
 }
 HOMES = {
-    "mujoco": {"backends/mujoco.py", "backends/mjcf.py", "backends/_mjcf", "benchmark/_scene.py"}
+    "mujoco": {
+        "backends/mujoco.py",
+        "backends/mjcf.py",
+        "backends/_mjcf",
+        "benchmark/pictures/_scene.py",
+    }
     | {"diagnosis/blind/mechanics/plain.py"},
     "pybullet": {"backends/bullet.py"},
     "sapien": {"backends/sapien.py"},

@@ -15,8 +15,8 @@ from onnx import TensorProto, helper
 from backends import trx
 from backends.mjcf import MjcfError, mechanism
 from baselines.saved import PolicyError, SavedPolicy
-from benchmark import registry
 from benchmark.cli import app as cli
+from benchmark.parts import registry
 from diagnosis.logs.log import DriveSettings
 from files import bounded, tables
 from files.bounded import FileError

@@ -13,9 +13,10 @@ import pytest
 
 from backends.shard import simulate
 from backends.spec import Encoder, Spec
-from benchmark import blind, registry
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
+from benchmark.gap import blind
+from benchmark.parts import registry
 from diagnosis.blind import draw, faults, files, frozen, make, motion, rigs, sides
 from diagnosis.blind.files import BlindSet
 from diagnosis.blind.measures import median, share

@@ -5,8 +5,9 @@ import json
 
 import pytest
 
-from benchmark import blind, registry
 from benchmark.cli import app as cli
+from benchmark.gap import blind
+from benchmark.parts import registry
 from diagnosis.blind import draw, faults
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.grasp import GRASP, PULL

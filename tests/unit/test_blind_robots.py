@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmark import blind
 from benchmark.errors import UsageError
+from benchmark.gap import blind
 from diagnosis.blind import calibrate, draw, faults, files, judged, near, rigs, sides, tables
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault

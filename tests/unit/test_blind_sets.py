@@ -2,9 +2,9 @@
 
 import pytest
 
-from benchmark import blind, blind_sets
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
+from benchmark.gap import blind, blind_sets
 
 TINY = {
     "tiny-1": {"cases": 1, "rig": "joint", "real": "presliding", "seed": 3},

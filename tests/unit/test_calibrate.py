@@ -10,13 +10,13 @@ import yaml
 
 from backends.shard import simulate
 from backends.touch import THRESHOLD_M
-from benchmark import _calibration_texts as texts
-from benchmark import registry
-from benchmark.calibrate import FILE
 from benchmark.cli import app as cli
-from benchmark.effects import PAPER_SPREAD, parse_spread
-from benchmark.run_request import requested
-from benchmark.run_spec import RunSpec
+from benchmark.gap import _calibration_texts as texts
+from benchmark.gap.calibrate import FILE
+from benchmark.parts import registry
+from benchmark.settings.effects import PAPER_SPREAD, parse_spread
+from benchmark.settings.request import requested
+from benchmark.settings.run_spec import RunSpec
 from diagnosis.calibration import backlash, gains, refine, spread, tactile
 from diagnosis.calibration.calibrate import Calibration, JointGains, _telling
 from diagnosis.calibration.result import (

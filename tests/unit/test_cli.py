@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 import typer
 
-from benchmark import console, quantities
+from benchmark import console
 from benchmark.cli import app as cli
 from benchmark.cli.command import command
 from benchmark.commands import typical_s
 from benchmark.errors import Interrupted, UsageError
+from benchmark.settings import quantities
 
 RUN = ["run", "--backend", "mujoco", "--task", "line"]
 

@@ -7,7 +7,7 @@ from backends import sticks, trx
 from backends.command import CommandBank
 from backends.spec import Spec
 from backends.state import Array
-from benchmark.effects import parse_effects
+from benchmark.settings.effects import parse_effects
 
 IDEAL = trx.spec(sticks.STICKS["reference"])
 DT_S, SUBSTEPS = IDEAL.timing.drive_s, IDEAL.timing.substeps

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from benchmark import _render, registry
 from benchmark.cli import app
 from benchmark.demo import film
 from benchmark.demo.demo import DATA, _draw, demo
@@ -16,8 +15,10 @@ from benchmark.demo.log import recorded
 from benchmark.demo.plays import play
 from benchmark.demo.texts import LOG
 from benchmark.errors import CommandError, UsageError
-from benchmark.registry import ROOT
-from benchmark.run_folder import check_policy, read_run, run_spec
+from benchmark.parts import registry
+from benchmark.parts.registry import ROOT
+from benchmark.pictures import _render
+from benchmark.runs.run_folder import check_policy, read_run, run_spec
 from diagnosis.logs.log import read_log
 
 POLICY = DATA / "policy"

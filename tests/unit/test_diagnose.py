@@ -13,10 +13,10 @@ from diagnosis_logs import arm_log, hand_log
 
 from backends import trx
 from backends.sticks import STICKS
-from benchmark._diagnosis_texts import effects_text
 from benchmark.cli import app as cli
-from benchmark.effects import parse_effects
 from benchmark.errors import UsageError
+from benchmark.gap._diagnosis_texts import effects_text
+from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import write_log
 from diagnosis.verdict.result import Cause
 

@@ -11,10 +11,11 @@ import pytest
 import typer
 import yaml
 
-from benchmark import quantities, registry
 from benchmark.cli import app as cli
-from benchmark.effects import parse_effects
-from benchmark.run_spec import HANDS, SETTINGS, RunSpec, read_settings
+from benchmark.parts import registry
+from benchmark.settings import quantities
+from benchmark.settings.effects import parse_effects
+from benchmark.settings.run_spec import HANDS, SETTINGS, RunSpec, read_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"

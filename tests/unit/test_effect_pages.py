@@ -3,7 +3,7 @@
 import pytest
 
 from backends.effect import POINTS, UNITS, Effect, description, magnitudes
-from benchmark import registry
+from benchmark.parts import registry
 
 NAMES = registry.names("effect")
 

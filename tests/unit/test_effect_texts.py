@@ -4,9 +4,9 @@ import pytest
 
 from backends import trx
 from backends.effect import UNITS, Effect
-from benchmark import registry
-from benchmark.effects import BUILT, effect_name, parse_effects
 from benchmark.errors import UsageError
+from benchmark.parts import registry
+from benchmark.settings.effects import BUILT, effect_name, parse_effects
 
 HAND = trx.HAND
 KINDS: dict[str, type[Effect]] = {

@@ -9,7 +9,7 @@ from backends import sticks, trx
 from backends.encoder import EncoderBank
 from backends.spec import Spec
 from backends.state import Array
-from benchmark.effects import parse_effects
+from benchmark.settings.effects import parse_effects
 
 IDEAL = trx.spec(sticks.STICKS["reference"])
 RNG = np.random.default_rng(0)

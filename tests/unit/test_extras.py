@@ -11,9 +11,9 @@ from pathlib import Path
 
 import pytest
 
-from benchmark import extras, registry
 from benchmark.errors import CommandError
-from benchmark.registry import ROOT
+from benchmark.parts import extras, registry
+from benchmark.parts.registry import ROOT
 
 ROOMS = ("files", "backends", "tasks", "baselines", "leaderboard", "diagnosis", "benchmark")
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]

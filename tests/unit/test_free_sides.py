@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 
 from backends.spec import Spec
 from backends.state import InitialState
-from benchmark import blind, registry
+from benchmark.gap import blind
+from benchmark.parts import registry
 from diagnosis.blind import make, motion, rigs, sides
 from diagnosis.blind.engines._free import FreeHands
 from diagnosis.blind.mechanics import _chain

@@ -9,8 +9,8 @@ from diagnosis_logs import ENGINES
 
 from backends.effect import NumberEffect
 from backends.shard import simulate
-from benchmark import registry
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from diagnosis.grasp.contact_geometry import _better, _readings, line, shapes
 from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.grasp.in_hand import in_hand

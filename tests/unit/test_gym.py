@@ -10,7 +10,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 
 import stickbench as sb
 from backends.state import Array
-from benchmark import gym_make
+from benchmark.runs import gym_make
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import pandas as pd
 import pytest
 from scipy.io import savemat
 
-from benchmark import registry
 from benchmark.cli import app as cli
+from benchmark.parts import registry
 from diagnosis.logs.log import Log, LogError, read_log, write_log
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -8,8 +8,8 @@ import pytest
 from backends import kinematics, sticks, trx
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix, quat_z_axis
-from benchmark.run_spec import RunSpec
-from benchmark.worlds import make_env
+from benchmark.runs.worlds import make_env
+from benchmark.settings.run_spec import RunSpec
 from leaderboard.identity import run_digest
 from tasks.initial_states import AXIAL_M, DISTAL_RAD, PIVOT_M, TILT_RAD, sample_initial_states
 

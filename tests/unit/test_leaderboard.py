@@ -16,8 +16,8 @@ from PIL.PngImagePlugin import PngInfo
 from result_rows import detailed, page, rendered, rows, run, save, seeds, table
 
 from benchmark.cli import app as cli
-from benchmark.run_folder import RunFolder
-from benchmark.run_spec import RunSpec
+from benchmark.runs.run_folder import RunFolder
+from benchmark.settings.run_spec import RunSpec
 from leaderboard.files import PICTURES, TRANSFERS, write
 from leaderboard.paper import PAPER
 from leaderboard.rows import read_rows

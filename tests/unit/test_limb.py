@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from benchmark import registry
+from benchmark.parts import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.replay import limb
 from diagnosis.replay.expansion import SMALL_RAD, turned, wave

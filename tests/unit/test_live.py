@@ -6,10 +6,10 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
-from benchmark._replay import replay
 from benchmark.cli import app as cli
-from benchmark.run import run
-from benchmark.run_spec import RunSpec
+from benchmark.pictures._replay import replay
+from benchmark.runs.run import run
+from benchmark.settings.run_spec import RunSpec
 
 SPEC = RunSpec(backend="bullet", task="circle", algo="hold-still", steps=0, smoke=True)
 
@@ -25,7 +25,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_slider_moves_what_is_shown(folder: Path) -> None:
     """Serve a page, and pose hand, stick, taxels, reference and trace as the slider says."""
     pytest.importorskip("viser")
-    from benchmark.live import Live
+    from benchmark.pictures.live import Live
 
     recording = replay(SPEC, folder, episodes=1, workers=1)
     live = Live(recording, "a circle", port=0)

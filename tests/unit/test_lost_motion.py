@@ -8,7 +8,7 @@ import pytest
 
 from backends.catalogue import catalogue
 from backends.effect import with_effects
-from benchmark.effects import parse_effects
+from benchmark.settings.effects import parse_effects
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.evidence import evidence as gathered
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log

@@ -20,9 +20,9 @@ from backends.drive import drive_table, motor_tick
 from backends.mjcf import MjcfError, left_out, mechanism
 from backends.spec import Spec
 from backends.state import Array
-from benchmark import registry
 from benchmark.cli import app as cli
-from benchmark.effects import effect_name
+from benchmark.parts import registry
+from benchmark.settings.effects import effect_name
 from diagnosis.logs.log import (
     DriveSettings,
     Log,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.registry import ROOT
+from benchmark.parts.registry import ROOT
 
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
 

@@ -8,8 +8,8 @@ import pytest
 from diagnosis_logs import ENGINES
 
 from backends.shard import simulate
-from benchmark import registry
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from diagnosis.grasp import pull_test, slip_model
 from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.logs.log import Log

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from backends.shard import simulate
-from benchmark import registry
+from benchmark.parts import registry
 from diagnosis import Diagnosis, diagnose
 from diagnosis.calibration.backlash import Play, push_test
 from diagnosis.calibration.worlds import motions

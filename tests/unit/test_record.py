@@ -8,11 +8,11 @@ import pandas as pd
 import pytest
 
 from backends.shard import simulate
-from benchmark import registry
 from benchmark.cli import app as cli
 from benchmark.console import Bar
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from diagnosis.logs.log import Log, LogError, read_log, write_log
 from diagnosis.recording.excitation import PROTOCOLS, hand_joints
 from diagnosis.recording.record import CHANNELS, Plan, Policy, record

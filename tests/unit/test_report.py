@@ -6,7 +6,7 @@ import re
 import pytest
 from arms import Real, log_of
 
-from benchmark._diagnosis_texts import summary
+from benchmark.gap._diagnosis_texts import summary
 from diagnosis import Diagnosis, diagnose, page
 from diagnosis.logs.log import Log
 from diagnosis.report import wording

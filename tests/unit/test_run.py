@@ -19,11 +19,11 @@ import torch
 from backends import trx
 from baselines.ppo import Deployed, export_onnx, read_trained
 from baselines.saved import PolicyError, SavedPolicy
-from benchmark import registry
 from benchmark.cli import app as cli
-from benchmark.registry import ROOT
-from benchmark.run_folder import RunFolder
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.parts.registry import ROOT
+from benchmark.runs.run_folder import RunFolder
+from benchmark.settings.run_spec import RunSpec
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
 SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "1"]

@@ -9,9 +9,9 @@ import pandas as pd
 import pytest
 
 from benchmark.cli import app as cli
-from benchmark.registry import ROOT
-from benchmark.run import deploy
-from benchmark.run_folder import EPISODES_FILE, check_policy, read_run, run_spec
+from benchmark.parts.registry import ROOT
+from benchmark.runs.run import deploy
+from benchmark.runs.run_folder import EPISODES_FILE, check_policy, read_run, run_spec
 from leaderboard.identity import run_digest
 
 POLICIES = sorted(path.parent for path in (ROOT / "leaderboard/policies").glob("*/run.json"))

@@ -9,10 +9,10 @@ import pytest
 from backends.effect import NumberEffect
 from backends.shard import simulate
 from backends.touch import taxel_grid
-from benchmark import registry
 from benchmark.cli import app as cli
-from benchmark.registry import ROOT
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.parts.registry import ROOT
+from benchmark.settings.run_spec import RunSpec
 from diagnosis.blind import rigs
 from diagnosis.finding import RIGHT, Report
 from diagnosis.logs.log import Log, read_log

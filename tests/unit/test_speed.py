@@ -14,11 +14,12 @@ from backends.engine import Engine
 from backends.shard import simulate
 from backends.spec import Drive, Spec
 from backends.state import State
-from benchmark import _stopwatch, registry, speed
 from benchmark.cli import app as cli
 from benchmark.errors import CommandError
-from benchmark.run_spec import RunSpec
-from benchmark.worlds import make_env, training_worlds
+from benchmark.parts import registry
+from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.settings.run_spec import RunSpec
+from benchmark.speed import _stopwatch, speed
 from tasks.initial_states import sample_initial_states
 
 SIGNALS = tuple(f.name for f in dataclasses.fields(State))
@@ -151,8 +152,8 @@ def test_two_cores_need_no_guarded_script(engine: type[Engine], tmp_path) -> Non
     """Start processes from a script without a main guard, and run the script once."""
     script = tmp_path / "script.py"
     script.write_text(
-        "from benchmark.run_spec import RunSpec\n"
-        "from benchmark.worlds import make_env\n"
+        "from benchmark.settings.run_spec import RunSpec\n"
+        "from benchmark.runs.worlds import make_env\n"
         f"run = RunSpec(backend='{engine.__module__.split('.')[-1]}', task='line', worlds=2)\n"
         "env = make_env(run, [run.world()] * 2, 0, 2)\n"
         "print(len(env.reset())); env.close()\n"
@@ -226,8 +227,8 @@ def test_stripped_library_is_refused(tmp_path) -> None:
 def test_a_world_takes_under_a_megabyte() -> None:
     """Grow by less than 1 MB per drawn MuJoCo world, measured in a process of its own."""
     code = (
-        "from benchmark import _memory; from benchmark.run_spec import *; "
-        "from benchmark.worlds import *\n"
+        "from benchmark.speed import _memory; from benchmark.settings.run_spec import *; "
+        "from benchmark.runs.worlds import *\n"
         "held = []\n"
         "for n in (16, 272):\n"
         "    run = RunSpec(backend='mujoco', task='circle', worlds=n)\n"

@@ -45,8 +45,8 @@ def test_provenance_does_without_git(monkeypatch):
 
 def test_a_video_names_the_package_that_it_lacks(tmp_path, monkeypatch):
     """Say what to install."""
-    from benchmark._pictures import write_mp4
     from benchmark.errors import CommandError
+    from benchmark.pictures._pictures import write_mp4
 
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(

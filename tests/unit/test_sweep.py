@@ -14,13 +14,13 @@ from pathlib import Path
 
 import pytest
 
-from benchmark import _cell
-from benchmark._cell import Cell, finished, run_cell
-from benchmark._estimate import START_S, Rates, makespan
-from benchmark._grid import Settings, read_grid
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
-from benchmark.run_spec import RunSpec
+from benchmark.settings.run_spec import RunSpec
+from benchmark.sweep import _cell
+from benchmark.sweep._cell import Cell, finished, run_cell
+from benchmark.sweep._estimate import START_S, Rates, makespan
+from benchmark.sweep._grid import Settings, read_grid
 
 BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 SHIPPED = sorted((Path(__file__).parents[2] / "sweeps").glob("*.yaml"))

@@ -7,7 +7,7 @@ from backends import kinematics, sticks, trx
 from backends.spec import Spec
 from backends.state import Array, State, quat_z_axis
 from backends.touch import THRESHOLD_M, Skin, Touch, taxel_grid
-from benchmark.effects import parse_effects
+from benchmark.settings.effects import parse_effects
 from tasks.initial_states import sample_initial_states
 
 IDEAL = trx.spec(sticks.STICKS["reference"])

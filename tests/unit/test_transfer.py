@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from benchmark.cli import app as cli
-from benchmark.registry import ROOT
+from benchmark.parts.registry import ROOT
 from leaderboard._heatmap import heatmap
 from leaderboard.files import TRANSFERS, write
 from leaderboard.statistics import REPLICATES

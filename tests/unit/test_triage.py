@@ -9,8 +9,8 @@ from pandas import DataFrame as Samples
 
 from backends import sticks, trx
 from backends.shard import simulate
-from benchmark import registry
-from benchmark.effects import parse_effects
+from benchmark.parts import registry
+from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record
 from diagnosis.triage._faults import Fault

@@ -8,7 +8,7 @@ from typer.main import get_command
 
 from benchmark import console
 from benchmark.cli import app as cli
-from benchmark.variables import name_variables, without_variables
+from benchmark.settings.variables import name_variables, without_variables
 
 HOLDING = {"BACKEND": "mujoco", "TASK": "line", "ALGO": "hold-still", "SMOKE": "1", "JSON": "1"}
 

@@ -12,17 +12,17 @@ import pytest
 from matplotlib.image import imread
 from PIL import Image
 
-from benchmark import _render
-from benchmark._curve import draw_curves, read_curves
-from benchmark._plots import draw_joints, draw_touch
-from benchmark._replay import Recording, replay
 from benchmark.cli import app as cli
 from benchmark.errors import CommandError, UsageError
-from benchmark.evaluate import SMOKE_EPISODES
-from benchmark.run import run
-from benchmark.run_folder import RunFolder
-from benchmark.run_spec import RunSpec
-from benchmark.view import LOOP_SIZE, PICTURE_SIZE, VIDEO_SIZE, filmed, one_lap, view
+from benchmark.pictures import _render
+from benchmark.pictures._curve import draw_curves, read_curves
+from benchmark.pictures._plots import draw_joints, draw_touch
+from benchmark.pictures._replay import Recording, replay
+from benchmark.pictures.view import LOOP_SIZE, PICTURE_SIZE, VIDEO_SIZE, filmed, one_lap, view
+from benchmark.runs.evaluate import SMOKE_EPISODES
+from benchmark.runs.run import run
+from benchmark.runs.run_folder import RunFolder
+from benchmark.settings.run_spec import RunSpec
 from tasks.task import EPISODE_S
 
 PACKAGES = "apt-get install libegl1"
@@ -73,7 +73,7 @@ def test_figure_is_drawn_in_red_and_blue(folder: Path, tmp_path: Path) -> None:
 
 def test_replay_gives_the_scores_of_the_run(folder: Path, tmp_path: Path) -> None:
     """Replay as many episodes as the smoke run has and find its scores again."""
-    from benchmark.run_folder import read_run
+    from benchmark.runs.run_folder import read_run
 
     result = view([folder], tmp_path / "all.png", "figure", {}, SMOKE_EPISODES, workers=1)
     scores = read_run(folder)["scores"]
@@ -195,8 +195,8 @@ def test_video_lasts_an_episode_or_a_lap(
     """Film an episode in real time, or a lap that begins anew, and leave nothing but the video."""
     needs_opengl()
     for size in ("VIDEO_SIZE", "LOOP_SIZE"):
-        monkeypatch.setattr(f"benchmark.view.{size}", (160, 128))
-    monkeypatch.setattr("benchmark.view.EVERY", {ending: 25})
+        monkeypatch.setattr(f"benchmark.pictures.view.{size}", (160, 128))
+    monkeypatch.setattr("benchmark.pictures.view.EVERY", {ending: 25})
     out = tmp_path / f"video{ending}"
     result = view([folder], out, None, {}, workers=1)
     count = round(2.0 * length_s)

@@ -8,9 +8,9 @@ from arms import Real, log_of
 
 from backends.effect import NumberEffect
 from backends.shard import simulate
-from benchmark import registry
-from benchmark._diagnosis_texts import effects_text
-from benchmark.run_spec import RunSpec
+from benchmark.gap._diagnosis_texts import effects_text
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from diagnosis import Diagnosis, diagnose, page
 from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.logs.log import Log

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.registry import ROOT
+from benchmark.parts.registry import ROOT
 
 BESIDE = ("leaderboard/leaderboard.", "leaderboard/policies", "leaderboard/results")
 BESIDE += ("leaderboard/figures", "leaderboard/transfer", "leaderboard/blind/history.csv")

@@ -3,8 +3,8 @@
 import pytest
 
 from backends.engine import Engine
-from benchmark import registry
 from benchmark.errors import CommandError
+from benchmark.parts import registry
 
 
 @pytest.fixture(params=registry.names("backend"))

@@ -7,8 +7,8 @@ import pytest
 
 from backends.shard import simulate
 from backends.state import InitialState
-from benchmark import registry
-from benchmark.run_spec import RunSpec
+from benchmark.parts import registry
+from benchmark.settings.run_spec import RunSpec
 from tasks.initial_states import sample_initial_states
 
 RATE_N_S = 20.0

@@ -9,8 +9,8 @@ from backends import kinematics, sticks, trx
 from backends.engine import Engine
 from backends.spec import Spec
 from backends.state import Array, State, quat_z_axis
-from benchmark import registry
 from benchmark.errors import CommandError
+from benchmark.parts import registry
 from tasks.initial_states import sample_initial_states
 
 IDEAL = trx.spec(sticks.STICKS["reference"])

@@ -1,0 +1,112 @@
+"""The summary of a diagnosis for the terminal, and the effects that it adds."""
+
+from collections.abc import Iterator, Sequence
+
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from backends.effect import UNITS, Effect, NumberEffect
+from backends.spec import Spec
+from benchmark.parts import registry
+from benchmark.settings.effects import effect_name, parse_effects
+from diagnosis.answer import Diagnosis
+from diagnosis.report import wording
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Ranked
+
+SHOWN, SHOWN_OF_NONE = 4, 2
+"""Candidates per limb in the summary: with an effect, and without one."""
+COLUMNS = "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
+"""What the columns of the candidates mean."""
+
+
+def effects_text(known: str, found: Sequence[Cause], ideal: Spec) -> str:
+    """The corrected world as effects on the ideal hand: the known ones and those found.
+
+    Raises UsageError where their sum is out of an effect's range.
+    """
+    fresh = [effect for magnitude in found for effect in _effects(magnitude, ideal)]
+    have = parse_effects(known, ideal.hand)
+    places = {(type(e), e.joint) for e in have}
+    if not any((type(e), e.joint) in places for e in fresh):
+        text = ",".join([*([] if known == NONE else [known]), *map(_item, fresh)]) or NONE
+    else:
+        text = ",".join(map(_item, _together([*have, *fresh])))
+    parse_effects(text, ideal.hand)
+    return text
+
+
+def _effects(found: Cause, ideal: Spec) -> Iterator[Effect]:
+    """A finding as effects: one for all joints, or one for each joint that it was found on."""
+    kind: type[Effect] = registry.load("effect", found.effect)
+    size = found.value * UNITS[found.unit][1]
+    everywhere = kind(magnitude=size)
+    if not kind.per_joint or everywhere.joints(ideal) == found.joints:
+        yield everywhere
+    else:
+        yield from (kind(magnitude=size, joint=joint) for joint in found.joints)
+
+
+def _together(effects: Sequence[Effect]) -> list[Effect]:
+    """The same world with every effect at most once per joint."""
+    sums: dict[tuple[type[Effect], str | None], Effect] = {}
+    for effect in effects:
+        place = (type(effect), effect.joint)
+        have = sums[place].magnitude if place in sums else 0.0
+        relative = isinstance(effect, NumberEffect) and effect.relative
+        both = have * effect.magnitude if relative else 0.0
+        sums[place] = type(effect)(magnitude=have + effect.magnitude + both, joint=effect.joint)
+    return list(sums.values())
+
+
+def _item(effect: Effect) -> str:
+    joint = f"@{effect.joint}" if effect.joint else ""
+    return (
+        f"{effect_name(effect)}={effect.magnitude / UNITS[effect.unit][1]:.4g}{effect.unit}{joint}"
+    )
+
+
+def summary(found: Diagnosis, result: dict) -> RenderableType:
+    """The summary: the verdict, the gap, the best candidates, ties, and what to do next."""
+    lines = [*found.sentences]
+    gaps = f"{wording.gaps(found)} Brackets hold 90 % intervals."
+    lines.append(f"Probability: {wording.probability(found)}. {gaps}")
+    if found.gaps.before.value > 1.0 and found.verdict != (UNKNOWN,):
+        lines.append(_where(found))
+    if found.nominal:
+        moved = wording.listed(wording.moved(one) for one in found.nominal)
+        lines.append(f"Nominal numbers that took part of the gap: {moved}.")
+    if model := result.get("model"):
+        lines += [f"Model: {text}." for text in model["words"]]
+    lines += [f"Not judged: {text}." for text in found.missing]
+    lines += [f"Warning: {text}" for text in (*found.notes, *result["warnings"])]
+    end = [f"Next: {text}." for text in wording.next_steps(found)]
+    end += [f"Next: {command}  ({what})" for command, what in result["next"].items()]
+    end.append(f"Wrote {' and '.join(result['written'])}. CPU time: {found.cpu_s:.0f} s.")
+    accused = [limb for limb in found.limbs if limb.verdict != (NONE,)]
+    table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
+    return Group(*map(Text, lines), table, *map(Text, end))
+
+
+def _where(found: Diagnosis) -> str:
+    place = found.where[0]
+    return (
+        f"Largest part of the gap: {place.channel} of {place.joint}, protocol {place.protocol}, "
+        f"phase {place.phase}: {100 * place.share:.0f} % of the squared gap."
+    )
+
+
+def _candidates(limbs: Sequence[LimbResult], shown: int) -> Table:
+    table = Table(header_style="bold", caption=Text(COLUMNS), caption_justify="left")
+    for column in ("joints", "causes", "share", "left"):
+        table.add_column(column, overflow="fold")
+    for limb in limbs:
+        for one in limb.ranking[:shown]:
+            share, left = f"{round(100 * one.share)} %", f"{one.left:.2f}"
+            table.add_row(", ".join(limb.joints), _name(one), share, left)
+    return table
+
+
+def _name(one: Ranked) -> str:
+    names = [effect if joint is None else f"{effect} on {joint}" for effect, joint in one.causes]
+    return " + ".join(names) or "nominal numbers alone"

@@ -1,0 +1,184 @@
+"""`bench calibrate`: fit a log and write calibration.yaml, a picture per joint and a table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from rich.console import RenderableType
+
+from backends.effect import with_effects
+from backends.engine import Simulator
+from backends.shard import WorkerError, simulate
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark.console import Bar
+from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.gap import _calibration_texts as texts
+from benchmark.parts import registry
+from benchmark.provenance import usable_cores
+from benchmark.runs.worlds import refuse
+from benchmark.settings.effects import parse_effects, parse_spread
+from benchmark.settings.quantities import quantity, within
+from benchmark.settings.run_spec import HANDS
+from diagnosis.calibration import plot
+from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
+from diagnosis.calibration.result import (
+    SCHEMA,
+    CalibrationError,
+    CalibrationFile,
+    joints_of,
+    read_calibration,
+    write_calibration,
+)
+from diagnosis.logs.log import HandMechanism, Log, LogError, MjcfMechanism, read_log
+from diagnosis.replay.nominal import mjcf_world
+
+FILE = "calibration.yaml"
+OUT = Path("calibrations")
+THRESHOLD_MM = 10.0
+"""Largest sensible threshold of a taxel."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of `bench calibrate`."""
+
+    path: Path
+    """Folder of the log."""
+    nominal: str
+    """Engine of the nominal world."""
+    known_effects: str | None
+    """Effects of the nominal world; None: those that the log names."""
+    threshold: str | None
+    """Threshold of the taxels, as pressed depth; None: from their noise."""
+    seed: int
+    workers: int | None
+
+
+def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+    """Calibrate and write calibration.yaml and pictures; returns the result and its table.
+
+    Raises UsageError for a log or setting that cannot be used, CommandError if an engine stops.
+    """
+    within("--seed", settings.seed, 0, 2**32 - 1)
+    given = settings.threshold
+    threshold_m = None if given is None else quantity(given, "--threshold", "mm")
+    if threshold_m is not None:
+        within("--threshold", threshold_m, 0, THRESHOLD_MM, "mm")
+    folder = out or OUT / settings.path.resolve().name
+    _refuse_taken(folder, force)
+    engine = registry.load("backend", settings.nominal)
+    cores = settings.workers or usable_cores()
+
+    def start(specs: Sequence[Spec]) -> Simulator:
+        return simulate(engine, specs, cores)
+
+    try:
+        log = read_log(settings.path)
+        ideal, effects = _ideal(log, settings.nominal), _known_effects(log, settings)
+        nominal = _nominal(ideal, effects, settings.nominal)
+        with Bar(f"calibrate {settings.path.name}", TOTAL) as bar:
+            found = calibrate(
+                start,
+                nominal,
+                log,
+                threshold_m,
+                np.random.default_rng(settings.seed),
+                bar.update,
+            )
+            content = _content(found, log, ideal, effects, settings)
+            folder.mkdir(parents=True, exist_ok=True)
+            pictures = plot.draw(start, found, folder)
+        write_calibration(folder / FILE, content)
+    except LogError as error:
+        raise UsageError(str(error)) from error
+    except WorkerError as error:
+        raise CommandError(f"the simulation on {settings.nominal} stopped: {error}") from error
+    result = {
+        "status": "done",
+        "dir": str(folder),
+        "written": [str(folder / FILE), *map(str, pictures)],
+        "warnings": list(log.warnings),
+        **content.model_dump(mode="json", by_alias=True),
+    }
+    return result, texts.table(content)
+
+
+def world_of(path: Path, hand: str) -> dict[str, str]:
+    """Effects and spread of a calibration, as fields of a RunSpec for `hand`. Raises UsageError."""
+    try:
+        found = read_calibration(path)
+        if found.hand != hand:
+            raise UsageError(f"it is a calibration of '{found.hand}', not of '{hand}'")
+        parse_effects(found.effects, HANDS[hand].HAND)
+        parse_spread(found.spread, HANDS[hand].HAND)
+    except (CalibrationError, UsageError) as error:
+        raise UsageError(f"--calibration {path}: {error}") from error
+    return {"effects": found.effects, "spread": found.spread}
+
+
+def _refuse_taken(folder: Path, force: bool) -> None:
+    if (folder / FILE).exists() and not force:
+        raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
+
+
+def _ideal(log: Log, backend: str) -> Spec:
+    """The log's mechanism without effects; raises UsageError or LogError if it is unknown."""
+    mechanism = log.meta.mechanism
+    if isinstance(mechanism, MjcfMechanism):
+        spec = mjcf_world(log, geared=True)
+        slides = [body.joint.name for body in spec.hand.driven if body.joint.slides]
+        refused = registry.load("backend", backend).support["joint.slides"]
+        if slides and refused.startswith("refused"):
+            raise UsageError(
+                f"not a hinge: {', '.join(slides)}; {backend} simulates hinges only; "
+                "`bench diagnose` takes slides and refits their nominal parameters"
+            )
+        return spec
+    if mechanism.hand not in HANDS:
+        raise unknown("hand", mechanism.hand, HANDS)
+    if mechanism.stick not in STICKS:
+        raise unknown("stick", mechanism.stick, STICKS)
+    return HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+
+
+def _known_effects(log: Log, settings: Settings) -> str:
+    if settings.known_effects is not None:
+        return settings.known_effects
+    mechanism = log.meta.mechanism
+    return mechanism.effects if isinstance(mechanism, HandMechanism) else "none"
+
+
+def _nominal(ideal: Spec, text: str, backend: str) -> Spec:
+    """The world that is calibrated: the ideal one with effects."""
+    effects = parse_effects(text, ideal.hand)
+    refuse(effects, registry.load("backend", backend).support, backend)
+    return with_effects(ideal, effects)
+
+
+def _content(
+    found: Calibration, log: Log, ideal: Spec, effects: str, settings: Settings
+) -> CalibrationFile:
+    confounded = {
+        name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
+        for name, joint in found.joints.items()
+        if isinstance(joint, JointGains)
+    }
+    content = CalibrationFile(
+        schema=SCHEMA,
+        log=str(settings.path),
+        source=log.meta.source,
+        backend=settings.nominal,
+        hand=ideal.hand.name,
+        stick=ideal.stick.name,
+        nominal_effects=effects,
+        seed=settings.seed,
+        effects=texts.effects_text(found, ideal, effects),
+        spread=texts.spread_text(found),
+        joints=joints_of(found, confounded),
+        tactile=found.touch,
+    )
+    parse_effects(content.effects, ideal.hand)
+    parse_spread(content.spread, ideal.hand)
+    return content

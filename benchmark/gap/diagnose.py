@@ -1,0 +1,321 @@
+"""`bench diagnose`: from a log to diagnosis.json, report.html and a summary."""
+
+import dataclasses
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.console import RenderableType
+
+from backends.effect import Effect, with_effects
+from backends.engine import Engine
+from backends.shard import WorkerError, simulate
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark.console import Bar, say
+from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.gap import robot_log
+from benchmark.gap._diagnosis_texts import effects_text, summary
+from benchmark.gap.take_home import FILE as CORRECTED
+from benchmark.gap.take_home import TakeHome, take_home
+from benchmark.parts import registry
+from benchmark.provenance import provenance, usable_cores
+from benchmark.runs.run_folder import write_atomically
+from benchmark.settings.effects import parse_effects
+from benchmark.settings.run_spec import HANDS
+from diagnosis.answer import Diagnosis
+from diagnosis.calibration.worlds import Simulate
+from diagnosis.evidence.evidence import FLOOR_RAD
+from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.motion.recordings import CHANNELS, FREE_AIR, require_joints
+from diagnosis.replay.agreement import apart_rad
+from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
+from diagnosis.replay.plain import plain_apart
+from diagnosis.replay.robot import contradictions
+from diagnosis.report import wording
+from diagnosis.report.report import page
+from diagnosis.verdict.result import NONE
+from diagnosis.walk import diagnose
+
+FILE, REPORT = "diagnosis.json", "report.html"
+OUT = Path("diagnoses")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Settings:
+    """The settings of `bench diagnose`."""
+
+    source: robot_log.Source
+    """The log: a folder, or the two files that it is made of."""
+    nominal: str
+    """Engine that the compiled replay of the nominal world is compared with."""
+    known_effects: str | None
+    """Effects that the nominal world is known to have; None: those named in the log."""
+    out: Path | None = None
+    """Folder of the results; None: named after the log."""
+    healthy: tuple[Path, ...] = ()
+    """Folders of logs of the same mechanism, recorded while nothing was wrong with it."""
+
+    @property
+    def words(self) -> str:
+        """The logs as written on the command line."""
+        return " ".join([str(self.path), *(f"--healthy {path}" for path in self.healthy)])
+
+    @property
+    def path(self) -> Path:
+        """Folder of the log; that of two files is written there."""
+        return self.source.folder or self.folder / robot_log.FOLDER
+
+    @property
+    def folder(self) -> Path:
+        """Folder of the results."""
+        return self.out or OUT / self.source.name
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """The nominal world."""
+
+    spec: Spec
+    ideal: Spec
+    """The same without its effects."""
+    known: str
+    """Its effects."""
+
+
+def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
+    """Diagnose and write diagnosis.json and report.html; returns the result and its summary.
+
+    Raises UsageError for a log or setting that cannot be used, CommandError if a process stops.
+    """
+    folder = settings.folder
+    if (folder / FILE).exists() and not force:
+        raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
+    engine = registry.load("backend", settings.nominal)
+    try:
+        log = _understood(settings, force)
+        world = _world(log, settings)
+        healthy = _healthy(settings, log, world)
+        apart = _apart_rad(log, world, settings.nominal, engine)
+        with Bar(f"diagnose {settings.source.name}", 100) as bar:
+            found = diagnose(
+                log,
+                healthy,
+                nominal=world.spec,
+                catalogue=own_catalogue(_catalogue(), world.spec),
+                simulate=_on(engine),
+                progress=lambda text, share: bar.update(round(100 * share), text),
+            )
+    except LogError as error:
+        raise UsageError(str(error)) from error
+    except WorkerError as error:
+        raise CommandError(f"a process of the diagnosis stopped: {error}") from error
+    log = dataclasses.replace(log, warnings=(*log.warnings, *_warnings(log, world, apart)))
+    result = _result(folder, found, log, world, settings, apart)
+    folder.mkdir(parents=True, exist_ok=True)
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        home = take_home(log, world.spec, found, own_catalogue(_catalogue(), world.spec))
+        result["model"] = _kept(folder, home, result)
+    text = page(found, log, _facts(result, log, settings), result["next"])
+    write_atomically(folder / REPORT, text)
+    whole = result | {"provenance": provenance()}
+    write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
+    return result, summary(found, result)
+
+
+def _understood(settings: Settings, force: bool) -> Log:
+    """The log; of two files, what was understood of them is said first."""
+    found = robot_log.read(settings.source, settings.folder, force)
+    if found.said:
+        for line in (*found.said, *robot_log.understood(found.log)):
+            say(line)
+        say(f"as a log, with a log.yaml to edit: {found.folder}")
+    return found.log
+
+
+def _healthy(settings: Settings, today: Log, world: World) -> list[Log]:
+    """The healthy logs; raises UsageError or LogError.
+
+    They must have the joints, protocols and channels of the log that is diagnosed.
+    """
+    if same := [path for path in settings.healthy if path.resolve() == settings.path.resolve()]:
+        raise UsageError(
+            f"--healthy {same[0]} is the log that is diagnosed; give logs of the same mechanism "
+            "recorded while nothing was wrong"
+        )
+    logs = [read_log(path) for path in settings.healthy]
+    for path, log in zip(settings.healthy, logs, strict=True):
+        names = _world(log, settings).spec.hand.joint_names
+        if names != world.spec.hand.joint_names:
+            raise UsageError(
+                f"--healthy {path} has the joints {', '.join(names)}, and the log "
+                f"that is diagnosed has {', '.join(world.spec.hand.joint_names)}; give logs of "
+                "the same mechanism"
+            )
+        for what, asked, there in (
+            ("protocols", _protocols(today), _protocols(log)),
+            ("channels", _read(today), _read(log)),
+        ):
+            if lacking := sorted(asked - there):
+                raise UsageError(
+                    f"--healthy {path} lacks the {what} {', '.join(lacking)} of the log that is "
+                    "diagnosed; record the healthy log with the same protocols and channels"
+                )
+    return logs
+
+
+def _protocols(log: Log) -> set[str]:
+    """Protocols of a log in free air."""
+    return {e.protocol for e in log.episodes} & set(FREE_AIR)
+
+
+def _read(log: Log) -> set[str]:
+    """Channels of a log with which replays are compared."""
+    return {kind for kind in CHANNELS if any(log.has(kind, joint) for joint in log.joints)}
+
+
+def _catalogue() -> dict[str, type[Effect]]:
+    return {name: registry.load("effect", name) for name in registry.names("effect")}
+
+
+def _world(log: Log, settings: Settings) -> World:
+    """The nominal world: the mechanism that the log names, with the known effects.
+
+    Raises UsageError or LogError.
+    """
+    mechanism = log.meta.mechanism
+    if isinstance(mechanism, HandMechanism):
+        if mechanism.hand not in HANDS:
+            raise unknown("hand", mechanism.hand, HANDS)
+        if mechanism.stick not in STICKS:
+            raise unknown("stick", mechanism.stick, STICKS)
+        ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+        require_joints(log, ideal.hand.joint_names)
+        named = mechanism.effects
+    else:
+        ideal, named = mjcf_world(log), NONE
+    known = named if settings.known_effects is None else settings.known_effects
+    spec = with_effects(ideal, parse_effects(known, ideal.hand))
+    return World(spec=spec, ideal=ideal, known=known)
+
+
+def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float:
+    """Largest distance between replay and engine [rad]; UsageError where it refuses the world.
+
+    A user's robot is held against plain MuJoCo.
+    """
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        return plain_apart(log, world.spec)
+    try:
+        return apart_rad(_on(engine), world.spec, log)
+    except ValueError as error:
+        raise UsageError(f"--nominal {name}: {error}; choose another engine") from error
+
+
+def _on(engine: type[Engine]) -> Simulate:
+    """Worlds on the nominal engine."""
+    return lambda specs: simulate(engine, specs, usable_cores())
+
+
+def _slides(world: World) -> str:
+    """Names of the joints that slide."""
+    return ", ".join(body.joint.name for body in world.spec.hand.driven if body.joint.slides)
+
+
+def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
+    known = world.spec.hand.joint_names
+    if strange := [joint for joint in log.joints if joint not in known]:
+        yield f"the log has joints that this hand lacks: {', '.join(strange)}; they are ignored"
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        yield from contradictions(log)
+        yield from (f"not simulated from the MJCF: {text}" for text in left_out(log))
+    if slides := _slides(world):
+        yield f"{slides} is a slide: read N for Nm and m for rad, so 17.45 mm for 1 deg"
+    if apart_rad > FLOOR_RAD:
+        yield (
+            f"the engine and the compiled replay of the nominal world differ by up to "
+            f"{1e3 * apart_rad:.2g} mrad (slides: mm); the diagnosis counts up to "
+            f"{1e3 * FLOOR_RAD:g} as no difference"
+        )
+
+
+def _result(
+    folder: Path,
+    found: Diagnosis,
+    log: Log,
+    world: World,
+    settings: Settings,
+    apart_rad: float,
+) -> dict:
+    """The JSON object."""
+    row, effects = found.plain(), _corrected(found, world)
+    return {
+        "status": "done",
+        "dir": str(folder),
+        "written": [str(folder / FILE), str(folder / REPORT)],
+        "log": settings.words,
+        "nominal": {
+            "backend": settings.nominal,
+            "hand": world.spec.hand.name,
+            "effects": world.known,
+            "replay_apart_rad": apart_rad,
+        },
+        "healthy": list(map(str, settings.healthy)),
+        "verdict": list(row.pop("verdict")),
+        "effects": effects,
+        "next": _commands(effects, folder, log, settings),
+        "sentence": wording.sentence(found),
+        "warnings": list(log.warnings),
+        **row,
+    }
+
+
+def _kept(folder: Path, home: TakeHome | None, result: dict) -> dict | None:
+    """Write the corrected model; what is said of it."""
+    if home is None:
+        return None
+    write_atomically(folder / CORRECTED, home.text)
+    result["written"].append(str(folder / CORRECTED))
+    return home.plain() | {"file": str(folder / CORRECTED), "words": home.words}
+
+
+def _corrected(found: Diagnosis, world: World) -> str | None:
+    """The corrected world as effects; None if there is nothing to add, or if it cannot be added."""
+    if not found.magnitudes:
+        return None
+    try:
+        return effects_text(world.known, found.magnitudes, world.ideal)
+    except UsageError:
+        return None
+
+
+def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
+    """What the report says about log and nominal world."""
+    nominal = result["nominal"]
+    apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
+    held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
+    return {
+        "log": settings.source.name,
+        "source": log.meta.source,
+        "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
+        "replay": f"compiled; {held}",
+        **({"healthy logs": ", ".join(result["healthy"])} if settings.healthy else {}),
+        "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal number",
+        "made by": provenance()["command"],
+    }
+
+
+def _commands(text: str | None, folder: Path, log: Log, settings: Settings) -> dict[str, str]:
+    """Commands that use the effects of the corrected world, and what each does."""
+    if text is None:
+        return {}
+    known = f"--known-effects {text} --out {folder}-corrected"
+    further = {f"bench diagnose {settings.words} {known}": "diagnose what is left"}
+    if not isinstance(log.meta.mechanism, HandMechanism):
+        return further
+    train = f"bench run --backend {settings.nominal} --task circle --effects {text}"
+    return {
+        train: "train a policy in the corrected world",
+        f"bench eval RUN --effects {text}": "evaluate a policy in the corrected world",
+    } | further

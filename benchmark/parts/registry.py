@@ -1,0 +1,108 @@
+"""Plug-ins by name: those that stand here, and those of installed packages. Chosen only here.
+
+Listing reads the text of files and imports nothing, so it needs no engine and no learner.
+"""
+
+import importlib
+import re
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from backends.catalogue import EFFECTS
+from benchmark.errors import CommandError, unknown
+from benchmark.parts.extras import install_command
+from files.plugins import Kind, Part, parts
+
+ROOT = Path(__file__).resolve().parents[2]
+_KINDS = {
+    "backend": Kind(home="backends", class_name="Backend", group="backends"),
+    "task": Kind(home="tasks", class_name="Task", group="tasks"),
+    "observation": Kind(home="tasks.observations", class_name="Observation", group="observations"),
+    "algo": Kind(home="baselines", class_name="Baseline", group="algorithms"),
+    "effect": EFFECTS,
+    "importer": Kind(home="diagnosis.importers", class_name="Importer", group="importers"),
+}
+KINDS = tuple(_KINDS)
+
+
+def names(kind: str) -> tuple[str, ...]:
+    """Names of all plug-ins of a kind, as typed on the command line, sorted."""
+    return tuple(parts(_KINDS[kind]))
+
+
+def kind_of(kind: str) -> Kind:
+    """Where plug-ins of a kind are found."""
+    return _KINDS[kind]
+
+
+def part(kind: str, name: str) -> Part:
+    """Where a plug-in is; raises UsageError if it is unknown."""
+    return parts(_KINDS[kind])[check(kind, name)]
+
+
+def summary(kind: str, name: str) -> str:
+    """First line of the plug-in's module docstring."""
+    match = re.match(r'"""(.*?)(?:"""|\n)', part(kind, name).text)
+    return match.group(1) if match else ""
+
+
+def distribution(kind: str, name: str) -> str | None:
+    """The package whose version a plug-in depends on: `package = "..."` in its class, or its own.
+
+    None where it needs nothing else.
+    """
+    found = part(kind, name)
+    named = re.search(r'^    package(?:: .*)? = "(.+)"$', found.text, re.MULTILINE)
+    return named.group(1) if named else found.package
+
+
+def scripted() -> tuple[str, ...]:
+    """Names of the baselines that act without learning."""
+    declares = re.compile(r"^class \w+\((?:\w+\.)?Scripted\)", re.MULTILINE)
+    return tuple(name for name in names("algo") if declares.search(part("algo", name).text))
+
+
+def check(kind: str, name: str) -> str:
+    """`name` if it is known; else raises UsageError that suggests a similar name."""
+    if name not in names(kind):
+        raise unknown(kind, name, names(kind))
+    return name
+
+
+def chosen(kind: str, text: str) -> tuple[str, ...]:
+    """The names between commas, each once ('all': all of them); UsageError for an unknown one."""
+    if text == "all":
+        return names(kind)
+    return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
+
+
+def load(kind: str, name: str) -> Any:
+    """The class of a plug-in; raises if it is unknown or its library is missing."""
+    found = part(kind, name)
+    try:
+        return getattr(importlib.import_module(found.module), found.attribute)
+    except AttributeError as error:
+        raise CommandError(
+            f"{kind} '{name}' of {found.package} cannot be loaded: {error}"
+        ) from error
+    except ModuleNotFoundError as error:
+        missing = (error.name or "").split(".")[0]
+        if (ROOT / missing).exists():
+            raise
+        raise CommandError(
+            f"{kind} '{name}' needs the package '{missing}', which is not installed; "
+            f"install it with: {installs(found)}"
+        ) from error
+    except ImportError as error:
+        raise CommandError(
+            f"{kind} '{name}' cannot be loaded: {error}; `bench doctor` says what is missing"
+        ) from error
+
+
+def installs(found: Part) -> str:
+    """The command that installs what a plug-in needs."""
+    if found.package is None:
+        return install_command(found.module)
+    needed = metadata.requires(found.package) or ()
+    return f"pip install {' '.join(map(repr, needed)) or found.package}"

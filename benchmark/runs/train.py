@@ -1,0 +1,132 @@
+"""Training as a chain of segments that each start from a file, so that a kill changes nothing."""
+
+import math
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from baselines.baseline import Learner, Progress
+from baselines.saved import POLICY_FILE, write_contract
+from benchmark.errors import CommandError
+from benchmark.parts import registry
+from benchmark.runs.run_folder import START_FILE, RunFolder, progress_row
+from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.settings.run_spec import RunSpec
+from tasks.batch import BatchEnv
+
+SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
+"""Iterations between two checkpoints."""
+
+
+def segment_seed(run: RunSpec, segment: int) -> int:
+    """The seed of one segment: a hash, so that neighbouring seeds have independent streams."""
+    return int(np.random.SeedSequence([run.seed, segment]).generate_state(1)[0])
+
+
+class Training:
+    """The training of one run, from the last checkpoint in its folder to the end."""
+
+    def __init__(
+        self,
+        run: RunSpec,
+        folder: RunFolder,
+        workers: int,
+        report: Callable[[Progress, int], None],
+    ) -> None:
+        self._run, self._folder, self._workers, self._report = run, folder, workers, report
+        self._learner_class = registry.load("algo", run.algo)
+        self._settings = self._learner_class.hyperparameters(**run.overrides)
+        self._per_iteration: int = self._learner_class.steps_per_iteration(
+            run.worlds, self._settings
+        )
+        self._per_segment = SMOKE_SEGMENT_ITERATIONS if run.smoke else SEGMENT_ITERATIONS
+        self._iterations, self._checkpoint = folder.checkpoint()
+        self._rows = folder.progress(self._iterations * self._per_iteration)
+        self._began = time.monotonic() - self.wall_s
+
+    @property
+    def steps(self) -> int:
+        """Environment steps trained so far."""
+        return self._iterations * self._per_iteration
+
+    @property
+    def wall_s(self) -> float:
+        """Wall time of these steps, including earlier sessions [s]."""
+        return self._rows[-1]["wall_s"] if self._rows else 0.0
+
+    def finish(self) -> None:
+        """Train to the end of the budget; then the folder holds the policy and its contract.
+
+        Writes a checkpoint and the learning curve after each segment.
+        """
+        total = max(1, math.ceil(self._run.steps / self._per_iteration))
+        while self._iterations < total:
+            iterations = min(self._per_segment, total - self._iterations)
+            with self._learner() as (learner, env):
+                learner.learn(iterations, self._note)
+                self._save(learner, self._iterations + iterations)
+                if self._iterations >= total:
+                    self._export(learner, env)
+        if not (self._folder.path / POLICY_FILE).exists():  # killed after the last checkpoint
+            with self._learner() as (learner, env):
+                self._export(learner, env)
+
+    @contextmanager
+    def _learner(self) -> Iterator[tuple[Learner, BatchEnv]]:
+        """The learner as the last checkpoint has it, in the worlds of the segment after that."""
+        index = self._iterations // self._per_segment
+        seed = segment_seed(self._run, index)
+        env = make_env(self._run, training_worlds(self._run, index), seed, self._workers)
+        try:
+            learner: Learner = self._learner_class(env, seed, self._settings)
+            if self._checkpoint is not None:
+                _load(learner, self._checkpoint)
+            elif self._run.start_sha256 is not None:
+                learner.start_from(self._folder.path / START_FILE)
+            yield learner, env
+        finally:
+            env.close()
+
+    def _export(self, learner: Learner, env: BatchEnv) -> None:
+        """Write the contract, then the policy: where there is a policy, both are whole."""
+        write_contract(self._folder.path, env.observation)
+        path = self._folder.path / POLICY_FILE
+        temporary = path.with_name(f".{path.name}.tmp")
+        learner.export(temporary)
+        os.replace(temporary, path)
+
+    def _note(self, progress: Progress) -> None:
+        steps = int(self._rows[-1]["steps"]) if self._rows else 0
+        wall_s = time.monotonic() - self._began
+        self._rows.append(progress_row(progress, steps + progress.steps, wall_s))
+        self._report(progress, steps + progress.steps)
+
+    def _save(self, learner: Learner, iterations: int) -> None:
+        path = self._folder.checkpoint_path(iterations)
+        temporary = path.with_name(f".{path.name}.tmp")
+        try:
+            learner.save(temporary)
+        except RuntimeError as error:  # torch's word for a disk that is full
+            temporary.unlink(missing_ok=True)
+            raise CommandError(
+                f"{path} cannot be written ({error}); the last checkpoint is kept: "
+                "free some space, then --resume"
+            ) from error
+        self._folder.write_progress(self._rows)
+        os.replace(temporary, path)
+        self._iterations, self._checkpoint = iterations, path
+        self._folder.drop_checkpoints(keep=path)
+
+
+def _load(learner: Learner, checkpoint: Path) -> None:
+    try:
+        learner.load(checkpoint)
+    except Exception as error:  # noqa: BLE001 - torch raises many classes for a damaged file
+        raise CommandError(
+            f"{checkpoint} cannot be read ({type(error).__name__}: {error}); "
+            "--force starts the run again"
+        ) from error

@@ -1,0 +1,235 @@
+"""Kinds of values of settings: how each is read, bounded and shown.
+
+A setting is declared once, as a field of `RunSpec`. Command line, grid file and checks use it.
+"""
+
+import math
+from dataclasses import MISSING, Field, dataclass, field, fields
+from typing import Any, Protocol
+
+from benchmark.errors import UsageError, unknown
+from benchmark.parts import registry
+from benchmark.settings import quantities
+
+
+class Kind(Protocol):
+    """A kind of value."""
+
+    @property
+    def metavar(self) -> str:
+        """Placeholder for a value in the help."""
+        ...
+
+    @property
+    def allowed(self) -> str:
+        """The allowed values, for the help; empty if the help text lists them."""
+        ...
+
+    def read(self, given: object, flag: str) -> Any:
+        """Read a value that is given as text or plain data; raises UsageError that names `flag`."""
+        ...
+
+    def show(self, value: Any) -> str:
+        """The value as a user types it."""
+        ...
+
+
+@dataclass(frozen=True)
+class Name:
+    """The name of a plug-in."""
+
+    kind: str
+    metavar: str = "NAME"
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return ", ".join(registry.names(self.kind))
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        return registry.check(self.kind, str(given))
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of several names."""
+
+    what: str
+    known: tuple[str, ...]
+    metavar: str = "NAME"
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return ", ".join(self.known)
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        if given not in self.known:
+            raise unknown(self.what, str(given), self.known)
+        return str(given)
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Text:
+    """Text that is interpreted later."""
+
+    metavar: str
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> str:
+        """See `Kind.read`."""
+        return str(given)
+
+    def show(self, value: str) -> str:
+        """See `Kind.show`."""
+        return value
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number within bounds; a whole number may be written as 2e6."""
+
+    low: float
+    high: float
+    unit: str = ""
+    """Unit of the bounds and of the typed value; empty: a number without unit."""
+    whole: bool = False
+
+    @property
+    def metavar(self) -> str:
+        """Placeholder for the number."""
+        return {"cm": "LENGTH"}.get(self.unit, "N" if self.whole else "X")
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return f"{_plain(self.low)} to {_plain(self.high)}{self._unit}"
+
+    @property
+    def _unit(self) -> str:
+        return f" {self.unit}" if self.unit else ""
+
+    def read(self, given: object, flag: str) -> float:
+        """See `Kind.read`; plain numbers are in SI units."""
+        value = self._value(given, flag)
+        size = quantities.size(self.unit) if self.unit else 1.0
+        shown = value / size
+        if not (math.isfinite(shown) and self.low * (1 - 1e-12) <= shown <= self.high):
+            raise UsageError(f"{flag} is {shown:g}{self._unit}; allowed: {self.allowed}")
+        return value
+
+    def _value(self, given: object, flag: str) -> float:
+        if not isinstance(given, str):
+            if isinstance(given, bool) or not isinstance(given, int | float):
+                raise UsageError(f"{flag} is {given!r}; allowed: a number")
+            return int(given) if self.whole and given == int(given) else float(given)
+        if self.whole:
+            return quantities.count(given, flag)
+        if self.unit:
+            return quantities.quantity(given, flag, self.unit)
+        return quantities.number(given, flag)
+
+    def show(self, value: float) -> str:
+        """See `Kind.show`."""
+        size = quantities.size(self.unit) if self.unit else 1.0
+        return f"{_plain(value / size)}{self.unit}"
+
+
+def _plain(value: float) -> str:
+    """A number as a user types it: 1e6, 0.05."""
+    text = f"{value:g}" if float(f"{value:g}") == value else f"{value:.12g}"
+    return text.replace("e+0", "e").replace("e+", "e")
+
+
+@dataclass(frozen=True)
+class Switch:
+    """Yes or no: on the command line --NAME, and --no-NAME if it is on by default."""
+
+    metavar: str = ""
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> bool:
+        """See `Kind.read`."""
+        if not isinstance(given, bool):
+            raise UsageError(f"{flag} is {given!r}; allowed: true or false")
+        return given
+
+    def show(self, value: bool) -> str:
+        """See `Kind.show`."""
+        return "yes" if value else "no"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setting:
+    """One setting of a run: its name on the command line and the field that it sets."""
+
+    name: str
+    """Name on the command line, without its dashes."""
+    field: str
+    """Field of the spec."""
+    kind: Kind
+    help: str
+    default: Any
+    """MISSING if a value must be given."""
+    alias: str | None = None
+    """Another name on the command line."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name under which it may be given, in the form of a Python name."""
+        names = (self.name, self.alias or self.name, self.field)
+        return tuple(dict.fromkeys(name.replace("-", "_") for name in names))
+
+    @property
+    def flag(self) -> str:
+        """As on the command line."""
+        return f"--{self.name}"
+
+    @property
+    def shown_default(self) -> str | None:
+        """The default as a user types it; None if a value must be given."""
+        return None if self.default is MISSING else self.kind.show(self.default)
+
+    def read(self, given: object) -> Any:
+        """The field's value; raises UsageError."""
+        return self.kind.read(given, self.flag)
+
+
+def setting(
+    help: str,
+    kind: Kind,
+    default: Any = MISSING,
+    option: str | None = None,
+    alias: str | None = None,
+) -> Any:
+    """A dataclass field that is a setting; `option` is its name as an option if that differs."""
+    said = {"help": help, "kind": kind, "option": option, "alias": alias}
+    return field(default=default, metadata=said)
+
+
+def settings_of(spec: type) -> dict[str, Setting]:
+    """The settings that are declared by the fields of a spec, by name, in order."""
+    declared = (_declared(one) for one in fields(spec) if "kind" in one.metadata)
+    return {one.name: one for one in declared}
+
+
+def _declared(one: Field) -> Setting:
+    name = one.metadata["option"] or one.name.replace("_", "-")
+    return Setting(
+        name=name,
+        field=one.name,
+        kind=one.metadata["kind"],
+        help=one.metadata["help"],
+        default=one.default,
+        alias=one.metadata["alias"],
+    )

@@ -1,0 +1,141 @@
+"""The identity of a run: all settings that decide its result, frozen.
+
+Each setting is declared once, as a field here. Command line, grid files and checks use it.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from backends import trx
+from backends.effect import with_effects
+from backends.spec import Spec
+from backends.sticks import STICKS
+from benchmark.errors import UsageError, unknown
+from benchmark.settings.effects import parse_effects, parse_spread
+from benchmark.settings.kinds import (
+    Choice,
+    Name,
+    Number,
+    Setting,
+    Switch,
+    Text,
+    setting,
+    settings_of,
+)
+from leaderboard.identity import learner_name, run_digest
+from tasks.task import RADIUS_M
+
+HANDS = {"trx": trx}
+SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
+MOST_WORLDS = 100_000
+"""Most worlds trained on at once; more fill the memory."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunSpec:
+    """All settings of a run; equal specs give equal rows.
+
+    Raises UsageError for invalid settings.
+    """
+
+    backend: str = setting("Physics engine that simulates.", Name("backend"), alias="engine")
+    task: str = setting("Figure that the stick's lower end draws.", Name("task"))
+    observation: str = setting(
+        "Observation that the policy gets.", Name("observation"), "contact-centers"
+    )
+    algo: str = setting("Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo")
+    hand: str = "trx"
+    """The hand; there is one."""
+    stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
+    effects: str = setting(
+        "What the world adds to the ideal hand: 'built', 'none', or effects with sizes such as "
+        "backlash=1.2deg,kp-scale=-10%@J3.",
+        Text("SET"),
+        "built",
+    )
+    radius_m: float = setting("Size of the figure.", Number(0.1, 5, "cm"), RADIUS_M, "radius")
+    speed: float = setting(
+        "Pace of the figure, times the training pace.", Number(0.05, 5), 1.0, "pace"
+    )
+    steps: int = setting(
+        "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000
+    )
+    seed: int = setting(
+        "Decides every random draw of the training.", Number(0, 2**32 - 1, whole=True), 0
+    )
+    randomize: bool = setting("Train on worlds drawn around the nominal one.", Switch(), True)
+    spread: str = setting(
+        "How far they are drawn: 'paper', or effects with their spreads.", Text("SET"), "paper"
+    )
+    start_spread: float = setting(
+        "Width of the drawn initial states over the paper's; 0: a single one.", Number(0, 1), 1.0
+    )
+    worlds: int = 128
+    """Worlds trained on at once."""
+    smoke: bool = setting("Walk the whole path in under a minute; never ranked.", Switch(), False)
+    overrides: Mapping[str, Any] = field(default_factory=dict, hash=False)
+    """Hyperparameters of the learner that differ from its defaults, by name."""
+    start_sha256: str | None = None
+    """SHA-256 of the policy that training starts from; None: a new policy."""
+
+    def __post_init__(self) -> None:
+        for one in SETTINGS.values():
+            object.__setattr__(self, one.field, one.read(getattr(self, one.field)))
+        Choice("hand", tuple(HANDS)).read(self.hand, "--hand")
+        Number(1, MOST_WORLDS, whole=True).read(self.worlds, "worlds")
+        parse_effects(self.effects, HANDS[self.hand].HAND)
+        parse_spread(self.spread, HANDS[self.hand].HAND)
+
+    @property
+    def digest(self) -> str:
+        """The `run_digest` of this run."""
+        return run_digest(dataclasses.asdict(self), self.world().digest)
+
+    @property
+    def name(self) -> str:
+        """A readable folder name, unique to this run."""
+        smoke = "-smoke" if self.smoke else ""
+        parts = (self.backend, self.task, self.algo, self.observation)
+        return f"{'-'.join(parts)}-s{self.seed}{smoke}-{self.digest[:8]}"
+
+    @property
+    def learner(self) -> str:
+        """The algorithm with its changed hyperparameters, such as 'sb3-ppo lr=0.0003'."""
+        return learner_name(self.algo, self.overrides, self.start_sha256)
+
+    def world(self) -> Spec:
+        """The nominal world: hand and stick with the effects applied in order."""
+        hand = HANDS[self.hand]
+        spec: Spec = hand.spec(STICKS[self.stick])
+        return with_effects(spec, parse_effects(self.effects, hand.HAND))
+
+
+SETTINGS: dict[str, Setting] = settings_of(RunSpec)
+"""The settings of a run, by name as typed."""
+DEPLOYED = ("backend", "task", "radius", "pace", "stick", "effects")
+"""Settings that may differ between training and evaluation of a policy."""
+
+
+_BY_NAME = {name: one for one in SETTINGS.values() for name in one.names}
+
+
+def setting_named(name: str) -> Setting:
+    """A setting by any of its names, such as radius and radius_m; raises UsageError."""
+    found = _BY_NAME.get(name.replace("-", "_"))
+    if found is None:
+        raise unknown("setting", name, SETTINGS)
+    return found
+
+
+def read_settings(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Fields of a RunSpec from settings by name (None: not given); raises UsageError."""
+    fields: dict[str, Any] = {}
+    for name, value in given.items():
+        one = setting_named(name)
+        if value is not None and one.field in fields:
+            raise UsageError(f"{one.name} is given twice: as {' and as '.join(one.names)}")
+        if value is not None:
+            fields[one.field] = one.read(value)
+    return fields
