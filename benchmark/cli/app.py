@@ -18,7 +18,7 @@ from typer.main import get_command
 
 from benchmark import console, errors
 from benchmark.cli import blind, doctor
-from benchmark.cli.check import list_parts, measure_speed, verify
+from benchmark.cli.check import list_parts, measure_speed, submit, verify
 from benchmark.cli.demo import demo
 from benchmark.cli.gap import calibrate, check, diagnose
 from benchmark.cli.grid import leaderboard, sweep, transfer
@@ -42,6 +42,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None]]] = {
         "transfer": transfer,
         "leaderboard": leaderboard,
         "verify": verify,
+        "submit": submit,
     },
     "Logs": {"record": record, "excite": excite, "import": import_logs},
     "Parts of your own": {"new": new, "test": test},

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends, Made, Out, Seed, Workers
+from benchmark.cli.options import Backends, Made, Out, Runs, Seed, Submission, Workers
 from benchmark.errors import UsageError
 from benchmark.parts import registry
 from benchmark.settings import quantities
@@ -68,6 +68,20 @@ def verify(
     from benchmark.results.verify import verify
 
     return verify(runs or [], sample, out, workers)
+
+
+@command(kept="nothing is written before all rows are replayed")
+def submit(runs: Runs, out: Submission, workers: Workers = None) -> Any:
+    """Write rows and policies for the board into one folder, each replayed first.
+
+    Whoever keeps a board checks it with `bench verify DIR` and adds it to the board with
+    `bench leaderboard DIR --add --policies`.
+
+    Example: [bold]bench submit runs --out submission[/bold]
+    """
+    from benchmark.results.submit import submit as submits
+
+    return submits(runs, out, workers)
 
 
 @command(defaults={"kind": "all"})

@@ -32,6 +32,12 @@ Made = Annotated[
 ]
 """Where tables and pictures go that are made from runs."""
 NewFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
+Submission = Annotated[
+    Path,
+    typer.Option(
+        "--out", metavar="DIR", help="Folder to write to; an earlier submission is replaced."
+    ),
+]
 OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace what an earlier call wrote there.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Continue a killed run.")]

@@ -9,17 +9,20 @@ import numpy as np
 import pandas as pd
 from rich.table import Table
 
+from baselines.saved import file_sha256
 from benchmark.console import say
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run, run_folder
 from benchmark.runs.evaluate import Episodes
 from benchmark.runs.run_folder import EPISODES_FILE, RUN_FILE, write_atomically
+from files.bounded import read_json
 from files.tables import read_parquet
 from leaderboard.identity import row_key
 from leaderboard.verified import VERIFIED_FILE, read_verified, verified_text
 
 POLICIES = Path("leaderboard/policies")
+SUBMISSION_FILE = "submission.json"
 SCORES = ("tracked", "held", "p_err_cm", "q_err_deg")
 DEVIATIONS = 4.0
 """Of the mean over episodes: another processor rounds otherwise, and contact amplifies it; beyond
@@ -48,17 +51,26 @@ def verify(
 ) -> tuple[dict, Table]:
     """Replay every policy in the sources, or `sample` of them spread evenly; what was found.
 
-    With `out`, a leaderboard's folder, rows that hold are marked there.
+    With `out`, a leaderboard's folder, rows that hold are marked there. Files of a submission must
+    be those that were submitted.
     """
     folders = list(_folders(sources or [POLICIES]))
     if not folders:
         raise UsageError(f"no finished run in {', '.join(map(str, sources))}")
+    changed = {path for source in sources for path in _changed(source)}
+    if strange := sorted(str(path) for path in changed if path.parent not in folders):
+        raise UsageError(f"not as submitted: {', '.join(strange[:5])}; take it as it was written")
     if sample is not None and sample < len(folders):
         chosen = np.linspace(0, len(folders) - 1, sample).round().astype(int)
         folders = [folders[k] for k in chosen]
     verdicts = []
     for number, folder in enumerate(folders, 1):
-        verdicts.append(_verdict(folder, workers or usable_cores()))
+        other = sorted(path.name for path in changed if path.parent == folder)
+        verdicts.append(
+            Verdict(folder=folder, state="refused", reason=f"not as submitted: {', '.join(other)}")
+            if other
+            else _verdict(folder, workers or usable_cores())
+        )
         say(f"{number}/{len(folders)} {folder.name}: {verdicts[-1].state} {verdicts[-1].reason}")
         if out is not None and verdicts[-1].good:
             _mark(verdicts[-1], out)
@@ -82,6 +94,21 @@ def _folders(sources: Sequence[Path]) -> Iterator[Path]:
         yield from sorted(file.parent for file in source.rglob(RUN_FILE))
 
 
+def _changed(source: Path) -> Iterator[Path]:
+    """Files of a submission that are not those that it names; none of another folder."""
+    manifest = source / SUBMISSION_FILE
+    if not manifest.exists():
+        return
+    try:
+        named = dict(read_json(manifest)["files"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{manifest} is no list of a submission's files: {error}") from error
+    there = {str(p.relative_to(source)) for p in source.rglob("*") if p.is_file()}
+    for name in sorted({*named, *there} - {SUBMISSION_FILE}):
+        if name not in there or file_sha256(source / name) != named.get(name):
+            yield source / name
+
+
 def _verdict(folder: Path, workers: int) -> Verdict:
     try:
         row = run_folder.finished_run(folder)
@@ -89,8 +116,10 @@ def _verdict(folder: Path, workers: int) -> Verdict:
         if row["spec_digest"] != spec.world().digest:
             reason = "its spec_digest is not that of its hand, stick and effects"
             return Verdict(folder=folder, state="refused", reason=reason)
-        again = run.deploy(spec, folder, workers, episodes=row["scores"]["episodes"])
         kept = read_parquet(folder / EPISODES_FILE)
+        if reason := _other_than(row["scores"], kept):
+            return Verdict(folder=folder, state="differs", reason=reason)
+        again = run.deploy(spec, folder, workers, episodes=row["scores"]["episodes"])
     except (CommandError, OSError, ValueError, KeyError, TypeError) as error:
         return Verdict(folder=folder, state="refused", reason=str(error))
     key = row_key(row["digest"], row["policy_sha256"], row["scores"])
@@ -98,16 +127,20 @@ def _verdict(folder: Path, workers: int) -> Verdict:
     return Verdict(folder=folder, state=state, reason=reason, key=key)
 
 
+def _other_than(said: dict, kept: pd.DataFrame) -> str:
+    """The score that is not the mean of the kept episodes; empty where all are."""
+    for name in SCORES:
+        mean = kept[name].mean()
+        if not math.isclose(mean, said[name], rel_tol=1e-9, abs_tol=1e-12):
+            return f"{name} is {said[name]:.4g}; its episodes have {mean:.4g}"
+    return ""
+
+
 def _compared(said: dict, kept: pd.DataFrame, again: Episodes) -> tuple[str, str]:
-    """Whether scores that a row says are those of the kept episodes and of the replayed ones."""
+    """Whether the kept episodes are those that were replayed, or close."""
     exact = True
     for name in SCORES:
         values = getattr(again, name)
-        if not math.isclose(kept[name].mean(), said[name], rel_tol=1e-9, abs_tol=1e-12):
-            return (
-                "differs",
-                f"{name} is {said[name]:.4g}; its episodes have {kept[name].mean():.4g}",
-            )
         spread = math.hypot(kept[name].std(), values.std()) / math.sqrt(len(values))
         if abs(values.mean() - said[name]) > DEVIATIONS * max(spread, 1e-9):
             return "differs", f"{name} is {said[name]:.4g}; replayed {values.mean():.4g}"

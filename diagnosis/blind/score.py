@@ -135,7 +135,8 @@ def markdown(found: Score) -> str:
     when = (
         "by the solver to which the set was committed before it was drawn"
         if found.frozen
-        else "**not** by the solver to which the set was committed: a tuning set, no blind result"
+        else "**not** by the solver to which the set was committed: blind only if its authors had "
+        "neither the answers nor the seed"
     )
     again = f"{found.replayed} of them were solved again, with the same results"
     parts = [

@@ -3,9 +3,12 @@
     found = solve_set(Path("blind/a"), by_diagnosis, jobs=2)
 
 A solve function gets a `Task`, which is all that a solver may know of a case, and gives plain data
-(`plain` says which). It is a function of a module, so that other processes find it by its name.
+(`plain` says which; of another program's, `verdict` and `joints` are enough). It is a function of a
+module, so that other processes find it by its name.
 """
 
+import hashlib
+import inspect
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -68,7 +71,7 @@ def task(blind: BlindSet, number: int) -> Task:
 def solve_set(folder: Path, solve: Solve, jobs: int = 1) -> list[dict[str, Any]]:
     """Run a solve function on every case of a set, in order, and write its results."""
     blind = BlindSet(path=folder)
-    blind.note_try(frozen.solver_sha256())
+    blind.note_try(identity(solve))
     parallel = joblib.Parallel(n_jobs=jobs)
     return parallel(joblib.delayed(solve_case)(blind, n, solve) for n in blind.numbers)
 
@@ -96,12 +99,20 @@ def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
     return {
         "number": number,
         "log_sha256": blind.log_sha256(number),
-        "solver_sha256": frozen.solver_sha256(),
+        "solver_sha256": identity(solve),
         "time": now(),
         "excluded": list(blind.excluded(number)),
         "cpu_s": sum(os.times()[:2]) - began_s,
         **found,
     }
+
+
+def identity(solve: Solve) -> str:
+    """SHA-256 of a solver: of this repository's files, or of the file with another's function."""
+    function = solve.func if isinstance(solve, partial) else solve
+    if function is by_diagnosis:
+        return frozen.solver_sha256()
+    return hashlib.sha256(Path(inspect.getfile(function)).read_bytes()).hexdigest()
 
 
 def solver(simulate: Simulate) -> Solve:

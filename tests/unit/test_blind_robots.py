@@ -1,6 +1,8 @@
 """Sets of drawn robots: made, solved by any function, scored by side, and used for the curve."""
 
+import importlib
 import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +11,19 @@ import pytest
 
 from benchmark.errors import UsageError
 from benchmark.gap import blind
-from diagnosis.blind import calibrate, draw, faults, files, judged, near, rigs, sides, tables
+from benchmark.parts.registry import ROOT
+from diagnosis.blind import (
+    calibrate,
+    draw,
+    faults,
+    files,
+    frozen,
+    judged,
+    near,
+    rigs,
+    sides,
+    tables,
+)
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.files import BlindSet
@@ -212,3 +226,18 @@ def test_every_real_side_is_a_file():
     foreign = {"presliding", "cascade", "flexgear", "pwm", "filtered", "plain"}
     assert foreign | {"dart", "bristle", "plant"} == set(sides.PLANTS)
     assert set(sides.ENGINES) == {"drake", "exudyn"} and "drake" in blind.KEPT_APART
+
+
+def test_the_solver_of_the_docs_is_scored(made, tmp_path, monkeypatch):
+    """Let the program on the page solve a copy of the set, under its own name."""
+    folder, answers = made
+    copy = tmp_path / "set"
+    shutil.copytree(folder, copy, ignore=shutil.ignore_patterns("results", "tried.json"))
+    page = (ROOT / "docs/contribute/board.md").read_text()
+    (tmp_path / "stops.py").write_text(page.split("```python\n")[1].split("```")[0])
+    monkeypatch.syspath_prepend(str(tmp_path))
+    found = solve_set(copy, importlib.import_module("stops").solve)
+    assert not any(row["refused"] for row in found), found[0]["refused"]
+    assert found[0]["solver_sha256"] != frozen.solver_sha256()
+    result, _ = blind.score([(copy, answers)], None, 1)
+    assert result["cases"] == 6 and not result["frozen"]
