@@ -6,7 +6,7 @@ and a damper, x'' = -(k x + c x') / J, are stable while k dt^2 / J + 2 c dt / J 
 criterion). The gear and the PD law each get a share of that limit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -60,6 +60,16 @@ class Servo(Protocol):
     @property
     def armature(self) -> float | None:
         """Inertia on the motor's side, instead of the file's."""
+        ...
+
+    @property
+    def speed(self) -> float:
+        """Largest speed of its target; 0: any."""
+        ...
+
+    @property
+    def loop(self) -> Mapping[str, float]:
+        """What its loop does beside the PD law, by the numbers of `spec.Loop`."""
         ...
 
 

@@ -24,8 +24,11 @@ OUTRUN_M_S = 10.0
 """A stick that moves faster is no longer pulled: it would pass through a hand within one step
 [m/s]."""
 _SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
+_PD_ALONE = "refused: drives have the PD law alone; a diagnosis replays a user's"
 SHARED_SUPPORT: Mapping[str, str] = {
-    name: EXACT for name in field_names() if name.split(".")[0] in _SHARED and name != "joint.axis"
+    name: _PD_ALONE if name.startswith("loop.") else EXACT
+    for name in field_names()
+    if name.split(".")[0] in _SHARED | {"loop"} and name != "joint.axis"
 }
 """Support entries of the fields that shared code computes, the same for every engine."""
 

@@ -21,7 +21,7 @@ from backends._mjcf_model import compiled, whole
 from backends._mjcf_play import Plain, Play
 from backends._mjcf_text import MjcfError
 from backends._mjcf_write import JointNumbers, written
-from backends.spec import Body, Drive, Joint, Spec, Timing, Vec3
+from backends.spec import Body, Command, Drive, Joint, Loop, Spec, Timing, Vec3
 from backends.state import Array
 
 __all__ = [
@@ -299,6 +299,8 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int, servo: Servo, dri
         range_rad=(float(low), float(high)),
         drive=drive,
         sensor=servo.sensor,
+        command=Command(slowness_s_rad=1.0 / servo.speed if servo.speed else 0.0),
+        loop=Loop(**servo.loop),
         slides=kind == int(mujoco.mjtJoint.mjJNT_SLIDE),
     )
 

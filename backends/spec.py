@@ -64,6 +64,29 @@ class Command:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Loop:
+    """What the loop of a user's drive does beside the PD law; zeros add nothing."""
+
+    integral_hz: float = 0.0
+    """Integral gain over the proportional one [1/s]."""
+    integral_limit_nm: float = 0.0
+    """Largest torque of the integral [Nm]; 0: the drive's limit."""
+    filter_s: float = 0.0
+    """Time constant of the low-pass filter on the speed that the derivative gain takes [s]."""
+    lead: float = 0.0
+    """Share of the target's speed that the derivative gain follows [1]; 1: it takes the speed's
+    error."""
+    profile_rad_s2: float = 0.0
+    """Acceleration by which the drive itself moves the target to a command [rad/s^2]; 0: it
+    jumps."""
+    lag_s: float = 0.0
+    """Time constant by which the torque follows what is asked of it [s]."""
+    unlimited: float = 0.0
+    """Share of the derivative gain that the torque limit does not hold, as a motor's back-EMF
+    [1]."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Encoder:
     """The errors of a position sensor; zeros mean that it reads the angle.
 
@@ -103,6 +126,7 @@ class Joint:
     """Side of the gear on which the position sensor sits: 'joint' or 'motor'."""
     encoder: Encoder = Encoder()
     command: Command = Command()
+    loop: Loop = Loop()
     slides: bool = False
     """Whether it moves along its axis instead of rotating about it."""
 
@@ -306,7 +330,7 @@ class Spec:
             "taxels": (self.hand.taxels,),
             "spec": (self,),
         }
-        if part in ("drive", "command", "encoder"):
+        if part in ("drive", "command", "encoder", "loop"):
             found: Iterable[Any] = [getattr(j, part) for j in joints if j.drive is not None]
         else:
             found = homes[part] if part in homes else (getattr(self, part),)
@@ -333,9 +357,22 @@ def _numbers(part: Any) -> Any:
 
 def field_names() -> tuple[str, ...]:
     """Names of all numbers of a spec, such as 'drive.kp_nm_rad'; each has an entry in `support`."""
-    parts = (Drive, Command, Encoder, Joint, Body, Fingertip, Taxels, Hand, Stick, Contact, Timing)
+    parts = (
+        Drive,
+        Command,
+        Loop,
+        Encoder,
+        Joint,
+        Body,
+        Fingertip,
+        Taxels,
+        Hand,
+        Stick,
+        Contact,
+        Timing,
+    )
     nested = {"bodies", "fingertips", "taxels", "joint", "drive", "command", "encoder"}
-    nested |= {"name", "finger"}
+    nested |= {"loop", "name", "finger"}
     names = [
         f"{part.__name__.lower()}.{f.name}"
         for part in parts

@@ -31,8 +31,8 @@ Column = Annotated[
     list[str] | None,
     typer.Option(
         metavar="JOINT.KIND=COLUMN",
-        help="Which column it is; kinds: command, position, motor, torque, velocity, push; "
-        "repeatable.",
+        help="Which column it is; kinds: command, position, motor, torque, velocity, push, "
+        "reference, feedforward; repeatable.",
     ),
 ]
 DriveOf = Annotated[
@@ -40,7 +40,16 @@ DriveOf = Annotated[
     typer.Option(
         "--drive",
         metavar="JOINT=NUMBERS",
-        help="Numbers of a drive that the model lacks, such as '*=kp:60,kd:1.5,limit:12'; "
+        help="Numbers of a drive that the model lacks, such as "
+        "'*=kp:60+-20%,kd:1.5,limit:12,ki:5'; repeatable.",
+    ),
+]
+ServoOf = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--servo",
+        metavar="NAME@JOINT",
+        help="A servo that is known, such as 'sts3215@*' or 'xl330,gain:800,volts:5.1@wrist'; "
         "repeatable.",
     ),
 ]
@@ -65,6 +74,7 @@ OF_FILES = {
     "unit": "as the names say, or as the ranges do",
     "column": "by their names",
     "drive": "the model's",
+    "servo": "none",
     "hold": "where the model has them",
 }
 
@@ -124,6 +134,7 @@ def diagnose(
     unit: Unit = None,
     column: Column = None,
     drive: DriveOf = None,
+    servo: ServoOf = None,
     hold: Hold = None,
     fix_base: FixBase = False,
     gravity_compensation: GravityCompensation = False,
@@ -164,7 +175,7 @@ def diagnose(
 
     settings = diagnoses.Settings(
         source=_source(
-            log, robot, table, unit, column, drive, hold, fix_base, gravity_compensation
+            log, robot, table, unit, column, drive, servo, hold, fix_base, gravity_compensation
         ),
         out=out,
         healthy=tuple(healthy or ()),
@@ -186,6 +197,7 @@ def check(
     unit: Unit = None,
     column: Column = None,
     drive: DriveOf = None,
+    servo: ServoOf = None,
     hold: Hold = None,
     fix_base: FixBase = False,
     gravity_compensation: GravityCompensation = False,
@@ -201,7 +213,9 @@ def check(
     """
     from benchmark.gap import check as checks
 
-    source = _source(log, robot, table, unit, column, drive, hold, fix_base, gravity_compensation)
+    source = _source(
+        log, robot, table, unit, column, drive, servo, hold, fix_base, gravity_compensation
+    )
     return checks.run(source, out, force)
 
 
@@ -212,6 +226,7 @@ def _source(
     unit: str | None,
     column: list[str] | None,
     drive: list[str] | None,
+    servo: list[str] | None,
     hold: list[str] | None,
     fix_base: bool,
     gravity_compensation: bool,
@@ -226,6 +241,7 @@ def _source(
         unit=unit,
         columns=column or (),
         drives=drive or (),
+        servos=servo or (),
         hold=hold or (),
         fix_base=fix_base,
         gravity_compensation=gravity_compensation,

@@ -4,15 +4,18 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from pydantic import ValidationError
+
 from benchmark.errors import UsageError
 from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
+from diagnosis.logs.servos import servo
 from diagnosis.logs.two_files import Asked, pair
 from diagnosis.replay.nominal import left_out, mjcf_world
-from diagnosis.replay.robot import contradictions, known_drives
+from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
 
 FOLDER = "log"
 """Where the log of two files is written, within the folder of the results."""
-NUMBERS = ("kp", "kd", "limit", "armature")
+FORM = "JOINT=kp:60+-20%,kd:1.5,limit:12,armature:0.01"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +29,9 @@ class Source:
     columns: Sequence[str] = ()
     """JOINT.KIND=COLUMN each."""
     drives: Sequence[str] = ()
-    """JOINT=kp:60,kd:1.5,limit:12,armature:0.01 each; JOINT may be *."""
+    """`FORM` each; JOINT may be *."""
+    servos: Sequence[str] = ()
+    """NAME@JOINT each, of a servo that is known; JOINT may be *."""
     hold: Sequence[str] = ()
     """JOINT=POSITION each."""
     fix_base: bool = False
@@ -84,10 +89,19 @@ def understood(log: Log) -> Iterator[str]:
             else f"{number} unknown"
             for number, value, unit in zip(NUMBERS, values, units, strict=True)
         )
-        yield f"{name}, a {'slide' if slides[name] else 'hinge'}: PD law on the joint, {numbers}"
+        kind = "slide" if slides[name] else "hinge"
+        yield f"{name}, a {kind}: PD law on the joint, {numbers}{_more(drive.more)}"
     yield from contradictions(log)
     yield from (f"not simulated: {text}" for text in left_out(log))
     yield from (f"warning: {text}" for text in log.warnings)
+
+
+def _more(drive: DriveSettings) -> str:
+    """What a drive does beside the PD law, and how unsure its numbers are, in words."""
+    more = drive.model_dump(exclude_defaults=True, exclude={*NUMBERS, "uncertainty"})
+    unsure = {k: f"{k} +- {100 * size:.3g} %" for k, size in drive.uncertainty.items()}
+    said = [f"{name} {value}" for name, value in more.items()]
+    return "".join(f", {text}" for text in (*said, *unsure.values()))
 
 
 def _asked(source: Source) -> Asked:
@@ -100,26 +114,38 @@ def _asked(source: Source) -> Asked:
     return Asked(
         unit=source.unit,
         columns=columns,
-        drives=dict(_drive(text) for text in source.drives),
+        drives=_drives(source),
         hold=hold,
         fix_base=source.fix_base,
         gravity_compensation=source.gravity_compensation,
     )
 
 
-def _drive(text: str) -> tuple[str, DriveSettings]:
-    form = "JOINT=kp:60,kd:1.5,limit:12,armature:0.01"
-    name, numbers = _pair(text, "--drive", form)
-    found: dict[str, float] = {}
-    for part in numbers.split(","):
-        key, _, value = part.partition(":")
-        if key.strip() not in NUMBERS:
-            raise UsageError(f"--drive {text}: '{key}' is no number of a drive; allowed: {form}")
-        found[key.strip()] = _number(value, "--drive")
-    try:
-        return name, DriveSettings.model_validate(found)
-    except ValueError:
-        raise UsageError(f"--drive {text}: allowed are numbers above 0, as in {form}") from None
+def _drives(source: Source) -> dict[str, DriveSettings]:
+    """Drives by joint: servos that are known, and what is said of drives beside them."""
+    found: dict[str, dict] = {}
+    for text in source.servos:
+        name, sign, joint = text.partition("@")
+        if not (sign and joint):
+            raise UsageError(f"--servo is '{text}'; allowed: NAME@JOINT, such as sts3215@*")
+        found[joint] = servo(name).model_dump(exclude_defaults=True)
+    for text in source.drives:
+        joint, numbers = _pair(text, "--drive", FORM)
+        pairs = (part.partition(":") for part in numbers.split(","))
+        said = {key.strip(): value.strip() for key, _, value in pairs}
+        found[joint] = {**found.get("*", {}), **found.get(joint, {}), **said}
+    drives = {}
+    for joint, one in found.items():
+        try:
+            drives[joint] = DriveSettings.model_validate(one)
+        except ValidationError as error:
+            wrong = error.errors()[0]
+            raise UsageError(
+                f"--drive of {joint}: {'.'.join(map(str, wrong['loc']))} is "
+                f"'{wrong['input']}', {wrong['msg'].lower()}; allowed: {FORM}, and "
+                f"{', '.join(DriveSettings.model_fields)}"
+            ) from None
+    return drives
 
 
 def _pair(text: str, option: str, form: str) -> tuple[str, str]:

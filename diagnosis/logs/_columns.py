@@ -12,8 +12,13 @@ ROTARY = {
     "torque": ("nm", "Nm"),
     "velocity": ("rad_s", "rad/s"),
     "push": ("nm", "Nm"),
+    "reference": ("rad_s", "rad/s"),
+    "feedforward": ("nm", "Nm"),
 }
-"""Per kind of column: the unit in its name and the unit itself, for a hinge."""
+"""Per kind of column: the unit in its name and the unit itself, for a hinge.
+
+`reference` is the speed of the target, `feedforward` a torque that the drive adds to its law's.
+"""
 LINEAR = {
     "command": ("m", "m"),
     "position": ("m", "m"),
@@ -21,6 +26,8 @@ LINEAR = {
     "torque": ("n", "N"),
     "velocity": ("m_s", "m/s"),
     "push": ("n", "N"),
+    "reference": ("m_s", "m/s"),
+    "feedforward": ("n", "N"),
 }
 """The same for a slide, whose torque is a force."""
 KINDS = tuple(ROTARY)

@@ -1,5 +1,6 @@
 """The contents of log.yaml: the log's source, mechanism, units and episodes."""
 
+import re
 import reprlib
 from pathlib import PurePath
 from typing import Annotated, Literal
@@ -14,6 +15,7 @@ from pydantic import (
     StringConstraints,
     ValidationError,
     field_validator,
+    model_validator,
 )
 from pydantic_core import ErrorDetails
 
@@ -54,10 +56,16 @@ class EpisodeMeta(_Part):
     note: str | None = None
 
 
-class DriveSettings(_Part):
-    """Nominal drive of one joint, PD on the motor side; of a linear joint read m for rad, N for Nm.
+UNSURE = re.compile(r"^\s*([^\s%±]+?)\s*(?:\+-|\+/-|±)\s*([^\s%±]+)\s*(%?)\s*$")
+"""A number and one standard deviation of it, such as '60 +- 20%'."""
 
-    What is not given here stands in the MJCF, as do links, friction and gravity.
+
+class DriveSettings(_Part):
+    """Nominal drive of one joint, on the motor side; of a linear joint read m for rad, N for Nm.
+
+    What is not given here stands in the MJCF, as do links, friction and gravity; what neither says
+    beside kp and kd is not there. kp, kd, limit and armature may be given with their standard
+    deviation: '60 +- 20%' or '60 +- 12'.
     """
 
     kp: Amount | None = None
@@ -71,6 +79,58 @@ class DriveSettings(_Part):
     joint [kg]; None: that of the MJCF, or unknown."""
     sensor: Literal["joint", "motor"] = "joint"
     """Side of the gear on which the position was measured."""
+    ki: Amount = 0.0
+    """Integral gain [Nm/(rad s)]."""
+    integral_limit: Amount = 0.0
+    """Largest torque of the integral [Nm]; 0: `limit`."""
+    filter: Amount = 0.0
+    """Time constant of the low-pass filter on the speed that kd takes [s]."""
+    lead: Annotated[FiniteFloat, Field(ge=0, le=1)] | None = None
+    """Share of the target's speed that kd follows; 1: kd acts on the error of the speed; None: 1
+    where the log has a `reference`, else 0."""
+    speed: Amount = 0.0
+    """Largest speed at which the drive moves its target to a command [rad/s]; 0: any."""
+    acceleration: Amount = 0.0
+    """The acceleration of that [rad/s^2]; 0: any."""
+    lag: Amount = 0.0
+    """Time constant by which the torque follows what is asked [s]."""
+    back_emf: Amount = 0.0
+    """Damping beside kd that the limit does not hold: kt^2 / R of a driven voltage [Nms/rad]."""
+    uncertainty: dict[Literal["kp", "kd", "limit", "armature"], Positive] = {}
+    """Standard deviations as shares, of numbers that are known otherwise than most."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _with_uncertainty(cls, data: object) -> object:
+        """Numbers such as '60 +- 20%' as numbers and their uncertainty."""
+        if not isinstance(data, dict):
+            return data
+        found = {k: m for k, v in data.items() if isinstance(v, str) and (m := UNSURE.match(v))}
+        try:
+            values = {k: float(match[1]) for k, match in found.items()}
+            sizes = {
+                k: float(match[2]) / (100.0 if match[3] else abs(values[k]))
+                for k, match in found.items()
+            }
+        except (ValueError, ZeroDivisionError):
+            return data
+        return {**data, **values, "uncertainty": {**data.get("uncertainty", {}), **sizes}}
+
+    @property
+    def loop(self) -> dict[str, float]:
+        """What its loop does beside the PD law, by the numbers of `backends.spec.Loop`.
+
+        Of settings whose kd holds the back-EMF.
+        """
+        return {
+            "integral_hz": self.ki / self.kp if self.kp else 0.0,
+            "integral_limit_nm": self.integral_limit,
+            "filter_s": self.filter,
+            "lead": self.lead or 0.0,
+            "profile_rad_s2": self.acceleration,
+            "lag_s": self.lag,
+            "unlimited": self.back_emf / self.kd if self.kd else 0.0,
+        }
 
 
 class HandMechanism(_Part):

@@ -18,6 +18,8 @@ from files.bounded import FileError
 
 SEPARATORS = (";", "\t", ",", "|")
 COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
+NAMELESS = r"Unnamed: \d+$"
+"""What pandas calls a column without a name, such as the numbers of rows."""
 MOST_LISTED = 200
 """Longest list in a cell that becomes columns."""
 LOOKED_AT = 50
@@ -54,6 +56,7 @@ def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
     body = "\n".join(lines[skipped:]) + "\n"
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
+    frame = frame.loc[:, ~frame.columns.str.match(NAMELESS)]
     named = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars"}[separator]
     return frame, f"CSV between {named}" + (", with decimal commas" if decimal == "," else "")
 

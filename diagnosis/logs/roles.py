@@ -28,6 +28,7 @@ OTHER = {
     "pwm",
 }
 OTHER |= {"status", "acc", "acceleration", "accel", "index", "duty", "amps", "power"}
+FEED = {"feedforward", "ff", "feed", "forward"}
 TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
 EPISODE = {"episode", "run", "trial", "repetition"}
 ANGLES = {
@@ -58,7 +59,7 @@ class Role:
     column: str
     joint: str
     kind: str
-    """`command`, `position`, `motor`, `torque`, `velocity`, `push`, `bare` or `other`."""
+    """A kind of column, `bare` or `other`."""
     unit: str | None
     """A key of `ANGLES` or `LENGTHS`, `counts`, or None where the name has none."""
 
@@ -73,6 +74,12 @@ def time_column(names: Sequence[str]) -> str | None:
     """The column of time stamps."""
     found = [n for n in names if TIME & set(words(n)) and not (COMMAND | POSITION) & set(words(n))]
     return found[0] if found else None
+
+
+def commands_else(names: Sequence[str]) -> bool:
+    """Whether a column commands something that is no position."""
+    other = TORQUE | VELOCITY | {"current", "pwm", "duty", "voltage"}
+    return any(COMMAND & set(words(name)) and other & set(words(name)) for name in names)
 
 
 def episode_column(names: Sequence[str]) -> str | None:
@@ -136,8 +143,10 @@ def _kind(rest: set[str]) -> str:
     if OTHER & rest:
         return "other"
     for kind, names in (("torque", TORQUE), ("velocity", VELOCITY)):
+        if names & rest and FEED & rest:
+            return "feedforward" if kind == "torque" else "other"
         if names & rest:
-            return "other" if asked else kind
+            return kind if not asked else "reference" if kind == "velocity" else "other"
     if asked:
         return "command"
     if "push" in rest:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from diagnosis.logs._columns import KINDS
 from diagnosis.logs._files import read_model
 from diagnosis.logs._meta import DriveSettings, LogError, LogMeta, MjcfMechanism
 from diagnosis.logs.foreign import read_table
@@ -19,6 +20,7 @@ from diagnosis.logs.roles import (
     LENGTHS,
     TIMES,
     Role,
+    commands_else,
     episode_column,
     roles,
     time_column,
@@ -32,7 +34,14 @@ BEYOND = 1.1
 """A joint's reading may be so many times its range."""
 SLOWEST_S = 0.5
 """Rows further apart than this are stamped in another unit."""
-KINDS = ("command", "position", "motor", "torque", "velocity", "push")
+
+
+OPEN_LOOP = (
+    "the table has commands of torque, current or speed and none of positions: a motion under them "
+    "alone drifts from any model within seconds and cannot be replayed; log the target of the loop "
+    "that makes them, with its gains, and them as JOINT.feedforward (Nm) or JOINT.reference (rad/s)"
+)
+"""Why a drive without a loop over positions is refused."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -155,6 +164,8 @@ def _with_both(
             f"--column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
         )
     first = sorted(there)[0]
+    if (first, "position") in chosen and commands_else(list(frame.columns)):
+        raise LogError(OPEN_LOOP)
     lacks = "command" if (first, "command") not in chosen else "position"
     raise LogError(
         f"no column is the {lacks} of {first}; the table has {', '.join(map(str, frame.columns))}; "
@@ -227,7 +238,7 @@ def _scales(
         for slides in {ranges[joint][2] for joint, _ in columns}
     }
     for (joint, kind), role in columns.items():
-        if kind in ("torque", "push"):
+        if kind in ("torque", "push", "feedforward"):
             found[role.column] = 1.0, "N" if ranges[joint][2] else "Nm"
             continue
         unit = asked.unit or role.unit or guessed[ranges[joint][2]]
@@ -238,7 +249,8 @@ def _scales(
                 f"{'metre' if ranges[joint][2] else 'turn'}; convert it, or say --unit with one of "
                 f"{', '.join(sizes)}"
             )
-        found[role.column] = sizes[unit], f"{unit}/s" if kind == "velocity" else unit
+        speed = kind in ("velocity", "reference")
+        found[role.column] = sizes[unit], f"{unit}/s" if speed else unit
     return found
 
 

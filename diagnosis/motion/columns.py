@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from backends.spec import Body, Command, Drive, Encoder, Spec
+from backends.spec import Body, Command, Drive, Encoder, Loop, Spec
 from backends.state import Array
 
 COLUMNS = (
     *(f"drive.{f.name}" for f in fields(Drive)),
     *(f"command.{f.name}" for f in fields(Command)),
     *(f"encoder.{f.name}" for f in fields(Encoder)),
+    *(f"loop.{f.name}" for f in fields(Loop)),
     "body.mass_kg",
     "two_masses",
 )
@@ -27,6 +28,10 @@ PLAY, STIFFNESS = COLUMNS.index("drive.play_rad"), COLUMNS.index("drive.gear_sti
 TEETH, LOCK = COLUMNS.index("drive.gear_damping_nms_rad"), COLUMNS.index("drive.lock_nm")
 DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.delay_s")
 SLOWNESS = COLUMNS.index("command.slowness_s_rad")
+INTEGRAL, FULL = COLUMNS.index("loop.integral_hz"), COLUMNS.index("loop.integral_limit_nm")
+FILTER, LEAD = COLUMNS.index("loop.filter_s"), COLUMNS.index("loop.lead")
+UNLIMITED = COLUMNS.index("loop.unlimited")
+PROFILE, LAG = COLUMNS.index("loop.profile_rad_s2"), COLUMNS.index("loop.lag_s")
 BIAS, SCALE = COLUMNS.index("encoder.bias_rad"), COLUMNS.index("encoder.scale_error")
 LATE = COLUMNS.index("encoder.delay_s")
 MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
@@ -42,6 +47,7 @@ def table(spec: Spec, rigid: bool) -> Array:
             "drive": body.joint.drive,
             "command": body.joint.command,
             "encoder": body.joint.encoder,
+            "loop": body.joint.loop,
             "body": body,
         }
         names = (column.split(".") for column in COLUMNS[:-1])

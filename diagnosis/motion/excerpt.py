@@ -63,6 +63,8 @@ def _piece(recording: Recording, begin: int, end: int) -> Recording:
         time_s=recording.time_s[begin:end] - recording.time_s[begin],
         command=recording.command[begin:end],
         push=recording.push[begin:end],
+        speed=None if recording.speed is None else recording.speed[begin:end],
+        torque=None if recording.torque is None else recording.torque[begin:end],
         measured=recording.measured[begin:end],
         start=recording.start if begin == 0 else np.nanmean(read, axis=0),
     )

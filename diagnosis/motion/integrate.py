@@ -5,7 +5,13 @@
 M, h, G = dh/dq and C = dh/dv are taken once at points (q_m, v_m) of the measured motion, so a
 replay computes no kinematics and needs no measured accelerations. A drive is rigid, with all of
 its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
-implicitfast), or it turns a second mass behind a gear (`backends/drive.py`).
+implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). Its law is
+
+    tau = lag(clip(kp dead_zone(e) + kp i sum(e dt) + (1 - u) kd s + given) + u kd s)
+    e = target - motor,    s = lead target' - filter(motor')
+
+with the target that its profile makes of the command, and a torque that is given beside it. The sum
+begins where the drive carries the weight at the start.
 """
 
 import numba
@@ -16,18 +22,25 @@ from diagnosis.motion.columns import (
     COULOMB,
     DEAD_ZONE,
     DELAY,
+    FILTER,
+    FULL,
+    INTEGRAL,
     KD,
     KP,
+    LAG,
+    LEAD,
     LIMIT,
     LOAD,
     LOCK,
     PLAY,
+    PROFILE,
     ROTOR,
     SLOWNESS,
     STICTION,
     STIFFNESS,
     TEETH,
     TWO_MASSES,
+    UNLIMITED,
     VISCOUS,
 )
 
@@ -52,11 +65,23 @@ def _limited(wanted, last, slowness, dt):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _pd(error, speed, kp, kd, limit, dead_zone):
-    """The PD law's torque, and whether it is at its limit."""
-    wanted = kp * _shrink(error, dead_zone) - kd * speed
+def _profiled(wanted, last, rate, slowness, most, dt):
+    """Target [rad] and its speed [rad/s] where it moves by an acceleration `most` and stops."""
+    away, step = abs(wanted - last), most * dt
+    speed = np.sqrt(0.25 * step**2 + 2.0 * most * away) - 0.5 * step
+    speed = min(speed, 1.0 / slowness) if slowness > 0.0 else speed
+    rate += min(max((speed if wanted > last else -speed) - rate, -step), step)
+    if abs(rate) <= step and away <= step * dt:
+        return wanted, 0.0
+    return last + dt * rate, rate
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _pd(error, slip, more, kp, kd, limit, dead_zone, unlimited):
+    """The torque of the PD law and of `more`, and whether it is at its limit."""
+    wanted = kp * _shrink(error, dead_zone) + (1.0 - unlimited) * kd * slip + more
     pd = min(max(wanted, -limit), limit)
-    return pd, pd != wanted
+    return pd + unlimited * kd * slip, pd != wanted
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -106,37 +131,66 @@ def _invert(a, out):
 
 @numba.njit(cache=True, error_model="numpy")
 def integrate(
-    dt, stride, q_m, v_m, mass, bias, dq, dv, command, push, row, start, p, implicit, out
+    dt, stride, q_m, v_m, mass, bias, dq, dv, command, given, push, row, start, p, implicit, out
 ):
     """Write joint, motor and PD torque of K joints after every tick into `out` (n, 3, K).
 
     Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K);
-    commands and pushes (T, K) and the row of them that acts at every tick (n,); start (K,), numbers
-    p (K, len(COLUMNS)). `implicit`: damping as MuJoCo's. False where the motion diverged.
+    commands and pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2):
+    the target's speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (K,),
+    numbers p (K, len(COLUMNS)). `implicit`: damping as MuJoCo's. False where the motion diverged.
 
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
-    joints, last = len(start), len(mass) - 1
+    joints, end = len(start), len(mass) - 1
     q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, rub, impulse, damped = np.zeros((4, joints))
+    rate, slow, total, lagged = np.zeros((4, joints))
+    share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
+    for j in range(joints):
+        lagged[j] = bias[0, j] - push[0, j]
+        if p[j, INTEGRAL] > 0.0:
+            total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
     whole, inverse = np.zeros((2, joints, joints))
-    full, at_limit = np.zeros(joints, np.bool_), False
+    held, at_limit = np.zeros(joints, np.bool_), False
     for t in range(len(out)):
-        i, k, changed = min(t // stride, last), row[t], t % stride == 0
+        i, k, changed = min(t // stride, end), row[t], t % stride == 0
         for j in range(joints):
-            asked = command[k, j]
+            asked, n = command[k, j], k
             if p[j, DELAY] > 0.0:
                 then = t - p[j, DELAY] / dt
                 before = int(np.floor(then))
+                n = row[max(before, 0)]
                 asked = command[row[max(before + 1, 0)], j] * (then - before)
-                asked += command[row[max(before, 0)], j] * (1.0 - then + before)
-            target[j] = _limited(asked, target[j], p[j, SLOWNESS], dt)
-            error = target[j] - motor[j]
-            pd, at_limit = _pd(error, speed[j], p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE])
+                asked += command[n, j] * (1.0 - then + before)
+            last = target[j]
+            if p[j, PROFILE] > 0.0:
+                moves = p[j, SLOWNESS], p[j, PROFILE], dt
+                target[j], rate[j] = _profiled(asked, last, rate[j], *moves)
+            else:
+                target[j] = _limited(asked, last, p[j, SLOWNESS], dt)
+            error, slip, more = target[j] - motor[j], -speed[j], 0.0
+            if share[j] < 1.0:
+                slip = -slow[j] - share[j] * (speed[j] - slow[j])
+            if p[j, LEAD] > 0.0:
+                own = rate[j] if p[j, PROFILE] > 0.0 else (target[j] - last) / dt
+                told = len(given) > 0 and not np.isnan(given[n, j, 0])
+                slip += p[j, LEAD] * (given[n, j, 0] if told else own)
+            if len(given) > 0:
+                more = given[n, j, 1]
+            if p[j, INTEGRAL] > 0.0:
+                full = p[j, FULL] if p[j, FULL] > 0.0 else p[j, LIMIT]
+                total[j] += p[j, INTEGRAL] * p[j, KP] * dt * error
+                total[j] = min(max(total[j], -full), full)
+                more += total[j]
+            law = p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE], p[j, UNLIMITED]
+            pd, at_limit = _pd(error, slip, more, *law)
+            pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t, 2, j] = pd
             rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
-            loss = p[j, VISCOUS] + (0.0 if at_limit else p[j, KD])
+            loss = share[j] * quick[j] * p[j, KD] * (p[j, UNLIMITED] if at_limit else 1.0)
+            loss += p[j, VISCOUS]
             if p[j, TWO_MASSES] > 0.0:
                 gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, ROTOR]
                 gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])
@@ -147,8 +201,8 @@ def integrate(
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
             else:
-                changed |= at_limit != full[j]
-                full[j], damped[j] = at_limit, dt * loss
+                changed |= at_limit != held[j]
+                held[j], damped[j] = at_limit, dt * loss
                 force[j] = pd - p[j, VISCOUS] * v[j]
                 rub[j] += p[j, LOAD] * abs(gear[j])
         if changed:
@@ -190,6 +244,7 @@ def integrate(
                 for n in range(joints):
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]
+            slow[j] += share[j] * (speed[j] - slow[j])
             out[t, 0, j], out[t, 1, j] = q[j], motor[j]
             if not abs(q[j]) + abs(motor[j]) < FAR_RAD:
                 return False

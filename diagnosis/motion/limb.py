@@ -181,7 +181,7 @@ class Limb:
         share = numbers[:, MASS] / np.where(self.nominal[:, MASS], self.nominal[:, MASS], 1.0) - 1
         share = np.where(self.nominal[:, MASS] > 0.0, share, 0.0)
         model = path.changed(share, np.zeros(len(AXES)) if tilt is None else tilt)
-        asked = recording.command, recording.push, clock.row
+        asked = recording.command, recording.given, recording.push, clock.row
         start = unread(recording.start, numbers) + shift
         out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
         motion = path.angle_rad, path.speed_rad_s, *model

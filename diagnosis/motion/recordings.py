@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -36,6 +37,17 @@ class Recording:
     """Readings by `CHANNELS`, shape (T, 3, K); NaN where none were logged."""
     start: Array
     """What the position sensors read at rest at the start [rad], shape (K,)."""
+    speed: Array | None = None
+    """Speed of the target that is given beside it [rad/s], shape (T, K); NaN: none is."""
+    torque: Array | None = None
+    """Torque that is given beside it [Nm], shape (T, K); NaN: none is."""
+
+    @cached_property
+    def given(self) -> Array:
+        """Speeds and torques that are given, shape (T, K, 2); (0, K, 2) where none are."""
+        if self.speed is None or self.torque is None:
+            return np.zeros((0, self.command.shape[1], 2))
+        return np.stack([self.speed, np.nan_to_num(self.torque)], axis=2)
 
 
 def recordings(log: Log, limb: Spec) -> tuple[Recording, ...]:
@@ -81,6 +93,8 @@ def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
     later = np.append(True, np.diff(np.maximum.accumulate(time_s)) > 0)
     command, push = (log.signal(kind, number, names)[later] for kind in ("command", "push"))
     measured = np.stack([log.signal(kind, number, names) for kind in CHANNELS], axis=1)[later]
+    speed, torque = (log.signal(k, number, names)[later] for k in ("reference", "feedforward"))
+    given = bool(np.isfinite(speed).any() or np.isfinite(torque).any())
     return Recording(
         protocol=protocol,
         time_s=time_s[later] - time_s[0],
@@ -88,6 +102,8 @@ def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
         push=np.nan_to_num(push),
         measured=measured,
         start=_start(measured[:, 0], command[0]),
+        speed=speed if given else None,
+        torque=torque if given else None,
     )
 
 

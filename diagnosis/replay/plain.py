@@ -1,11 +1,12 @@
 """A user's robot in plain MuJoCo under a log's own commands: what its own simulator would show."""
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written
-from backends.spec import Body, Spec
+from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import Log, LogError
 from diagnosis.motion.limb import Limb
@@ -73,6 +74,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
     At the beginning of free-air episodes, in the nominal world. Zero if there is no such episode.
     """
     text, worst = model_text(log, spec), 0.0
+    spec = _by_pd_alone(spec)
     for part in limbs(spec):
         names = part.hand.joint_names
         episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
@@ -81,6 +83,14 @@ def plain_apart(log: Log, spec: Spec) -> float:
         for recording in episodes:
             worst = max(worst, _apart(part, recording, shown(world, recording)))
     return worst
+
+
+def _by_pd_alone(spec: Spec) -> Spec:
+    """A world whose drives do what a position actuator does, and no more."""
+    return spec.with_driven(
+        replace(body, joint=replace(body.joint, loop=Loop(), command=Command()))
+        for body in spec.hand.driven
+    )
 
 
 def _apart(part: Spec, recording: Recording, position: Array) -> float:

@@ -18,8 +18,14 @@ APART = 0.2
 """Two values of one number contradict each other beyond this share."""
 GUESS_SD = 1.5
 """Standard deviation of the logarithm of an inertia that neither file nor log.yaml knows."""
-ROTOR = "drive.rotor_inertia_kgm2"
-NUMBERS = ("kp", "kd", "limit", "armature")
+COLUMNS = {
+    "kp": "drive.kp_nm_rad",
+    "kd": "drive.kd_nms_rad",
+    "limit": "drive.torque_limit_nm",
+    "armature": "drive.rotor_inertia_kgm2",
+}
+"""Numbers that a file has as well, under the names of the spec."""
+NUMBERS = tuple(COLUMNS)
 IN_LOG, NOWHERE = "log.yaml", "unknown"
 
 
@@ -35,8 +41,8 @@ class KnownDrive:
     """Largest torque [Nm]; None: unknown."""
     armature: float | None
     """Inertia on the motor's side [kg m^2]; None: unknown."""
-    sensor: str
-    """Side of the gear with the position sensor."""
+    more: DriveSettings
+    """What log.yaml says of it."""
     origins: dict[str, str]
     """Where each of `NUMBERS` comes from: a file, or `NOWHERE`."""
     differing: tuple[str, ...]
@@ -79,13 +85,13 @@ def servos(log: Log) -> dict[str, DriveSettings]:
     Raises LogError.
     """
     return {
-        name: DriveSettings.model_validate(
-            {
+        name: one.more.model_copy(
+            update={
                 "kp": one.kp,
-                "kd": one.kd,
                 "limit": one.limit or _ample(log, name, one.kp),
                 "armature": one.armature,
-                "sensor": one.sensor,
+                "kd": one.kd + one.more.back_emf,
+                "lead": _lead(log, name, one.more.lead),
             }
         )
         for name, one in known_drives(log).items()
@@ -93,12 +99,16 @@ def servos(log: Log) -> dict[str, DriveSettings]:
 
 
 def uncertainties(log: Log) -> dict[tuple[str, str], float]:
-    """Relative uncertainty of numbers that are hardly known, by joint and number of the spec."""
+    """Relative uncertainty of numbers that have their own, by joint and number of the spec."""
     if not isinstance(log.meta.mechanism, MjcfMechanism):
         return {}
-    return {
-        (name, ROTOR): GUESS_SD for name, one in known_drives(log).items() if one.armature is None
-    }
+    found = {}
+    for name, one in known_drives(log).items():
+        if one.armature is None:
+            found[name, COLUMNS["armature"]] = GUESS_SD
+        said = one.more.uncertainty.items()
+        found |= {(name, COLUMNS[number]): size for number, size in said}
+    return found
 
 
 def contradictions(log: Log) -> Iterator[str]:
@@ -133,7 +143,7 @@ def _known(settings: MjcfMechanism, name: str, file: Any) -> KnownDrive | None:
         kd=numbers["kd"] or 0.0,
         limit=numbers["limit"],
         armature=numbers["armature"],
-        sensor=said.sensor,
+        more=said,
         origins=origins,
         differing=tuple(differing),
     )
@@ -151,6 +161,11 @@ def _require_joints(log: Log, file: str, known: Sequence[str]) -> None:
         f"{file} has no joint {', '.join(strange)}, which the log has; it has: "
         f"{', '.join(known) or 'none'}{said}; rename or remove the columns"
     )
+
+
+def _lead(log: Log, joint: str, said: float | None) -> float:
+    """The share of the target's speed that a drive follows, see `DriveSettings.lead`."""
+    return float(log.has("reference", joint)) if said is None else said
 
 
 def _ample(log: Log, joint: str, kp: float) -> float:

@@ -206,4 +206,4 @@ def test_check_says_it_draws_it_and_writes_a_log(robot, tmp_path, capfd):
     assert cli.call(["check", "--robot", str(robot)]) == 2
     assert "--log TABLE is missing" in capfd.readouterr().err
     assert cli.call([*words, "--drive", "elbow_flex=kq:1", "--out", str(tmp_path / "two")]) == 2
-    assert "'kq' is no number of a drive" in capfd.readouterr().err
+    assert "kq is '1'" in capfd.readouterr().err

@@ -1,0 +1,193 @@
+"""Drives as robots have them: each law of a drive is replayed as it is, said, or refused."""
+
+import json
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmark.cli import app as cli
+from diagnosis.logs.log import DriveSettings, Log, LogError, LogMeta, make_log
+from diagnosis.logs.servos import servo, table
+from diagnosis.logs.two_files import Asked, pair
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.robot import uncertainties
+
+ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body>
+<inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
+<joint name="a" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/></body></worldbody>
+</mujoco>"""
+KP, KD, LIMIT, DT = 40.0, 1.2, 8.0, 1e-4
+TIME_S = np.arange(0, 4, 0.005)
+STEPS = np.array([0.0, 0.4, 0.4, -0.3, 0.1])[(TIME_S / 0.8).astype(int)]
+SINE, RATE = 0.4 * np.sin(3 * TIME_S), 1.2 * np.cos(3 * TIME_S)
+Law = Callable[[dict, float, float, int], float]
+"""A torque from what it keeps, position, speed and the number of the sample."""
+
+
+def pid(state: dict, q: float, v: float, k: int) -> float:
+    """A law with an integral that holds 2 Nm at most."""
+    state["sum"] = np.clip(state.get("sum", 0.0) + 60 * (STEPS[k] - q) * DT, -2, 2)
+    return np.clip(KP * (STEPS[k] - q) - KD * v + state["sum"], -LIMIT, LIMIT)
+
+
+def filtered(state: dict, q: float, v: float, k: int) -> float:
+    """A law that sees the speed through a filter of 10 ms."""
+    state["v"] = state.get("v", 0.0) + DT / 0.01 * (v - state.get("v", 0.0))
+    return np.clip(KP * (STEPS[k] - q) - KD * state["v"], -LIMIT, LIMIT)
+
+
+def on_error(_: dict, q: float, v: float, k: int) -> float:
+    """A law on the errors of position and speed."""
+    return np.clip(KP * (SINE[k] - q) + KD * (RATE[k] - v), -LIMIT, LIMIT)
+
+
+def fed(_: dict, q: float, v: float, k: int) -> float:
+    """A law with a torque beside it."""
+    return np.clip(KP * (SINE[k] - q) - KD * v - 1.0 * np.cos(SINE[k]), -LIMIT, LIMIT)
+
+
+def braked(_: dict, q: float, v: float, k: int) -> float:
+    """A voltage that ends at 3 Nm, and the back-EMF beyond it."""
+    return np.clip(KP * (STEPS[k] - q) - 0.2 * v, -3, 3) - 0.7 * v
+
+
+def lagging(state: dict, q: float, v: float, k: int) -> float:
+    """A current that follows within 5 ms."""
+    wanted = np.clip(KP * (STEPS[k] - q) - KD * v, -LIMIT, LIMIT)
+    state["i"] = state.get("i", wanted) + DT / 0.005 * (wanted - state.get("i", wanted))
+    return state["i"]
+
+
+def profiled(state: dict, q: float, v: float, k: int) -> float:
+    """A target that moves to each command by a trapezoid of 10 rad/s^2 and 1 rad/s."""
+    at, rate = state.get("p", (STEPS[0], 0.0))
+    away = STEPS[k] - at
+    wanted = np.sign(away) * min(1.0, np.sqrt(2 * 10 * abs(away)))
+    rate += np.clip(wanted - rate, -10 * DT, 10 * DT)
+    state["p"] = (at + rate * DT, rate) if abs(away) > 1e-5 else (STEPS[k], 0.0)
+    return np.clip(KP * (state["p"][0] - q) - KD * v, -LIMIT, LIMIT)
+
+
+def moved(law: Law) -> np.ndarray:
+    """Positions (T,) of the arm under a law, from rest, in plain MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(ARM)
+    model.opt.timestep = DT
+    data, state, shown = mujoco.MjData(model), dict[str, float](), []
+    for tick in range(-10_000, round(TIME_S[-1] / DT) + 1):
+        now = max(tick, 0)
+        if tick >= 0 and tick % 50 == 0:
+            shown.append(data.qpos[0])
+        data.qfrc_applied[0] = law(state, data.qpos[0], data.qvel[0], now // 50)
+        mujoco.mj_step(model, data)
+    return np.array(shown)
+
+
+def log_of(position: np.ndarray, command: np.ndarray, drive: dict, **more: np.ndarray) -> Log:
+    """A log of one episode."""
+    samples = pd.DataFrame({"t_s": TIME_S, "command_rad.a": command, "position_rad.a": position})
+    mechanism = {"mjcf": "arm.xml", "joints": {"a": {"kp": KP, "kd": KD, "limit": LIMIT} | drive}}
+    meta = LogMeta.model_validate({"schema": 1, "source": "test", "mechanism": mechanism})
+    return make_log(meta, samples.assign(**{f"{name}.a": x for name, x in more.items()}), ARM)
+
+
+def off(log: Log) -> float:
+    """Root mean square distance of the nominal replay from a log [rad]."""
+    spec = mjcf_world(log)
+    limb = Limb(spec=spec, recordings=recordings(log, spec), rigid=True)
+    gap = limb.simulate(limb.nominal)[:, 0] - limb.measured[:, 0]
+    return float(np.sqrt(np.mean(gap**2)))
+
+
+@pytest.mark.parametrize(
+    ("law", "command", "drive", "more"),
+    [
+        (pid, STEPS, {"ki": 60, "integral_limit": 2}, {}),
+        (filtered, STEPS, {"filter": 0.01}, {}),
+        (on_error, SINE, {}, {"reference_rad_s": RATE}),
+        (on_error, SINE, {"lead": 1}, {}),
+        (fed, SINE, {}, {"feedforward_nm": -1.0 * np.cos(SINE)}),
+        (braked, STEPS, {"kd": 0.2, "back_emf": 0.7, "limit": 3}, {}),
+        (lagging, STEPS, {"lag": 0.005}, {}),
+        (profiled, STEPS, {"acceleration": 10, "speed": 1}, {}),
+    ],
+    ids=["pid", "filter", "reference", "lead", "feedforward", "back-emf", "lag", "profile"],
+)
+def test_a_law_is_replayed_as_it_is(law, command, drive, more):
+    """Replay each law as closely as ticks of 1 ms allow, and five times worse as a PD law."""
+    position = moved(law)
+    close = off(log_of(position, command, drive, **more))
+    plain = {k: v for k, v in drive.items() if k in ("kp", "limit")}
+    far = off(log_of(position, command, plain | ({"kd": 0.9} if law is braked else {})))
+    assert close < 1e-3
+    assert far > 5 * close
+
+
+@pytest.mark.parametrize("text", ["60 +- 20%", "60 +- 12", "60±20 %", "60+-20%"])
+def test_a_number_says_how_sure_it_is(text):
+    """Read a gain with its standard deviation, and let it move by that much."""
+    log = log_of(0.9 * STEPS, STEPS, {"kp": text})
+    assert mjcf_world(log).drives[0].kp_nm_rad == 60
+    assert uncertainties(log)["a", "drive.kp_nm_rad"] == pytest.approx(0.2)
+    again = LogMeta.model_validate(log.meta.model_dump(by_alias=True, exclude_defaults=True))
+    assert again.mechanism == log.meta.mechanism
+
+
+@pytest.mark.parametrize("text", ["60 +- x", "0 +- 20", "60 +- -1%", "about 60"])
+def test_a_number_that_is_none_is_refused(text):
+    """Name the number that cannot be read."""
+    with pytest.raises(ValueError, match="kp"):
+        DriveSettings(kp=text)
+
+
+@pytest.mark.parametrize("name", table())
+def test_a_servo_is_known(name):
+    """Give each servo a gain, a limit and a brake that stop it at a plausible speed."""
+    one = servo(name)
+    half = servo(f"{name},gain:{0.5 * table()[name]['gain']}")
+    assert half.kp == pytest.approx(0.5 * one.kp) and half.limit == one.limit
+    assert 2 < one.limit / one.back_emf < 25
+    assert 0.01 < one.limit / one.kp < 1
+    assert one.uncertainty["kp"] >= 0.2 and table()[name]["source"]
+
+
+def test_servos_stand_in_for_drives(tmp_path, capfd):
+    """Take a servo for all joints, and a number that is said beside it; refuse what is unknown."""
+    pd.DataFrame({"t_s": TIME_S, "a_cmd": STEPS, "a_pos": 0.9 * STEPS}).to_csv(tmp_path / "r.csv")
+    (tmp_path / "arm.xml").write_text(ARM)
+    words = ["check", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
+    words += ["--servo", "sts3215,gain:16@*"]
+    said = ["--drive", "a=limit:2", "--out", str(tmp_path / "out"), "--json"]
+    assert cli.call([*words, *said]) in (0, 1)
+    lines = [x for x in json.loads(capfd.readouterr().out)["understood"] if "PD law" in x]
+    assert "kp 9.257" in lines[0] and "limit 2 Nm" in lines[0] and "back_emf 0.551" in lines[0]
+    for servo_, answer in (("sts@*", "no servo 'sts'"), ("sts3215", "NAME@JOINT")):
+        assert cli.call([*words[:-1], servo_, "--out", str(tmp_path / "two")]) == 2
+        assert answer in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["a torque cmd [Nm]", "a.velocity_command", "current_ref.a"])
+def test_commands_without_a_loop_over_positions_are_refused(tmp_path, name):
+    """Say in one sentence why torque or speed alone is not replayed, and what to log."""
+    pd.DataFrame({"time": TIME_S, "a_pos": STEPS, name: SINE}).to_csv(tmp_path / "r.csv")
+    (tmp_path / "arm.xml").write_text(ARM)
+    with pytest.raises(LogError, match="none of positions: .*log the target of the loop"):
+        pair(tmp_path / "arm.xml", tmp_path / "r.csv", Asked())
+
+
+def test_columns_beside_the_target_are_read(tmp_path):
+    """Read the speed of a target and a feed-forward torque; take no commanded torque for one."""
+    frame = pd.DataFrame({"time": TIME_S, "a_cmd": SINE, "a_pos": SINE, "a_vel_cmd": RATE})
+    frame["a_tau_ff"], frame["a_torque_cmd"] = SINE, STEPS
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(ARM)
+    drives = {"a": DriveSettings(kp=KP, kd=KD)}
+    found = pair(tmp_path / "arm.xml", tmp_path / "r.csv", Asked(drives=drives))
+    assert np.allclose(found.log.samples["reference_rad_s.a"], RATE)
+    assert np.allclose(found.log.samples["feedforward_nm.a"], SINE)
+    assert "not used: a_torque_cmd" in found.said
+    assert mjcf_world(found.log).hand.driven[0].joint.loop.lead == 1
