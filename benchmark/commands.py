@@ -11,11 +11,11 @@ from typing import Any
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
-from benchmark.runs.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.runs.worlds import make_env
 from benchmark.settings.quantities import within
 from benchmark.settings.request import read_pairs, requested
 from benchmark.settings.run_spec import RunSpec, read_settings
+from leaderboard.identity import EPISODES, SMOKE_EPISODES
 
 RUNS, LEADERBOARD, POLICIES = Path("runs"), Path("leaderboard"), "policies"
 EPISODES_RANGE = (1, EPISODES)

@@ -5,6 +5,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+EPISODES, SMOKE_EPISODES = 100, 8
+"""Fixed episodes that the scores of a row are means of; those of a smoke run."""
 LATER: dict[str, Any] = {"start_spread": 1.0, "overrides": {}, "start_sha256": None}
 """Fields that older runs do not have, and what they were run with."""
 

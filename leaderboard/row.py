@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from leaderboard.details import SCORES
-from leaderboard.identity import learner_name, row_key, run_digest
+from leaderboard.identity import EPISODES, SMOKE_EPISODES, learner_name, row_key, run_digest
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -28,6 +28,8 @@ Count = Annotated[int, Field(ge=0)]
 Name = Annotated[str, Field(min_length=1)]
 FIRST = datetime(2025, 1, 1, tzinfo=UTC)
 """No run is older [date]."""
+RATE_DIGIT, WALL_DIGIT_S = 0.1, 0.01
+"""Last digits of `env_steps_per_s` and `wall_s`."""
 ROUNDING = 1e-5
 """Largest relative error of the mean of kept scores, which have six digits each."""
 
@@ -180,9 +182,23 @@ class Row(_Part):
             )
         if self.status == "done" and self.spec.steps > 0 and self.policy_sha256 is None:
             raise ValueError("policy_sha256 is None; allowed: that of the trained policy")
-        if self.status == "done" and self.steps < self.spec.steps:
-            raise ValueError(f"steps is {self.steps}; allowed: the run's {self.spec.steps} or more")
+        if self.status == "done":
+            self._was_run()
         return self
+
+    def _was_run(self) -> None:
+        """Raise ValueError for numbers that no finished run of this spec can have."""
+        if self.steps < self.spec.steps:
+            raise ValueError(f"steps is {self.steps}; allowed: the run's {self.spec.steps} or more")
+        count = SMOKE_EPISODES if self.spec.smoke else EPISODES
+        if self.scores is not None and self.scores.episodes != count:
+            raise ValueError(f"scores.episodes is {self.scores.episodes}; allowed: {count}")
+        rate, wall_s = self.env_steps_per_s, self.wall_s
+        if wall_s == 0 or self.steps > (rate + RATE_DIGIT) * (wall_s + WALL_DIGIT_S):
+            raise ValueError(
+                f"wall_s is {wall_s:g}, in which {self.steps} steps were trained at {rate:g} a "
+                "second; allowed: that time or more, which is above 0"
+            )
 
     @field_validator("scores", mode="before")
     @classmethod

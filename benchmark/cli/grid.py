@@ -81,7 +81,7 @@ def transfer(
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
     from benchmark.results import transfer as transfers
-    from benchmark.runs.evaluate import EPISODES
+    from leaderboard.identity import EPISODES
 
     return transfers.transfer(
         runs,

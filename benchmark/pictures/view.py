@@ -22,9 +22,9 @@ from benchmark.pictures._render import Scene, render
 from benchmark.pictures._replay import Recording, replay
 from benchmark.provenance import usable_cores
 from benchmark.runs import run_folder
-from benchmark.runs.evaluate import EPISODES
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import SETTINGS, RunSpec
+from leaderboard.identity import EPISODES
 from tasks.task import EPISODE_S, RADIUS_M
 
 SHOWN_EPISODES = 10

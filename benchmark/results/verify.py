@@ -19,6 +19,7 @@ from benchmark.runs.run_folder import EPISODES_FILE, RUN_FILE, write_atomically
 from files.bounded import read_json
 from files.tables import read_parquet
 from leaderboard.identity import row_key
+from leaderboard.rows import read_rows
 from leaderboard.verified import VERIFIED_FILE, read_verified, verified_text
 
 POLICIES = Path("leaderboard/policies")
@@ -112,6 +113,9 @@ def _changed(source: Path) -> Iterator[Path]:
 def _verdict(folder: Path, workers: int) -> Verdict:
     try:
         row = run_folder.finished_run(folder)
+        _, problems = read_rows([folder / RUN_FILE])
+        if problems:
+            return Verdict(folder=folder, state="refused", reason=problems[0])
         spec = run_folder.run_spec(row)
         if row["spec_digest"] != spec.world().digest:
             reason = "its spec_digest is not that of its hand, stick and effects"

@@ -9,7 +9,6 @@ from backends.state import Array
 from tasks.batch import BatchEnv, Step
 from tasks.initial_states import sample_initial_states
 
-EPISODES, SMOKE_EPISODES = 100, 8
 EVALUATION_SEED = 20260101
 """Seed of initial states and headings in the evaluation; training seeds are hashed."""
 

@@ -17,11 +17,12 @@ from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy, file_sha256
 from benchmark.console import Bar, warn
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
-from benchmark.runs.evaluate import EPISODES, EVALUATION_SEED, SMOKE_EPISODES, Episodes, evaluate
+from benchmark.runs.evaluate import EVALUATION_SEED, Episodes, evaluate
 from benchmark.runs.run_folder import EPISODES_FILE, START_FILE, RunFolder
 from benchmark.runs.train import Training
 from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
+from leaderboard.identity import EPISODES, SMOKE_EPISODES
 from tasks.batch import BatchEnv, SimulationDivergedError, Step
 
 FREE_BYTES = 50_000_000

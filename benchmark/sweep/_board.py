@@ -49,22 +49,12 @@ class Board:
         """The cells that are not finished."""
         return [c for c in self.cells if not self._good(c)]
 
-    @property
-    def running(self) -> list[Cell]:
-        """The cells that are being run."""
-        return list(self._running.values())
-
     def beat(self, cell: Cell) -> bool:
         """Note that a cell is alive and show the progress; returns whether it shall stop."""
         with self._lock:
             self._running[cell.spec.name] = cell
             self._show()
         return self.stopped.is_set()
-
-    def left(self, cell: Cell) -> None:
-        """Note that nobody runs a cell any more, however it ended."""
-        with self._lock:
-            self._running.pop(cell.spec.name, None)
 
     def ended(self, outcome: Outcome) -> None:
         """Record and print how a cell ended."""
@@ -109,7 +99,7 @@ class Board:
         return outcome is not None and outcome.good
 
     def _show(self) -> None:
-        running = self.running
+        running = list(self._running.values())
         shares = ", ".join(cell.progress() for cell in running[:SHOWN_RUNNING])
         more = ", ..." if len(running) > SHOWN_RUNNING else ""
         note = f"{len(running)} running: {shares}{more}" if running else ""

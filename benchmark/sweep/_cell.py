@@ -29,6 +29,7 @@ GRACE_S = 10.0
 """Time in which a stopped cell may end by itself before it is killed [s]."""
 POLL_S = 0.2
 GOOD = ("done", "was done")
+STOPPED = "stopped with the sweep; the same command goes on with it"
 _INTERRUPTED = 130
 _BENCH = (
     "import ctypes, signal; ctypes.CDLL(None).prctl(1, signal.SIGTERM); "
@@ -235,7 +236,7 @@ def _ending(code: int, stopped: str, row: dict, wall_s: float) -> tuple[str, str
     if stopped == "timed out":
         return stopped, f"stopped by the sweep's time limit after {wall_s:.0f} s"
     if stopped or code == _INTERRUPTED:
-        return "interrupted", "stopped with the sweep" if stopped else "the cell was interrupted"
+        return "interrupted", STOPPED if stopped else "the cell was interrupted"
     if code < 0:
         hint = ", often because memory ran out" if code == -signal.SIGKILL else ""
         return "crashed", f"killed by {signal.Signals(-code).name}{hint}"

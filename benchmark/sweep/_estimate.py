@@ -9,11 +9,11 @@ from backends.state import Array
 from benchmark import commands
 from benchmark.errors import CommandError
 from benchmark.parts import registry
-from benchmark.runs.evaluate import EPISODES, SMOKE_EPISODES
 from benchmark.runs.run_folder import RunFolder
 from benchmark.runs.worlds import make_env, training_worlds
 from benchmark.settings.run_spec import RunSpec
 from benchmark.sweep._cell import Cell
+from leaderboard.identity import EPISODES, SMOKE_EPISODES
 from tasks.batch import BatchEnv, Step
 from tasks.task import EPISODE_S
 

@@ -4,9 +4,9 @@ A cell is one run with its folder. This file knows neither what a run does nor h
 """
 
 import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-import joblib
 from rich.table import Table
 
 from benchmark.commands import RUNS
@@ -14,7 +14,7 @@ from benchmark.console import say
 from benchmark.errors import UsageError
 from benchmark.provenance import usable_cores
 from benchmark.sweep._board import TABLE_FILE, Board
-from benchmark.sweep._cell import POLL_S, Cell, run_cell
+from benchmark.sweep._cell import Cell, run_cell
 from benchmark.sweep._estimate import makespan, measure
 from benchmark.sweep._grid import Grid, read_grid
 
@@ -90,21 +90,19 @@ def _run_here(board: Board, limit_s: float, jobs: int) -> None:
     """Run the unfinished cells on this machine, one core and one process each."""
 
     def work(cell: Cell) -> None:
-        try:
-            board.ended(run_cell(cell, limit_s, 1, board.beat))
-        finally:
-            board.left(cell)
+        board.ended(run_cell(cell, limit_s, 1, board.beat))
 
-    parallel = joblib.Parallel(n_jobs=jobs, backend="threading", pre_dispatch="n_jobs")
+    pool = ThreadPoolExecutor(jobs)
     try:
-        parallel(joblib.delayed(work)(cell) for cell in board.open)
+        for done in [pool.submit(work, cell) for cell in board.open]:
+            done.result()
     except KeyboardInterrupt:
         say("stopping the cells; the same command continues from here")
         raise
     finally:  # however it ends, no cell is left running
+        pool.shutdown(wait=False, cancel_futures=True)
         board.stopped.set()
-        while board.running:
-            time.sleep(POLL_S)
+        pool.shutdown()
 
 
 def _summary(board: Board, wall_s: float) -> tuple[dict, Table]:

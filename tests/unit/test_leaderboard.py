@@ -256,7 +256,7 @@ def test_command_keeps_rows_and_writes_files(tmp_path, capfd):
     )
     folder.claim(resume=False, force=False)
     item = detailed()
-    folder.write_run("done", scores=item["scores"])
+    folder.write_run("done", scores=item["scores"], wall_s=1.0)
     pd.DataFrame(item["episodes"]).to_parquet(folder.path / "episodes.parquet")
     out = tmp_path / "board"
     command = ["leaderboard", str(folder.path), "--out", str(out), "--add", "--json"]

@@ -197,6 +197,11 @@ def test_old_rows_and_new_rows_are_one_line():
         ({"provenance": {"finished": "9999-01-01T00:00:00"}}, "that is past"),
         ({"provenance": {"finished": "yesterday"}}, "Invalid isoformat"),
         ({"scores": {"tracked": 0.9}}, "whose mean is 0.9"),
+        ({"scores": {"episodes": 3}}, "3 values of"),
+        ({"scores": {"episodes": 3}, "episodes": None}, "scores.episodes is 3; allowed: 100"),
+        ({"wall_s": 0.0}, "wall_s is 0"),
+        ({"wall_s": 1.0}, "1000 steps were trained at 12.5 a second"),
+        ({"env_steps_per_s": 0.0}, "1000 steps were trained at 0 a second"),
     ],
 )
 def test_a_forged_row_is_refused(tmp_path, change, said):

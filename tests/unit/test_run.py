@@ -6,7 +6,6 @@ import shutil
 import signal
 import subprocess
 import sys
-import tempfile
 import time
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import onnxruntime
 import pandas as pd
 import pytest
 import torch
+from smoke import SMOKE
 
 from backends import trx
 from baselines.ppo import Deployed, export_onnx, read_trained
@@ -24,9 +24,9 @@ from benchmark.parts import registry
 from benchmark.parts.registry import ROOT
 from benchmark.runs.run_folder import RunFolder
 from benchmark.settings.run_spec import RunSpec
+from leaderboard.identity import EPISODES
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
-SMOKE = ["run", "--task", "circle", "--smoke", "--json", "--workers", "1"]
 CIRCLE = "mujoco-circle-sb3-ppo-contact-centers-s0-43bbd86c"
 BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 
@@ -34,18 +34,6 @@ BENCH = [sys.executable, "-c", "from benchmark.cli.app import main; main()"]
 def scores(row: dict) -> list[float]:
     """What must be equal when two runs are."""
     return [row[name] for name in SCORES]
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The folder of one finished smoke run on the reference engine."""
-    folder = tmp_path_factory.mktemp("runs") / "finished"
-    elsewhere = folder.parent / "elsewhere"
-    elsewhere.mkdir()
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(tempfile, "tempdir", str(elsewhere))
-        assert cli.call([*SMOKE, "--backend", "mujoco", "--out", str(folder)]) == 0
-    return folder
 
 
 @pytest.fixture
@@ -335,19 +323,20 @@ def test_a_damaged_checkpoint_is_refused(run_copy, capfd):
 
 
 def test_leaderboard_lists_finished_runs(tmp_path, capfd):
-    """Put a scripted baseline's row on the board, from its run folder alone."""
+    """Put a baseline's row on the board, from its run folder alone; keep no smoke run's."""
     run = tmp_path / "runs/still"
-    arguments = ["run", "--backend", "mujoco", "--task", "circle", "--algo", "hold-still"]
-    assert cli.call([*arguments, "--json", "--out", str(run)]) == 0
+    arguments = [*SMOKE, "--backend", "mujoco", "--algo", "hold-still", "--out", str(run)]
+    assert cli.call(arguments) == 0
     row = json.loads(capfd.readouterr().out)
     assert row["held"] > 0.98
     assert row["tracked"] < 0.2
     board = tmp_path / "board"
-    assert cli.call(["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--add"]) == 0
+    words = ["leaderboard", str(tmp_path / "runs"), "--out", str(board), "--include-smoke"]
+    assert cli.call([*words, "--add"]) == 0
     frame = pd.read_csv(board / "leaderboard.csv")
     assert frame["tracked"].iloc[0] == pytest.approx(row["tracked"])
     assert "hold-still" in (board / "leaderboard.md").read_text()
-    assert len(list((board / "results").glob("*.json"))) == 1
+    assert not list((board / "results").glob("*.json"))
 
 
 def test_leaderboard_counts_runs_that_are_not_done(tmp_path, capfd):
@@ -371,6 +360,10 @@ def test_a_kept_policy_acts_as_it_did_and_says_what_it_is(finished, tmp_path, ca
     shutil.copytree(finished, real)
     spec = RunSpec(**{**run["spec"], "smoke": False})
     row = {**run, "spec": dataclasses.asdict(spec), "digest": spec.digest}
+    few = pd.read_parquet(real / "episodes.parquet")
+    many = few.iloc[np.arange(EPISODES) % len(few)]
+    many.to_parquet(real / "episodes.parquet", index=False)
+    row["scores"] = {name: many[name].mean() for name in SCORES} | {"episodes": EPISODES}
     (real / "run.json").write_text(json.dumps(row))
     out = tmp_path / "board"
     words = ["leaderboard", str(real), "--out", str(out), "--policies", "--no-html", "--json"]
@@ -381,8 +374,9 @@ def test_a_kept_policy_acts_as_it_did_and_says_what_it_is(finished, tmp_path, ca
     card = (kept / "README.md").read_text()
     assert f"bench eval leaderboard/policies/{spec.name}" in card and "shape (N, 18)" in card
     assert str(tmp_path) not in card + (kept / "run.json").read_text()
-    assert cli.call(["eval", str(kept), "--json", "--workers", "1"]) == 0
-    assert json.loads(capfd.readouterr().out)["episodes"] == 100
+    assert cli.call(["eval", str(kept), "--json", "--episodes", str(len(few))]) == 0
+    again = json.loads(capfd.readouterr().out)
+    assert scores(again) == pytest.approx([few[name].mean() for name in SCORES])
 
 
 def test_training_is_logged_for_tensorboard(tmp_path, capfd):

@@ -195,8 +195,8 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
 
 
 def test_a_sweep_of_one_cell_at_a_time_stops_when_asked(tmp_path):
-    """End with 130 on a signal, leave no cell running, and say how to go on."""
-    file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{ENDLESS}]")
+    """End with 130 on a signal, leave no cell running, and say how to go on with each."""
+    file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{ENDLESS}, {STILL}]")
     process = start("sweep", str(file), "--out", str(tmp_path / "runs"), "--json", "-j", "1")
     wait_for(lambda: list((tmp_path / "runs").glob("*/run.json")))
     cells = children(process.pid)
@@ -205,6 +205,9 @@ def test_a_sweep_of_one_cell_at_a_time_stops_when_asked(tmp_path):
     assert found["status"] == "interrupted"
     assert "the same command goes on" in found["error"]
     assert not [pid for pid in cells if Path(f"/proc/{pid}").exists()]
+    with (tmp_path / "runs/sweep.csv").open(newline="") as table:
+        listed = [(row["state"], row["reason"]) for row in csv.DictReader(table)]
+    assert listed == [("interrupted", _cell.STOPPED), ("waiting", "")]
 
 
 def test_a_crash_leaves_the_other_cells_alone(crashed):

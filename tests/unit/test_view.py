@@ -19,10 +19,10 @@ from benchmark.pictures._curve import draw_curves, read_curves
 from benchmark.pictures._plots import draw_joints, draw_touch
 from benchmark.pictures._replay import Recording, replay
 from benchmark.pictures.view import LOOP_SIZE, PICTURE_SIZE, VIDEO_SIZE, filmed, one_lap, view
-from benchmark.runs.evaluate import SMOKE_EPISODES
 from benchmark.runs.run import run
 from benchmark.runs.run_folder import RunFolder
 from benchmark.settings.run_spec import RunSpec
+from leaderboard.identity import SMOKE_EPISODES
 from tasks.task import EPISODE_S
 
 PACKAGES = "apt-get install libegl1"
