@@ -31,7 +31,7 @@ from diagnosis.calibration.result import (
     read_calibration,
     write_calibration,
 )
-from diagnosis.logs.log import HandMechanism, Log, LogError, MjcfMechanism, read_log
+from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.replay.nominal import mjcf_world
 
 FILE = "calibration.yaml"
@@ -126,7 +126,7 @@ def _refuse_taken(folder: Path, force: bool) -> None:
 def _ideal(log: Log, backend: str) -> Spec:
     """The log's mechanism without effects; raises UsageError or LogError if it is unknown."""
     mechanism = log.meta.mechanism
-    if isinstance(mechanism, MjcfMechanism):
+    if not isinstance(mechanism, HandMechanism):
         spec = mjcf_world(log, geared=True)
         slides = [body.joint.name for body in spec.hand.driven if body.joint.slides]
         refused = registry.load("backend", backend).support["joint.slides"]

@@ -15,7 +15,7 @@ from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.console import Bar, say
 from benchmark.errors import CommandError, UsageError, unknown
-from benchmark.gap import robot_log
+from benchmark.gap import robot_log, without_model
 from benchmark.gap._diagnosis_texts import effects_text, summary
 from benchmark.gap.take_home import FILE as CORRECTED
 from benchmark.gap.take_home import TakeHome, take_home
@@ -95,6 +95,8 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     engine = registry.load("backend", settings.nominal)
     try:
         log = _understood(settings, force)
+        if log.meta.mechanism is None:
+            return without_model.run(log, settings.path, settings.healthy, folder)
         world = _world(log, settings)
         healthy = _healthy(settings, log, world)
         apart = _apart_rad(log, world, settings.nominal, engine)

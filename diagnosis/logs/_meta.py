@@ -170,7 +170,8 @@ class LogMeta(_Part):
     schema_version: Literal[1] = Field(alias="schema")
     source: Text
     """Who or what recorded it, and when."""
-    mechanism: HandMechanism | MjcfMechanism
+    mechanism: HandMechanism | MjcfMechanism | None = None
+    """None: no model is known, so the log can only be compared with healthy ones."""
     channels: dict[str, Channel] = {}
     """By channel name; empty: all channels of the samples, in the units of their names."""
     episodes: tuple[EpisodeMeta, ...] = ()
@@ -182,7 +183,9 @@ class LogMeta(_Part):
 def parse_meta(data: object) -> LogMeta:
     """A LogMeta from the data of a YAML file; raises LogError naming every wrong field."""
     if not isinstance(data, dict):
-        raise LogError("log.yaml is empty; it needs the fields schema, source and mechanism")
+        raise LogError(
+            "log.yaml is empty; it needs the fields schema and source, and mechanism for a model"
+        )
     if data.get("schema") != SCHEMA:
         raise LogError(
             f"log.yaml has schema {data.get('schema')!r}; allowed: {SCHEMA}; "

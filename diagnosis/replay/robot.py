@@ -49,9 +49,17 @@ class KnownDrive:
     """Numbers of which file and log.yaml say different things, in words."""
 
 
+NO_MODEL = (
+    "this log names no mechanism; write its MJCF or hand into log.yaml, or compare it with logs of "
+    "the same motion while nothing was wrong: bench diagnose LOG --healthy NORMAL"
+)
+
+
 def model_of(log: Log) -> tuple[str, MjcfMechanism]:
     """The text of a log's model, and what log.yaml says of it; raises LogError without one."""
     settings = log.meta.mechanism
+    if settings is None:
+        raise LogError(NO_MODEL)
     if not isinstance(settings, MjcfMechanism) or log.mjcf_xml is None:
         raise LogError("this log's mechanism is a hand known by name, not an MJCF file")
     return log.mjcf_xml, settings

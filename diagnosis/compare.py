@@ -1,0 +1,362 @@
+"""What differs from healthy logs of the same motion, where there is no model of the mechanism.
+
+Healthy logs say what is ordinary: how far each of some statistics of a joint spreads over them. A
+statistic of today's log beyond that is a difference, and which ones differ says the group:
+
+    statistic       what it is                                            where it is beyond
+    delay, gain,    the signature that takes most of the difference in    delay, gain,
+    offset, drag      position (`SIGNATURES`), and its size                 sensor, friction
+    effort          effort along the motion                               friction
+    hunting         motion that no repetition shares                      play, or friction
+    ripple          effort at one place that all repetitions share        local defect
+    noise           the same at rest, from one sample to the next         sensor
+
+A mechanism with play is looser and hunts; dry friction is asked for in both directions, and sticks
+and slips; a damaged place asks for effort there, each time, and does not hunt.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from scipy.signal import savgol_filter
+from scipy.stats import t as student
+
+from backends.state import Array
+from diagnosis.logs.log import Log, LogError
+
+NONE, UNKNOWN, MORE, LESS = "none", "unknown", "more friction", "less friction"
+PLAY, LOCAL, DELAY, GAIN, SENSOR = "play", "local defect", "delay or clock", "gain", "sensor"
+GROUPS = (MORE, LESS, PLAY, DELAY, GAIN, LOCAL, SENSOR)
+SIGNATURES = ("delay", "gain", "drag", "offset")
+LEAST = 0.25
+"""Spreads of signatures are at least this share of what healthy logs differ by among themselves."""
+LEVELS = ("hunting", "ripple", "noise")
+"""Statistics that are logarithms of a root mean square."""
+PULLED = 0.1
+"""A joint that differs by less than this share of another may only be pulled by that one."""
+LEAST_LOGS = 4
+"""Fewer healthy logs do not say how far they spread."""
+FALSE = 0.02
+"""A healthy log is accused so often, at most."""
+SHARE = 0.7
+"""A signature is taken for the cause where it takes so much of the squared difference."""
+CALM = 0.1
+"""It hardly accelerates where it does so by less than this share of its largest acceleration."""
+LAW = 0.3
+"""Dry friction that changed leaves this share of itself as ripple, for it is a law."""
+MOVING = 0.05
+"""A joint moves where it is faster than this share of its largest speed."""
+STEADY = 0.5
+"""It is past its starts and stops beyond this share."""
+ALIKE = 0.01
+"""Commands that differ by less than this share of their range are of the same motion."""
+SLOW = 0.1
+"""What changes more slowly than over this share of an episode is no hunting."""
+WHITE = 0.01
+"""Hunting that is hidden in noise has this share of the variance, at most."""
+FLOOR = 1e-9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Difference:
+    """A statistic of one joint, beside what healthy logs have."""
+
+    name: str
+    value: float
+    healthy: float
+    """Mean over healthy logs."""
+    spread: float
+    """Their standard deviation."""
+    score: float
+    """How many of these it is off, with what the mean is unsure by."""
+    beyond: bool
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compared:
+    """One joint."""
+
+    joint: str
+    group: str
+    """One of `GROUPS`, or none, or unknown."""
+    confidence: float
+    """That it differs at all; of none, how often healthy logs have a statistic that is as odd."""
+    place: float | None
+    """Where a local defect is [rad, m]."""
+    differences: tuple[Difference, ...]
+    pulled: bool = False
+    """Whether it differs so much less than another joint that it may only be pulled by that."""
+
+    @property
+    def oddest(self) -> float:
+        """The largest score."""
+        return max(_odd(one.name, one.score) for one in self.differences)
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """One commanded motion of a joint: a row per repetition, on one time base (T,)."""
+
+    command: Array
+    position: Array
+    """(R, T)."""
+    effort: Array | None
+    """(R, T); None where it was not logged."""
+
+
+def compare(log: Log, healthy: Sequence[Log]) -> tuple[Compared, ...]:
+    """Every joint of a log beside healthy logs of the same motion.
+
+    Raises LogError for fewer than `LEAST_LOGS`, or where a motion or a joint is another.
+    """
+    if len(healthy) < LEAST_LOGS:
+        raise LogError(
+            f"this log names no model, and without one {LEAST_LOGS} healthy logs or more say what "
+            f"is ordinary; given: {len(healthy)}; add --healthy for each, or write the MJCF into "
+            "log.yaml"
+        )
+    for one in healthy:
+        if one.joints != log.joints:
+            raise LogError(
+                f"a healthy log has the joints {', '.join(one.joints)}, this one "
+                f"{', '.join(log.joints)}; give logs of the same mechanism"
+            )
+    found = [_joint(joint, log, healthy) for joint in log.joints]
+    most = max(one.oddest for one in found)
+    return tuple(
+        replace(one, pulled=one.group != NONE and one.oddest < PULLED * most) for one in found
+    )
+
+
+def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
+    sound = [list(_motions(joint, one)) for one in healthy]
+    today = _matched(list(_motions(joint, log)), sound[0], joint)
+    sound = [_matched(one, sound[0], joint) for one in sound]
+    others = [[one for one in sound if one is not left] for left in sound]
+    about = [_statistics(one, rest) for one, rest in zip(sound, others, strict=True)]
+    found = _statistics(today, sound)
+    floor = LEAST * np.sqrt(np.mean([row.pop("gap") ** 2 for row in about]))
+    del found["gap"]
+    level = FALSE / len(found) / len(log.joints) / 2
+    differences = tuple(
+        _difference(
+            name,
+            found[name],
+            np.array([row[name] for row in about]),
+            floor if name in SIGNATURES else FLOOR,
+            level,
+        )
+        for name in found
+    )
+    group = _group(today, sound, {one.name: one for one in differences})
+    oddest = max(_odd(one.name, one.score) for one in differences)
+    odd = min(1.0, 2 * float(student.sf(oddest, len(sound) - 1)) * len(found) * len(log.joints))
+    return Compared(
+        joint=joint,
+        group=group,
+        confidence=odd if group == NONE else 1.0 - odd,
+        place=_place(today, sound) if group == LOCAL else None,
+        differences=differences,
+    )
+
+
+def _difference(name: str, value: float, sound: Array, least: float, level: float) -> Difference:
+    spread = max(float(sound.std(ddof=1)), least)
+    score = float((value - sound.mean()) / spread / np.sqrt(1 + 1 / len(sound)))
+    return Difference(
+        name=name,
+        value=value,
+        healthy=float(sound.mean()),
+        spread=spread,
+        score=score,
+        beyond=bool(_odd(name, score) > student.isf(level, len(sound) - 1)),
+    )
+
+
+def _odd(name: str, score: float) -> float:
+    """How odd a score is: to hunt less than healthy logs, or with less noise, is no fault."""
+    return score if name in LEVELS else abs(score)
+
+
+def _motions(joint: str, log: Log) -> Iterator[_Motion]:
+    """Each commanded motion with its repetitions."""
+    kinds = ["command", "position", *(["torque"] if log.has("torque", joint) else [])]
+    rows = [[log.signal(kind, e.episode, [joint])[:, 0] for kind in kinds] for e in log.episodes]
+    while rows:
+        command = rows[0][0]
+        alike = [row for row in rows if _is_same(row[0], command)]
+        rows = [row for row in rows if not _is_same(row[0], command)]
+        signals = [np.stack([row[k] for row in alike]) for k in range(1, len(kinds))]
+        yield _Motion(command, signals[0], signals[1] if len(signals) > 1 else None)
+
+
+def _is_same(a: Array, b: Array) -> bool:
+    """Whether two commands are of one motion; clocks may add or drop a sample."""
+    n = min(len(a), len(b))
+    return abs(len(a) - len(b)) <= 1 and bool(
+        np.sqrt(np.mean((a[:n] - b[:n]) ** 2)) <= ALIKE * max(np.ptp(b), FLOOR)
+    )
+
+
+def _matched(motions: Sequence[_Motion], like: Sequence[_Motion], joint: str) -> list[_Motion]:
+    """The motions in the order of others, as long as these; raises LogError where one lacks."""
+    found = []
+    for wanted in like:
+        same = [one for one in motions if _is_same(one.command, wanted.command)]
+        if not same:
+            raise LogError(
+                f"{joint} is not moved alike in all logs; without a model, only logs of the same "
+                "commands, at the same rate, can be compared"
+            )
+        if (same[0].effort is None) != (wanted.effort is None):
+            raise LogError(f"some logs have the torque of {joint} and others do not")
+        found.append(same[0])
+    return found
+
+
+@dataclass(frozen=True)
+class _Beside:
+    """Motions of a log beside the mean of healthy ones; all arrays one after the other (T,)."""
+
+    speed: Array
+    moving: Array
+    calm: Array
+    """Whether it hardly accelerates, so that errors are what loads make of them."""
+    error: Array
+    """Command minus position, of healthy logs."""
+    place: Array
+    """Position, of healthy logs."""
+    position: Array
+    """Mean over repetitions, minus that of healthy logs."""
+    effort: Array | None
+    along: Array
+    """Sign of the effort that the motion asks for."""
+    unshared: Array | None
+    """Motion that no repetition shares; None of single ones."""
+    noise: Array
+    """From one sample to the next, at rest."""
+
+    @classmethod
+    def of(cls, today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> "_Beside":
+        """All motions of a log."""
+        parts = [_beside(one, [log[k] for log in sound]) for k, one in enumerate(today)]
+        whole: dict[str, Any] = {
+            one.name: None if values[0] is None else np.concatenate(values)
+            for one in fields(cls)
+            for values in [[getattr(part, one.name) for part in parts]]
+        }
+        return cls(**whole)
+
+
+def _beside(today: _Motion, sound: Sequence[_Motion]) -> _Beside:
+    n = min(len(one.command) for one in (today, *sound))
+    place = np.mean([one.position[:, :n].mean(axis=0) for one in sound], axis=0)
+    speed = np.gradient(place)
+    moving = np.abs(speed) > MOVING * np.abs(speed).max()
+    position = today.position[:, :n]
+    unshared = None
+    if len(position) > 1:
+        apart = position - position.mean(axis=0)
+        apart = apart - savgol_filter(apart, max(5, round(SLOW * n) | 1), 2, axis=1)
+        unshared = np.sqrt(np.sum(apart**2, axis=0) / (len(position) - 1))
+    hard = np.abs(np.gradient(speed))
+    jitter = np.pad(np.diff(position, 2, axis=1), ((0, 0), (1, 1)))
+    effort, along = None, np.sign(speed)
+    efforts = [one.effort for one in sound if one.effort is not None]
+    if today.effort is not None:
+        usual = np.mean([one[:, :n].mean(axis=0) for one in efforts], axis=0)
+        effort = today.effort[:, :n].mean(axis=0) - usual
+        if usual.min() >= 0.0 or usual.max() <= 0.0:  # an amount: no sign says which way
+            along = np.full(n, np.sign(usual.sum()))
+    return _Beside(
+        speed=speed,
+        moving=moving,
+        calm=hard < CALM * hard.max(),
+        error=today.command[:n] - place,
+        place=place,
+        position=position.mean(axis=0) - place,
+        effort=effort,
+        along=along,
+        unshared=unshared,
+        noise=np.sqrt(np.mean(jitter**2, axis=0) / 6.0) * ~moving,
+    )
+
+
+def _signatures(one: _Beside) -> dict[str, tuple[float, float]]:
+    """What each cause alone makes of the position, and the share of the difference that it takes.
+
+    The first is a root mean square [rad, m], with the cause's sign.
+    """
+    calm, apart = one.calm, one.position[one.calm]
+    shapes = {
+        "delay": -one.speed,
+        "gain": -one.error,
+        "drag": -np.sign(one.speed) * one.moving,
+        "offset": np.ones_like(one.speed),
+    }
+    found = {}
+    for name, shape in shapes.items():
+        along, square = float(shape[calm] @ apart), float(shape[calm] @ shape[calm])
+        size = along / max(np.sqrt(square * calm.sum()), FLOOR)
+        found[name] = float(size), along**2 / max(square * float(apart @ apart), FLOOR**2)
+    return found
+
+
+def _statistics(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> dict[str, float]:
+    """The statistics of a log, by name."""
+    one = _Beside.of(today, sound)
+    found = {name: size for name, (size, _) in _signatures(one).items()}
+    found["gap"] = float(np.sqrt(np.mean(one.position[one.calm] ** 2)))
+    found["noise"] = _level(one.noise[~one.moving])
+    if one.unshared is not None:
+        noise = np.mean(one.noise[~one.moving] ** 2) if not one.moving.all() else 0.0
+        square = one.unshared[one.moving] ** 2
+        found["hunting"] = _level(np.sqrt(max(square.mean() - noise, WHITE * square.mean())))
+    if one.effort is not None:
+        effort, along = one.effort[one.moving], one.along[one.moving]
+        found["effort"] = float(np.mean(along * effort))
+        found["ripple"] = _level(effort - found["effort"] * along)
+    return found
+
+
+def _level(values: Array) -> float:
+    """Logarithm of a root mean square."""
+    return float(np.log(np.sqrt(np.mean(values**2)) + FLOOR)) if np.size(values) else 0.0
+
+
+def _group(
+    today: Sequence[_Motion],
+    sound: Sequence[Sequence[_Motion]],
+    by: Mapping[str, Difference],
+) -> str:
+    """The group that the differences speak of."""
+    beyond = {name for name, one in by.items() if one.beyond}
+    if not beyond:
+        return NONE
+    up = {name for name in beyond if by[name].score > 0.0}
+    shares = {n: share for n, (_, share) in _signatures(_Beside.of(today, sound)).items()}
+    best = max(shares, key=shares.__getitem__)
+    ripple = float(np.exp(by["ripple"].value)) if "ripple" in by else 0.0
+    takes = best in beyond and shares[best] >= SHARE
+    rubs = by["effort"].beyond if "effort" in by else takes and best == "drag"
+    if takes and best != "drag":
+        return {"delay": DELAY, "gain": GAIN, "offset": SENSOR}[best]
+    if "hunting" in up and not (rubs and up & {"effort", "drag"}):
+        return PLAY
+    steady = abs(by["effort"].value) if "effort" in by else 0.0
+    if "ripple" in up and "hunting" not in up and ripple > LAW * steady:
+        return LOCAL
+    if rubs:
+        return MORE if up & ({"effort"} if "effort" in by else {"drag"}) else LESS
+    return SENSOR if "noise" in up else UNKNOWN
+
+
+def _place(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> float:
+    """Where the effort differs most from its mean."""
+    one = _Beside.of(today, sound)
+    assert one.effort is not None
+    steady = np.abs(one.speed) > STEADY * np.abs(one.speed).max()
+    off = np.abs(one.effort - np.mean((one.along * one.effort)[steady]) * one.along)
+    return float(one.place[np.argmax(off * steady)])
