@@ -175,8 +175,8 @@ def integrate(
                 slip = -slow[j] - share[j] * (speed[j] - slow[j])
             if p[j, LEAD] > 0.0:
                 own = rate[j] if p[j, PROFILE] > 0.0 else (target[j] - last) / dt
-                told = len(given) > 0 and not np.isnan(given[n, j, 0])
-                slip += p[j, LEAD] * (given[n, j, 0] if told else own)
+                known = len(given) > 0 and not np.isnan(given[n, j, 0])
+                slip += p[j, LEAD] * (given[n, j, 0] if known else own)
             if len(given) > 0:
                 more = given[n, j, 1]
             if p[j, INTEGRAL] > 0.0:
