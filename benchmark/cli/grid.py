@@ -118,6 +118,6 @@ def leaderboard(
 
     Example: [bold]bench leaderboard runs --out leaderboard[/bold]
     """
-    from benchmark import commands
+    from benchmark.results import leaderboard as boards
 
-    return commands.leaderboard(sources or [], out, add, policies, html, include_smoke)
+    return boards.leaderboard(sources or [], out, add, policies, html, include_smoke)

@@ -19,7 +19,9 @@ from benchmark.cli.options import (
     Workers,
 )
 from benchmark.console import listed, row_table
-from benchmark.settings.run_spec import DEPLOYED, SETTINGS, RunSpec
+from benchmark.errors import UsageError
+from benchmark.settings import quantities
+from benchmark.settings.run_spec import DEPLOYED, SETTINGS, RunSpec, read_settings
 
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s"]
@@ -77,13 +79,16 @@ def run(
 
     Example: [bold]bench run --backend bullet --task eight[/bold]
     """
-    from benchmark import commands
+    from benchmark.runs.run import row_of_run
+    from benchmark.settings.request import read_pairs, requested
 
-    asked = commands.settings(settings, calibration, overrides or [], config, start)
+    asked = requested(settings, calibration, read_pairs(overrides or []), config, start)
     if dry_run:
-        plan = commands.plan(asked, out, workers)
-        return plan, _planned(asked, plan)
-    row = commands.run(asked, start, out, workers, resume, force, logger)
+        from benchmark.runs.plan import plan
+
+        planned = plan(asked, out, workers)
+        return planned, _planned(asked, planned)
+    row = row_of_run(asked, out, workers, resume, force, start, logger)
     said = [f"folder: {row['dir']}"]
     said += [f"see the training: tensorboard --logdir {row['dir']}"] if logger else []
     return row, Group(row_table(row, SHOWN), *said)
@@ -108,9 +113,9 @@ def evaluate(
 
     Example: [bold]bench eval runs/NAME --backend mujoco --radius 3cm --pace 1.5[/bold]
     """
-    from benchmark import commands
+    from benchmark.runs.evaluate import evaluate_policy
 
-    row = commands.evaluate(run_folder, settings, episodes, out, workers)
+    row = evaluate_policy(run_folder, settings, episodes, out, workers)
     return row, row_table(row, SHOWN[:9])
 
 
@@ -158,8 +163,14 @@ def view(
 
     Example: [bold]bench view runs/NAME --out video.mp4[/bold]
     """
-    from benchmark import commands
+    from benchmark.pictures.view import view, view_live
 
+    changed = read_settings(settings)
     if live:
-        return commands.view_live(run_folders, settings, out, port, workers)
-    return commands.view(run_folders, settings, out, kind, episodes, time, workers)
+        if len(run_folders) > 1 or out is not None:
+            raise UsageError("--live shows one run and writes no file; leave --out out")
+        return view_live(run_folders[0], changed, port, workers)
+    if out is None:
+        raise UsageError("where to? give --out FILE, or --live for the browser")
+    moment = None if time is None else quantities.quantity(time, "--time", "s")
+    return view(run_folders, out, kind, changed, episodes, moment, workers)

@@ -11,7 +11,7 @@ from backends.spec import Spec
 from backends.state import Array, State
 from backends.touch import Skin, Touch
 from benchmark.parts import registry
-from benchmark.runs.run import deploy
+from benchmark.runs.evaluate import deploy
 from benchmark.settings.run_spec import RunSpec
 from tasks.batch import BatchEnv, Step
 from tasks.task import EPISODE_S, RATE_RAD_S

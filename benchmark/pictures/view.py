@@ -88,10 +88,12 @@ def view(
     return {**drawn, **shown, **recording.scores, "run": str(folder)}
 
 
-def view_live(run: RunSpec, trained: RunSpec, folder: Path, port: int, workers: int | None) -> dict:
+def view_live(folder: Path, changed: dict, port: int, workers: int | None) -> dict:
     """Show episode 0 of a run in the browser until Ctrl-C; returns where it was shown."""
     from benchmark.pictures.live import Live
 
+    trained = run_folder.run_spec(run_folder.finished_run(folder))
+    run = dataclasses.replace(trained, **changed)
     recording = replay(run, folder, 1, workers or usable_cores())
     live = Live(recording, _title(run, trained, recording), port)
     say(f"open {live.url} in a browser; Ctrl-C ends it")

@@ -17,8 +17,8 @@ from benchmark.console import say
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
-from benchmark.runs import run, run_folder
-from benchmark.runs.evaluate import EVALUATION_SEED
+from benchmark.runs import run_folder
+from benchmark.runs.evaluate import EVALUATION_SEED, deploy, write_episodes
 from benchmark.settings.effects import parse_effects
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import DEPLOYED, HANDS, RunSpec, read_settings
@@ -214,9 +214,9 @@ def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFr
         floor = ", other initial states" if item.floor else ""
         say(f"{number} {item.policy.spec.name} in {item.deploy}{floor}")
         options = {"episodes": item.episodes, "seed": item.seed}
-        found = run.deploy(item.spec, item.policy.folder, workers, **options)
+        found = deploy(item.spec, item.policy.folder, workers, **options)
         path.parent.mkdir(parents=True, exist_ok=True)
-        run.write_episodes(found, path)
+        write_episodes(found, path)
     spec = asdict(item.policy.spec) | {"algo": item.policy.spec.learner}
     shared = {name: spec[name] for name in (*IDENTITY, "seed")}
     shared |= {"policy": item.policy.spec.name, "train": item.train}

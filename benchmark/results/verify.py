@@ -13,8 +13,8 @@ from baselines.saved import file_sha256
 from benchmark.console import say
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
-from benchmark.runs import run, run_folder
-from benchmark.runs.evaluate import Episodes
+from benchmark.runs import run_folder
+from benchmark.runs.evaluate import Episodes, deploy
 from benchmark.runs.run_folder import EPISODES_FILE, RUN_FILE, write_atomically
 from files.bounded import read_json
 from files.tables import read_parquet
@@ -123,7 +123,7 @@ def _verdict(folder: Path, workers: int) -> Verdict:
         kept = read_parquet(folder / EPISODES_FILE)
         if reason := _other_than(row["scores"], kept):
             return Verdict(folder=folder, state="differs", reason=reason)
-        again = run.deploy(spec, folder, workers, episodes=row["scores"]["episodes"])
+        again = deploy(spec, folder, workers, episodes=row["scores"]["episodes"])
     except (CommandError, OSError, ValueError, KeyError, TypeError) as error:
         return Verdict(folder=folder, state="refused", reason=str(error))
     key = row_key(row["digest"], row["policy_sha256"], row["scores"])

@@ -1,21 +1,169 @@
-"""Importing this module registers the tasks with Gymnasium: stickbench/Line-v0, ...
+"""The tasks as environments of Gymnasium; importing this registers them: stickbench/Line-v0, ...
 
 Gymnasium has no plug-in entry points, so a program imports `stickbench` first, or says
 `gymnasium.make("stickbench:stickbench/Eight-v0", engine="bullet")`.
 """
 
+from functools import partial
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
 from gymnasium.envs import registration
+from gymnasium.vector import AutoresetMode
 
 from backends.spec import Timing
+from backends.state import Array
+from benchmark.errors import unknown
 from benchmark.parts import registry
+from benchmark.pictures import _render
+from benchmark.runs.worlds import make_env
+from benchmark.settings.run_spec import RunSpec, read_settings
+from tasks.batch import BatchEnv
+from tasks.gym_env import RENDER_MODES, MakePainter, StickEnv, StickVectorEnv
 from tasks.task import EPISODE_S
 
 EPISODE_STEPS = round(EPISODE_S / Timing().policy_s)
+SIZE = (480, 480)
+"""Width and height of a picture [pixels]."""
+Length = str | float
+"""Such as "3cm"; a plain number is in metres."""
+RenderMode = Literal["rgb_array"]
 
 
 def gym_id(task: str) -> str:
     """The name of a task in Gymnasium."""
     return f"stickbench/{task.capitalize()}-v0"
+
+
+def make(
+    task: str,
+    *,
+    engine: str = "mujoco",
+    render_mode: RenderMode | None = None,
+    max_episode_steps: int = EPISODE_STEPS,
+    **settings: Any,
+) -> gymnasium.Env[Array, Array]:
+    """One world of a task, such as "Eight", as a Gymnasium environment.
+
+    `settings` are those of `bench run`, written as there: `observation`, `stick`, `effects`,
+    `radius="3cm"`, `pace=1.5`, `start_spread`. With `render_mode="rgb_array"` the environment draws
+    itself, whatever the engine. Raises UsageError for what is not known, CommandError where an
+    engine is missing.
+    """
+    return gymnasium.make(
+        gym_id(task),
+        max_episode_steps=max_episode_steps,
+        engine=engine,
+        render_mode=render_mode,
+        **settings,
+    )
+
+
+def make_vec(
+    task: str,
+    num_envs: int,
+    *,
+    engine: str = "mujoco",
+    workers: int = 1,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    render_mode: RenderMode | None = None,
+    max_episode_steps: int = EPISODE_STEPS,
+    **settings: Any,
+) -> StickVectorEnv:
+    """N worlds of a task on up to `workers` cores as one Gymnasium vector environment.
+
+    A world whose episode is over begins again with the next step, or as `autoreset_mode` says:
+    "NextStep", "SameStep" or "Disabled". `settings` as in `make`.
+    """
+    made = gymnasium.make_vec(
+        gym_id(task),
+        num_envs=num_envs,
+        engine=engine,
+        workers=workers,
+        autoreset_mode=autoreset_mode,
+        render_mode=render_mode,
+        max_episode_steps=max_episode_steps,
+        **settings,
+    )
+    assert isinstance(made, StickVectorEnv)
+    return made
+
+
+def single(task: str, render_mode: str | None = None, **settings: Any) -> StickEnv:
+    """The entry point of Gymnasium's `make`, with its keywords."""
+    run = _run(task, settings)
+    return StickEnv(partial(_make, run, 1, None), _painter(render_mode))
+
+
+def vector(
+    task: str,
+    num_envs: int = 1,
+    workers: int = 1,
+    autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+    render_mode: str | None = None,
+    max_episode_steps: int = EPISODE_STEPS,
+    **settings: Any,
+) -> StickVectorEnv:
+    """The entry point of Gymnasium's `make_vec`, with its keywords."""
+    batch = partial(_make, _run(task, settings), workers, max_episode_steps)
+    return StickVectorEnv(batch, num_envs, autoreset_mode, _painter(render_mode))
+
+
+def _run(task: str, settings: dict[str, Any]) -> RunSpec:
+    return RunSpec(**{"backend": "mujoco", **read_settings({**settings, "task": task})})
+
+
+def _make(
+    run: RunSpec, workers: int, episode_steps: int | None, worlds: int, seed: int
+) -> BatchEnv:
+    return make_env(run, [run.world()] * worlds, seed, workers, episode_steps)
+
+
+def _painter(render_mode: str | None) -> MakePainter | None:
+    if render_mode is None:
+        return None
+    if render_mode not in RENDER_MODES:
+        raise unknown("render mode", render_mode, RENDER_MODES)
+    return EnvPainter
+
+
+class EnvPainter:
+    """Draws the worlds of a batched environment; it keeps the trails of their episodes."""
+
+    def __init__(self, env: BatchEnv) -> None:
+        self._env = env
+        self._painter = _render.Painter(_render.Stage(spec=env.simulator.specs[0], size=SIZE))
+        self._trails: dict[int, list[Array]] = {}
+        self._times_s: dict[int, float] = {}
+
+    def paint(self, world: int) -> Array:
+        """See `tasks.gym_env.Painter`."""
+        env, state = self._env, self._env.state
+        return self._painter.paint(
+            _render.Moment(
+                joint_rad=state.joint_rad[world].copy(),
+                stick_pos_m=state.stick_pos_m[world].copy(),
+                stick_quat_wxyz=state.stick_quat_wxyz[world].copy(),
+                active=env.touch.active[world].copy(),
+                reference_m=env.reference()[0][world],
+                line_m=env.path(world),
+                trail_m=self._trail(world),
+            )
+        )
+
+    def close(self) -> None:
+        """See `tasks.gym_env.Painter`."""
+        self._painter.close()
+
+    def _trail(self, world: int) -> Array:
+        """Where the lower end was whenever this episode was drawn."""
+        now_s = float(self._env.time_s[world])
+        if now_s <= self._times_s.get(world, 0.0):
+            self._trails[world] = []
+        self._times_s[world] = now_s
+        self._trails.setdefault(world, []).append(self._env.lower_end()[world])
+        return np.array(self._trails[world])
 
 
 def _register() -> None:
@@ -24,8 +172,8 @@ def _register() -> None:
         if gym_id(task) not in registration.registry:
             registration.register(
                 gym_id(task),
-                entry_point="benchmark.runs.gym_make:single",
-                vector_entry_point="benchmark.runs.gym_make:vector",
+                entry_point="benchmark.runs.gym:single",
+                vector_entry_point="benchmark.runs.gym:vector",
                 max_episode_steps=EPISODE_STEPS,
                 kwargs={"task": task},
             )

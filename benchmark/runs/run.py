@@ -8,22 +8,18 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from backends.shard import WorkerError
-from backends.state import Array
 from baselines.baseline import Progress
-from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy, file_sha256
+from baselines.saved import POLICY_FILE, PolicyError, file_sha256
 from benchmark.console import Bar, warn
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
-from benchmark.runs.evaluate import EVALUATION_SEED, Episodes, evaluate
-from benchmark.runs.run_folder import EPISODES_FILE, START_FILE, RunFolder
+from benchmark.provenance import usable_cores
+from benchmark.runs.evaluate import evaluate_run, write_episodes
+from benchmark.runs.run_folder import EPISODES_FILE, RUNS, START_FILE, RunFolder
 from benchmark.runs.train import Training
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
-from leaderboard.identity import EPISODES, SMOKE_EPISODES
-from tasks.batch import BatchEnv, SimulationDivergedError, Step
+from tasks.batch import SimulationDivergedError
 
 FREE_BYTES = 50_000_000
 """A run is refused if the disk of its folder has less free space than this."""
@@ -119,62 +115,24 @@ def _train_and_evaluate(
     return finished
 
 
-def evaluate_run(
+def row_of_run(
     spec: RunSpec,
-    policy: Path,
-    workers: int,
-    episodes: int | None = None,
-    watch: Callable[[BatchEnv, Step], None] = lambda env, step: None,
-    seed: int = EVALUATION_SEED,
-) -> Episodes:
-    """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`.
+    path: Path | None,
+    workers: int | None,
+    resume: bool,
+    force: bool,
+    start: Path | None,
+    logger: str | None,
+) -> dict:
+    """Run or continue `spec` and return its row; `logger` names what logs the training, too."""
+    path = path or RUNS / spec.name
+    workers = workers or usable_cores()
+    if logger is None:
+        return row(run(spec, path, workers, resume, force, start), path)
+    from benchmark.runs.tensorboard import events_of
 
-    `episodes` limits the number of fixed episodes, `seed` selects another list of them, and `watch`
-    is called after every step. Raises UsageError if policy, observation, stick and hand do not fit.
-    """
-    count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
-    env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
-    try:
-        act = _actor(spec, policy, env)
-        with Bar(f"evaluate {spec.backend} {spec.task}", env.horizon) as bar:
-            done = iter(range(1, env.horizon + 1))
-
-            def on_step(env: BatchEnv, step: Step) -> None:
-                bar.update(next(done))
-                watch(env, step)
-
-            return evaluate(env, act, on_step, seed)
-    except PolicyError as error:
-        raise UsageError(str(error)) from error
-    except ValueError as error:
-        raise UsageError(f"{spec.stick} stick in this hand: {error}") from error
-    finally:
-        env.close()
-
-
-def deploy(spec: RunSpec, policy: Path, workers: int, **options: Any) -> Episodes:
-    """`evaluate_run` of a finished policy; raises CommandError if the simulation stops."""
-    try:
-        return evaluate_run(spec, policy, workers, **options)
-    except (SimulationDivergedError, WorkerError) as error:
-        raise CommandError(f"the simulation on {spec.backend} stopped: {error}") from error
-
-
-def _actor(spec: RunSpec, policy: Path, env: BatchEnv) -> Callable[[Array], Array]:
-    if (policy / POLICY_FILE).exists():
-        return SavedPolicy(policy, env.observation)
-    baseline = registry.load("algo", spec.algo)
-    if baseline.trains:
-        raise PolicyError(f"{policy} has no {POLICY_FILE}: its training has not finished")
-    return baseline(env.action_width, spec.seed)
-
-
-def write_episodes(episodes: Episodes, path: Path) -> None:
-    """One row per episode, as parquet."""
-    frame = pd.DataFrame({"episode": range(len(episodes.held)), **vars(episodes)})
-    temporary = path.with_name(f".{path.name}.tmp")
-    frame.to_parquet(temporary, index=False)
-    temporary.replace(path)
+    with contextlib.closing(events_of(logger, path)) as events:
+        return row(run(spec, path, workers, resume, force, start, events.add), path)
 
 
 def row(run_json: dict, path: Path) -> dict:

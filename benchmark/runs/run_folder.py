@@ -22,6 +22,8 @@ from benchmark.settings.run_spec import RunSpec
 from files.bounded import FileError, one_line, read_json
 from leaderboard.identity import LATER, run_digest
 
+RUNS = Path("runs")
+"""Where runs are written if nothing else is said."""
 RUN_FILE, PROGRESS_FILE, EPISODES_FILE = "run.json", "progress.csv", "episodes.parquet"
 START_FILE = "start.onnx"
 """The policy that training starts from."""

@@ -46,10 +46,8 @@ class Events:
             self._writer.close()
 
 
-def logger(name: str | None, run: Path) -> Events | None:
+def events_of(name: str, run: Path) -> Events:
     """What logs a run beside its own files; raises UsageError for an unknown name."""
-    if name is None:
-        return None
     if name not in LOGGERS:
         raise unknown("logger", name, LOGGERS)
     return Events(run)

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 from backends.state import Array
-from benchmark import commands
 from benchmark.errors import CommandError
 from benchmark.parts import registry
+from benchmark.runs.plan import plan
 from benchmark.runs.run_folder import RunFolder
 from benchmark.runs.worlds import make_env, training_worlds
 from benchmark.settings.run_spec import RunSpec
@@ -51,8 +51,8 @@ def measure(specs: Sequence[RunSpec]) -> Rates:
     rates, problems = {}, {}
     for spec in _first(specs, lambda spec: spec.backend):
         try:
-            plan = commands.plan(spec, None, workers=1)
-            rates[spec.backend] = plan["measured_env_steps_per_s"]
+            measured = plan(spec, None, workers=1)
+            rates[spec.backend] = measured["measured_env_steps_per_s"]
         except CommandError as error:
             problems[spec.backend] = str(error)
     fast = sorted(

@@ -9,10 +9,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from benchmark.commands import RUNS
 from benchmark.console import say
 from benchmark.errors import UsageError
 from benchmark.provenance import usable_cores
+from benchmark.runs.run_folder import RUNS
 from benchmark.sweep._board import TABLE_FILE, Board
 from benchmark.sweep._cell import Cell, run_cell
 from benchmark.sweep._estimate import makespan, measure

@@ -14,8 +14,8 @@ import typer
 from benchmark import console
 from benchmark.cli import app as cli
 from benchmark.cli.command import command
-from benchmark.commands import typical_s
 from benchmark.errors import Interrupted, UsageError
+from benchmark.runs.plan import typical_s
 from benchmark.settings import quantities
 
 RUN = ["run", "--backend", "mujoco", "--task", "line"]

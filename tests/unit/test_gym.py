@@ -10,7 +10,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 
 import stickbench as sb
 from backends.state import Array
-from benchmark.runs import gym_make
+from benchmark.runs import gym as made
 
 
 @pytest.fixture
@@ -118,7 +118,7 @@ def test_settings_are_spelt_as_on_the_command_line() -> None:
 def test_a_video_is_recorded(tmp_path, monkeypatch) -> None:
     """Film with Gymnasium's RecordVideo; a child draws, and one is enough."""
     pytest.importorskip("moviepy")
-    monkeypatch.setattr(gym_make, "SIZE", (64, 64))
+    monkeypatch.setattr(made, "SIZE", (64, 64))
     env = RecordVideo(sb.make("Line", render_mode="rgb_array", max_episode_steps=4), str(tmp_path))
     try:
         env.reset(seed=0)
@@ -132,7 +132,7 @@ def test_a_video_is_recorded(tmp_path, monkeypatch) -> None:
 
 def test_every_world_is_drawn_as_it_is(monkeypatch) -> None:
     """Draw a picture per world, which changes as the world moves."""
-    monkeypatch.setattr(gym_make, "SIZE", (96, 96))
+    monkeypatch.setattr(made, "SIZE", (96, 96))
     env = sb.make_vec("Line", 2, render_mode="rgb_array")
     env.reset(seed=0)
     try:

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from benchmark.parts.registry import ROOT
-from benchmark.runs.run import deploy
+from benchmark.runs.evaluate import deploy
 from benchmark.runs.run_folder import EPISODES_FILE, check_policy, read_run, run_spec
 
 POLICIES = sorted(path.parent for path in (ROOT / "leaderboard/policies").glob("*/run.json"))
