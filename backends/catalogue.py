@@ -7,7 +7,7 @@ from functools import cache
 from backends.effect import Effect
 from files.plugins import Kind, parts
 
-EFFECTS = Kind(home="backends.effects", class_name="Effect", group="effects")
+EFFECTS = Kind(home="backends.effects", attribute="Effect", group="effects")
 
 
 @cache

@@ -9,19 +9,10 @@ from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 
-PACKAGES = (
-    "mujoco",
-    "pybullet",
-    "sapien",
-    "gymnasium",
-    "stable-baselines3",
-    "rsl-rl-lib",
-    "torch",
-    "numpy",
-    "numba",
-    "onnxruntime",
-    "pandas",
-)
+from benchmark.parts import registry
+
+_BESIDE = ("gymnasium", "torch", "numpy", "numba", "onnxruntime", "pandas")
+"""Packages that can change a result, besides those of engines and learners."""
 _ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -37,7 +28,7 @@ def provenance() -> dict:
     """The provenance that a result row contains."""
     return {
         "command": shlex.join(["bench", *sys.argv[1:]]),
-        "versions": {p: v for p in PACKAGES if (v := version(p)) is not None},
+        "versions": {p: v for p in _packages() if (v := version(p)) is not None},
         "python": platform.python_version(),
         "cpu": _cpu(),
         "cores": usable_cores(),
@@ -45,6 +36,12 @@ def provenance() -> dict:
         "platform": platform.platform(),
         "finished": datetime.now(UTC).isoformat(timespec="seconds"),
     }
+
+
+def _packages() -> tuple[str, ...]:
+    """Packages of every engine and learner, and those beside them."""
+    of_parts = [registry.distribution(k, n) for k in ("backend", "algo") for n in registry.names(k)]
+    return tuple(dict.fromkeys([*filter(None, of_parts), *_BESIDE]))
 
 
 def usable_cores() -> int:

@@ -1,8 +1,9 @@
 """Parts by name: files of a package here, and what installed packages register for it.
 
-A file that holds one class of a kind is a part; its name is the file's. A package of one's own
-registers a part by an entry point: `clover = "mine.clover:Task"` in the group `stickbench.tasks`.
-Finding reads the text of files and imports no part, so it needs no engine and no learner.
+A file that holds the class of a kind (of a hand: the function) is a part; its name is the file's.
+A package of one's own registers a part by an entry point: `clover = "mine.clover:Task"` in the
+group `stickbench.tasks`. Finding reads the text of files and imports no part, so it needs no engine
+and no learner.
 """
 
 import importlib.util
@@ -24,7 +25,7 @@ class Part:
     name: str
     module: str
     attribute: str
-    """The class in the module."""
+    """The class or function in the module."""
     package: str | None
     """The installed distribution that registers it; None: it stands here."""
 
@@ -45,7 +46,8 @@ class Kind:
 
     home: str
     """Package of the files here."""
-    class_name: str
+    attribute: str
+    """The class, or the function, that makes a file of the home a part of this kind."""
     group: str
     """Group of entry points, without its prefix."""
 
@@ -70,7 +72,7 @@ def _names() -> Mapping[str, str]:
 
 
 def _files(kind: Kind) -> Iterator[Part]:
-    declares = re.compile(rf"^class {kind.class_name}\b", re.MULTILINE)
+    declares = re.compile(rf"^(?:class|def) {kind.attribute}\b", re.MULTILINE)
     base = kind.home.rpartition(".")[2].rstrip("s") + ".py"
     home = importlib.util.find_spec(kind.home)
     for place in (home and home.submodule_search_locations) or ():
@@ -79,7 +81,7 @@ def _files(kind: Kind) -> Iterator[Part]:
                 yield Part(
                     name=file.stem.replace("_", "-"),
                     module=f"{kind.home}.{file.stem}",
-                    attribute=kind.class_name,
+                    attribute=kind.attribute,
                     package=None,
                 )
 
@@ -90,6 +92,6 @@ def _registered(kind: Kind) -> Iterator[Part]:
         yield Part(
             name=point.name,
             module=module,
-            attribute=attribute or kind.class_name,
+            attribute=attribute or kind.attribute,
             package=point.dist.name if point.dist else module.partition(".")[0],
         )

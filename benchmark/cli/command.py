@@ -6,6 +6,7 @@ A command returns its result, alone or with a table; printing it and the exit co
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from dataclasses import fields, is_dataclass
 from functools import wraps
 from typing import Annotated, Any, get_args, get_type_hints
 
@@ -32,12 +33,16 @@ def command(
 ) -> Callable[[Callable[..., Any]], Callable[..., None]]:
     """Make a command of a function.
 
+    The fields of a dataclass that it takes are its options, see `benchmark.settings.options`.
     `settings` of a run come as its argument `settings`, by name, None where not given; those that
     are `required` must be, unless a `config` is. `default` is what the help says of settings that
     are not given, `defaults` what it says of other options; `kept` is said after an interrupt.
     """
 
     def declare(function: Callable[..., Any]) -> Callable[..., None]:
+        hints = get_type_hints(function, include_extras=True)
+        grouped: dict[str, Any] = {n: hint for n, hint in hints.items() if is_dataclass(hint)}
+
         @wraps(function)
         def call(**given: Any) -> None:
             as_json = given.pop("as_json")
@@ -45,6 +50,8 @@ def command(
             if settings:
                 given["settings"] = {name: given.pop(_word(name)) for name in settings}
                 _refuse_missing(given, required)
+            for name, kind in grouped.items():
+                given[name] = kind(**{one.name: given.pop(one.name) for one in fields(kind)})
             try:
                 _finish(function(**given), as_json)
             except (KeyboardInterrupt, SystemError) as error:
@@ -52,7 +59,7 @@ def command(
                     raise
                 raise Interrupted(f"interrupted; {kept}") from error
 
-        parameters = _parameters(function, settings, required, default, defaults or {})
+        parameters = _parameters(function, hints, settings, required, default, defaults or {})
         call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         call.__annotations__ = {p.name: p.annotation for p in parameters}
         del call.__wrapped__
@@ -77,17 +84,22 @@ def _refuse_missing(given: Mapping[str, Any], required: Sequence[str]) -> None:
 
 def _parameters(
     function: Callable[..., Any],
+    hints: Mapping[str, Any],
     settings: Sequence[str],
     required: Sequence[str],
     default: str | None,
     defaults: Mapping[str, str],
 ) -> list[inspect.Parameter]:
     """The command's own parameters, with the settings after its arguments, and the shared ones."""
-    hints = get_type_hints(function, include_extras=True)
     own = [
-        p.replace(annotation=_shown(hints[p.name], defaults.get(p.name)))
+        one
         for p in inspect.signature(function).parameters.values()
         if p.name != "settings"
+        for one in (
+            _of_fields(hints[p.name])
+            if is_dataclass(hints[p.name])
+            else [p.replace(annotation=_shown(hints[p.name], defaults.get(p.name)))]
+        )
     ]
     asked = [_of_setting(SETTINGS[name], name in required, default) for name in settings]
     shared = [
@@ -98,6 +110,28 @@ def _parameters(
     options = [p for p in own if _is_option(p.annotation)]
     keyword = inspect.Parameter.KEYWORD_ONLY
     return [p.replace(kind=keyword) for p in (*arguments, *asked, *options, *shared)]
+
+
+def _of_fields(kind: Any) -> list[inspect.Parameter]:
+    """The options that are the fields of a dataclass."""
+    hints, found = get_type_hints(kind), []
+    for one in fields(kind):
+        said = {key: one.metadata[key] for key in ("help", "metavar")}
+        flag = f"--{(one.metadata['option'] or one.name).replace('_', '-')}"
+        info = (
+            typer.Argument(**said, show_default=False)
+            if one.metadata["argument"]
+            else typer.Option(flag, **said, show_default=one.metadata["shown"] or True)
+        )
+        found.append(
+            inspect.Parameter(
+                one.name,
+                inspect.Parameter.KEYWORD_ONLY,
+                default=one.default,
+                annotation=Annotated[hints[one.name], info],
+            )
+        )
+    return found
 
 
 def _of_setting(one: Setting, required: bool, default: str | None) -> inspect.Parameter:

@@ -8,75 +8,11 @@ import typer
 from benchmark.cli.command import command
 from benchmark.cli.options import Force, KnownEffects, Log, Nominal, Out, Seed, Workers
 from benchmark.errors import UsageError
+from benchmark.gap.source import Source
+from benchmark.settings.run_spec import REFERENCE
 
 CAUSE, UNKNOWN = "cause", "unknown"
 OF_LOG = "those that the log names"
-
-
-LogFolder = Annotated[
-    Path | None, typer.Argument(metavar="[LOG]", help="Folder of the log.", show_default=False)
-]
-Robot = Annotated[
-    Path | None, typer.Option("--robot", metavar="MODEL", help="MJCF or URDF of the robot.")
-]
-Table = Annotated[
-    Path | None,
-    typer.Option("--log", metavar="TABLE", help="What it recorded, as CSV or parquet."),
-]
-Unit = Annotated[
-    str | None,
-    typer.Option(metavar="UNIT", help="Of positions and commands: rad, deg, turn, mrad, m, mm."),
-]
-Column = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="JOINT.KIND=COLUMN",
-        help="Which column it is; kinds: command, position, motor, torque, velocity, push, "
-        "reference, feedforward; repeatable.",
-    ),
-]
-DriveOf = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--drive",
-        metavar="JOINT=NUMBERS",
-        help="Numbers of a drive that the model lacks, such as "
-        "'*=kp:60+-20%,kd:1.5,limit:12,ki:5'; repeatable.",
-    ),
-]
-ServoOf = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--servo",
-        metavar="NAME@JOINT",
-        help="A servo that is known, such as 'sts3215@*' or 'xl330,gain:800,volts:5.1@wrist'; "
-        "repeatable.",
-    ),
-]
-Hold = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="JOINT=POSITION", help="Where a joint is held that the table lacks; repeatable."
-    ),
-]
-FixBase = Annotated[
-    bool, typer.Option("--fix-base", help="Hold a floating base where the model has it.")
-]
-GravityCompensation = Annotated[
-    bool,
-    typer.Option(
-        "--gravity-compensation", help="The drives carry the links' weight by themselves."
-    ),
-]
-OF_FILES = {
-    "robot": "none",
-    "table": "none",
-    "unit": "as the names say, or as the ranges do",
-    "column": "by their names",
-    "drive": "the model's",
-    "servo": "none",
-    "hold": "where the model has them",
-}
 
 
 @command(
@@ -88,7 +24,7 @@ OF_FILES = {
 )
 def calibrate(
     log: Log,
-    nominal: Nominal = "mujoco",
+    nominal: Nominal = REFERENCE,
     known_effects: KnownEffects = None,
     threshold: Annotated[
         str | None,
@@ -124,20 +60,10 @@ def calibrate(
         "out": "diagnoses/LOG",
         "healthy": "none",
         "fail_on": "nothing",
-        **OF_FILES,
     }
 )
 def diagnose(
-    log: LogFolder = None,
-    robot: Robot = None,
-    table: Table = None,
-    unit: Unit = None,
-    column: Column = None,
-    drive: DriveOf = None,
-    servo: ServoOf = None,
-    hold: Hold = None,
-    fix_base: FixBase = False,
-    gravity_compensation: GravityCompensation = False,
+    source: Source,
     healthy: Annotated[
         list[Path] | None,
         typer.Option(
@@ -146,7 +72,7 @@ def diagnose(
             "such a log also shows are not attributed to a fault; repeatable.",
         ),
     ] = None,
-    nominal: Nominal = "mujoco",
+    nominal: Nominal = REFERENCE,
     known_effects: KnownEffects = None,
     fail_on: Annotated[
         str | None,
@@ -174,9 +100,7 @@ def diagnose(
     from benchmark.gap import diagnose as diagnoses
 
     settings = diagnoses.Settings(
-        source=_source(
-            log, robot, table, unit, column, drive, servo, hold, fix_base, gravity_compensation
-        ),
+        source=source,
         out=out,
         healthy=tuple(healthy or ()),
         nominal=nominal,
@@ -189,18 +113,9 @@ def diagnose(
     return result, summary
 
 
-@command(defaults={"out": "checks/LOG", **OF_FILES})
+@command(defaults={"out": "checks/LOG"})
 def check(
-    log: LogFolder = None,
-    robot: Robot = None,
-    table: Table = None,
-    unit: Unit = None,
-    column: Column = None,
-    drive: DriveOf = None,
-    servo: ServoOf = None,
-    hold: Hold = None,
-    fix_base: FixBase = False,
-    gravity_compensation: GravityCompensation = False,
+    source: Source,
     out: Out = None,
     force: Force = False,
 ) -> Any:
@@ -213,39 +128,7 @@ def check(
     """
     from benchmark.gap import check as checks
 
-    source = _source(
-        log, robot, table, unit, column, drive, servo, hold, fix_base, gravity_compensation
-    )
     return checks.run(source, out, force)
-
-
-def _source(
-    log: Path | None,
-    robot: Path | None,
-    table: Path | None,
-    unit: str | None,
-    column: list[str] | None,
-    drive: list[str] | None,
-    servo: list[str] | None,
-    hold: list[str] | None,
-    fix_base: bool,
-    gravity_compensation: bool,
-) -> Any:
-    """Where the log comes from."""
-    from benchmark.gap.robot_log import Source
-
-    return Source(
-        folder=log,
-        robot=robot,
-        table=table,
-        unit=unit,
-        columns=column or (),
-        drives=drive or (),
-        servos=servo or (),
-        hold=hold or (),
-        fix_base=fix_base,
-        gravity_compensation=gravity_compensation,
-    )
 
 
 def _failing(text: str | None) -> set[str]:

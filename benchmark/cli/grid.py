@@ -59,7 +59,7 @@ def sweep(
 )
 def transfer(
     runs: Runs,
-    backend: Backends = "mujoco,bullet,sapien",
+    backend: Backends = "all",
     effects: Annotated[
         list[str] | None,
         typer.Option(metavar="SET", help="Effects to deploy with; repeatable, one set each time."),

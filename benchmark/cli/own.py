@@ -6,8 +6,9 @@ from typing import Annotated, Any
 import typer
 
 from benchmark.cli.command import command
+from benchmark.parts.new_part import SUITES
 
-KINDS = "task, observation, effect, algo or backend"
+KINDS = " or ".join(SUITES)
 
 
 @command(defaults={"out": "here", "package": "the folder's name"})

@@ -11,16 +11,15 @@ from backends.effect import with_effects
 from backends.engine import Simulator
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
-from backends.sticks import STICKS
 from benchmark.console import Bar
-from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.errors import CommandError, UsageError
 from benchmark.gap import _calibration_texts as texts
 from benchmark.parts import registry
 from benchmark.provenance import usable_cores
 from benchmark.runs.worlds import refuse
 from benchmark.settings.effects import parse_effects, parse_spread
 from benchmark.settings.quantities import quantity, within
-from benchmark.settings.run_spec import HANDS
+from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
 from diagnosis.calibration.result import (
@@ -111,8 +110,9 @@ def world_of(path: Path, hand: str) -> dict[str, str]:
         found = read_calibration(path)
         if found.hand != hand:
             raise UsageError(f"it is a calibration of '{found.hand}', not of '{hand}'")
-        parse_effects(found.effects, HANDS[hand].HAND)
-        parse_spread(found.spread, HANDS[hand].HAND)
+        joints = ideal(hand, RunSpec.stick).hand
+        parse_effects(found.effects, joints)
+        parse_spread(found.spread, joints)
     except (CalibrationError, UsageError) as error:
         raise UsageError(f"--calibration {path}: {error}") from error
     return {"effects": found.effects, "spread": found.spread}
@@ -136,11 +136,7 @@ def _ideal(log: Log, backend: str) -> Spec:
                 "`bench diagnose` takes slides and refits their nominal parameters"
             )
         return spec
-    if mechanism.hand not in HANDS:
-        raise unknown("hand", mechanism.hand, HANDS)
-    if mechanism.stick not in STICKS:
-        raise unknown("stick", mechanism.stick, STICKS)
-    return HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+    return ideal(mechanism.hand, mechanism.stick)
 
 
 def _known_effects(log: Log, settings: Settings) -> str:

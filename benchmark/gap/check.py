@@ -7,6 +7,7 @@ from rich.text import Text
 
 from benchmark.errors import UsageError
 from benchmark.gap import robot_log
+from benchmark.gap.source import Source
 from diagnosis.logs.log import HandMechanism, Log, LogError
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.motion_picture import draw
@@ -15,7 +16,7 @@ from diagnosis.triage.triage import FaultError, remarks, triage
 OUT, PICTURE = Path("checks"), "motion.png"
 
 
-def run(source: robot_log.Source, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+def run(source: Source, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
     """Read a log, say what was understood, and draw it; returns the result and its lines.
 
     Raises UsageError for a log that cannot be used.

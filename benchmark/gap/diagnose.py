@@ -12,18 +12,18 @@ from backends.effect import Effect, with_effects
 from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
-from backends.sticks import STICKS
 from benchmark.console import Bar, say
-from benchmark.errors import CommandError, UsageError, unknown
+from benchmark.errors import CommandError, UsageError
 from benchmark.gap import robot_log, without_model
 from benchmark.gap._diagnosis_texts import effects_text, summary
+from benchmark.gap.source import Source
 from benchmark.gap.take_home import FILE as CORRECTED
 from benchmark.gap.take_home import TakeHome, take_home
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs.run_folder import write_atomically
 from benchmark.settings.effects import parse_effects
-from benchmark.settings.run_spec import HANDS
+from benchmark.settings.run_spec import ideal as world_of
 from diagnosis.answer import Diagnosis
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.evidence.evidence import FLOOR_RAD
@@ -46,7 +46,7 @@ OUT = Path("diagnoses")
 class Settings:
     """The settings of `bench diagnose`."""
 
-    source: robot_log.Source
+    source: Source
     """The log: a folder, or the two files that it is made of."""
     nominal: str
     """Engine that the compiled replay of the nominal world is compared with."""
@@ -188,11 +188,7 @@ def _world(log: Log, settings: Settings) -> World:
     """
     mechanism = log.meta.mechanism
     if isinstance(mechanism, HandMechanism):
-        if mechanism.hand not in HANDS:
-            raise unknown("hand", mechanism.hand, HANDS)
-        if mechanism.stick not in STICKS:
-            raise unknown("stick", mechanism.stick, STICKS)
-        ideal: Spec = HANDS[mechanism.hand].spec(STICKS[mechanism.stick])
+        ideal = world_of(mechanism.hand, mechanism.stick)
         require_joints(log, ideal.hand.joint_names)
         named = mechanism.effects
     else:

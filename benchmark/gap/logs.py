@@ -12,12 +12,11 @@ from benchmark.errors import UsageError
 from benchmark.parts import registry
 from benchmark.runs.run_folder import write_atomically
 from benchmark.settings.quantities import measured, within
-from benchmark.settings.run_spec import HANDS
+from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.logs.log import LogError, check_target, name_of, write_log
 from diagnosis.recording.excitation import FREE, Excitation, Joints, hand_joints
 
 RATES_HZ = (20.0, 1000.0)
-DEFAULT_HAND = "trx"
 _RANGE = re.compile(r"([-+0-9.eE]+):([-+0-9.eE]+)(rad|mrad|deg|m|mm)")
 _FORM = "LOW:HIGH with rad, mrad, deg, m or mm, such as -60:60deg"
 _HOW = (
@@ -70,7 +69,7 @@ def _joints(joints: str | None, ranges: str | None, limit: str | None) -> tuple[
     if joints is None:
         if ranges is not None or limit is not None:
             raise UsageError("--range and --limit need --joints; give the names of your joints")
-        return hand_joints(HANDS[DEFAULT_HAND].HAND), False
+        return hand_joints(ideal(RunSpec.hand, RunSpec.stick).hand), False
     names = tuple(name.strip() for name in joints.split(",") if name.strip())
     if not names or len(set(names)) < len(names):
         raise UsageError(f"--joints is '{joints}'; allowed: different names, separated by commas")

@@ -1,12 +1,13 @@
 """A log from a user's robot: from a folder, or from its model and its table; and what it says."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from benchmark.errors import UsageError
+from benchmark.gap.source import Source
 from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
 from diagnosis.logs.servos import servo
 from diagnosis.logs.two_files import Asked, pair
@@ -16,34 +17,6 @@ from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
 FOLDER = "log"
 """Where the log of two files is written, within the folder of the results."""
 FORM = "JOINT=kp:60+-20%,kd:1.5,limit:12,armature:0.01"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Source:
-    """Where a log comes from: a folder, or two files and what is asked of them."""
-
-    folder: Path | None = None
-    robot: Path | None = None
-    table: Path | None = None
-    unit: str | None = None
-    columns: Sequence[str] = ()
-    """JOINT.KIND=COLUMN each."""
-    drives: Sequence[str] = ()
-    """`FORM` each; JOINT may be *."""
-    servos: Sequence[str] = ()
-    """NAME@JOINT each, of a servo that is known; JOINT may be *."""
-    hold: Sequence[str] = ()
-    """JOINT=POSITION each."""
-    fix_base: bool = False
-    gravity_compensation: bool = False
-
-    @property
-    def name(self) -> str:
-        """Name of the folder or of the table."""
-        place = self.folder or self.table or self.robot
-        if place is None:
-            raise UsageError("give LOG, the folder of a log, or --robot MODEL and --log TABLE")
-        return place.resolve().stem if self.folder is None else place.resolve().name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,10 +79,10 @@ def _more(drive: DriveSettings) -> str:
 
 def _asked(source: Source) -> Asked:
     """The user's own words as data; raises UsageError."""
-    columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns)
+    columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns or ())
     hold = {
         name: _number(value, "--hold")
-        for name, value in (_pair(text, "--hold", "JOINT=POSITION") for text in source.hold)
+        for name, value in (_pair(text, "--hold", "JOINT=POSITION") for text in source.hold or ())
     }
     return Asked(
         unit=source.unit,
@@ -124,12 +97,12 @@ def _asked(source: Source) -> Asked:
 def _drives(source: Source) -> dict[str, DriveSettings]:
     """Drives by joint: servos that are known, and what is said of drives beside them."""
     found: dict[str, dict] = {}
-    for text in source.servos:
+    for text in source.servos or ():
         name, sign, joint = text.partition("@")
         if not (sign and joint):
             raise UsageError(f"--servo is '{text}'; allowed: NAME@JOINT, such as sts3215@*")
         found[joint] = servo(name).model_dump(exclude_defaults=True)
-    for text in source.drives:
+    for text in source.drives or ():
         joint, numbers = _pair(text, "--drive", FORM)
         pairs = (part.partition(":") for part in numbers.split(","))
         said = {key.strip(): value.strip() for key, _, value in pairs}

@@ -85,7 +85,7 @@ def _register(project: Path, kind: str, name: str, module: str, package: str) ->
         project.write_text(_PROJECT.format(name=package.replace("_", "-"), package=package))
     of = registry.kind_of(kind)
     head = f'[project.entry-points."{PREFIX}{of.group}"]\n'
-    line = f'{name} = "{module}:{of.class_name}"\n'
+    line = f'{name} = "{module}:{of.attribute}"\n'
     text = project.read_text()
     before, found, after = text.partition(head)
     project.write_text(f"{before}{head}{line}{after}" if found else f"{text}\n{head}{line}")

@@ -16,12 +16,13 @@ from files.plugins import Kind, Part, parts
 
 ROOT = Path(__file__).resolve().parents[2]
 _KINDS = {
-    "backend": Kind(home="backends", class_name="Backend", group="backends"),
-    "task": Kind(home="tasks", class_name="Task", group="tasks"),
-    "observation": Kind(home="tasks.observations", class_name="Observation", group="observations"),
-    "algo": Kind(home="baselines", class_name="Baseline", group="algorithms"),
+    "backend": Kind(home="backends", attribute="Backend", group="backends"),
+    "task": Kind(home="tasks", attribute="Task", group="tasks"),
+    "observation": Kind(home="tasks.observations", attribute="Observation", group="observations"),
+    "algo": Kind(home="baselines", attribute="Baseline", group="algorithms"),
     "effect": EFFECTS,
-    "importer": Kind(home="diagnosis.importers", class_name="Importer", group="importers"),
+    "hand": Kind(home="backends", attribute="spec", group="hands"),
+    "importer": Kind(home="diagnosis.importers", attribute="Importer", group="importers"),
 }
 KINDS = tuple(_KINDS)
 
@@ -78,7 +79,7 @@ def chosen(kind: str, text: str) -> tuple[str, ...]:
 
 
 def load(kind: str, name: str) -> Any:
-    """The class of a plug-in; raises if it is unknown or its library is missing."""
+    """The class or function of a plug-in; raises if it is unknown or its library is missing."""
     found = part(kind, name)
     try:
         return getattr(importlib.import_module(found.module), found.attribute)

@@ -7,12 +7,12 @@ from dataclasses import asdict
 from rich.console import Group
 from rich.table import Table
 
+from benchmark.parts import registry
 from benchmark.physics.check import Check
-from benchmark.physics.suite import REFERENCE, Findings
+from benchmark.physics.suite import Findings
 from benchmark.provenance import provenance
+from benchmark.settings.run_spec import REFERENCE
 
-_BEHIND = ("mujoco", "pybullet", "sapien", "numpy", "numba")
-"""Packages that can change a figure."""
 _HEAD = ("check", "figure", "expected", "largest error", "unit", "result")
 
 
@@ -53,7 +53,9 @@ def _table(found: Findings) -> Table:
 def markdown(found: Sequence[Findings]) -> str:
     """The tables with the reasons of all bounds, and where the figures come from."""
     made = provenance()
-    versions = ", ".join(f"{n} {made['versions'][n]}" for n in _BEHIND if n in made["versions"])
+    engines = [registry.distribution("backend", name) for name in registry.names("backend")]
+    behind = [name for name in (*engines, "numpy", "numba") if name in made["versions"]]
+    versions = ", ".join(f"{name} {made['versions'][name]}" for name in behind)
     parts = [
         "# Physics checks",
         f"Made by `{made['command']}` on {made['cpu']}, Python {made['python']}, {versions}. "

@@ -9,8 +9,8 @@ from benchmark.errors import CommandError
 from benchmark.parts import registry
 from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin
 from benchmark.physics.check import Check, Compare, Measure
+from benchmark.settings.run_spec import REFERENCE
 
-REFERENCE = "mujoco"
 ALONE: tuple[Measure, ...] = (
     rigid.tips,
     rigid.masses,

@@ -21,14 +21,14 @@ from benchmark.runs import run_folder
 from benchmark.runs.evaluate import EVALUATION_SEED, deploy, write_episodes
 from benchmark.settings.effects import parse_effects
 from benchmark.settings.quantities import within
-from benchmark.settings.run_spec import DEPLOYED, HANDS, RunSpec, read_settings
+from benchmark.settings.run_spec import DEPLOYED, REFERENCE, RunSpec, ideal, read_settings
 from files.bounded import FileError
 from files.tables import read_parquet
 from leaderboard.transfer import COLUMNS, IDENTITY, agreement, matrix
 from leaderboard.transfer_files import write_transfer
 from leaderboard.transfer_text import FLOOR, interval, title
 
-REFERENCE = ("mujoco", "built")
+HOME = f"{REFERENCE} {RunSpec.effects}"
 """The reference world, which stands for reality: its engine and effects."""
 FLOOR_SEED = EVALUATION_SEED + 1
 """Seed of the other initial states and headings, for the noise floor."""
@@ -111,7 +111,7 @@ def transfer(
     if all(frame["floor"].all() for frame in frames):
         raise CommandError(f"no policy could be evaluated: {'; '.join(dict.fromkeys(problems))}")
     scores = pd.concat(frames, ignore_index=True)
-    files = write_transfer(scores, " ".join(REFERENCE), [*left_out, *problems], out)
+    files = write_transfer(scores, HOME, [*left_out, *problems], out)
     result, table = _summary(scores, [*files, out / SUMMARY_FILE], left_out, problems)
     run_folder.write_atomically(out / SUMMARY_FILE, json.dumps(result, indent=2) + "\n")
     return result, table
@@ -124,7 +124,7 @@ def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> Wo
     """
     backends = registry.chosen("backend", engines)
     for text in effects:
-        parse_effects(text, HANDS[RunSpec.hand].HAND)
+        parse_effects(text, ideal(RunSpec.hand, RunSpec.stick).hand)
     changed = {"": {}, **{f" {text}": _setting(text) for text in settings}}
     return {
         f"{backend} {text}{name}": {"backend": backend, "effects": text, **fields}
@@ -182,7 +182,7 @@ def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluati
     moved = {name: replace(policy.spec, **fields) for name, fields in worlds.items()}
     home = _same(policy.spec, moved) or f"{policy.spec.backend} {policy.spec.effects}"
     moved.setdefault(home, policy.spec)
-    again = dict.fromkeys(name for name in (home, " ".join(REFERENCE)) if name in moved)
+    again = dict.fromkeys(name for name in (home, HOME) if name in moved)
     places = [(name, False) for name in moved] + [(name, True) for name in again]
     return [
         Evaluation(
@@ -247,9 +247,9 @@ def _summary(
     return {
         "status": "failed" if problems else "done",
         "written": [str(file) for file in files],
-        "reference": " ".join(REFERENCE),
+        "reference": HOME,
         "matrix": _plain(lines),
-        "agreement": _plain(agreement(episodes, " ".join(REFERENCE)).to_dict("records")),
+        "agreement": _plain(agreement(episodes, HOME).to_dict("records")),
         "left_out": left_out,
         "problems": problems,
         "provenance": provenance(),

@@ -18,7 +18,7 @@ from benchmark.errors import unknown
 from benchmark.parts import registry
 from benchmark.pictures import _render
 from benchmark.runs.worlds import make_env
-from benchmark.settings.run_spec import RunSpec, read_settings
+from benchmark.settings.run_spec import REFERENCE, RunSpec, read_settings
 from tasks.batch import BatchEnv
 from tasks.gym_env import RENDER_MODES, MakePainter, StickEnv, StickVectorEnv
 from tasks.task import EPISODE_S
@@ -39,7 +39,7 @@ def gym_id(task: str) -> str:
 def make(
     task: str,
     *,
-    engine: str = "mujoco",
+    engine: str = REFERENCE,
     render_mode: RenderMode | None = None,
     max_episode_steps: int = EPISODE_STEPS,
     **settings: Any,
@@ -64,7 +64,7 @@ def make_vec(
     task: str,
     num_envs: int,
     *,
-    engine: str = "mujoco",
+    engine: str = REFERENCE,
     workers: int = 1,
     autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     render_mode: RenderMode | None = None,
@@ -111,7 +111,7 @@ def vector(
 
 
 def _run(task: str, settings: dict[str, Any]) -> RunSpec:
-    return RunSpec(**{"backend": "mujoco", **read_settings({**settings, "task": task})})
+    return RunSpec(**{"backend": REFERENCE, **read_settings({**settings, "task": task})})
 
 
 def _make(

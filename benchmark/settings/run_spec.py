@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from backends import trx
 from backends.effect import with_effects
 from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.errors import UsageError, unknown
+from benchmark.parts import registry
 from benchmark.settings.effects import parse_effects, parse_spread
 from benchmark.settings.kinds import (
     Choice,
@@ -27,7 +27,8 @@ from benchmark.settings.kinds import (
 from leaderboard.identity import learner_name, run_digest
 from tasks.task import RADIUS_M
 
-HANDS = {"trx": trx}
+REFERENCE = "mujoco"
+"""The engine that the others are compared with; it simulates where none has to be named."""
 SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
 MOST_WORLDS = 100_000
 """Most worlds trained on at once; more fill the memory."""
@@ -47,7 +48,7 @@ class RunSpec:
     )
     algo: str = setting("Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo")
     hand: str = "trx"
-    """The hand; there is one."""
+    """The hand; `bench list hand` names them."""
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
     effects: str = setting(
         "What the world adds to the ideal hand: 'built', 'none', or effects with sizes such as "
@@ -83,10 +84,10 @@ class RunSpec:
     def __post_init__(self) -> None:
         for one in SETTINGS.values():
             object.__setattr__(self, one.field, one.read(getattr(self, one.field)))
-        Choice("hand", tuple(HANDS)).read(self.hand, "--hand")
         Number(1, MOST_WORLDS, whole=True).read(self.worlds, "worlds")
-        parse_effects(self.effects, HANDS[self.hand].HAND)
-        parse_spread(self.spread, HANDS[self.hand].HAND)
+        hand = ideal(self.hand, self.stick).hand
+        parse_effects(self.effects, hand)
+        parse_spread(self.spread, hand)
 
     @property
     def digest(self) -> str:
@@ -107,9 +108,16 @@ class RunSpec:
 
     def world(self) -> Spec:
         """The nominal world: hand and stick with the effects applied in order."""
-        hand = HANDS[self.hand]
-        spec: Spec = hand.spec(STICKS[self.stick])
-        return with_effects(spec, parse_effects(self.effects, hand.HAND))
+        spec = ideal(self.hand, self.stick)
+        return with_effects(spec, parse_effects(self.effects, spec.hand))
+
+
+def ideal(hand: str, stick: str) -> Spec:
+    """A hand with a stick, by name, without effects; raises UsageError for an unknown one."""
+    if stick not in STICKS:
+        raise unknown("stick", stick, STICKS)
+    made: Spec = registry.load("hand", hand)(STICKS[stick])
+    return made
 
 
 SETTINGS: dict[str, Setting] = settings_of(RunSpec)

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmark.cli import app
+from benchmark.parts import registry
 from tests.campaign import bases
 from tests.campaign.contents import differing
 from tests.campaign.dying import counted, die_after, die_at
@@ -44,7 +45,7 @@ class Killed:
     """How often it has its turn: the quicker, the more often."""
 
 
-BACKENDS = ("mujoco", "bullet", "sapien")
+BACKENDS = registry.names("backend")
 RUN = ["run", "--task", "line", "--smoke"]
 SHORT = ["--set", "rollout_steps=32", "--steps", "512"]
 SAC = ["--set", "rollout_steps=16", "--set", "updates=2", "--set", "batch=32", "--steps", "512"]

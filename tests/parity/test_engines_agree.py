@@ -16,6 +16,7 @@ from benchmark.physics import rigs, suite
 from benchmark.physics.check import Compare
 from benchmark.physics.grasp import squeeze
 from benchmark.physics.rollout import at_rest
+from benchmark.settings.run_spec import REFERENCE
 
 KEPT = Path(__file__).resolve().parents[2] / "leaderboard/physics.json"
 GRIPPED_M, ASIDE_M = (0.068, 0.0, -0.03), (1.068, 0.0, -0.03)
@@ -36,10 +37,10 @@ def engine(request: pytest.FixtureRequest) -> type[Engine]:
 
 
 @pytest.mark.parametrize("compare", suite.BESIDE, ids=lambda compare: compare.__name__)
-@pytest.mark.parametrize("name", [n for n in registry.names("backend") if n != suite.REFERENCE])
+@pytest.mark.parametrize("name", [n for n in registry.names("backend") if n != REFERENCE])
 def test_engine_agrees_with_the_reference(name: str, compare: Compare) -> None:
     """Differ from the reference by rounding in free space, by contact models in the grasp."""
-    checks = tuple(compare(loaded(name), loaded(suite.REFERENCE)))
+    checks = tuple(compare(loaded(name), loaded(REFERENCE)))
     assert checks
     assert [check for check in checks if not check.passed] == []
     kept = KEPT.read_text()

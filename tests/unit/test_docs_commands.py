@@ -15,7 +15,7 @@ from benchmark.cli import app as cli
 from benchmark.parts import registry
 from benchmark.settings import quantities
 from benchmark.settings.effects import parse_effects
-from benchmark.settings.run_spec import HANDS, SETTINGS, RunSpec, read_settings
+from benchmark.settings.run_spec import SETTINGS, RunSpec, ideal, read_settings
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -87,7 +87,7 @@ def check_values(params: dict[str, Any]) -> None:
             continue
         if name in ("effects", "known_effects"):
             for text in [value] if isinstance(value, str) else value:
-                parse_effects(text, HANDS[RunSpec.hand].HAND)
+                parse_effects(text, ideal(RunSpec.hand, RunSpec.stick).hand)
         elif name in ("backend", "nominal"):
             for one in value.split(","):
                 assert one == "all" or registry.check("backend", one)
