@@ -7,14 +7,12 @@ looked up in the symbol table.
 """
 
 import ctypes
-from functools import cache
 
 import numba
 import numpy as np
 from numba.core import types
 
-from backends._c_library import address, find, function
-from backends._drive_call import array_at, motor_step
+from backends._calls import address, array_at, find, function, motor_step
 from backends.state import Array
 
 _CLIENTS = "sPhysicsClients1"
@@ -93,8 +91,8 @@ def _read_world(client, hand, places, angle, speed):
 def coast(clients, hands, places, torque, ticks, angle, speed):
     """Step every world `ticks` times under constant torques (N, J), then read its joints.
 
-    `clients` (N,) are pointers, `hands` (N,) are body numbers, and `places` (N, 2, J) are the
-    indices of the joints in Bullet's coordinates and speeds.
+    `clients` (N,) are pointers, `hands` (N,) are body numbers, and `places` (N, 3, J) are the
+    indices of the joints in Bullet's coordinates and speeds, and among its joints.
     """
     for n in range(len(clients)):
         for _ in range(ticks):
@@ -153,17 +151,10 @@ def _touching(client, hand, stick):
     return words.view(np.int32), words
 
 
-@cache
-def _table() -> int:
-    """Address of pybullet's table of clients."""
-    values = _symbol_values(_library, (_SUBMIT, _CLIENTS))
-    return address(_library, _SUBMIT) - values[_SUBMIT] + values[_CLIENTS]
-
-
 def pointer(client: int) -> int:
     """Address of the client with this number."""
     size = ctypes.sizeof(ctypes.c_void_p)
-    found = ctypes.c_void_p.from_address(_table() + size * client).value
+    found = ctypes.c_void_p.from_address(_TABLE + size * client).value
     if not found:
         raise RuntimeError(f"pybullet has no client {client}; connect a client first")
     return found
@@ -185,3 +176,12 @@ def _symbol_values(library: str, names: tuple[str, ...]) -> dict[str, int]:
     text = content(sections[tables[0]["link"]]).tobytes()
     places = {name: text.find(f"\0{name}\0".encode()) + 1 for name in names}
     return {name: int(symbols["value"][symbols["name"] == at][0]) for name, at in places.items()}
+
+
+def _table() -> int:
+    """Address of pybullet's table of clients."""
+    values = _symbol_values(_library, (_SUBMIT, _CLIENTS))
+    return address(_library, _SUBMIT) - values[_SUBMIT] + values[_CLIENTS]
+
+
+_TABLE = _table()

@@ -8,8 +8,7 @@ import numba
 import numpy as np
 from numba.core import types
 
-from backends._c_library import find, function
-from backends._drive_call import DriveCallArgs, array_at, motor_step
+from backends._calls import DriveCallArgs, array_at, find, function, motor_step
 from backends.engine import Team
 from backends.state import Array
 

@@ -15,11 +15,12 @@ import numpy as np
 from numba.core import types
 from numba.extending import intrinsic
 
-from backends._c_library import find, function
-from backends._drive_call import motor_step
+from backends._calls import find, function, motor_step
 
 _library = str(Path(find("sapien", "__init__.py")).parents[1] / "sapien.libs" / "libsapien.so")
 _ARTICULATION = "_ZN6sapien5physx17PhysxArticulation"
+POINTER = np.uintp
+"""What `pointer` gives, as an array holds it."""
 _SIMPLE = 2
 """Flag of a Python object that holds the C++ address directly (`instance` in
 pybind11/detail/common.h)."""

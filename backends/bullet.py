@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from backends._bullet_calls import coast, drive, pointer, read_contacts, read_sticks
-from backends._drive_call import DriveCallArgs
+from backends._calls import DriveCallArgs, chosen
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
@@ -40,6 +39,7 @@ _OUT, _ERR = 1, 2
 with _shut(_ERR):  # its build time
     import pybullet as p
 
+calls = chosen("pybullet", ("3.2.7",), "backends._bullet_calls", "backends._bullet_public")
 SOLVER, SOLVER_IF_SOFT = p.CONSTRAINT_SOLVER_LCP_PGS, p.CONSTRAINT_SOLVER_LCP_SI
 """Gauss-Seidel on the small dense matrix of the contacts. It gives the result of the default solver
 after the same number of passes, at 0.08 us instead of 0.19 us each, but it ignores the softness of
@@ -153,8 +153,8 @@ class _World:
         info = [p.getJointInfo(self.hand, i, self.client) for i in links]
         at = {row[1].decode(): i for i, row in enumerate(info)}
         self.joints = [at[name] for name in spec.hand.joint_names]
-        self.places = [info[joint][3:5] for joint in self.joints]
-        """Index of each joint in Bullet's coordinates and speeds."""
+        self.places = [(*info[joint][3:5], joint) for joint in self.joints]
+        """Index of each joint in Bullet's coordinates and speeds, and among its joints."""
         link_at = {row[12].decode(): i for i, row in enumerate(info)}
         self.tips = {link_at[tip.body]: f for f, tip in enumerate(spec.hand.fingertips)}
         """Fingertip number by link number."""
@@ -248,7 +248,7 @@ class Backend(Engine):
     def __init__(self, specs: Sequence[Spec]) -> None:
         super().__init__(specs)
         self._worlds = worlds = [_World(spec) for spec in specs]
-        pointers = np.array([pointer(world.client) for world in worlds], dtype=np.uintp)
+        pointers = np.array([calls.pointer(world.client) for world in worlds], dtype=np.uintp)
         hands = np.array([world.hand for world in worlds], dtype=np.int32)
         self._sticks = np.array([world.stick for world in worlds], dtype=np.int32)
         places = np.array([world.places for world in worlds]).swapaxes(1, 2).copy()
@@ -280,11 +280,11 @@ class Backend(Engine):
         pointers, hands, places = self._addresses
         worlds = pointers[rows], hands[rows], places[rows]
         if stick_force_n is None:
-            coast(*worlds, torque_nm, ticks, angle, speed)
+            calls.coast(*worlds, torque_nm, ticks, angle, speed)
             return
         for _ in range(ticks):  # a force lasts one step
             self._push(rows, stick_force_n)
-            coast(*worlds, torque_nm, 1, angle, speed)
+            calls.coast(*worlds, torque_nm, 1, angle, speed)
 
     def _push(self, rows: slice, stick_force_n: Array) -> None:
         for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
@@ -303,13 +303,13 @@ class Backend(Engine):
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         args.target_rad[:] = target_rad
         pointers, hands, places = self._addresses
-        drive(pointers[rows], hands[rows], places[rows], args.address, ticks, angle, speed)
+        calls.drive(pointers[rows], hands[rows], places[rows], args.address, ticks, angle, speed)
         age += ticks
 
     def _observe(self, rows: slice) -> None:
         state = self.state
         clients, hands, sticks = *(a[rows] for a in self._addresses[:2]), self._sticks[rows]
-        read_sticks(
+        calls.read_sticks(
             clients,
             sticks,
             state.stick_pos_m[rows],
@@ -317,4 +317,4 @@ class Backend(Engine):
             state.stick_vel_m_s[rows],
             state.stick_omega_rad_s[rows],
         )
-        self._pool_contacts(rows, read_contacts(clients, hands, sticks, self._tip_of_link))
+        self._pool_contacts(rows, calls.read_contacts(clients, hands, sticks, self._tip_of_link))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backends._drive_call import DriveCallArgs
+from backends._calls import DriveCallArgs, chosen
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Fingertip, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
@@ -15,7 +15,7 @@ with warnings.catch_warnings():
     import sapien
     from sapien import physx
 
-    from backends._sapien_calls import coast, drive, pointer
+calls = chosen("sapien", ("3.0.3",), "backends._sapien_calls", "backends._sapien_public")
 
 POSITION_ITERATIONS = 16
 """Iterations of the TGS solver. Under finger motion, 8 and 4 differ from MuJoCo 1.5 and 2 times
@@ -179,14 +179,16 @@ class Backend(Engine):
         active = [joint.name for joint in self._worlds[0].hand.active_joints]
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
-        self._pointers = np.array([self._locate(world) for world in self._worlds]).T.copy()
+        self._pointers = np.empty((2, len(specs)), dtype=calls.POINTER)
+        for n, world in enumerate(self._worlds):
+            self._locate(n, world)
         self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
-    @staticmethod
-    def _locate(world: _World) -> tuple[np.uintp, np.uintp]:
-        """Store the pointers of a world's step and hand."""
-        return np.uintp(pointer(world.system)), np.uintp(pointer(world.hand))
+    def _locate(self, n: int, world: _World) -> None:
+        """Store where the step and the hand of a world are."""
+        self._pointers[0, n] = calls.pointer(world.system)
+        self._pointers[1, n] = calls.pointer(world.hand)
 
     def close(self) -> None:
         """Free the scenes."""
@@ -200,7 +202,7 @@ class Backend(Engine):
         """
         for n in ids:
             self._worlds[n] = world = _World(self.specs[n])
-            self._pointers[:, n] = self._locate(world)
+            self._locate(n, world)
             world.hand.set_qpos(initial.joint_rad[n, self._to_active])
             world.stick.entity_pose = sapien.Pose(
                 initial.stick_pos_m[n], initial.stick_quat_wxyz[n]
@@ -218,7 +220,7 @@ class Backend(Engine):
         args.target_rad[:] = target_rad
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         (systems, hands), ticks = self._pointers[:, rows], self._timing.substeps
-        drive(systems, hands, self._to_spec, args.address, ticks, angle, speed)
+        calls.drive(systems, hands, self._to_spec, args.address, ticks, angle, speed)
         age += ticks
 
     def _tick(
@@ -227,11 +229,11 @@ class Backend(Engine):
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         systems, hands = self._pointers[:, rows]
         if stick_force_n is None:
-            coast(systems, hands, self._to_spec, torque_nm, ticks, angle, speed)
+            calls.coast(systems, hands, self._to_spec, torque_nm, ticks, angle, speed)
             return
         for _ in range(ticks):  # a force lasts one step
             self._push(rows, stick_force_n)
-            coast(systems, hands, self._to_spec, torque_nm, 1, angle, speed)
+            calls.coast(systems, hands, self._to_spec, torque_nm, 1, angle, speed)
 
     def _push(self, rows: slice, stick_force_n: Array) -> None:
         for world, force in zip(self._worlds[rows], stick_force_n, strict=True):

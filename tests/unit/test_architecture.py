@@ -28,7 +28,7 @@ HOMES = {
         "benchmark/pictures/_scene.py",
     }
     | {"diagnosis/blind/mechanics/plain.py"},
-    "pybullet": {"backends/bullet.py"},
+    "pybullet": {"backends/bullet.py", "backends/_bullet_public.py"},
     "sapien": {"backends/sapien.py"},
     "stable_baselines3": {"baselines/"},
     "rsl_rl": {"baselines/rsl_ppo.py"},

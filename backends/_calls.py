@@ -1,19 +1,71 @@
-"""Pass the drives of many worlds to compiled code as one memory address.
+"""What compiled code needs to step an engine: its C functions, and the drives as one address.
 
 Compiled code calls the drive law between an engine's steps. A call from Python would cost as much
 as the drive law itself. An address and a world's number are the cheapest arguments, and a C library
 can pass them on.
 """
 
+import ctypes
+import importlib
+import warnings
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 import numba
 import numpy as np
+from llvmlite import binding
 from numba.core import types
+from numba.core.types import ExternalFunction
 from numba.extending import intrinsic
 
 from backends.drive import DriveBank, motor_tick
 from backends.state import Array
+
+
+def chosen(package: str, known: tuple[str, ...], compiled: str, public: str) -> ModuleType:
+    """The calls that step an engine: compiled ones, or those of its public Python interface.
+
+    Compiled calls go below the public interface, so they need a wheel whose layout is `known` by
+    its version. Of another wheel, the public ones give the same results and take longer; a warning
+    says so. Raises ModuleNotFoundError without the package.
+    """
+    version = metadata.version(package)
+    try:
+        if version not in known:
+            raise ImportError(f"known are {', '.join(known)}")
+        return importlib.import_module(compiled)
+    except Exception as error:  # noqa: BLE001 - a layout that is not known may fail in any way
+        warnings.warn(
+            f"{package} {version} is stepped by its public calls, which take longer: its layout is "
+            f"not a known one ({error}); install {package}=={known[-1]} for compiled ones",
+            RuntimeWarning,
+            stacklevel=2,
+        )
+        return importlib.import_module(public)
+
+
+def find(package: str, pattern: str) -> str:
+    """Path of a library of an installed package; raises ModuleNotFoundError without it."""
+    spec = find_spec(package)
+    if spec is None or spec.origin is None:
+        raise ModuleNotFoundError(f"No module named '{package}'", name=package)
+    return str(next(Path(spec.origin).parent.glob(pattern)))
+
+
+def address(library: str, name: str) -> int:
+    """Address of a function of a library."""
+    function = getattr(ctypes.CDLL(library), name)
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
+
+
+def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
+    """A library function that numba-compiled code can call, with numba's types."""
+    binding.add_symbol(name, address(library, name))
+    return ExternalFunction(name, result(*arguments))
+
 
 _HEAD = 9
 """Length of the argument block: worlds, joints, period, then the addresses of six arrays."""

@@ -1,0 +1,56 @@
+"""Step SAPIEN by its public Python calls: the functions of `_sapien_calls`, for any wheel."""
+
+from typing import Any
+
+import numpy as np
+
+from backends._calls import motor_step
+from backends.state import Array
+
+POINTER = object
+"""What `pointer` gives, as an array holds it."""
+
+
+def pointer(wrapped: Any) -> Any:
+    """What the calls below take for a system or a hand: the object."""
+    return wrapped
+
+
+def coast(
+    systems: Array,
+    hands: Array,
+    place: Array,
+    torque: Array,
+    ticks: int,
+    angle: Array,
+    speed: Array,
+) -> None:
+    """See `_sapien_calls.coast`."""
+    for n, (system, hand) in enumerate(zip(systems, hands, strict=True)):
+        _push(hand, place, torque[n])
+        for _ in range(ticks):
+            system.step()
+        _read(hand, place, angle[n], speed[n])
+
+
+def drive(
+    systems: Array, hands: Array, place: Array, args: int, ticks: int, angle: Array, speed: Array
+) -> None:
+    """See `_sapien_calls.drive`."""
+    for n, (system, hand) in enumerate(zip(systems, hands, strict=True)):
+        for _ in range(ticks):
+            _push(hand, place, motor_step(args, n, angle[n], speed[n]))
+            system.step()
+            _read(hand, place, angle[n], speed[n])
+
+
+def _push(hand: Any, place: Array, torque: Array) -> None:
+    """Set the joint torques (J,) of a hand; they stay until the next call."""
+    values = np.empty(len(torque), dtype=np.float32)
+    values[place] = torque
+    hand.set_qf(values)
+
+
+def _read(hand: Any, place: Array, angle: Array, speed: Array) -> None:
+    """Read the joints of one hand."""
+    angle[:], speed[:] = hand.get_qpos()[place], hand.get_qvel()[place]
