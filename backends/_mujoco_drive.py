@@ -4,6 +4,7 @@ MuJoCo calls the callback in every step, on its own threads, with a model and it
 data of the simulation holds the number of the world. Only public functions of MuJoCo are used.
 """
 
+import mujoco
 import numba
 import numpy as np
 from numba.core import types
@@ -15,8 +16,11 @@ from backends.state import Array
 USER_NUMBERS = 2
 """Length of a world's user data: its number and the address of `CallbackArgs`, both exact in a
 double."""
-QPOS, QVEL, APPLIED, USER = 1 << 1, 1 << 2, 1 << 7, 1 << 12
-"""Bits of MuJoCo's mjtState; a state holds its parts in the order of their bits."""
+QPOS, QVEL, APPLIED, USER = (
+    int(getattr(mujoco.mjtState, f"mjSTATE_{name}"))
+    for name in ("QPOS", "QVEL", "QFRC_APPLIED", "USERDATA")
+)
+"""Bits of this version's mjtState; a state holds its parts in the order of their bits."""
 _SENSED = QPOS | QVEL | USER
 _HEAD = 8
 """Length of the fixed part of `CallbackArgs`: worlds, joints, lengths of qpos and qvel, place of

@@ -1,16 +1,15 @@
-"""MuJoCo: many worlds on a thread pool through `mujoco.batch.Batch`."""
+"""MuJoCo: many worlds on a thread pool."""
 
 import logging
 import math
-import operator
 from collections.abc import Sequence
 
 import mujoco
 import numba
 import numpy as np
-from mujoco.batch import MODEL_FIELDS, Batch
 
 from backends._mujoco_drive import USER_NUMBERS, CallbackArgs, control
+from backends._mujoco_worlds import HAS_SENSOR, SLOT, Touching, pool
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
 from backends.state import Array, InitialState, quat_to_matrix
@@ -22,8 +21,6 @@ ITERATIONS, LINE_SEARCH_ITERATIONS = 20, 50
 """Iteration limits of the Newton solver; 4 and 8 do not converge with this impratio."""
 CONTACTS_PER_TIP = 4
 """Contacts that the sensor of one fingertip reports; a square stick makes two or more."""
-_SLOT = 10
-"""Numbers per contact: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
 _FINGER_BIT, _STICK_BIT = 1, 2
 
 # What runs away is told by `first_bad_signal`; else MuJoCo says so in a file where the user is.
@@ -91,6 +88,8 @@ def _add_tip(model: mujoco.MjSpec, node: mujoco.MjsBody, tip: Fingertip, spec: S
         conaffinity=_STICK_BIT,
         **_surface(spec),
     )
+    if not HAS_SENSOR:
+        return
     data = (
         mujoco.mjtConDataField.mjCONDATA_FOUND,
         mujoco.mjtConDataField.mjCONDATA_FORCE,
@@ -190,21 +189,6 @@ def _read(values, at, out):
             out[n, j] = values[n, at[j]]
 
 
-def _differences(models: Sequence[mujoco.MjModel]) -> dict[str, Array]:
-    """The fields in which compiled models differ, by name, with a row per model.
-
-    They take 1 kB per model. Full models would not fit into the cache and would slow every step.
-    """
-    fields = {}
-    for name in MODEL_FIELDS:
-        field = operator.attrgetter(name)
-        if np.size(first := field(models[0])) > 0:
-            values = [np.asarray(field(model)) for model in models]
-            if any(not np.array_equal(first, value) for value in values):
-                fields[name] = np.array(values)
-    return fields
-
-
 class Backend(Engine):
     """N MuJoCo worlds that share one model; fields in which they differ are kept per world."""
 
@@ -234,10 +218,10 @@ class Backend(Engine):
         order = list(distinct)
         models = [compiled(spec) for spec in distinct.values()]
         self._model = models[0]
-        self._batch = Batch(self._model, nsim=len(specs), nthread=threads)
         rows = [order.index(spec.digest) for spec in specs]
-        for name, values in _differences(models).items():
-            self._batch.expand(name)[:] = values[rows]
+        tips = tuple(tip.finger for tip in specs[0].hand.fingertips)
+        touching = Touching(tips=tips, stick="stick", slots=CONTACTS_PER_TIP)
+        self._batch = pool(models, rows, threads, touching)
         joints = [self._model.joint(name) for name in specs[0].hand.joint_names]
         self._qpos_at = np.array([j.qposadr[0] for j in joints])
         self._qvel_at = np.array([j.dofadr[0] for j in joints])
@@ -304,7 +288,7 @@ class Backend(Engine):
         rotation = quat_to_matrix(stick[:, 3:])
         state.stick_omega_rad_s[:] = np.einsum("nij,nj->ni", rotation, twist[:, 3:])
         n, tips = state.contact_force_n.shape[:2]
-        slots = self._sensors.reshape(n, tips, CONTACTS_PER_TIP, _SLOT)
+        slots = self._sensors.reshape(n, tips, CONTACTS_PER_TIP, SLOT)
         press = np.where(slots[..., 0] > 0, np.maximum(slots[..., 1], 0), 0)
         total = press.sum(axis=2)
         point = np.einsum("nfk,nfki->nfi", press, slots[..., 4:7])

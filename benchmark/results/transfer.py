@@ -17,6 +17,7 @@ from benchmark.console import say
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
+from benchmark.results import versions
 from benchmark.runs import run_folder
 from benchmark.runs.evaluate import EVALUATION_SEED, deploy, write_episodes
 from benchmark.settings.effects import parse_effects
@@ -38,8 +39,16 @@ EPISODES_RANGE = (2, 10_000)
 EVALUATIONS = "evaluations"
 """Folder of the evaluations, in the output folder."""
 SUMMARY_FILE = "transfer.json"
-Worlds = Mapping[str, dict[str, Any]]
-"""Changed fields of a RunSpec, by the name of the deployment world."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class World:
+    """A world to deploy in."""
+
+    fields: Mapping[str, Any]
+    """Changed fields of a RunSpec."""
+    version: str
+    """Of its engine; empty: the one that is installed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,6 +73,8 @@ class Evaluation:
     """Name of the world in which it is evaluated."""
     spec: RunSpec
     """The policy's run, changed to that world."""
+    version: str
+    """Of the engine; empty: the one that is installed."""
     floor: bool
     """Whether the episodes start from other initial states."""
     episodes: int
@@ -77,7 +88,8 @@ class Evaluation:
     def file(self) -> str:
         """A file name that is unique to this evaluation."""
         policy = [self.policy.spec.digest, self.policy.sha256]
-        text = json.dumps([*policy, *_place(self.spec), self.seed, self.episodes])
+        version = [self.version] if self.version else []
+        text = json.dumps([*policy, *_place(self.spec), self.seed, self.episodes, *version])
         key = hashlib.sha256(text.encode()).hexdigest()[:8]
         floor = "-floor" if self.floor else ""
         return f"{self.policy.spec.name}--{self.spec.backend}{floor}-{key}.parquet"
@@ -117,20 +129,23 @@ def transfer(
     return result, table
 
 
-def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> Worlds:
+def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> dict[str, World]:
     """The deployment worlds: engines x effects, in the policy's own and in every other setting.
 
     Raises UsageError for an unknown engine, effect or setting.
     """
-    backends = registry.chosen("backend", engines)
+    every = registry.names("backend") if engines == "all" else engines.split(",")
+    backends = {text.strip(): versions.split(text) for text in every}
     for text in effects:
         parse_effects(text, ideal(RunSpec.hand, RunSpec.stick).hand)
     changed = {"": {}, **{f" {text}": _setting(text) for text in settings}}
     return {
-        f"{backend} {text}{name}": {"backend": backend, "effects": text, **fields}
+        f"{named} {text}{name}": World(
+            fields={"backend": backend, "effects": text, **fields}, version=version
+        )
         for name, fields in changed.items()
         for text in effects
-        for backend in backends
+        for named, (backend, version) in backends.items()
     }
 
 
@@ -177,10 +192,12 @@ def _policy(folder: Path, include_smoke: bool) -> Policy:
     return Policy(folder=folder, spec=spec, sha256=found["policy_sha256"] or "")
 
 
-def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluation]:
+def _evaluations(policy: Policy, worlds: Mapping[str, World], episodes: int) -> list[Evaluation]:
     """All evaluations of a policy: in every world, and again in its own and in the reference."""
-    moved = {name: replace(policy.spec, **fields) for name, fields in worlds.items()}
-    home = _same(policy.spec, moved) or f"{policy.spec.backend} {policy.spec.effects}"
+    moved = {name: replace(policy.spec, **world.fields) for name, world in worlds.items()}
+    version = {name: world.version for name, world in worlds.items()}
+    installed = {name: spec for name, spec in moved.items() if not version[name]}
+    home = _same(policy.spec, installed) or f"{policy.spec.backend} {policy.spec.effects}"
     moved.setdefault(home, policy.spec)
     again = dict.fromkeys(name for name in (home, HOME) if name in moved)
     places = [(name, False) for name in moved] + [(name, True) for name in again]
@@ -190,6 +207,7 @@ def _evaluations(policy: Policy, worlds: Worlds, episodes: int) -> list[Evaluati
             train=home,
             deploy=name,
             spec=moved[name],
+            version=version.get(name, ""),
             floor=floor,
             episodes=episodes,
         )
@@ -213,10 +231,19 @@ def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFr
     if not path.exists():
         floor = ", other initial states" if item.floor else ""
         say(f"{number} {item.policy.spec.name} in {item.deploy}{floor}")
+<<<<<<< HEAD
         options = {"episodes": item.episodes, "seed": item.seed}
         found = deploy(item.spec, item.policy.folder, workers, **options)
         path.parent.mkdir(parents=True, exist_ok=True)
         write_episodes(found, path)
+=======
+        options = {"episodes": item.episodes, "seed": item.seed, "workers": workers}
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if item.version:
+            versions.evaluate(item.spec, item.version, item.policy.folder, path, **options)
+        else:
+            write_episodes(deploy(item.spec, item.policy.folder, **options), path)
+>>>>>>> bd18ab3 (bench transfer in other versions of an engine, each in an environment of its own)
     spec = asdict(item.policy.spec) | {"algo": item.policy.spec.learner}
     shared = {name: spec[name] for name in (*IDENTITY, "seed")}
     shared |= {"policy": item.policy.spec.name, "train": item.train}
