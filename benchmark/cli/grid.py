@@ -78,6 +78,8 @@ def transfer(
 ) -> Any:
     """Evaluate policies in other worlds: train x deploy matrix, retention, rank agreement.
 
+    --backend mujoco@3.6.0 is another version of an engine, in an environment of its own.
+
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
     from benchmark.results import transfer as transfers

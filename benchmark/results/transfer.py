@@ -231,19 +231,12 @@ def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFr
     if not path.exists():
         floor = ", other initial states" if item.floor else ""
         say(f"{number} {item.policy.spec.name} in {item.deploy}{floor}")
-<<<<<<< HEAD
-        options = {"episodes": item.episodes, "seed": item.seed}
-        found = deploy(item.spec, item.policy.folder, workers, **options)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_episodes(found, path)
-=======
         options = {"episodes": item.episodes, "seed": item.seed, "workers": workers}
         path.parent.mkdir(parents=True, exist_ok=True)
         if item.version:
             versions.evaluate(item.spec, item.version, item.policy.folder, path, **options)
         else:
             write_episodes(deploy(item.spec, item.policy.folder, **options), path)
->>>>>>> bd18ab3 (bench transfer in other versions of an engine, each in an environment of its own)
     spec = asdict(item.policy.spec) | {"algo": item.policy.spec.learner}
     shared = {name: spec[name] for name in (*IDENTITY, "seed")}
     shared |= {"policy": item.policy.spec.name, "train": item.train}

@@ -1,7 +1,7 @@
 """Engines of other versions: each in a small environment of its own, over the packages of this one.
 
 `python -m benchmark.results.versions` is what runs there: it evaluates one policy in one world, as
-told on standard input, and writes its episodes.
+given on standard input, and writes its episodes.
 """
 
 import json

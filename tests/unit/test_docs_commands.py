@@ -12,7 +12,7 @@ import typer
 import yaml
 
 from benchmark.cli import app as cli
-from benchmark.parts import registry
+from benchmark.results import versions
 from benchmark.settings import quantities
 from benchmark.settings.effects import parse_effects
 from benchmark.settings.run_spec import SETTINGS, RunSpec, ideal, read_settings
@@ -90,7 +90,7 @@ def check_values(params: dict[str, Any]) -> None:
                 parse_effects(text, ideal(RunSpec.hand, RunSpec.stick).hand)
         elif name in ("backend", "nominal"):
             for one in value.split(","):
-                assert one == "all" or registry.check("backend", one)
+                assert one == "all" or versions.split(one)
         elif name == "setting":
             for text in value:
                 read_settings(dict(pair.split("=") for pair in text.split(",")))
