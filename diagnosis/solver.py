@@ -36,6 +36,7 @@ from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
+from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
@@ -173,6 +174,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)
     result = decide(fitter, found, ordinary, sensors, explained)
+    result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
     nominal = _world(said, (), ordinary)
     return Judged(result=result, nominal=nominal, fitter=fitter, found=found)

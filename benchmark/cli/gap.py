@@ -60,10 +60,19 @@ def calibrate(
         "out": "diagnoses/LOG",
         "healthy": "none",
         "fail_on": "nothing",
+        "static": "none",
     }
 )
 def diagnose(
     source: Source,
+    static: Annotated[
+        Path | None,
+        typer.Option(
+            "--static",
+            metavar="TABLE",
+            help="Instead of a log: targets and readings at rest, and loads where known.",
+        ),
+    ] = None,
     healthy: Annotated[
         list[Path] | None,
         typer.Option(
@@ -96,9 +105,15 @@ def diagnose(
     A log folder: [bold]bench diagnose logs/one --known-effects built[/bold]
 
     A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
+
+    A few rows at rest: [bold]bench diagnose --robot arm.xml --static rests.csv[/bold]
     """
     from benchmark.gap import diagnose as diagnoses
 
+    if static is not None:
+        from benchmark.gap import static as statics
+
+        return statics.run(source, static)
     settings = diagnoses.Settings(
         source=source,
         out=out,

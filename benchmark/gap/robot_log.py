@@ -40,7 +40,7 @@ def read(source: Source, out: Path, force: bool) -> Read:
     if source.robot is None or source.table is None:
         lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
         raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
-    made, folder = pair(source.robot, source.table, _asked(source)), out / FOLDER
+    made, folder = pair(source.robot, source.table, asked_of(source)), out / FOLDER
     known_drives(made.log)
     write_log(made.log, folder, "csv", force=force)
     return Read(folder=folder, log=made.log, said=made.said)
@@ -77,7 +77,7 @@ def _more(drive: DriveSettings) -> str:
     return "".join(f", {text}" for text in (*said, *unsure.values()))
 
 
-def _asked(source: Source) -> Asked:
+def asked_of(source: Source) -> Asked:
     """The user's own words as data; raises UsageError."""
     columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns or ())
     hold = {

@@ -154,3 +154,11 @@ def _kind(rest: set[str]) -> str:
     if POSITION & rest:
         return "position"
     return "motor" if "motor" in rest else "bare"
+
+
+def joint_of(name: str) -> str:
+    """What a column's name says beside its kind and unit: the joint's; 'joint' where nothing."""
+    known = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
+    known |= {*ANGLES, *LENGTHS, *TIMES, "push", "nm", "n"}
+    rest = [word for word in words(name) if word not in known]
+    return "_".join(rest) or "joint"

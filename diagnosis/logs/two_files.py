@@ -73,28 +73,17 @@ def pair(robot: Path, table: Path, asked: Asked) -> Pair:
 
     xml, (frame, form) = read_model(robot), read_table(table)
     ranges = joint_ranges(xml)
-    columns = _columns(frame, list(ranges), asked)
     said = [f"{table.name}: {form}, {len(frame)} rows, {len(frame.columns)} columns"]
     samples, clock = _clock(frame)
-    said += clock
-    scales = _scales(frame, columns, ranges, asked)
-    for (joint, kind), role in columns.items():
-        slides, (scale, unit) = ranges[joint][2], scales[role.column]
-        name = name_of(kind, joint, slides)
-        samples[name] = pd.to_numeric(frame[role.column], errors="coerce") / scale
-        said.append(f"{name} is '{role.column}'" + (f" in {unit}" if unit else ""))
-    unused = [n for n in frame.columns if n not in {role.column for role in columns.values()}]
-    unused = [n for n in unused if n not in (time_column(unused), episode_column(unused))]
-    if "protocol" in unused:
-        unused.remove("protocol")
-    if unused:
-        said.append(f"not used: {', '.join(unused)}")
+    joints, more = readings(frame, ranges, asked)
+    samples = pd.concat([samples, joints], axis=1)
+    said += [*clock, *more]
     meta = LogMeta(
         schema=1,
         source=f"{table.name} of {robot.name}",
         mechanism=MjcfMechanism(
             mjcf=robot.name if robot.suffix else f"{robot.name}.xml",
-            joints=_drives(asked, [joint for joint, kind in columns if kind == "command"]),
+            joints=drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n]),
             hold=dict(asked.hold),
             fix_base=asked.fix_base,
             gravity_compensation=asked.gravity_compensation,
@@ -103,7 +92,31 @@ def pair(robot: Path, table: Path, asked: Asked) -> Pair:
     return Pair(log=make_log(meta, samples, xml), said=tuple(said))
 
 
-def _drives(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
+def readings(
+    frame: pd.DataFrame, ranges: Mapping[str, tuple[float, float, bool]], asked: Asked
+) -> tuple[pd.DataFrame, list[str]]:
+    """The columns of joints under the names and in the units of a log; and what was understood.
+
+    `ranges` as of `backends.mjcf.joint_ranges`; raises LogError.
+    """
+    columns, samples, said = _columns(frame, list(ranges), asked), {}, []
+    scales = _scales(frame, columns, ranges, asked)
+    for (joint, kind), role in columns.items():
+        scale, unit = scales[role.column]
+        name = name_of(kind, joint, ranges[joint][2])
+        samples[name] = pd.to_numeric(frame[role.column], errors="coerce") / scale
+        said.append(f"{name} is '{role.column}'" + (f" in {unit}" if unit else ""))
+    unused = [n for n in frame.columns if n not in {role.column for role in columns.values()}]
+    unused = [n for n in unused if n not in (time_column(unused), episode_column(unused))]
+    if "protocol" in unused:
+        unused.remove("protocol")
+    if unused:
+        said.append(f"not used: {', '.join(unused)}")
+    return pd.DataFrame(samples), said
+
+
+def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
+    """What is said of the drives of these joints."""
     every = dict.fromkeys(joints, asked.drives["*"]) if "*" in asked.drives else {}
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 

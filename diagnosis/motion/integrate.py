@@ -162,7 +162,7 @@ def integrate(
                 then = t - p[j, DELAY] / dt
                 before = int(np.floor(then))
                 n = row[max(before, 0)]
-                asked = command[row[max(before + 1, 0)], j] * (then - before)
+                asked = command[row[min(max(before + 1, 0), t)], j] * (then - before)
                 asked += command[n, j] * (1.0 - then + before)
             last = target[j]
             if p[j, PROFILE] > 0.0:

@@ -77,6 +77,8 @@ class LimbResult:
     nominal: tuple[Nominal, ...]
     sentences: tuple[str, ...]
     runs: int
+    law: str | None = None
+    """What a drive may do that the log does not say, and that would close an unknown gap."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,7 +42,9 @@ def _sentences(result: LimbResult) -> Iterator[str]:
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)
         yield f"The gap is {gap}, and no effect explains it; {limit}."
-        if result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
+        if result.law:
+            yield result.law
+        elif result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
             yield (
                 "So large a gap often means that the mechanism's file is off: check its units, "
                 "zeros, gains and limits."

@@ -12,10 +12,12 @@ from benchmark.cli import app as cli
 from diagnosis.logs.log import DriveSettings, Log, LogError, LogMeta, make_log
 from diagnosis.logs.servos import servo, table
 from diagnosis.logs.two_files import Asked, pair
+from diagnosis.motion.columns import DELAY
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.robot import uncertainties
+from diagnosis.solver import solve
 
 ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body>
 <inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
@@ -191,3 +193,26 @@ def test_columns_beside_the_target_are_read(tmp_path):
     assert np.allclose(found.log.samples["feedforward_nm.a"], SINE)
     assert "not used: a_torque_cmd" in found.said
     assert mjcf_world(found.log).hand.driven[0].joint.loop.lead == 1
+
+
+def test_an_integral_that_is_not_said_is_asked_for():
+    """Leave a servo's integral unknown without an accused sensor, and say its gain; then none."""
+    position = moved(pid) + 3e-4 * np.random.default_rng(0).normal(size=len(TIME_S))
+    unknown = solve(log_of(position, STEPS, {}))
+    assert unknown.verdict == ("unknown",)
+    (limb,) = unknown.limbs
+    assert not limb.leading and limb.law and limb.law in limb.sentences
+    assert "an integral" in limb.law
+    ki, most = (float(x.split(": ")[1]) for x in limb.law.split("`")[1].split(", "))
+    assert (ki, most) == pytest.approx((60, 2), rel=0.25)
+    assert solve(log_of(position, STEPS, {"ki": 60, "integral_limit": 2})).verdict == ("none",)
+
+
+def test_a_delay_of_next_to_nothing_is_none():
+    """Read no command after the last tick where a delay is lost in rounding."""
+    log = log_of(SINE, SINE, {})
+    spec = mjcf_world(log)
+    limb = Limb(spec=spec, recordings=recordings(log, spec), rigid=True)
+    late = limb.nominal.copy()
+    late[:, DELAY] = 1e-22
+    assert np.array_equal(limb.ticks(0, late), limb.ticks(0, limb.nominal))

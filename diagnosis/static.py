@@ -1,0 +1,263 @@
+"""What a table of targets and readings at rest says, joint by joint: a regression, and its limits.
+
+    reading - target = zero + scale target + sag tau + band d + play s
+
+with tau the torque that the drive holds (weight less a known load), d the side that the joint came
+from and s the side that the torque presses on. Terms that do not show are taken out, the least
+first; what another term would say as well is said.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.stats import t as student
+
+from diagnosis.logs._columns import name_of
+from diagnosis.logs._files import read_model
+from diagnosis.logs.foreign import read_table
+from diagnosis.logs.log import DriveSettings, LogError
+from diagnosis.logs.roles import joint_of, words
+from diagnosis.logs.two_files import Asked, drives_of, readings
+from diagnosis.motion.along import along
+from diagnosis.replay.chain import chain
+
+TERMS = ("zero", "sag", "band", "scale", "play")
+"""In the order in which a short table loses them, the last first."""
+SPARE = 2
+"""A table needs so many rows more than terms."""
+SURE, LEAST_RAD = 0.999, 1e-3
+"""A term shows that is other than zero with this one-sided probability and moves readings by so
+much at the most [rad; m]; 90 % intervals are said."""
+FLOOR_RAD = 1e-4
+"""No reading at rest is surer than this [rad; m]."""
+ALIKE = 1.5
+"""Another term says the same where it leaves no more than so many times the rest."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """What one joint's readings show of one of `TERMS`."""
+
+    joint: str
+    term: str
+    value: float
+    """Zero, half band and half play [rad], scale [1], sag [rad/Nm]; of slides with m and N."""
+    low: float
+    high: float
+    shows: bool
+    """Whether it is some; else the interval bounds it."""
+    alike: tuple[str, ...] = ()
+    """Terms that would say the same."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rests:
+    """One joint's rows: T of them."""
+
+    joint: str
+    slides: bool
+    target: np.ndarray
+    reading: np.ndarray
+    torque: np.ndarray | None
+    """What the drive holds [Nm]; None: neither a model nor a load says it."""
+    drive: DriveSettings
+    """What is known of its drive."""
+    carried: bool = False
+    """Whether the drives are said to carry the weight beside their law."""
+
+
+def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], list[str]]:
+    """The rows of a table by joint, and what was understood; raises LogError."""
+    from backends.mjcf import MjcfError, joint_ranges
+
+    frame, form = read_table(table)
+    frame = frame.rename(columns={n: n.replace("load", "push") for n in map(str, frame)})
+    if robot is None:
+        frame = frame.rename(columns={n: f"joint {n}" for n in frame if joint_of(n) == "joint"})
+    said = [f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"]
+    xml = None if robot is None else read_model(robot)
+    try:
+        ranges = _ranges(frame, asked) if xml is None else joint_ranges(xml)
+        rows, more = readings(frame, ranges, asked)
+        names = [n.partition(".")[2] for n in rows if n.startswith("command")]
+        drives, weights = drives_of(asked, names), dict[str, np.ndarray]()
+        if xml is not None:
+            drives, weights = _of_model(xml, rows, names, drives, asked)
+    except MjcfError as error:
+        raise LogError(f"{robot}: {error}") from None
+    found = []
+    for joint in names:
+        slides = ranges[joint][2]
+        target, reading = (rows[name_of(k, joint, slides)] for k in ("command", "position"))
+        push = rows.get(name_of("push", joint, slides))
+        known = weights.get(joint, None if push is None else np.zeros(len(rows)))
+        torque = known if push is None else known - np.nan_to_num(push)
+        keep = np.isfinite(target) & np.isfinite(reading)
+        found.append(
+            Rests(
+                joint=joint,
+                slides=slides,
+                target=target[keep].to_numpy(),
+                reading=reading[keep].to_numpy(),
+                torque=None if torque is None else np.asarray(torque)[keep],
+                drive=drives.get(joint, DriveSettings()),
+                carried=asked.gravity_compensation,
+            )
+        )
+    return found, said + more
+
+
+def _ranges(frame: pd.DataFrame, asked: Asked) -> dict[str, tuple[float, float, bool]]:
+    """The joints that columns name, without a model: what is left of their names; hinges all."""
+    names = dict.fromkeys(joint_of(str(column)) for column in frame.columns)
+    if asked.unit is None and not {"rad", "deg", "turns"} & {w for n in frame for w in words(n)}:
+        raise LogError("the columns name no unit; say it with --unit, or give --robot")
+    return dict.fromkeys(names, (-np.inf, np.inf, False))
+
+
+def _of_model(
+    xml: str,
+    rows: pd.DataFrame,
+    names: Sequence[str],
+    said: Mapping[str, DriveSettings],
+    asked: Asked,
+) -> tuple[dict[str, DriveSettings], dict[str, np.ndarray]]:
+    """Drives by the file and the user, and the torques that hold the links (T,), by joint."""
+    from backends.mjcf import file_drives, mechanism
+
+    files = file_drives(xml)
+    drives = {
+        name: said.get(name, DriveSettings()).model_copy(
+            update={"kp": said[name].kp if name in said else files[name].kp}
+        )
+        for name in names
+    }
+    stand_in = DriveSettings(kp=1.0, limit=1.0)
+    spec = mechanism(
+        xml,
+        dict.fromkeys(names, stand_in),
+        held=asked.hold,
+        fix_base=asked.fix_base,
+        geared=False,
+    )
+    order = spec.hand.joint_names
+    slides = {body.joint.name: body.joint.slides for body in spec.hand.driven}
+    q = np.stack([rows[name_of("position", n, slides[n])] for n in order], axis=1)
+    weight = along(chain(spec), np.nan_to_num(q), np.zeros_like(q)).model[1]
+    return drives, dict(zip(order, weight.T, strict=True))
+
+
+def regress(one: Rests) -> tuple[list[Term], list[str]]:
+    """The terms of a joint, those that show first; and what the table cannot tell."""
+    columns, lacking = dict[str, np.ndarray](), list[str]()
+    for term, column in _columns(one):
+        if isinstance(column, str):
+            lacking.append(column)
+        elif len(columns) + SPARE < len(one.target):
+            columns[term] = column
+        else:
+            lacking.append(f"{term}: there are {len(one.target)} rows; it takes more")
+    if not columns:
+        raise LogError(
+            f"{one.joint} has {len(one.target)} rows at rest; needed: {SPARE + 1} or more"
+        )
+    error = one.reading - one.target
+    whole = _fit(error, columns)
+    kept = dict(columns)
+    while kept:
+        value, sd, rest = _fit(error, kept)
+        sure = student.ppf(SURE, len(error) - len(kept))
+        reach = [np.abs(column).max() for column in kept.values()]
+        size = {k: _size(k, value[n]) / sd[n] for n, k in enumerate(kept)}
+        faint = [k for n, k in enumerate(kept) if _size(k, value[n]) * reach[n] < LEAST_RAD]
+        least = min(faint or size, key=size.__getitem__)
+        if size[least] > sure and not faint:
+            break
+        del kept[least]
+    terms = []
+    for n, term in enumerate(kept):
+        value, sd, rest = _fit(error, kept)
+        others = {k: columns[k] for k in columns if k not in kept}
+        alike = tuple(k for k in others if _leaves(error, kept, term, others[k], k) < ALIKE * rest)
+        terms.append(_term(one, term, value[n], sd[n], len(error) - len(kept), True, alike))
+    for n, term in enumerate(columns):
+        if term not in kept:
+            left = len(error) - len(columns)
+            terms.append(_term(one, term, whole[0][n], whole[1][n], left, False, ()))
+    return terms, lacking
+
+
+def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
+    """What multiplies each of `TERMS` (T,), or why the table does not show it."""
+    yield "zero", np.ones(len(one.target))
+    tau, side = one.torque, _sides(one.target)
+    if tau is None:
+        yield "sag", "sag: no load is known; give --robot, or a column 'load [Nm]'"
+    elif np.ptp(tau) < 1e-9:
+        yield "sag", "sag: the load is the same in all rows; add rows with another"
+    else:
+        yield "sag", -tau
+    both = {s for s in side if s} == {-1.0, 1.0}
+    yield (
+        "band",
+        -side if both else "friction and play: all targets are reached from one side; add both",
+    )
+    moved = np.ptp(one.target) > 1e-6
+    yield "scale", one.target if moved else "scale: there is one target; add others"
+    if tau is not None and tau.min() < 0.0 < tau.max():
+        yield "play", -np.sign(tau)
+    elif tau is not None:
+        yield "play", "play: the load presses on one side; add rows with it reversed"
+
+
+def _sides(target: np.ndarray) -> np.ndarray:
+    """The side that a target was moved to (T,); 0: unknown."""
+    side = np.zeros(len(target))
+    for k in range(1, len(target)):
+        move = target[k] - target[k - 1]
+        side[k] = np.sign(move) if abs(move) > 1e-9 else side[k - 1]
+    return side
+
+
+def _fit(
+    error: np.ndarray, columns: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Least squares: values, standard deviations, and that of the rest."""
+    x = np.stack(list(columns.values()), axis=1)
+    inverse = np.linalg.pinv(x.T @ x)
+    value = inverse @ x.T @ error
+    left = error - x @ value
+    rest = float(np.sqrt(max((left**2).sum() / (len(error) - len(columns)), FLOOR_RAD**2)))
+    return value, rest * np.sqrt(np.maximum(np.diag(inverse), 1e-30)), rest
+
+
+def _leaves(
+    error: np.ndarray, kept: Mapping[str, np.ndarray], term: str, other: np.ndarray, name: str
+) -> float:
+    """What is left with another term in the place of one; infinite where it would be negative."""
+    swapped = {k: v for k, v in kept.items() if k != term} | {name: other}
+    value, _, rest = _fit(error, swapped)
+    return rest if _size(name, value[-1]) > 0.0 else np.inf
+
+
+def _size(term: str, value: float) -> float:
+    """How much of a term there is: sag, band and play are never negative."""
+    return abs(value) if term in ("zero", "scale") else value
+
+
+def _term(
+    one: Rests, term: str, value: float, sd: float, left: int, shows: bool, alike: tuple[str, ...]
+) -> Term:
+    wide = float(student.ppf(0.95, left)) * sd
+    return Term(
+        joint=one.joint,
+        term=term,
+        value=float(value),
+        low=float(value) - wide,
+        high=float(value) + wide,
+        shows=shows,
+        alike=alike,
+    )

@@ -1,0 +1,98 @@
+"""Where no effect explains a gap: what the drive's loop may do that log.yaml does not say.
+
+An integral, a filter, a lag, a gain on the speed's error: each is fitted beside the tolerances. It
+names no cause, for it is no fault; it says what to look up.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.effect import NumberEffect
+from diagnosis.models.parameters import Parameter
+from diagnosis.motion.columns import COLUMNS, INTEGRAL, KP, LIMIT
+from diagnosis.search.fit import Fitter
+from diagnosis.search.search import Found
+from diagnosis.verdict.ordinary import Ordinary
+from diagnosis.verdict.result import UNKNOWN, LimbResult
+from diagnosis.verdict.sentences import sentences
+
+CLOSES = 0.95
+"""A law is said that closes so much of the excess, or leaves an ordinary gap."""
+
+
+@dataclass(frozen=True)
+class _Number:
+    """A number of a loop."""
+
+    name: str
+    """Its name in log.yaml."""
+    column: str
+    start: float
+    most: float
+    times: int | None = None
+    """It is given in multiples of this column of the drive."""
+
+
+TERMS = {
+    "an integral": (
+        _Number("ki", "loop.integral_hz", 1.0, 50.0, KP),
+        _Number("integral_limit", "loop.integral_limit_nm", 0.25, 1.0, LIMIT),
+    ),
+    "a filter on its speed": (_Number("filter", "loop.filter_s", 0.01, 0.2),),
+    "a torque that lags": (_Number("lag", "loop.lag_s", 0.005, 0.2),),
+    "kd on the error of the speed": (_Number("lead", "loop.lead", 0.5, 1.0),),
+}
+"""What a loop may do, and its numbers."""
+
+
+def with_law(result: LimbResult, fitter: Fitter, found: Found, ordinary: Ordinary) -> LimbResult:
+    """The result, of which an unknown gap says what its drives may do; only of rigid drives."""
+    if result.verdict != (UNKNOWN,) or not fitter.evidence.limb.rigid:
+        return result
+    best = min(_tried(fitter, found), key=lambda one: one[0], default=(np.inf, 0.0, ""))
+    excess, left, said = best
+    if excess > (1.0 - CLOSES) * found.nominal.excess and left > ordinary.floors:
+        return result
+    return sentences(replace(result, law=said, leading=()))
+
+
+def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
+    """Of each term on the joint with the largest gap: what it leaves, and what to say."""
+    limb, world = fitter.evidence.limb, fitter.world
+    j = int(np.argmax(found.nominal.gap2))
+    for words, numbers in TERMS.items():
+        places = [COLUMNS.index(one.column) for one in numbers]
+        if limb.nominal[j, places[0]] > 0.0:
+            continue
+        sizes = [1.0 if one.times is None else limb.nominal[j, one.times] for one in numbers]
+        units = [1.0 if place == INTEGRAL else x for place, x in zip(places, sizes, strict=True)]
+        free = [
+            Parameter(
+                effect=one.name,
+                kind=NumberEffect,
+                joint=j,
+                place=place,
+                unit=unit,
+                tolerance=0.0,
+                least=0.1 * one.start,
+                most=one.most,
+            )
+            for one, place, unit in zip(numbers, places, units, strict=True)
+        ]
+        more = Fitter(type(world)(fitter.evidence, (*world.parameters, *free)))
+        own = range(len(world.parameters), len(more.parameters))
+        start = {k: one.start for k, one in zip(own, numbers, strict=True)}
+        fit = more.fit(tuple(own), start)
+        fit = more.fit(tuple(own), near=fit.u)
+        said = ", ".join(
+            f"{one.name}: {fit.u[k] * size:.3g}"
+            for one, k, size in zip(numbers, own, sizes, strict=True)
+        )
+        yield (
+            fit.excess,
+            fit.worst,
+            f"With {words} in the drive of {limb.joints[j]} (`{said}`), {fit.worst:.1f} floors "
+            "would be left: if it has that, write it in log.yaml.",
+        )
