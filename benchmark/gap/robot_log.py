@@ -2,13 +2,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from importlib.util import find_spec
 from pathlib import Path
 
 from pydantic import ValidationError
 
 from benchmark.errors import UsageError
 from benchmark.gap.source import Source
+from benchmark.parts.extras import install_command
 from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
+from diagnosis.logs.ros import is_bag
 from diagnosis.logs.servos import servo
 from diagnosis.logs.two_files import Asked, pair
 from diagnosis.replay.nominal import left_out, mjcf_world
@@ -40,6 +43,10 @@ def read(source: Source, out: Path, force: bool) -> Read:
     if source.robot is None or source.table is None:
         lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
         raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
+    if is_bag(source.table) and find_spec("rosbags") is None:
+        raise UsageError(
+            f"{source.table} is a recording of ROS; to read it, run: {install_command('ros')}"
+        )
     made, folder = pair(source.robot, source.table, asked_of(source)), out / FOLDER
     known_drives(made.log)
     write_log(made.log, folder, "csv", force=force)

@@ -14,7 +14,7 @@ class Source:
     folder: Path | None = option("Folder of the log.", "[LOG]", argument=True)
     robot: Path | None = option("MJCF or URDF of the robot.", "MODEL", shown="none")
     table: Path | None = option(
-        "What it recorded, as CSV or parquet.", "TABLE", name="log", shown="none"
+        "What it recorded: CSV, parquet or a ROS bag.", "TABLE", name="log", shown="none"
     )
     unit: str | None = option(
         "Of positions and commands: rad, deg, turn, mrad, m, mm.",

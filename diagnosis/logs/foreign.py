@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs._meta import LogError
+from diagnosis.logs.ros import is_bag, read_bag
 from files import bounded, tables
 from files.bounded import FileError
 
@@ -28,6 +29,8 @@ LOOKED_AT = 50
 
 def read_table(path: Path) -> tuple[pd.DataFrame, str]:
     """A table and the form it has, in words; raises LogError."""
+    if is_bag(path):
+        return read_bag(path)
     try:
         if path.suffix == ".parquet":
             return _expanded(path, tables.read_parquet(path)), "parquet"
