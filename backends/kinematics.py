@@ -21,7 +21,10 @@ def hinge_rotation(axis: tuple[float, float, float], angle_rad: Array) -> Array:
 
 
 def body_frames(hand: Hand, joint_rad: Array) -> dict[str, tuple[Array, Array]]:
-    """Origin (N, 3) [m] and rotation (N, 3, 3) of every body, world frame, from (N, J) angles."""
+    """Origin (N, 3) [m] and rotation (N, 3, 3) of every body, world frame, from (N, J) angles.
+
+    Positions of slides are in m.
+    """
     n = len(joint_rad)
     frames: dict[str | None, tuple[Array, Array]] = {
         None: (np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3)))
@@ -31,8 +34,11 @@ def body_frames(hand: Hand, joint_rad: Array) -> dict[str, tuple[Array, Array]]:
         origin, rotation = frames[body.parent]
         origin = origin + rotation @ np.array(body.origin_m)
         if body.joint.name in column:
-            angle = joint_rad[:, column[body.joint.name]]
-            rotation = rotation @ hinge_rotation(body.joint.axis, angle)
+            moved, axis = joint_rad[:, column[body.joint.name]], body.joint.axis
+            if body.joint.slides:
+                origin = origin + moved[:, None] * (rotation @ np.array(axis))
+            else:
+                rotation = rotation @ hinge_rotation(axis, moved)
         frames[body.name] = (origin, rotation)
     return {name: frame for name, frame in frames.items() if name is not None}
 

@@ -23,6 +23,8 @@ from benchmark.errors import UsageError
 from benchmark.settings import quantities
 from benchmark.settings.run_spec import DEPLOYED, SETTINGS, RunSpec, read_settings
 
+LOG_FILE = "log.yaml"
+"""A folder that has one is a log."""
 SHOWN = ["status", "backend", "task", "algo", "effects", "p_err_cm", "q_err_deg", "held", "tracked"]
 SHOWN += ["steps", "wall_s", "env_steps_per_s"]
 
@@ -126,6 +128,7 @@ def evaluate(
         "kind": "figure; hand for a video",
         "episodes": "10 for figure, else 1",
         "time": "2s",
+        "diagnosis": "diagnoses/LOG",
     },
 )
 def view(
@@ -137,8 +140,17 @@ def view(
         Path | None, typer.Option("--out", metavar="FILE", help="File to write.")
     ] = None,
     live: Annotated[
-        bool, typer.Option("--live", help="Show the run in the browser instead, until Ctrl-C.")
+        bool,
+        typer.Option(
+            "--live",
+            help="Show the run in the browser instead, until Ctrl-C; or the folder of a log: the "
+            "robot as measured, nominal and corrected.",
+        ),
     ] = False,
+    diagnosis: Annotated[
+        Path | None,
+        typer.Option(metavar="DIR", help="What `bench diagnose` wrote of the log."),
+    ] = None,
     port: Annotated[
         int, typer.Option(metavar="N", help="Where --live serves.", min=0, max=65535)
     ] = 8080,
@@ -163,12 +175,14 @@ def view(
 
     Example: [bold]bench view runs/NAME --out video.mp4[/bold]
     """
-    from benchmark.pictures.view import view, view_live
+    from benchmark.pictures.view import view, view_live, view_log
 
     changed = read_settings(settings)
     if live:
         if len(run_folders) > 1 or out is not None:
-            raise UsageError("--live shows one run and writes no file; leave --out out")
+            raise UsageError("--live shows one run or log and writes no file; leave --out out")
+        if (run_folders[0] / LOG_FILE).exists():
+            return view_log(run_folders[0], diagnosis, port)
         return view_live(run_folders[0], changed, port, workers)
     if out is None:
         raise UsageError("where to? give --out FILE, or --live for the browser")

@@ -8,7 +8,8 @@ from pathlib import Path
 
 from rich.console import RenderableType
 
-from backends.effect import Effect, with_effects
+from backends.catalogue import catalogue
+from backends.effect import with_effects
 from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
@@ -97,7 +98,7 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
         log = _understood(settings, force)
         if log.meta.mechanism is None:
             return without_model.run(log, settings.path, settings.healthy, folder)
-        world = _world(log, settings)
+        world = nominal_world(log, settings.known_effects)
         healthy = _healthy(settings, log, world)
         apart = _apart_rad(log, world, settings.nominal, engine)
         with Bar(f"diagnose {settings.source.name}", 100) as bar:
@@ -105,7 +106,7 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
                 log,
                 healthy,
                 nominal=world.spec,
-                catalogue=own_catalogue(_catalogue(), world.spec),
+                catalogue=own_catalogue(catalogue(), world.spec),
                 simulate=_on(engine),
                 progress=lambda text, share: bar.update(round(100 * share), text),
             )
@@ -117,7 +118,7 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     result = _result(folder, found, log, world, settings, apart)
     folder.mkdir(parents=True, exist_ok=True)
     if not isinstance(log.meta.mechanism, HandMechanism):
-        home = take_home(log, world.spec, found, own_catalogue(_catalogue(), world.spec))
+        home = take_home(log, world.spec, found, own_catalogue(catalogue(), world.spec))
         result["model"] = _kept(folder, home, result)
     text = page(found, log, _facts(result, log, settings), result["next"])
     write_atomically(folder / REPORT, text)
@@ -148,7 +149,7 @@ def _healthy(settings: Settings, today: Log, world: World) -> list[Log]:
         )
     logs = [read_log(path) for path in settings.healthy]
     for path, log in zip(settings.healthy, logs, strict=True):
-        names = _world(log, settings).spec.hand.joint_names
+        names = nominal_world(log, settings.known_effects).spec.hand.joint_names
         if names != world.spec.hand.joint_names:
             raise UsageError(
                 f"--healthy {path} has the joints {', '.join(names)}, and the log "
@@ -177,14 +178,10 @@ def _read(log: Log) -> set[str]:
     return {kind for kind in CHANNELS if any(log.has(kind, joint) for joint in log.joints)}
 
 
-def _catalogue() -> dict[str, type[Effect]]:
-    return {name: registry.load("effect", name) for name in registry.names("effect")}
-
-
-def _world(log: Log, settings: Settings) -> World:
+def nominal_world(log: Log, known_effects: str | None) -> World:
     """The nominal world: the mechanism that the log names, with the known effects.
 
-    Raises UsageError or LogError.
+    `known_effects` are None for those that the log names. Raises UsageError or LogError.
     """
     mechanism = log.meta.mechanism
     if isinstance(mechanism, HandMechanism):
@@ -193,7 +190,7 @@ def _world(log: Log, settings: Settings) -> World:
         named = mechanism.effects
     else:
         ideal, named = mjcf_world(log), NONE
-    known = named if settings.known_effects is None else settings.known_effects
+    known = named if known_effects is None else known_effects
     spec = with_effects(ideal, parse_effects(known, ideal.hand))
     return World(spec=spec, ideal=ideal, known=known)
 

@@ -4,20 +4,15 @@ Any engine's run is shown the same way, from the state that every engine reports
 simulated here and no screen is needed.
 """
 
-import time
-from typing import Any
-
 import numpy as np
 
 from backends import kinematics
 from backends.spec import Hand
 from backends.state import Array
 from backends.touch import taxel_grid
-from benchmark.errors import CommandError
-from benchmark.parts.extras import install_command
+from benchmark.pictures._browser import Browser
 from benchmark.pictures._replay import Recording
 
-HOST = "127.0.0.1"
 LINK_M, BALL_M, TAXEL_M = 0.0075, 0.003, 0.0012
 """Drawn radii [m]."""
 _DARK, _PAD, _WOOD = (60, 63, 68), (140, 185, 240), (205, 158, 92)
@@ -25,74 +20,39 @@ _RED, _BLUE, _IDLE = (230, 30, 25), (25, 76, 217), (56, 94, 148)
 _EYE_M, _LOOK_AT_M = (0.33, -0.09, 0.13), (0.035, 0.002, -0.052)
 
 
-class Live:
-    """A server that shows episode 0 of a recording; raises CommandError where viser is missing."""
+class Live(Browser):
+    """Shows episode 0 of a recording."""
 
     def __init__(self, recording: Recording, title: str, port: int) -> None:
-        try:
-            import trimesh
-            import viser
-        except ImportError as error:
-            raise CommandError(
-                f"--live needs the package '{error.name}'; install it with: "
-                f"{install_command(__name__)}"
-            ) from error
-        self._recording, self._shapes, self._viser = recording, trimesh.creation, viser
+        super().__init__(len(recording.time_s), recording.spec.timing.policy_s, port)
+        self._recording = recording
         self._hand: Hand = recording.spec.hand
         states = recording.states
         self._frames = kinematics.body_frames(self._hand, states.joint_rad)
         self._taxels_m = _taxels(self._hand, states.joint_rad)
-        self.server = viser.ViserServer(HOST, port, label="stickbench", verbose=False)
-        self.server.initial_camera.position = _EYE_M
-        self.server.initial_camera.look_at = _LOOK_AT_M
-        self.nodes: dict[str, Any] = {}
+        self._look(_EYE_M, _LOOK_AT_M)
         self._add_bodies()
         self._add_paths()
-        self._add_controls(title)
+        self._add_controls(title, "step of 20 ms")
         self.show(0)
 
-    @property
-    def url(self) -> str:
-        """Where it is seen."""
-        return f"http://{HOST}:{self.server.get_port()}"
-
-    def show(self, step: int) -> None:
+    def show(self, moment: int) -> None:
         """Pose everything as it was after a step."""
         recording, state = self._recording, self._recording.states
         for name, (origin, rotation) in self._frames.items():
-            node = self.nodes[name]
-            node.position = origin[step]
-            node.wxyz = self._viser.transforms.SO3.from_matrix(rotation[step]).wxyz
-        self.nodes["stick"].position = state.stick_pos_m[step]
-        self.nodes["stick"].wxyz = state.stick_quat_wxyz[step]
-        self.nodes["reference"].position = recording.reference_m[step, 0]
-        self.nodes["trace"].points = _pieces(recording.lower_m[: step + 2, 0])
-        active = recording.touch.active[step].ravel()
-        self.nodes["taxels"].points = self._taxels_m[step].astype(np.float32)
+            self._pose(name, origin[moment], rotation[moment])
+        self.nodes["stick"].position = state.stick_pos_m[moment]
+        self.nodes["stick"].wxyz = state.stick_quat_wxyz[moment]
+        self.nodes["reference"].position = recording.reference_m[moment, 0]
+        self.nodes["trace"].points = _pieces(recording.lower_m[: moment + 2, 0])
+        active = recording.touch.active[moment].ravel()
+        self.nodes["taxels"].points = self._taxels_m[moment].astype(np.float32)
         self.nodes["taxels"].colors = np.where(active[:, None], _RED, _IDLE).astype(np.uint8)
-
-    def play(self) -> None:
-        """Go through the episode in real time, over and over, until Ctrl-C."""
-        steps, period_s = len(self._recording.time_s), self._recording.spec.timing.policy_s
-        try:
-            while True:
-                time.sleep(2 * period_s)
-                if self.playing.value:
-                    self.slider.value = (self.slider.value + 2) % steps
-        except KeyboardInterrupt:
-            self.server.stop()
-
-    def _add_controls(self, title: str) -> None:
-        gui, steps = self.server.gui, len(self._recording.time_s)
-        gui.add_markdown(title.replace("\n", "\n\n"))
-        self.playing = gui.add_checkbox("play", True)
-        self.slider = gui.add_slider("step of 20 ms", 0, steps - 1, 1, 0)
-        self.slider.on_update(lambda _: self.show(int(self.slider.value)))
 
     def _add_bodies(self) -> None:
         hand, stick = self._hand, self._recording.spec.stick
         for body in hand.bodies:
-            self.nodes[body.name] = self.server.scene.add_frame(f"/{body.name}", show_axes=False)
+            self._add_frame(body.name)
             ends = [b.origin_m for b in hand.bodies if b.parent == body.name]
             ends += [tip.center_m for tip in hand.fingertips if tip.body == body.name]
             for number, end in enumerate(ends):
@@ -103,22 +63,10 @@ class Live:
             name = f"/{tip.body}/{tip.finger}"
             self._add_rod(name, back, tip.center_m, tip.radius_m, _PAD, opacity=0.5)
         scene, half = self.server.scene, np.array([0, 0, stick.length_m / 2])
-        self.nodes["stick"] = scene.add_frame("/stick", show_axes=False)
+        self._add_frame("stick")
         self._add_rod("/stick/rod", -half, half, stick.radius_m, _WOOD)
         size = np.array(hand.palm_half_size_m) * 2
         scene.add_box("/palm", _DARK, tuple(size), position=hand.palm_center_m)
-
-    def _add_rod(
-        self, name: str, start: Any, end: Any, radius_m: float, color: Any, opacity: float = 1.0
-    ) -> None:
-        """A rod with round ends."""
-        look = {"color": color, "opacity": opacity}
-        if np.linalg.norm(np.subtract(end, start)) > 0:
-            rod = self._shapes.cylinder(radius=radius_m, segment=[start, end])
-            self.server.scene.add_mesh_simple(f"{name}/rod", rod.vertices, rod.faces, **look)
-        for number, at in enumerate((start, end)):
-            ball = f"{name}/end{number}"
-            self.server.scene.add_icosphere(ball, radius_m, **look, position=tuple(at))
 
     def _add_paths(self) -> None:
         scene, recording = self.server.scene, self._recording

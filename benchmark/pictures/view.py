@@ -88,6 +88,18 @@ def view(
     return {**drawn, **shown, **recording.scores, "run": str(folder)}
 
 
+def view_log(folder: Path, diagnosis: Path | None, port: int) -> dict:
+    """Show a log beside its worlds in the browser until Ctrl-C; returns where it was shown."""
+    from benchmark.gap.overlay import read_overlay
+    from benchmark.pictures.live_log import LiveLog
+
+    overlay, said = read_overlay(folder, diagnosis)
+    live = LiveLog(overlay, f"{folder.resolve().name}\n{said}", port)
+    say(f"open {live.url} in a browser; Ctrl-C ends it")
+    live.play()
+    return {"status": "done", "kind": "live", "url": live.url, "log": str(folder)}
+
+
 def view_live(folder: Path, changed: dict, port: int, workers: int | None) -> dict:
     """Show episode 0 of a run in the browser until Ctrl-C; returns where it was shown."""
     from benchmark.pictures.live import Live

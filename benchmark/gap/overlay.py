@@ -1,0 +1,113 @@
+"""A log's free-air motion beside its worlds: what was measured, the nominal and the corrected one.
+
+The corrected world has the causes that a diagnosis names and the nominal numbers that it refitted,
+as far as they are numbers of joints.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from backends.catalogue import catalogue
+from backends.effect import UNITS, Effect
+from backends.spec import Spec
+from backends.state import Array
+from benchmark.errors import UsageError
+from benchmark.gap.diagnose import FILE, OUT, nominal_world
+from diagnosis.answer import Diagnosis
+from diagnosis.evidence.evidence import evidence
+from diagnosis.logs.log import Log, LogError, MjcfMechanism, read_log
+from diagnosis.models.parameters import coordinate, parameters
+from diagnosis.models.world import World
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import own_catalogue
+from diagnosis.replay.parts import limbs
+
+NOMINAL, CORRECTED = "nominal", "corrected"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Overlay:
+    """N moments of a log's free-air episodes, one after the other; angles of its J joints."""
+
+    spec: Spec
+    """The nominal world."""
+    episode: Array
+    """Number of the episode among those in free air, shape (N,)."""
+    protocols: tuple[str, ...]
+    """Of these episodes."""
+    time_s: Array
+    """Within the episode [s], shape (N,)."""
+    measured: Array
+    """Positions [rad; of slides m], shape (N, J), spec order; NaN where none were logged."""
+    worlds: dict[str, Array]
+    """Positions by world: nominal, and corrected where there is a diagnosis."""
+
+
+def overlay(
+    log: Log, nominal: Spec, found: Diagnosis | None, effects: Mapping[str, type[Effect]]
+) -> Overlay:
+    """The replays of a log in its worlds; raises LogError where there is no free air."""
+    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
+    parts = [
+        Limb(spec=part, recordings=recordings(log, part), rigid=rigid) for part in limbs(nominal)
+    ]
+    names = [name for limb in parts for name in limb.joints]
+    order = [names.index(name) for name in nominal.hand.joint_names]
+    worlds = {NOMINAL: [limb.simulate(limb.nominal) for limb in parts]}
+    if found is not None:
+        worlds[CORRECTED] = [_corrected(limb, found, effects) for limb in parts]
+    times_s = parts[0].time_s
+    return Overlay(
+        spec=nominal,
+        episode=np.repeat(np.arange(len(times_s)), [len(t) for t in times_s]),
+        protocols=tuple(one.protocol for one in parts[0].recordings),
+        time_s=np.concatenate(times_s),
+        measured=np.hstack([limb.measured[:, 0] for limb in parts])[:, order],
+        worlds={name: np.hstack([s[:, 0] for s in w])[:, order] for name, w in worlds.items()},
+    )
+
+
+def _corrected(limb: Limb, found: Diagnosis, effects: Mapping[str, type[Effect]]) -> Array:
+    """What a limb's sensors show (N, 3, K) with what a diagnosis found of its joints."""
+    said = evidence(limb)
+    known = parameters(effects, said, 0.0, 0.0)
+    causes = [(c.effect, joint, c.value, c.unit) for c in found.magnitudes for joint in c.joints]
+    every = [*causes, *((n.effect, n.joint, n.value, n.unit) for n in found.nominal)]
+    u: dict[int, float] = {}
+    for number, one in enumerate(known):
+        for effect, joint, value, unit in every:
+            if one.effect == effect and one.joint is not None and joint == limb.joints[one.joint]:
+                numbers = limb.nominal[one.joint]
+                dimension, size = UNITS[unit]
+                relative = dimension == "share" and one.kind.dimension != "share"
+                per = size * numbers[one.place] if relative else size
+                u[number] = u.get(number, 0.0) + coordinate(one, value * per, numbers)
+    return World(said, known).blocks(u)
+
+
+def read_overlay(folder: Path, diagnosis: Path | None) -> tuple[Overlay, str]:
+    """The overlay of a log in a folder, and what its diagnosis says; raises UsageError.
+
+    `diagnosis` is a folder that `bench diagnose` has written; None: the one named after the log,
+    without which no corrected world is shown.
+    """
+    file = (diagnosis or OUT / folder.resolve().name) / FILE
+    if diagnosis is not None and not file.exists():
+        raise UsageError(f"no {FILE} in {diagnosis}; `bench diagnose {folder}` writes one")
+    try:
+        log = read_log(folder)
+        found, known, said = None, None, f"no diagnosis yet: bench diagnose {folder}"
+        if file.exists():
+            data = json.loads(file.read_text())
+            found, known, said = Diagnosis.of(data), data["nominal"]["effects"], data["sentence"]
+        world = nominal_world(log, known)
+        return overlay(log, world.spec, found, own_catalogue(catalogue(), world.spec)), said
+    except LogError as error:
+        raise UsageError(str(error)) from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise UsageError(f"{file} is no diagnosis of a log's model; diagnose it again") from error
