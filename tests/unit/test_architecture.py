@@ -23,11 +23,12 @@ FLOORS = {
 HOMES = {
     "mujoco": {
         "backends/mujoco.py",
+        "backends/_mujoco",
         "backends/mjcf.py",
         "backends/_mjcf",
         "benchmark/pictures/_scene.py",
-    }
-    | {"diagnosis/blind/mechanics/plain.py"},
+        "diagnosis/blind/mechanics/plain.py",
+    },
     "pybullet": {"backends/bullet.py", "backends/_bullet_public.py"},
     "sapien": {"backends/sapien.py"},
     "stable_baselines3": {"baselines/"},
