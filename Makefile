@@ -8,7 +8,7 @@ INSTALLED := $(VENV)/.installed
 SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
 export OMP_NUM_THREADS ?= 1
 
-.PHONY: help install run demo test test-fast test-slow check smoke results figures animation docs clean
+.PHONY: help install run demo test test-fast test-field test-slow check smoke results figures animation docs clean
 
 help:
 	@echo "make install    virtual environment with everything, in $(VENV)"
@@ -17,6 +17,7 @@ help:
 	@echo "make test       the tests, except slow ones"
 	@echo "make test-fast  those of files, words, rows and floors, while one edits"
 	@echo "make test-slow  the slow tests"
+	@echo "make test-field robots and logs as people have them; those outside of the repository where found"
 	@echo "make check      format, lint, types"
 	@echo "make smoke      one smoke run per engine and algorithm"
 	@echo "make results    every table and picture of README, docs and leaderboard, from what is kept"
@@ -49,8 +50,13 @@ FAST := architecture bad_files docs log plain_yaml rows statistics words
 test-fast: install
 	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 $(FAST:%=tests/unit/test_%.py) $(ARGS)
 
+FIELD := drives field_cases importers real_logs ros static two_files
 test-slow: install
 	timeout --kill-after=1m 8h $(VENV)/bin/python -m pytest -n 2 --dist worksteal -m slow $(ARGS)
+
+test-field: install
+	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 --dist worksteal tests/field \
+		$(FIELD:%=tests/unit/test_%.py) $(ARGS)
 
 check: install
 	$(VENV)/bin/ruff format --check .

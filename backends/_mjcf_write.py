@@ -32,7 +32,7 @@ class JointNumbers:
     frictionloss: float
     """Coulomb friction."""
     mass_kg: float
-    """Mass of the body that it carries."""
+    """Mass of the body that it carries; 0: another joint of the same body has it."""
 
 
 def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
@@ -81,7 +81,7 @@ def _joints(parent: Element, body: Element) -> Iterator[tuple[Element, Element]]
 
 def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
     """Write the mass of a body, if it is another one, into its inertial."""
-    if abs(mass_kg - model.body_mass[b]) <= 1e-9 * mass_kg:
+    if not mass_kg or abs(mass_kg - model.body_mass[b]) <= 1e-9 * mass_kg:
         return
     inertial = body.find("inertial")
     if inertial is None:
