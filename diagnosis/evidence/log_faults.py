@@ -114,15 +114,21 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     """The limb, as its torques were read, without those that cannot be its drives'."""
     measured = limb.measured[:, TORQUE]
     limb, shown = min(_torques(limb), key=lambda pair: _distance(pair[1], measured))
+    command = np.concatenate([r.command for r in limb.recordings])
     notes, drop = [], []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
-        if both.sum() < 10 or np.std(measured[both, j]) == 0.0 or np.std(shown[both, j]) == 0.0:
+        if both.sum() < 10 or np.std(shown[both, j]) == 0.0:
             continue
-        alike = float(np.corrcoef(measured[both, j], shown[both, j])[0, 1])
-        if alike < UNRELATED:
+        what = ""
+        if np.std(measured[both, j]) > 0.0:
+            alike = float(np.corrcoef(measured[both, j], shown[both, j])[0, 1])
+            if alike < UNRELATED:
+                what = "of the wrong sign" if alike < OPPOSED else "noise"
+        elif np.ptp(command[:, j]) > MOVES_RAD:
+            what = "the same throughout"
+        if what:
             drop.append(j)
-            what = "of the wrong sign" if alike < OPPOSED else "noise"
             notes.append(f"the torque of {name} is {what} and left out")
     if not drop:
         return limb, notes

@@ -1,4 +1,7 @@
-"""Every effect of the catalogue, large, is named from a log of a hand that has it."""
+"""Every effect of the catalogue, large, is named from a log of a hand that has it.
+
+All of these are slow; the tests of `bench diagnose` and of grasps name a few in less time.
+"""
 
 from dataclasses import replace
 
@@ -31,16 +34,12 @@ HELD = Plan(
     seed=7,
 )
 PULLED = replace(HELD, protocols=("grasp", "pull"), channels=(*HELD.channels, "pull"))
-QUICK = ("coulomb-friction", "taxel-threshold")
+pytestmark = pytest.mark.slow
 
 
-def named(in_the_hand: bool) -> list:
-    """Names of effects that show in free air or in the hand; slow but a few."""
-    return [
-        pytest.param(name, marks=() if name in QUICK else pytest.mark.slow)
-        for name, kind in catalogue().items()
-        if kind.shows_in_hand() == in_the_hand
-    ]
+def named(in_the_hand: bool) -> list[str]:
+    """Names of effects that show in free air or in the hand."""
+    return [n for n, kind in catalogue().items() if kind.shows_in_hand() == in_the_hand]
 
 
 def large(kind: type[Effect]) -> Effect:

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -40,8 +41,13 @@ HOMES = {
 """Where a library may be imported; the picture of the hand is drawn by one engine's renderer."""
 
 
-def imports() -> Iterator[tuple[str, str]]:
+@cache
+def imports() -> list[tuple[str, str]]:
     """Pairs of a file and a top-level package that it imports."""
+    return list(_imports())
+
+
+def _imports() -> Iterator[tuple[str, str]]:
     for room in FLOORS:
         for path in sorted((ROOT / room).rglob("*.py")):
             name = str(path.relative_to(ROOT))

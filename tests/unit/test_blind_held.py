@@ -47,10 +47,10 @@ def test_held_cases_draw_what_a_stick_shows():
 def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
     nominal = {name: kind for name, kind in catalogue().items() if kind.nominal}
-    kinds = nominal | {name: catalogue()[name] for name in faults.in_hand()}
+    few = ("taxel-dropout", "taxel-drift", "stick-mass")
+    kinds = nominal | {name: catalogue()[name] for name in few}
     monkeypatch.setattr(blind, "_catalogue", lambda: kinds)
     folder, answers = tmp_path / "set", tmp_path / "answers.json"
-    few = ("taxel-dropout", "taxel-drift", "stick-mass")
     wanted = held(cases=1, modes=("single",), effects=few, protocols=("push", GRASP))
     seed = next(s for s in range(99) if _hides(wanted, s) == ("taxel-dropout", "large"))
     blind.make(wanted, seed, folder, answers, 1)

@@ -21,8 +21,8 @@ def only(*names):
 @pytest.mark.parametrize(
     "words",
     [
-        ["--inputs", "--quick", "--n", "36"],
-        ["--kills", "--n", "4", *only("run mujoco sb3-ppo", "blind make presliding", "excite")],
+        ["--inputs", "--quick", "--n", "18"],
+        ["--kills", "--n", "2", *only("run mujoco sb3-ppo", "excite")],
         *(
             pytest.param(["--kills", "--every", "--only", name], marks=pytest.mark.slow)
             for name in EVERY

@@ -92,14 +92,14 @@ def test_a_soft_contact_is_no_light_stick():
     assert one.value == pytest.approx(0.06e-3, rel=0.05)
 
 
-@pytest.mark.parametrize("backend", ["mujoco", "bullet", "sapien"])
+@pytest.mark.parametrize("backend", ENGINES)
 def test_nominal_grasps_show_no_shape(backend):
     """Find neither radius nor softness in nominal grasps of any engine."""
     report = shapes_of("none", backend)
     assert report.findings == ()
 
 
-@pytest.mark.parametrize("soft_mm_n", [0.04, 0.2])
+@pytest.mark.parametrize("soft_mm_n", [0.04, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_a_softness_is_named_beside_what_soft_contacts_yield(soft_mm_n):
     """Take off what the engine's contacts yield beside a softness, which is more than without."""
     (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N").findings
@@ -122,7 +122,7 @@ def test_radius_on_any_engine(backend):
 
 
 @pytest.mark.parametrize("backend", ENGINES)
-@pytest.mark.parametrize("soft_mm_n", [0.08, 0.2])
+@pytest.mark.parametrize("soft_mm_n", [0.08, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_softness_on_any_engine(backend, soft_mm_n):
     """Measure a contact's softness beside what the engine's own contacts yield, whichever it is."""
     (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N", backend).findings

@@ -51,7 +51,9 @@ def test_emps_is_friction(emps):
     assert emps.shrinkage.interval[0] > 0.8
 
 
-@pytest.mark.parametrize("gain", GAINS)
+@pytest.mark.parametrize(
+    "gain", [GAINS[0], *(pytest.param(gain, marks=pytest.mark.slow) for gain in GAINS[1:])]
+)
 def test_bam_is_load_dependent_friction(gain):
     """Name or lead with load-dependent friction, which takes most of the gap, at every gain."""
     found = diagnose(logs("bam")[gain])

@@ -12,7 +12,7 @@ from benchmark.runs.run_folder import EPISODES_FILE, check_policy, read_run, run
 
 POLICIES = sorted(path.parent for path in (ROOT / "leaderboard/policies").glob("*/run.json"))
 KINDS = ("backend", "task", "observation", "algo", "effects", "randomize", "start_spread")
-EPISODES = 4
+EPISODES = 2
 
 
 ROUNDING_CM = 0.05

@@ -79,7 +79,7 @@ def test_drift(kind, within):
     assert one.value == pytest.approx(0.05 * MM, rel=within)
 
 
-@pytest.mark.parametrize("kind", ["touch", "contact"])
+@pytest.mark.parametrize("kind", ["touch", pytest.param("contact", marks=pytest.mark.slow)])
 def test_dead_taxels(kind):
     """Find dead taxels among those that should answer, and their share."""
     (one,) = skin_report("taxel-dropout=20%", kind).findings

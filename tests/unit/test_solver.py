@@ -123,18 +123,20 @@ def test_leaves_out_an_absurd_sample_and_a_torque_of_noise():
     assert "absurd" in result.notes[0] and "noise" in result.notes[1]
 
 
-def test_leaves_out_torques_of_the_wrong_sign():
-    """Note torques that oppose what the drives ask for, and judge by the rest."""
+@pytest.mark.parametrize(("times", "said"), [(-1.0, "of the wrong sign"), (0.0, "the same")])
+def test_leaves_out_torques_that_cannot_be(times, said):
+    """Note torques that oppose what the drives ask for, or never change; judge by the rest."""
 
-    def oppose(samples):
+    def spoil(samples):
         angle = samples["position_rad.J0"]
         speed = np.gradient(angle, 1.0 / HZ)
         drive = KP * (samples["command_rad.J0"] - angle) - KD * speed
-        samples["torque_nm.J0"] = -np.clip(drive, -LIMIT, LIMIT)
+        samples["torque_nm.J0"] = times * np.clip(drive, -LIMIT, LIMIT)
 
-    result = solve(changed(oppose))
+    result = solve(changed(spoil))
     assert result.verdict == ("none",)
-    assert "wrong sign" in result.notes[0]
+    (note,) = result.notes
+    assert said in note
 
 
 def test_tells_its_progress_from_the_start():
