@@ -22,7 +22,12 @@ PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests
 KINDS = ("effect", "task", "observation", "learner", "backend")
 MOST_LINES = 10
 """Of code, without docstrings and comments."""
-_BENCH = "from benchmark.cli.app import main; main()"
+_BENCH = """import sys
+from benchmark.cli.app import call
+for line in sys.argv[1:]:
+    if code := call(line.split()[1:]):
+        sys.exit(code)
+"""
 _BLOCK = re.compile(r"^```(?:python|xml|yaml)\n(?:# |<!-- )(\S+)[^\n]*\n(.*?)^```$", re.M | re.S)
 _COMMAND = re.compile(r"^    ((?:bench|pytest) .*)$", re.M)
 
@@ -51,12 +56,22 @@ def linked(tree: Path) -> None:
                 (here / name).symlink_to(Path(folder) / name)
 
 
-def call(command: str, tree: Path) -> str:
-    """What a command of a page prints; fails where the command does."""
-    words = command.split()
-    start = ["benchmark"] if words[0] == "bench" else ["pytest", "-p", "no:cacheprovider"]
+def call(commands: list[str], tree: Path) -> str:
+    """What commands of a page print, those of `bench` in one process; fails where one does."""
+    bench = [command for command in commands if command.startswith("bench ")]
+    printed = started(["-c", _BENCH, *bench], tree)
+    for command in commands:
+        if command not in bench:
+            printed += started(
+                ["-m", "pytest", "-p", "no:cacheprovider", *command.split()[1:]], tree
+            )
+    return printed
+
+
+def started(words: list[str], tree: Path) -> str:
+    """What Python prints with these words, which must not fail."""
     done = subprocess.run(
-        [sys.executable, "-m", *start, *words[1:]],
+        [sys.executable, *words],
         cwd=tree,
         env={
             **os.environ,
@@ -67,7 +82,7 @@ def call(command: str, tree: Path) -> str:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, f"{command}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+    assert done.returncode == 0, f"{words}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
     return done.stdout
 
 
@@ -95,12 +110,11 @@ def test_recipe_does_what_its_page_says(kind: str, tmp_path: Path) -> None:
     linked(tmp_path)
     ((path, text),) = files(kind).items()
     (tmp_path / path).write_text(text)
-    assert Path(path).stem.replace("_", "-") in call("bench list --json", tmp_path)
     tried = page(kind).partition("## Try it\n")[2].partition("Then let the tests")[0]
     commands = _COMMAND.findall(tried)
     assert commands
-    for command in commands:
-        call(command, tmp_path)
+    listed = call(["bench list --json", *commands], tmp_path)
+    assert f'"{Path(path).stem.replace("_", "-")}"' in listed.partition("\n}")[0]
 
 
 def test_robot_is_diagnosed_from_the_files_of_its_page(tmp_path: Path) -> None:
@@ -109,9 +123,9 @@ def test_robot_is_diagnosed_from_the_files_of_its_page(tmp_path: Path) -> None:
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text)
     excite, diagnose = _COMMAND.findall(page("robot"))
-    call(excite, tmp_path)
+    call([excite], tmp_path)
     played(tmp_path)
-    call(diagnose, tmp_path)
+    call([diagnose], tmp_path)
     assert (tmp_path / "answer" / "diagnosis.json").exists()
 
 
