@@ -114,7 +114,7 @@ def test_recipe_does_what_its_page_says(kind: str, tmp_path: Path) -> None:
     commands = _COMMAND.findall(tried)
     assert commands
     listed = call(["bench list --json", *commands], tmp_path)
-    assert f'"{Path(path).stem.replace("_", "-")}"' in listed.partition("\n}")[0]
+    assert f'"{Path(path).stem.replace("_", "-")}"' in listed.splitlines()[0]
 
 
 def test_robot_is_diagnosed_from_the_files_of_its_page(tmp_path: Path) -> None:
