@@ -20,7 +20,7 @@ from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.evidence.gap import squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.models.exact_world import ExactWorld
+from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.excerpt import excerpt
@@ -160,7 +160,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     ordinary = asked.origin
     if healthy:
         pairs = ((_part(one, asked.origin), _parameters(one, asked)) for one in healthy)
-        sound = [Fitter(_world(*pair, asked.origin)).settled() for pair in pairs]
+        sound = [Fitter(world(*pair, asked.origin.exact)).settled() for pair in pairs]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
@@ -176,7 +176,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    nominal = _world(said, (), ordinary)
+    nominal = world(said, (), ordinary.exact)
     return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
 
 
@@ -185,18 +185,12 @@ def _searched(
 ) -> tuple[Fitter, Found]:
     """What a search finds, on a part of a long log, then fitted to all of it."""
     part = _part(said, ordinary)
-    fitter = Fitter(_world(part, known, ordinary), ordinary.exact)
+    fitter = Fitter(world(part, known, ordinary.exact), ordinary.exact)
     found = Search(fitter, ordinary, progress).run()
     if part is said:
         return fitter, found
-    whole = Fitter(_world(said, known, ordinary), ordinary.exact)
+    whole = Fitter(world(said, known, ordinary.exact), ordinary.exact)
     return whole, on_whole(whole, found, ordinary)
-
-
-def _world(said: Evidence, known: Sequence[Parameter], ordinary: Ordinary) -> World:
-    """The limb's world: where the law is ours, as exact as an engine is."""
-    kind = ExactWorld if ordinary.exact and not said.limb.rigid else World
-    return kind(said, known)
 
 
 def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
@@ -205,7 +199,7 @@ def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
     some = excerpt(limb.recordings)
     if some == limb.recordings:
         return said
-    return spreading(_world(evidence(replace(limb, recordings=some)), (), ordinary))
+    return spreading(world(evidence(replace(limb, recordings=some)), (), ordinary.exact))
 
 
 def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
@@ -237,7 +231,7 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     said = evidence(limb)
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
-    return spreading(_world(said, (), asked.origin)), notes
+    return spreading(world(said, (), asked.origin.exact)), notes
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:

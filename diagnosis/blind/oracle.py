@@ -20,9 +20,8 @@ from diagnosis.blind.sides import PLANTS
 from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, read_log
-from diagnosis.models.exact_world import ExactWorld
+from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
-from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
@@ -160,8 +159,7 @@ def fitters(
             continue
         said = evidence(limb)
         known = parameters(catalogue, said, log.meta.nominal_uncertainty, origin.everyday)
-        world = ExactWorld if origin.exact and not rigid else World
-        yield Fitter(world(said, known), origin.exact)
+        yield Fitter(world(said, known, origin.exact), origin.exact)
 
 
 def _explained(case: Case, fitter: Fitter, catalogue: Mapping[str, type[Effect]]) -> _Explained:

@@ -263,22 +263,3 @@ def _couple(b, parent, column, mass_kg, inertia, k, columns, out):
             for i in range(3):
                 out[j] += columns[k, 2, i] * _dot(inertia[i], columns[j, 2])
         b = parent[b]
-
-
-@numba.njit(cache=True)
-def solve(mass, torque, out):
-    """Write x of mass x = torque; mass is symmetric, positive definite and is overwritten."""
-    n = len(torque)
-    for i in range(n):
-        out[i] = torque[i]
-    for i in range(n):
-        for k in range(i + 1, n):
-            share = mass[k, i] / mass[i, i]
-            if share != 0.0:
-                for j in range(i, n):
-                    mass[k, j] -= share * mass[i, j]
-                out[k] -= share * out[i]
-    for i in range(n - 1, -1, -1):
-        for j in range(i + 1, n):
-            out[i] -= mass[i, j] * out[j]
-        out[i] /= mass[i, i]

@@ -67,18 +67,13 @@ def wave(q):
     return np.cos(q), np.sin(q)
 
 
-@numba.njit(cache=True, error_model="numpy")
-def turned(own, q, move):
-    """Cosine and sine `own` of an angle once it has moved to `q`.
-
-    Small moves use `turned_a_little`, because cosines would take a sixth of a tick's time.
-    """
-    return wave(q) if abs(move) > SMALL_RAD else turned_a_little(own, move)
-
-
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def turned_a_little(own, move):
-    """`turned` by the first terms of its series and the addition theorem, to the last digit."""
+    """Cosine and sine `own` of an angle once it has made a small move.
+
+    By the first terms of its series and the addition theorem, to the last digit: cosines would take
+    a sixth of a tick's time.
+    """
     square = move * move
     c = 1.0 - square / 2.0 * (1.0 - square / 12.0 * (1.0 - square / 30.0))
     s = move * (1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0)))

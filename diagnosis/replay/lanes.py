@@ -1,8 +1,7 @@
 """Replay limbs of one or two joints in closed form, several at a time by SIMD instructions.
 
 A tick depends on the previous one, but not on the ticks of other worlds and episodes. Four of them
-take little longer than one. Lanes share nothing, and each gives exactly the result of `replay.limb`
-for a single limb.
+take little longer than one. Lanes share nothing, and each gives exactly what it gives alone.
 """
 
 import numba
@@ -18,6 +17,8 @@ from diagnosis.replay.expansion import (
     wave,
 )
 
+CHANNELS = ("position", "motor", "torque", "velocity")
+"""What is shown: readings of a joint's sensor, its motor's angle, its PD torque, and its speed."""
 LANES = 8
 """Largest number of lanes."""
 REGISTER = 8 if get_host_cpu_features().get("avx512f") else 4
@@ -43,7 +44,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
     `start` are the angles (E, J); `drive` (J, 13) and `closed` (33,) are the numbers of the drives
-    and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `limb.CHANNELS`, by
+    and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
     ticks, first, target, load = spans

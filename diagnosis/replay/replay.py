@@ -7,17 +7,22 @@ of `chain`. Random effects are not replayed; they are detected directly in a log
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 import numba
 import numpy as np
 
+from backends.drive import drive_table
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.replay.arrival import arrivals, looked
-from diagnosis.replay.chain import chain, dynamics, workspace
-from diagnosis.replay.lanes import together
-from diagnosis.replay.limb import CHANNELS, DELAY, is_closed, memory, numbers, rest, run
+from diagnosis.replay.chain import Chain, chain
+from diagnosis.replay.expansion import expand
+from diagnosis.replay.lanes import CHANNELS, together
+
+DELAY = 4
+"""Column of an encoder's numbers."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,40 +86,39 @@ def _until(one: Commands) -> tuple[Array, Array, Array]:
     return ticks, one.target[before], one.load[before]
 
 
+def is_closed(spec: Spec) -> bool:
+    """Whether a limb is replayed here: of one or two joints, see `expand`."""
+    return len(_closed(chain(spec))) > 0
+
+
+@lru_cache(maxsize=256)
+def _closed(bodies: Chain) -> Array:
+    return expand(bodies.numbers)
+
+
 def replay(spec: Spec, commands: Commands) -> Array:
-    """The readings of the mechanism of `spec`, shape (4, T, J) with `limb.CHANNELS` first."""
+    """The readings of the mechanism of `spec`, shape (4, T, J) with `lanes.CHANNELS` first."""
     return replays(spec, Batch.of((commands,)))[0]
 
 
 def replays(spec: Spec, batch: Batch) -> list[Array]:
-    """See `replay`, for every episode."""
-    limb, episodes = numbers(spec), tuple(vars(batch).values())
-    if is_closed(limb):
-        shown = _in_closed_form(episodes, limb)
-    else:
-        shown = _tick_by_tick(episodes, limb, memory(limb))
+    """See `replay`, for every episode; of limbs that are closed alone."""
+    joints = [body.joint for body in spec.hand.driven]
+    path = np.array([list(vars(j.command).values()) for j in joints])
+    encoder = np.array([list(vars(j.encoder).values()) for j in joints])
+    path[:, 2], encoder[:, 2:4] = 0.0, 0.0
+    at_motor = np.array([j.sensor == "motor" for j in joints])
+    drive, closed = drive_table(spec), _closed(chain(spec))
+    limb = closed, drive, path, encoder, at_motor, spec.timing.drive_s
+    shown = _in_closed_form(tuple(vars(batch).values()), limb)
     return [shown[a:b].transpose(1, 0, 2) for a, b in pairwise(batch.begin)]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _tick_by_tick(episodes, limb, rings):
-    """What is shown, (N, 4, J)."""
-    begin, ticks, target, load, start = episodes
-    out = np.zeros((len(ticks), 1, len(CHANNELS), start.shape[1]))
-    for e in range(len(start)):
-        alone, age = np.ones(1, dtype=np.bool_), np.zeros(1, dtype=np.int64)
-        a, b = begin[e], begin[e + 1]
-        now = ticks[a:b], np.expand_dims(target[a:b], 1), load[a:b]
-        run(*now, alone, limb, rings, rest(start[e], limb), age, out[a:b])
-    return out[:, 0]
-
-
-@numba.njit(cache=True, error_model="numpy")
 def _in_closed_form(episodes, limb):
-    """`_tick_by_tick` of all episodes at a time."""
+    """What is shown of all episodes at a time, (N, 4, J)."""
     begin, ticks, target, load, start = episodes
-    _, closed, drive, path, encoder, at_motor, dt = limb
-    path, encoder = path[0], encoder[0]
+    closed, drive, path, encoder, at_motor, dt = limb
     shown = np.zeros((len(ticks), len(CHANNELS), len(at_motor)))
     angle = (start - encoder[:, 0]) / (1.0 + encoder[:, 1])
     if path.any() or encoder[:, DELAY].any():
@@ -131,10 +135,10 @@ def _in_closed_form(episodes, limb):
 def _late(episodes, angle, limb, shown):
     """Write what is shown where commands or readings are late, see `arrivals`."""
     begin, ticks, target, load, start = episodes
-    _, closed, drive, path, encoder, at_motor, dt = limb
-    late = encoder[0, :, DELAY]
+    closed, drive, path, encoder, at_motor, dt = limb
+    late = encoder[:, DELAY]
     parts = [
-        arrivals(ticks[begin[e] : begin[e + 1]], target[begin[e] : begin[e + 1]], path[0], late, dt)
+        arrivals(ticks[begin[e] : begin[e + 1]], target[begin[e] : begin[e + 1]], path, late, dt)
         for e in range(len(start))
     ]
     ends = np.cumsum(np.array([0] + [len(part[0]) for part in parts]))
@@ -152,11 +156,3 @@ def _late(episodes, angle, limb, shown):
         some, ended = ticks[begin[e] : begin[e + 1]], parts[e][3]
         out[:] = own[ended[np.cumsum(some)]]
         looked(some, late / dt, ended, own[:, 0], out[:, 0])
-
-
-def link_inertias_kgm2(spec: Spec) -> Array:
-    """Inertia that each joint moves besides its rotor, arm stretched [kg m2, slides kg], (J,)."""
-    numbers, joints = chain(spec).numbers, len(spec.drives)
-    mass, bias, still = np.zeros((joints, joints)), np.zeros(joints), np.zeros(joints)
-    dynamics(still, still, numbers, workspace(len(numbers[0]), joints), mass, bias)
-    return np.diag(mass).copy()

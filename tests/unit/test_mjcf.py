@@ -1,8 +1,6 @@
 """A user's MJCF as a spec: MuJoCo's own equations; what cannot be had is refused."""
 
-import dataclasses
 import json
-import math
 import pickle
 import re
 from pathlib import Path
@@ -34,9 +32,10 @@ from diagnosis.logs.log import (
     write_log,
 )
 from diagnosis.replay.chain import chain, dynamics, workspace
+from diagnosis.replay.lanes import CHANNELS
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
-from diagnosis.replay.replay import CHANNELS, Commands, replay
+from diagnosis.replay.replay import Commands, is_closed, replay
 
 
 def servo(kp: float = 20.0, kd: float = 0.4, limit: float = 3.0, **more: str) -> DriveSettings:
@@ -144,7 +143,7 @@ def simulated(model: mujoco.MjModel, spec: Spec, asked: Commands) -> Array:
     return np.array(out).transpose(1, 0, 2)
 
 
-@worlds()
+@pytest.mark.parametrize("name", [n for n in MECHANISMS if n != "arm"])
 def test_replay_is_mujocos_own_simulation(name):
     """Move like MuJoCo's links under the same drives, up to the rounding of 1500 steps."""
     spec = mechanism(*MECHANISMS[name])
@@ -180,11 +179,13 @@ def test_masses_and_torques_are_mujocos(name):
 
 @worlds()
 def test_gears_are_rigid_and_stable(name):
-    """Choose gears that hardly twist and come to rest where teeth and motor push alike."""
+    """Choose gears that hardly twist, with which a limb comes to rest."""
     spec = mechanism(*MECHANISMS[name])
     for drive in spec.drives:
         assert drive.gear_stiffness_nm_rad >= STIFF * drive.kp_nm_rad
         assert drive.gear_stiffness_nm_rad * RIGID_RAD >= drive.torque_limit_nm
+    if not is_closed(spec):
+        return
     joints = len(spec.hand.joint_names)
     asked = Commands(
         ticks=np.array([0, 20000, 20001]),
@@ -379,24 +380,6 @@ def test_stiff_drives_get_a_shorter_period():
     assert periods[0] == 1e-3 and periods[0] > periods[1] > periods[2]
 
 
-def test_slides_replay_in_closed_form():
-    """Replay slides alike with and without the closed form: a hinge without use asks for none."""
-    spec = mechanism(*MECHANISMS["rail"])
-    asked = commands(spec)
-    dead = mechanism(*MECHANISMS["pendulum"]).hand.bodies[0]
-    both = dataclasses.replace(
-        spec, hand=dataclasses.replace(spec.hand, bodies=(*spec.hand.bodies, dead))
-    )
-    wide = Commands(
-        ticks=asked.ticks,
-        target=np.hstack([asked.target, np.zeros((SAMPLES, 1))]),
-        load=np.hstack([asked.load, np.zeros((SAMPLES, 1))]),
-        start=np.zeros(2),
-    )
-    difference = replay(both, wide)[:, :, :1] - replay(spec, asked)
-    assert np.abs(difference).max() < 1e-9 * math.sqrt(SAMPLES * TICKS)
-
-
 def robot_log(xml: str, joints: dict[str, DriveSettings], linear: bool = False) -> Log:
     """A log of joints that step by 0.2 and answer with 0.15."""
     time_s = np.arange(200) * 5e-3
@@ -483,4 +466,6 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     assert found["verdict"] == ["coulomb-friction"]
     assert sizes["coulomb-friction"] == pytest.approx(30e3, rel=0.1)
     assert found["nominal"]["replay_apart_rad"] < 1e-6
+    before, after = found["engine_gaps_rad"]
+    assert after < 0.2 * before
     assert any("x is a slide: read N for Nm" in text for text in found["warnings"])
