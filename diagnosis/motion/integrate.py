@@ -106,27 +106,24 @@ def _turned(speed, pd, gear, viscous, rub, lock, r, damped):
     return _shrink(speed, r * lock) if speed * pd <= 0.0 and speed * gear < 0.0 else speed
 
 
-@numba.njit(cache=True, error_model="numpy")
-def _invert(a, out):
-    """Write the inverse of a symmetric positive definite matrix, by Gauss and Jordan; `a` is lost.
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _invert(a):
+    """Invert a symmetric positive definite matrix in place, by Gauss and Jordan.
 
     LAPACK takes ten times as long for so few joints.
     """
     n = len(a)
     for i in range(n):
-        for j in range(n):
-            out[i, j] = 1.0 if i == j else 0.0
-    for i in range(n):
         pivot = 1.0 / a[i, i]
+        a[i, i] = 1.0
         for j in range(n):
             a[i, j] *= pivot
-            out[i, j] *= pivot
         for k in range(n):
             share = a[k, i]
             if k != i and share != 0.0:
+                a[k, i] = 0.0
                 for j in range(n):
                     a[k, j] -= share * a[i, j]
-                    out[k, j] -= share * out[i, j]
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -145,14 +142,14 @@ def integrate(
     joints, end = len(start), len(mass) - 1
     q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
-    accel, rub, impulse, damped = np.zeros((4, joints))
+    accel, after, rub, impulse, damped = np.zeros((5, joints))
     rate, slow, total, lagged = np.zeros((4, joints))
     share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
         if p[j, INTEGRAL] > 0.0:
             total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
-    whole, inverse = np.zeros((2, joints, joints))
+    inverse = np.zeros((joints, joints))
     held, at_limit = np.zeros(joints, np.bool_), False
     for t in range(len(out)):
         i, k, changed = min(t // stride, end), row[t], t % stride == 0
@@ -208,9 +205,9 @@ def integrate(
         if changed:
             for j in range(joints):
                 for n in range(joints):
-                    whole[j, n] = mass[i, j, n]
-                whole[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
-            _invert(whole, inverse)
+                    inverse[j, n] = mass[i, j, n]
+                inverse[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
+            _invert(inverse)
         rubs = False
         for j in range(joints):
             force[j] += push[k, j] - bias[i, j]
@@ -225,23 +222,30 @@ def integrate(
                 slides = v[j] + dt * accel[j]
                 if slides * out[t, 2, j] <= 0.0 and slides * gear[j] < 0.0:
                     rub[j], rubs = rub[j] + p[j, LOCK], True
-        for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
-            for j in range(joints):
-                slides = v[j] + dt * accel[j]
-                for n in range(joints):
-                    slides += inverse[j, n] * impulse[n]
-                most = dt * rub[j]
-                impulse[j] = min(max(impulse[j] - slides / inverse[j, j], -most), most)
-        for j in range(joints if rubs else 0):
-            for n in range(joints):
-                accel[j] += inverse[j, n] * impulse[n] / dt
         for j in range(joints):
-            v[j] += dt * accel[j]
+            after[j] = v[j] + dt * accel[j]
+            for n in range(joints if rubs else 0):
+                after[j] += inverse[j, n] * impulse[n]
+        for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
+            settled = True
+            for j in range(joints):
+                most = dt * rub[j]
+                more = min(max(impulse[j] - after[j] / inverse[j, j], -most), most) - impulse[j]
+                if more != 0.0:
+                    settled = False
+                    impulse[j] += more
+                    for n in range(joints):
+                        after[n] += inverse[n, j] * more
+            if settled:
+                break
+        for j in range(joints):
+            accel[j] = (after[j] - v[j]) / dt
+            v[j] = after[j]
             q[j] += dt * v[j]
         for j in range(joints):
             if p[j, TWO_MASSES] == 0.0:
                 gear[j] = bias[i, j] - push[k, j]
-                for n in range(joints):
+                for n in range(joints if p[j, LOAD] > 0.0 or p[j, LOCK] > 0.0 else 0):
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]
             slow[j] += share[j] * (speed[j] - slow[j])
