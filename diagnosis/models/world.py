@@ -1,7 +1,7 @@
 """A limb with parameters at given sizes: from coordinates u to what its sensors show."""
 
 from collections.abc import Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -24,6 +24,8 @@ FIRM = 0.4
 """A gear that a rigid drive gets is at most so stiff: k dt^2 over the inertia that it sees."""
 RATIO, FIRM_RATIO = 0.15, 0.6
 """Damping ratio of such a gear, and of one that is as stiff as it may be."""
+REMEMBERED = 32
+"""So many of the last replays are remembered: fits come back to where they were."""
 POSITIVE = (COULOMB, VISCOUS, DELAY, PLAY)
 """Numbers that tolerances may not take below zero."""
 
@@ -34,13 +36,17 @@ class World:
     def __init__(self, evidence: Evidence, parameters: Sequence[Parameter]) -> None:
         self.evidence, self.parameters = evidence, tuple(parameters)
         self.runs = 0
+        self._remembered = lru_cache(REMEMBERED)(self._shown)
 
     def shown(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
         """What the sensors show with parameters (by number) at u, as `Evidence.readings` (M,).
 
         `nudge`: a shift of all starts [rad; of a slide a share of its travel].
         """
-        return self.evidence.pack(self.blocks(u, nudge))
+        return self._remembered(frozenset((k, v) for k, v in u.items() if v), nudge)
+
+    def _shown(self, u: frozenset[tuple[int, float]], nudge: float) -> Array:
+        return self.evidence.pack(self.blocks(dict(sorted(u)), nudge))
 
     def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
         """What the sensors show, as block means (N, 3, K)."""

@@ -17,8 +17,9 @@ from diagnosis.models.world import World
 from diagnosis.search.problem import Problem, is_column
 from diagnosis.search.quadratic import lowest
 
-STEPS, AGAIN = 7, 2
-"""Steps of a fit; at the step AGAIN the slopes of the tolerances are computed again."""
+STEPS, AGAIN, MOVED = 7, 2, 1.0
+"""Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
+by so many standard deviations. Slopes from elsewhere are so there, and where steps win little."""
 DAMPINGS = (1.0, 0.4, 0.12)
 """Shares of a step that are tried."""
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
@@ -79,10 +80,12 @@ class Fitter:
         slopes: Mapping[int, Array] | None = None,
         steps: int = STEPS,
         beat: float = np.inf,
+        again: bool = True,
     ) -> Fit:
         """All tolerances and the freed effects, from `start` and from where `near` has the others.
 
-        `joints`: only their tolerances move. `slopes`: of tolerances, where known well enough.
+        `joints`: only their tolerances move. `slopes`: of tolerances, as taken nearby; `again`:
+        whether they are computed again on the way.
         A fit that then leaves far more than the excess `beat` ends early.
         """
         u = {**(near or {}), **(start or {})}
@@ -95,6 +98,7 @@ class Fitter:
         shown = base + self._columns(u, freed, known)
         if not np.isfinite(shown).all():
             return self._diverged(freed, u)
+        held, began, stale = ~problem.is_free, problem.at(u), again and slopes is not None
         for step in range(steps):
             residual = self.evidence.readings - shown
             weights = root_weights(self.evidence, residual)
@@ -116,11 +120,16 @@ class Fitter:
                 if left < cost:
                     u, shown, won = there, other, cost - left
                     break
-            if (won < DONE + self.done_share * cost and step > 0) or step == steps - 1:
+            small = won < DONE + self.done_share * cost
+            if (small and step > 0 and not stale) or step == steps - 1:
                 break
             if step == AGAIN and self._excess(shown) > HOPELESS * beat:
                 break
-            fresh = [k for k in problem.numbers if k in freed or step == AGAIN]
+            moved = np.abs(problem.at(u) - began)[held] > MOVED * problem.sd[held]
+            far = again and step == AGAIN and (stale or bool(moved.any()))
+            anew = far or (stale and small)
+            stale = stale and not anew
+            fresh = [k for k in problem.numbers if k in freed or anew]
             known |= self.slopes(fresh, u, freed, self.bare(u, freed))
         residual = self.evidence.readings - shown
         sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
@@ -134,14 +143,21 @@ class Fitter:
             slopes=known,
         )
 
-    def settled(self, near: Mapping[int, float] | None = None, again: int = 0) -> Fit:
+    def settled(
+        self,
+        near: Mapping[int, float] | None = None,
+        again: int = 0,
+        slopes: Mapping[int, Array] | None = None,
+    ) -> Fit:
         """The tolerances alone, fitted on until a fit closes little more.
 
         A large gap bends them so far that slopes change. `again`: so many times in any case.
+        `slopes`: see `fit`.
         """
-        fit = self.fit(near=near)
+        fit = self.fit(near=near, slopes=slopes)
         for number in range(FITS):
-            more = self.fit(near=fit.u) if number < again or fit.worst > FAR else fit
+            is_more = number < again or fit.worst > FAR
+            more = self.fit(near=fit.u, slopes=fit.slopes) if is_more else fit
             closed = fit.excess - more.excess
             fit = more if more.excess <= fit.excess else fit
             if number >= again and closed < CLOSED * fit.excess:
@@ -149,11 +165,19 @@ class Fitter:
         return fit
 
     def unfitted(self) -> Fit:
-        """The nominal numbers as they stand."""
-        residual = self.evidence.readings - self.world.shown({})
+        """The nominal numbers as they stand, with the slopes of all tolerances there."""
+        base = self.world.shown({})
+        residual = self.evidence.readings - base
         if not np.isfinite(residual).all():
             return self._diverged((), {})
-        return Fit(freed=(), u={}, residual=residual, gap2=squared_gaps(self.evidence, residual))
+        held = [k for k, one in enumerate(self.parameters) if one.tolerance > 0.0]
+        return Fit(
+            freed=(),
+            u={},
+            residual=residual,
+            gap2=squared_gaps(self.evidence, residual),
+            slopes=self.slopes(held, {}, (), base),
+        )
 
     def excess_at(self, u: Mapping[int, float]) -> float:
         """What parameters at u leave as they stand; infinite where there is no motion."""

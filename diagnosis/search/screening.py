@@ -36,7 +36,10 @@ class Screening:
         self.free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
         self.base = fitter.world.shown(self.free)
         held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in fit.freed]
-        self.slopes = fitter.slopes((*held, *fit.freed), fit.u, fit.freed, self.base)
+        needed = (*held, *fit.freed)
+        unknown = [k for k in needed if k not in fit.slopes]
+        fresh = fitter.slopes(unknown, fit.u, fit.freed, self.base)
+        self.slopes = {k: fresh[k] if k in fresh else fit.slopes[k] for k in needed}
         self.numbers = list(self.slopes)
         self.weights = root_weights(fitter.evidence, fit.residual)
         self.left = fit.residual * self.weights

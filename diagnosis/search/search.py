@@ -6,6 +6,7 @@ all are screened by one linear step, the best are fitted. What a set leaves deci
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -84,12 +85,18 @@ class Search:
         self.tried: dict[frozenset[int], Fit] = {}
         self.thinned: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
 
+    @cached_property
+    def plain(self) -> Fit:
+        """The nominal numbers as they stand."""
+        return self.fitter.unfitted()
+
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set."""
         self.progress(
             f"fit of the nominal numbers of {', '.join(self.fitter.evidence.joints)}", 0.0
         )
-        nominal = self.fitter.settled(again=int(self.ordinary.exact))
+        exact = int(self.ordinary.exact)
+        nominal = self.fitter.settled(again=exact, slopes=self.plain.slopes)
         singles: tuple[Fit, ...] = ()
         now, beam = nominal, [nominal]
         for causes in range(1, MOST + 1):
@@ -136,7 +143,7 @@ class Search:
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
-            on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
+            on = self.fitter.fit(fit.freed, near=fit.u, slopes=fit.slopes, steps=5)
             self._keep(on)
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if self._is_some(fit)])
@@ -190,7 +197,7 @@ class Search:
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
             near = {a: v for a, v in fit.u.items() if a != number}
-            self._keep(self.fitter.fit(rest, near=near))
+            self._keep(self.fitter.fit(rest, near=near, slopes=fit.slopes))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit, begun: float, rounds: float) -> None:
@@ -205,7 +212,7 @@ class Search:
             if one.to and frozenset(freed) not in self.tried:
                 for start, near in self._starts(one, fit):
                     begin, joints = {one.number: start}, self._joints(one.number)
-                    known = slopes if near is fit.u else None
+                    known = slopes if near is fit.u else self.plain.slopes
                     least = self._least(len(freed)) + NEAR_MORE
                     self._keep(self.fitter.fit(freed, begin, near, joints, known, beat=least))
 
@@ -220,8 +227,7 @@ class Search:
         screening = Screening(self.fitter, fit)
         found = screening.screened(asked)[:FITTED]
         if not fit.freed and fit.worst > FAR * self.ordinary.floors:
-            plain = self.fitter.unfitted()
-            more = Screening(self.fitter, plain).screened(asked)[:MORE]
+            more = Screening(self.fitter, self.plain).screened(asked)[:MORE]
             more += self._kin(found[0].number) if found else []
         else:
             alone = [Screened(number=k, gain=0.0, to=u) for k, u in self._singles() if k in asked]

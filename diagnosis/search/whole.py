@@ -13,18 +13,20 @@ STEPS = 4
 
 def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
     """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
-    nominal = fitter.settled(near=found.nominal.u)
+    nominal = fitter.fit(near=found.nominal.u)
     known = {found.nominal.freed: nominal}
     least = [one.least for one in fitter.parameters]
 
-    def again(fit: Fit) -> Fit:
+    def again(fit: Fit, anew: bool = True) -> Fit:
         if fit.freed not in known:
-            on = fitter.fit(fit.freed, near=fit.u, slopes=nominal.slopes, steps=STEPS)
-            known[fit.freed] = on
+            known[fit.freed] = fitter.fit(
+                fit.freed, near=fit.u, slopes=nominal.slopes, steps=STEPS, again=anew
+            )
         return known[fit.freed]
 
-    singles = sorted(map(again, found.singles[:SINGLES]), key=lambda fit: fit.excess)
     first, *tied = map(again, (found.chosen, *found.tied))
+    fitted = (again(fit, anew=False) for fit in found.singles[:SINGLES])
+    singles = sorted(fitted, key=lambda fit: fit.excess)
     alike = [fit for fit in (first, *tied, *singles) if len(fit.freed) == len(first.freed)]
     some = [fit for fit in alike if all(abs(fit.u[k]) >= least[k] for k in fit.freed)]
     best = min(some, key=lambda fit: rank(fitter.parameters, fit), default=nominal)
