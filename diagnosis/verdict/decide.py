@@ -10,6 +10,7 @@ from diagnosis.models.parameters import Parameter, magnitude
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
+from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
@@ -59,7 +60,7 @@ def decide(
         probability=_probability(found, ordinary, named, unknown, share, len(tied)),
         ranking=tuple(_ranked(fitter, found, named)),
         tied=tuple(tuple(_name(fitter, k) for k in f.freed) for f in tied),
-        experiment=_experiment(fitter) if tied else None,
+        experiment=experiment(fitter, chosen.u, [f.u for f in tied]) if tied else None,
         gap_before=_gap_before(fitter),
         gap_nominal=nominal.worst,
         gap_after=left,
@@ -170,13 +171,3 @@ def _gap_before(fitter: Fitter) -> float:
     """Root mean square of what the nominal numbers as they stand leave [floors]."""
     left = fitter.evidence.readings - fitter.world.shown({})
     return float(np.sqrt(np.mean(left**2)))
-
-
-def _experiment(fitter: Fitter) -> str:
-    """The experiment that would distinguish tied causes: something that this log lacks."""
-    evidence = fitter.evidence
-    if not evidence.logged[:, 2].any():
-        return "log the torques that the drives ask for"
-    if not any(r.push.any() for r in evidence.limb.recordings):
-        return "record --protocol push: a known load on every joint"
-    return "record --protocol steps,multisine with other sizes, and the load reversed"
