@@ -71,8 +71,8 @@ class Evidence:
 
     @property
     def rattles(self) -> bool:
-        """Whether the nominal world cannot predict some readings to a floor."""
-        return bool(np.max(self.spread) > 1.0)
+        """Whether play of the nominal world makes some readings unpredictable to a floor."""
+        return not self.limb.rigid and bool(np.max(self.spread) > 1.0)
 
     def pack(self, shown: Array) -> Array:
         """What is shown (N, 3, K) as `readings` are, in floors."""

@@ -134,6 +134,13 @@ class Limb:
         """The same limb and motion, see `torque_from`."""
         return self._alike(torque_from=torque_from)
 
+    def in_half_steps(self) -> "Limb":
+        """The same limb and motion, replayed in steps of half the length."""
+        other = replace(self)
+        given = {"dt": self.dt / 2, "stride": 2 * self.stride, "along": self.along}
+        other.__dict__.update(given)
+        return other
+
     def _alike(self, **changes: Any) -> "Limb":
         other = replace(self, **changes)
         for name in ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks"):

@@ -1,7 +1,9 @@
-"""Play that rattles: a joint in its play goes its own way after the smallest change of its start.
+"""Motion that no replay predicts: play that rattles, and light joints that are thrown about.
 
-No world with play then shows what the real one did, however right it is. So residuals are counted
-in what a world itself cannot predict, wherever that is more than a floor.
+A joint in its play goes its own way after the smallest change of its start, and where a joint is
+thrown about, every step of the integration tells: half as long, it shows another motion. No world
+then shows what the real one did, however right it is. So residuals are counted in what a world
+itself cannot predict.
 """
 
 from collections.abc import Mapping
@@ -18,6 +20,8 @@ from diagnosis.search.fit import Fit, Fitter
 
 NUDGES_RAD = (-1e-5, -3e-6, 3e-6, 1e-5)
 """Shifts of the start that no sensor shows [rad; of a slide a share of its travel]."""
+BY_STEP = 5.0
+"""A replay in half the steps may differ by so many floors, as it does where joints move fast."""
 
 
 def prediction_spread(world: World, u: Mapping[int, float]) -> Array:
@@ -33,9 +37,18 @@ def with_prediction_spread(fitter: Fitter, fit: Fit) -> Fit:
     return replace(fit, gap2=squared_gaps(fitter.evidence, residual))
 
 
+def step_spread(world: World) -> Array:
+    """What the nominal world's own steps may hide (M,) [squared floors], beyond `BY_STEP`."""
+    limb = world.evidence.limb
+    apart = world.evidence.pack(limb.in_half_steps().simulate(limb.nominal)) - world.shown({})
+    return np.maximum(np.nan_to_num(apart) ** 2 - BY_STEP**2, 0.0)
+
+
 def spreading(world: World) -> Evidence:
-    """A limb's evidence, counted in what its nominal world with play can predict."""
+    """A limb's evidence, counted in what its nominal world can predict."""
     evidence = world.evidence
+    if evidence.limb.rigid:
+        return replace(evidence, spread=step_spread(world))
     if not evidence.limb.nominal[:, PLAY].any():
         return evidence
     return replace(evidence, spread=prediction_spread(world, {}))
