@@ -41,6 +41,9 @@ class Diagnosis:
     """What that is known from: `robot`, `simulator` or `healthy logs`."""
     gaps: Gaps
     """The gap on seconds that the fits have not seen."""
+    engine_gaps_rad: tuple[float, ...] = ()
+    """Root mean square distance of all positions from the log's, replayed in full on the nominal
+    engine, a user's robot in plain MuJoCo: nominal and corrected [rad; of slides m]; else none."""
     shrinkage: Share
     """Share of the squared gap beyond one floor, over all joints, that the causes take there."""
     shrinkage_nominal: Share

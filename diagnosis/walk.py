@@ -14,9 +14,11 @@ from diagnosis.calibration.worlds import Simulate
 from diagnosis.coverage import not_looked_for
 from diagnosis.finding import Finding, Report
 from diagnosis.grasp.in_hand import in_hand
-from diagnosis.logs.log import Log
+from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.columns import changed
+from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.plain import gap_rad, model_text
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
@@ -65,7 +67,8 @@ def diagnose(
     if log.fingers:
         tell("touch and stick", LAST_SHARE)
     result = combine([one.result for one in limbs], 0.0, notes)
-    held = in_hand(log, _corrected(world, limbs), known, simulate)
+    corrected = _corrected(world, limbs)
+    held = in_hand(log, corrected, known, simulate)
     causes = (*result.causes, *(_cause(f, known) for f in held.findings if f.effect != UNKNOWN))
     strange = [f for f in held.findings if f.effect == UNKNOWN]
     unknown = result.verdict == (UNKNOWN,) or bool(strange)
@@ -88,6 +91,7 @@ def diagnose(
         ordinary=result.ordinary,
         ordinary_from=result.ordinary_from,
         gaps=gaps,
+        engine_gaps_rad=_engine_gaps_rad(log, world, corrected, simulate),
         shrinkage=gone,
         shrinkage_nominal=gone_nominal,
         where=places,
@@ -135,6 +139,15 @@ def _corrected(nominal: Spec, limbs: Sequence[Judged]) -> Spec:
         changed(body, numbers[body.joint.name]) if body.joint.name in numbers else body
         for body in bodies
     )
+
+
+def _engine_gaps_rad(
+    log: Log, nominal: Spec, corrected: Spec, simulate: Simulate | None
+) -> tuple[float, ...]:
+    """See `Diagnosis`; an MJCF holds no delays and no errors of sensors."""
+    if isinstance(log.meta.mechanism, MjcfMechanism):
+        return tuple(gap_rad(log, nominal, model_text(log, s)) for s in (nominal, corrected))
+    return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 
 def _cause(found: Finding, catalogue: Mapping[str, type[Effect]]) -> Cause:

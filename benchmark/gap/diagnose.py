@@ -41,6 +41,7 @@ from diagnosis.walk import diagnose
 
 FILE, REPORT = "diagnosis.json", "report.html"
 OUT = Path("diagnoses")
+GAPS = "from {:.3g} to {:.3g} mrad (slides: mm) over the whole log"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -287,7 +288,7 @@ def _corrected(found: Diagnosis, world: World) -> str | None:
 
 def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
     """What the report says about log and nominal world."""
-    nominal = result["nominal"]
+    nominal, gaps = result["nominal"], [1e3 * gap for gap in result["engine_gaps_rad"]]
     apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
     held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
@@ -295,6 +296,7 @@ def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": f"compiled; {held}",
+        **({"corrected gap in the engine": GAPS.format(*gaps)} if gaps else {}),
         **({"healthy logs": ", ".join(result["healthy"])} if settings.healthy else {}),
         "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal number",
         "made by": provenance()["command"],

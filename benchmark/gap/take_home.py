@@ -6,21 +6,15 @@ The gap before and after is measured in plain MuJoCo with the two files.
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
-import numpy as np
-
 from backends.effect import UNITS, Effect, NumberEffect
 from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, changed, table
-from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import recordings
-from diagnosis.replay.parts import limbs
-from diagnosis.replay.plain import model_text, plain, shown
+from diagnosis.replay.plain import gap_rad, model_text
 from diagnosis.verdict.result import UNKNOWN, Cause, Nominal
 
 FILE = "corrected.xml"
-INTEGRATOR = "implicitfast"
 SPREAD = 3.29
 """A 90 % interval is so many standard deviations wide."""
 WRITTEN = {
@@ -111,7 +105,7 @@ def take_home(
     if not changes:
         return None
     text = model_text(log, world, {one.joint for one in changes})
-    before, after = (_gap_rad(log, nominal, model_text(log, one)) for one in (nominal, world))
+    before, after = (gap_rad(log, nominal, model_text(log, one)) for one in (nominal, world))
     return TakeHome(
         text=text,
         changes=tuple(changes),
@@ -143,16 +137,3 @@ def _with(
         sd=abs(sd * per),
         unit=sliding if bodies[j].joint.slides else turning,
     )
-
-
-def _gap_rad(log: Log, nominal: Spec, text: str) -> float:
-    """Root mean square distance of a model's positions from the log's, in plain MuJoCo."""
-    squares, count = 0.0, 0
-    for part in limbs(nominal):
-        episodes = recordings(log, part)
-        step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
-        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR)
-        for recording in episodes:
-            off = shown(world, recording) - recording.measured[:, 0]
-            squares, count = squares + float(np.nansum(off**2)), count + off.size
-    return float(np.sqrt(squares / max(count, 1)))

@@ -1,10 +1,11 @@
-"""Compare the compiled replay of a world with an engine, on a log's own commands.
+"""Worlds on the nominal engine, under a log's own commands.
 
 A diagnosis replays worlds thousands of times, so it uses a compiled replay. This module checks that
-replay against the engine in the nominal world.
+replay against the engine in the nominal world, and what was found against the log.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,6 +42,19 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
         for part in limbs(spec)
         for motion, engine in zip(motions, shown, strict=True)
     )
+
+
+def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tuple[float, ...]:
+    """Root mean square distance of positions in free air from a log's, by world [rad].
+
+    Raises ValueError if the engine refuses a number of a world.
+    """
+    names, drive_s = specs[0].hand.joint_names, specs[0].timing.drive_s
+    motions = worlds.motions(log, names, drive_s, FREE_AIR)
+    shown = worlds.replay(simulate, specs, motions)
+    off = [s[:, 0] - m.read_rad[0] for s, m in zip(shown, motions, strict=True)]
+    squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
+    return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())
 
 
 def _apart_rad(part: Spec, motion: Motion, engine: Array, columns: list[int]) -> float:

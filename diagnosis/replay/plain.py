@@ -16,6 +16,7 @@ from diagnosis.replay.robot import model_of
 
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""
+INTEGRATOR = "implicitfast"
 
 
 def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
@@ -79,7 +80,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
         names = part.hand.joint_names
         episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
-        world = plain(log, text, names, step_s, "implicitfast")
+        world = plain(log, text, names, step_s, INTEGRATOR)
         for recording in episodes:
             worst = max(worst, _apart(part, recording, shown(world, recording)))
     return worst
@@ -91,6 +92,19 @@ def _by_pd_alone(spec: Spec) -> Spec:
         replace(body, joint=replace(body.joint, loop=Loop(), command=Command()))
         for body in spec.hand.driven
     )
+
+
+def gap_rad(log: Log, nominal: Spec, text: str) -> float:
+    """Root mean square distance of a model's positions from the log's, in plain MuJoCo."""
+    squares, count = 0.0, 0
+    for part in limbs(nominal):
+        episodes = recordings(log, part)
+        step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
+        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR)
+        for recording in episodes:
+            off = shown(world, recording) - recording.measured[:, 0]
+            squares, count = squares + float(np.nansum(off**2)), count + off.size
+    return float(np.sqrt(squares / max(count, 1)))
 
 
 def _apart(part: Spec, recording: Recording, position: Array) -> float:

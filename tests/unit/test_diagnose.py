@@ -88,6 +88,14 @@ def test_the_compiled_replay_is_the_engine(diagnosed):
     assert diagnosed[0]["nominal"]["replay_apart_rad"] < 1e-4
 
 
+def test_the_corrected_world_is_confirmed_in_the_engine(diagnosed):
+    """Replay all of the log on the nominal engine; give the gap that is left in JSON and page."""
+    found, out, _ = diagnosed
+    before, after = found["engine_gaps_rad"]
+    assert 0.0 < after < 0.5 * before
+    assert "corrected gap in the engine" in (out / "report.html").read_text()
+
+
 def test_the_effects_to_add_are_the_real_world(diagnosed):
     """Write effects that give the real world's numbers, the play to three percent."""
     corrected, real = with_effects(diagnosed[0]["effects"]), with_effects("backlash=1deg@J3")
