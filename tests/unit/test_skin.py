@@ -89,7 +89,7 @@ def test_dead_taxels(kind):
 
 def test_confidence_is_what_former_findings_were_right():
     """Be as sure of a fault that is far ahead as former ones were right, else less."""
-    (one,) = skin_report("taxel-dropout=20%", "contact").findings
+    (one,) = skin_report("taxel-dropout=20%", "touch").findings
     assert one.confidence == pytest.approx(RIGHT)
     tied = replace(one, ties=("taxel-drift",))
     assert tied.confidence == pytest.approx(RIGHT / 2)
