@@ -216,7 +216,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
             return None
         limb = arrived(evidence.limb, lost)
         after = type(world)(replace(evidence, limb=limb), world.parameters)
-        fit = Fitter(after).fit(chosen.freed, near=fit.u)
+        fit = Fitter(after).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
         lost = losses(world, fit.u, fit.residual, lost) or lost
     if ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors:
         return lost

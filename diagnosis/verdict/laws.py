@@ -84,8 +84,8 @@ def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
         more = Fitter(type(world)(fitter.evidence, (*world.parameters, *free)))
         own = range(len(world.parameters), len(more.parameters))
         start = {k: one.start for k, one in zip(own, numbers, strict=True)}
-        fit = more.fit(tuple(own), start)
-        fit = more.fit(tuple(own), near=fit.u)
+        fit = more.fit(tuple(own), start, slopes=found.nominal.slopes)
+        fit = more.fit(tuple(own), near=fit.u, slopes=fit.slopes)
         said = ", ".join(
             f"{one.name}: {fit.u[k] * size:.3g}"
             for one, k, size in zip(numbers, own, sizes, strict=True)
