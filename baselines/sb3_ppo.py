@@ -11,6 +11,7 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.running_mean_std import RunningMeanStd
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
@@ -136,7 +137,7 @@ class Baseline(Learner):
         self._vec = VecNormalize(
             Sb3Env(env, self._monitor), norm_reward=False, clip_obs=_CLIP_OBSERVATION
         )
-        self._model = PPO(
+        self._model: OnPolicyAlgorithm = PPO(
             "MlpPolicy",
             self._vec,
             n_steps=settings.rollout_steps,
