@@ -13,18 +13,26 @@ from benchmark.parts.registry import ROOT
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
 
 
-def bench(words: str, here: Path, site: Path | None = None) -> dict:
-    """What a command says as JSON, in a folder outside of the checkout."""
-    paths = [str(ROOT), *([str(site)] if site else [])]
+Folders = tuple[Path, ...]
+"""In which packages are found."""
+
+
+def called(words: str, here: Path, places: Folders) -> subprocess.CompletedProcess[str]:
+    """What a command says, in a folder outside of the checkout."""
     done = subprocess.run(
-        [sys.executable, "-m", "benchmark", *words.split(), "--json"],
+        [sys.executable, "-m", *words.split()],
         cwd=here,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, places)), "COLUMNS": "200"},
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 0, f"bench {words}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
-    found: dict = json.loads(done.stdout)
+    assert done.returncode == 0, f"{words}\n{done.stdout[-2000:]}\n{done.stderr[-2000:]}"
+    return done
+
+
+def bench(words: str, here: Path, places: Folders = (ROOT,)) -> dict:
+    """The same of `bench`, as JSON."""
+    found: dict = json.loads(called(f"benchmark {words} --json", here, places).stdout)
     return found
 
 
@@ -38,12 +46,12 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def site(project: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Where it is installed."""
-    target = tmp_path_factory.mktemp("site")
+def places(project: Path, unpacked: Path, tmp_path_factory: pytest.TempPathFactory) -> Folders:
+    """Where it is installed, beside the wheel: no checkout."""
+    site = tmp_path_factory.mktemp("site")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps", "--no-build-isolation"]
-    subprocess.run([*pip, "--target", str(target), str(project)], check=True)
-    return target
+    subprocess.run([*pip, "--target", str(site), str(project)], check=True)
+    return unpacked, site
 
 
 def test_what_is_in_the_way_is_refused(project: Path) -> None:
@@ -67,32 +75,65 @@ def test_what_is_in_the_way_is_refused(project: Path) -> None:
 
 
 @pytest.mark.slow
-def test_every_command_takes_its_parts(site: Path, tmp_path: Path) -> None:
-    """List all four, train with them, view the run, and record a log that has the effect."""
-    listed = bench("list", tmp_path, site)
+def test_every_command_takes_its_parts(places: Folders, tmp_path: Path) -> None:
+    """Name all four in lists and helps, run with them, and use the run and its world everywhere."""
+    listed = bench("list", tmp_path, places)
     assert all(name in listed[kind] for kind, name in PARTS.items())
-    of = "--task clover --observation touch-area --algo my-a2c --effects magnet-askew=0.5deg@J3"
-    row = bench(f"run --backend mujoco {of} --smoke --out run", tmp_path, site)
+    assert bench("list effect", tmp_path, places)["effect"]["magnet-askew"]["unit"] == "deg"
+    for command in ("run", "record"):
+        said = called(f"benchmark {command} -h", tmp_path, places).stdout
+        names = PARTS.values() if command == "run" else ()
+        assert all(name in said for name in names if name != PARTS["effect"])
+    world = "--effects magnet-askew=0.5deg@J3"
+    of = f"--task clover --observation touch-area --algo my-a2c {world}"
+    assert bench(f"run --backend mujoco {of} --dry-run", tmp_path, places)["would_run"]
+    row = bench(f"run --backend mujoco {of} --smoke --out run", tmp_path, places)
     assert (row["task"], row["algo"], row["status"]) == ("clover", "my-a2c", "done")
-    bench("view run --out paths.png", tmp_path, site)
-    board = bench("leaderboard run --include-smoke --out board", tmp_path, site)
-    assert "clover" in (tmp_path / "board/leaderboard.md").read_text() and not board["problems"]
+    again = bench("eval run --effects magnet-askew=2deg@J3 --episodes 2", tmp_path, places)
+    assert (again["task"], again["effects"]) == ("clover", "magnet-askew=2deg@J3")
+    moved = "--backend mujoco --effects magnet-askew=2deg@J3 --setting task=clover --episodes 2"
+    found = bench(f"transfer run --include-smoke {moved}", tmp_path, places)
+    assert found["status"] == "done" and not found["problems"]
+    grid = {"cells": [{"backend": "mujoco", "task": "clover", "algo": "my-a2c", "smoke": True}]}
+    (tmp_path / "grid.yaml").write_text(json.dumps(grid))
+    assert "my-a2c" in json.dumps(bench("sweep grid.yaml --dry-run", tmp_path, places))
+    bench("view run --out paths.png", tmp_path, places)
+    assert bench("verify run", tmp_path, places)["verified"] == 1
+    board = bench("leaderboard run --include-smoke --out board", tmp_path, places)
+    text = (tmp_path / "board/leaderboard.md").read_text()
+    assert "clover" in text and "my-a2c" in text and not board["problems"]
+
+
+@pytest.mark.slow
+def test_its_parts_are_made_from_python(places: Folders, tmp_path: Path) -> None:
+    """Make the task with the observation and the effect as an environment of Gymnasium."""
+    (tmp_path / "use.py").write_text(
+        "import stickbench as sb\n"
+        "from pathlib import Path\n"
+        "made = {'observation': 'touch-area', 'effects': 'magnet-askew=1deg@J3'}\n"
+        "env = sb.make('Clover', **made)\n"
+        "seen, _ = env.reset(seed=0)\n"
+        "print(len(seen), 'my-a2c' in sb.names('algo'), sb.__file__)\n"
+    )
+    width, known, file = called("use", tmp_path, (*places, tmp_path)).stdout.split()
+    assert int(width) > 0 and known == "True"
+    assert Path(file).parents[1] == places[0]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PARTS.values())
-def test_its_parts_pass_their_checks(name: str, site: Path, tmp_path: Path) -> None:
+def test_its_parts_pass_their_checks(name: str, places: Folders, tmp_path: Path) -> None:
     """Pass `bench test`, with nothing of Stickbench edited."""
-    assert bench(f"test {name}", tmp_path, site)["ok"]
+    assert bench(f"test {name}", tmp_path, places)["ok"]
 
 
 @pytest.mark.slow
-def test_its_effect_is_found_in_a_log(site: Path, tmp_path: Path) -> None:
+def test_its_effect_is_found_in_a_log(places: Folders, tmp_path: Path) -> None:
     """Name the effect, or say that it and the one of the same law cannot be told apart."""
     effect = "--effects magnet-askew=1.5deg@J3"
     of = "--protocol steps,triangle,multisine --channels command,position"
-    bench(f"record --backend mujoco {effect} {of} --out log", tmp_path, site)
-    found = bench("diagnose log --nominal mujoco --out answer", tmp_path, site)
+    bench(f"record --backend mujoco {effect} {of} --out log", tmp_path, places)
+    found = bench("diagnose log --nominal mujoco --out answer", tmp_path, places)
     ties = (one for tie in found["indistinguishable"] for one in (*tie["effects"], *tie["or"]))
     tied = {one.partition("@")[0] for one in ties}
     assert "magnet-askew" in {*found["verdict"], *tied}
