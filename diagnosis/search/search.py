@@ -143,7 +143,7 @@ class Search:
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
-            on = self.fitter.fit(fit.freed, near=fit.u, slopes=fit.slopes, steps=5)
+            on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
             self._keep(on)
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if self._is_some(fit)])
@@ -197,7 +197,7 @@ class Search:
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
             near = {a: v for a, v in fit.u.items() if a != number}
-            self._keep(self.fitter.fit(rest, near=near, slopes=fit.slopes))
+            self._keep(self.fitter.fit(rest, near=near))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit, begun: float, rounds: float) -> None:
