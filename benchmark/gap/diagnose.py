@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,7 +63,8 @@ class Settings:
     @property
     def words(self) -> str:
         """The logs as written on the command line."""
-        return " ".join([str(self.path), *(f"--healthy {path}" for path in self.healthy)])
+        healthy = (word for path in self.healthy for word in ("--healthy", str(path)))
+        return shlex.join([str(self.path), *healthy])
 
     @property
     def path(self) -> Path:
@@ -307,7 +309,7 @@ def _commands(text: str | None, folder: Path, log: Log, settings: Settings) -> d
     """Commands that use the effects of the corrected world, and what each does."""
     if text is None:
         return {}
-    known = f"--known-effects {text} --out {folder}-corrected"
+    known = shlex.join(["--known-effects", text, "--out", f"{folder}-corrected"])
     further = {f"bench diagnose {settings.words} {known}": "diagnose what is left"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
