@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from backends._mjcf_actuators import acts
 from backends._mjcf_model import compiled
+from backends._mjcf_robot import Robot
 from backends.state import Array
 
 IMMOVABLE_KGM2 = 1e12
@@ -41,10 +41,12 @@ class Plain:
         weightless: bool = False,
         timestep_s: float | None = None,
         integrator: str | None = None,
+        beside: dict[str, dict[str, float]] | None = None,
     ) -> None:
         """Hold all but `joints`; `weightless`: the drives carry all weight.
 
-        `timestep_s` and `integrator` in place of the file's. Raises MjcfError.
+        `timestep_s` and `integrator` in place of the file's; `beside`: what an MJCF cannot hold, as
+        `Robot` takes it. Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -53,15 +55,14 @@ class Plain:
         if integrator is not None:
             model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         own = [model.joint(name).id for name in joints]
-        still = np.setdiff1d(np.arange(model.nv), model.jnt_dofadr[own])
+        moving = [j for j in range(model.njnt) if _behind(model.joint(j).name, joints) in joints]
+        still = np.setdiff1d(np.arange(model.nv), model.jnt_dofadr[moving])
         model.dof_armature[still], model.dof_frictionloss[still] = IMMOVABLE_KGM2, 0.0
         model.eq_active0[:] = 0
-        self.model, self._dofs, self._at = model, model.jnt_dofadr[own], model.jnt_qposadr[own]
-        self._pairs = [
-            (k, a, float(model.actuator_gear[a, 0]))
-            for k, j in enumerate(own)
-            for a in range(model.nu)
-            if acts(model, a, j) and model.actuator_biasprm[a, 1] != 0.0
+        self.model, self._at = model, model.jnt_qposadr[own]
+        self._joints, self._beside = tuple(joints), beside or {}
+        self._pushed = [
+            (int(model.jnt_dofadr[j]), _behind(model.joint(j).name, joints)) for j in moving
         ]
         self._pose = model.qpos0.copy()
         for name, value in held.items():
@@ -69,16 +70,29 @@ class Plain:
 
     def positions(self, play: Play) -> Array:
         """Positions of the joints at the samples (T, K), with servos that follow the commands."""
-        model, data = self.model, mujoco.MjData(self.model)
-        data.qpos[:] = self._pose
-        data.qpos[self._at] = play.start
-        ticks = np.round(play.time_s / model.opt.timestep).astype(int)
+        robot = Robot(self.model, self._beside)
+        robot.data.qpos[:] = self._pose
+        robot.data.qpos[self._at] = self._unread(play.start)
+        ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
         shown = np.empty(play.command.shape)
         for k, target in enumerate(play.command):
-            for column, a, gear in self._pairs:
-                data.ctrl[model.actuator_ctrladr[a]] = gear * target[column]
-            data.qfrc_applied[self._dofs] = play.push[k]
-            shown[k] = data.qpos[self._at]
-            for _ in range((ticks[k + 1] if k + 1 < len(ticks) else ticks[k]) - ticks[k]):
-                mujoco.mj_step(model, data)
+            targets = dict(zip(self._joints, map(float, target), strict=True))
+            for dof, name in self._pushed:
+                robot.data.qfrc_applied[dof] = play.push[k, self._joints.index(name)]
+            for n in range(
+                max((ticks[k + 1] if k + 1 < len(ticks) else ticks[k] + 1) - ticks[k], 1)
+            ):
+                read = robot.step(targets)
+                shown[k] = shown[k] if n else list(read.values())
         return shown
+
+    def _unread(self, reading: Array) -> Array:
+        """Where joints stand whose sensors read this (K,)."""
+        own = [self._beside.get(name, {}) for name in self._joints]
+        scale, bias = (np.array([one.get(n, 0.0) for one in own]) for n in ("scale", "bias"))
+        return np.asarray((reading - bias) / (1.0 + scale))
+
+
+def _behind(name: str, joints: Sequence[str]) -> str:
+    """The joint that a joint is, or is the play of."""
+    return name if name in joints else name.removesuffix("_play")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from backends._mjcf_actuators import acts
 from backends._mjcf_model import as_mjcf, compiled
@@ -34,13 +35,16 @@ class JointNumbers:
     mass_kg: float
     """Mass of the body that it carries; 0: another joint of the same body has it."""
 
+    play: float = 0.0
+    """Half of its gear's play: a hinge or slide behind the joint, between stops."""
+
 
 def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
     """The text with these joints' numbers, and a position servo on each; raises MjcfError.
 
     A URDF becomes the MJCF that MuJoCo makes of it.
     """
-    model, root = compiled(xml), _parsed(as_mjcf(xml))
+    model, root = compiled(xml), parsed(as_mjcf(xml))
     for name, one in numbers.items():
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
@@ -51,11 +55,13 @@ def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
             joint.set("actuatorfrclimited", "false")
         _set_mass(body, model, model.joint(name).bodyid[0], one.mass_kg)
         _set_servo(root, model, name, one)
+        if one.play and len(body.findall("joint")) == 1:
+            _set_play(root, body, joint, model, one.play)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _parsed(text: str) -> Element:
+def parsed(text: str) -> Element:
     """The tree with its comments."""
     builder = ElementTree.TreeBuilder(insert_comments=True)
     return ElementTree.fromstring(text, ElementTree.XMLParser(target=builder))
@@ -91,6 +97,38 @@ def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> N
         inertial = Element("inertial", text)
         body.insert(0, inertial)
     inertial.set("mass", repr(mass_kg))
+
+
+def _set_play(
+    root: Element, body: Element, joint: Element, model: mujoco.MjModel, play: float
+) -> None:
+    """Put a body without mass between a joint and the body that it moves, which is loose on it."""
+    name = joint.get("name", "")
+    j, gear = model.joint(name).id, Element("body", dict(body.attrib))
+    gear.set("name", f"{name}_gear")
+    for pose in ("pos", "quat", "euler", "axisangle", "xyaxes", "zaxis"):
+        body.attrib.pop(pose, None)
+    parent = next(one for one in root.iter() if body in list(one))
+    place = list(parent).index(body)
+    parent.remove(body)
+    parent.insert(place, gear)
+    body.remove(joint)
+    gear.append(Element("inertial", {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 " * 3}))
+    gear.extend([joint, body])
+    slides = int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
+    end = float(np.degrees(play)) if turned and not slides else play
+    loose = {
+        "name": f"{name}_play",
+        "type": "slide" if slides else "hinge",
+        "axis": " ".join(map(repr, map(float, model.jnt_axis[j]))),
+        "pos": " ".join(map(repr, map(float, model.jnt_pos[j]))),
+        "range": f"{-end!r} {end!r}",
+        "limited": "true",
+        "solreflimit": "0.004 1",
+    }
+    still = ("damping", "frictionloss", "armature", "stiffness")
+    body.insert(0, Element("joint", loose | dict.fromkeys(still, "0")))
 
 
 def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:

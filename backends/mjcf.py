@@ -19,8 +19,10 @@ from backends._mjcf_checks import moved, problems
 from backends._mjcf_drives import Inertias, Servo, drives
 from backends._mjcf_model import compiled, whole
 from backends._mjcf_play import Plain, Play
+from backends._mjcf_robot import robot_file
 from backends._mjcf_text import MjcfError
 from backends._mjcf_write import JointNumbers, written
+from backends._urdf_write import written_urdf
 from backends.spec import Body, Command, Drive, Joint, Loop, Spec, Timing, Vec3
 from backends.state import Array
 
@@ -35,8 +37,10 @@ __all__ = [
     "joint_ranges",
     "left_out",
     "mechanism",
+    "robot_file",
     "whole",
     "written",
+    "written_urdf",
 ]
 
 POSES = 32

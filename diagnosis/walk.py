@@ -18,7 +18,7 @@ from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.columns import changed
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.plain import gap_rad, model_text
+from diagnosis.replay.plain import beside, gap_rad, model_text
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
@@ -146,7 +146,8 @@ def _engine_gaps_rad(
 ) -> tuple[float, ...]:
     """See `Diagnosis`; an MJCF holds no delays and no errors of sensors."""
     if isinstance(log.meta.mechanism, MjcfMechanism):
-        return tuple(gap_rad(log, nominal, model_text(log, s)) for s in (nominal, corrected))
+        worlds = (nominal, corrected)
+        return tuple(gap_rad(log, nominal, model_text(log, s), beside(s)) for s in worlds)
     return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 

@@ -20,7 +20,7 @@ from benchmark.gap import robot_log, without_model
 from benchmark.gap._diagnosis_texts import effects_text, summary
 from benchmark.gap.source import Source
 from benchmark.gap.take_home import FILE as CORRECTED
-from benchmark.gap.take_home import TakeHome, take_home
+from benchmark.gap.take_home import ROBOT, URDF, TakeHome, take_home
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs.run_folder import write_atomically
@@ -273,8 +273,10 @@ def _kept(folder: Path, home: TakeHome | None, result: dict) -> dict | None:
     """Write the corrected model; what is said of it."""
     if home is None:
         return None
-    write_atomically(folder / CORRECTED, home.text)
-    result["written"].append(str(folder / CORRECTED))
+    for name, text in ((CORRECTED, home.text), (URDF, home.urdf), (ROBOT, home.robot)):
+        if text is not None:
+            write_atomically(folder / name, text)
+            result["written"].append(str(folder / name))
     return home.plain() | {"file": str(folder / CORRECTED), "words": home.words}
 
 

@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect, NumberEffect
+from backends.mjcf import robot_file
 from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, changed, table
-from diagnosis.replay.plain import gap_rad, model_text
+from diagnosis.replay.plain import BESIDE, beside, gap_rad, model_text, urdf_text
 from diagnosis.verdict.result import UNKNOWN, Cause, Nominal
 
-FILE = "corrected.xml"
+FILE, URDF, ROBOT = "corrected.xml", "corrected.urdf", "corrected.py"
 SPREAD = 3.29
 """A 90 % interval is so many standard deviations wide."""
 WRITTEN = {
@@ -25,8 +26,10 @@ WRITTEN = {
     "drive.viscous_nms_rad": ("damping", "Nms/rad", "Ns/m"),
     "drive.coulomb_nm": ("frictionloss", "Nm", "N"),
     "body.mass_kg": ("mass", "kg", "kg"),
+    "drive.play_rad": ("range of the play", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
+HELD = WRITTEN | BESIDE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,6 +58,10 @@ class TakeHome:
     """The corrected model."""
 
     text: str
+    urdf: str | None
+    """The corrected URDF, where the model is one."""
+    robot: str | None
+    """A Python file with what an MJCF cannot hold, where there is something."""
     changes: tuple[Change, ...]
     beside: tuple[str, ...]
     """Effects that were named, which an MJCF cannot hold."""
@@ -71,7 +78,7 @@ class TakeHome:
         return [
             *(one.words for one in self.changes),
             *beside,
-            f"in plain MuJoCo with the file, the gap goes from {gaps}",
+            f"in plain MuJoCo with what is written, the gap goes from {gaps}",
         ]
 
     def plain(self) -> dict:
@@ -95,21 +102,25 @@ def take_home(
     for one in every:
         for joint in one.joints if isinstance(one, Cause) else (one.joint,):
             kind = catalogue.get(one.effect)
-            if kind is None or not issubclass(kind, NumberEffect) or kind.number not in WRITTEN:
+            if kind is None or not issubclass(kind, NumberEffect) or kind.number not in HELD:
                 continue
             world, change = _with(world, joint, kind, one)
             changes.append(change)
-    held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in WRITTEN}
+    held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     named = [one for one in found.magnitudes if one.effect not in held]
-    beside = [f"{one.effect} of {one.value:.3g} {one.unit}" for one in named]
+    others = [f"{one.effect} of {one.value:.3g} {one.unit}" for one in named]
     if not changes:
         return None
     text = model_text(log, world, {one.joint for one in changes})
-    before, after = (gap_rad(log, nominal, model_text(log, one)) for one in (nominal, world))
+    signals = [beside(one) for one in (nominal, world)]
+    texts = [model_text(log, one) for one in (nominal, world)]
+    before, after = (gap_rad(log, nominal, *one) for one in zip(texts, signals, strict=True))
     return TakeHome(
         text=text,
+        urdf=urdf_text(log, world, {one.joint for one in changes}),
+        robot=robot_file(signals[1]) if signals[1] else None,
         changes=tuple(changes),
-        beside=tuple(beside),
+        beside=tuple(others),
         before_rad=before,
         after_rad=after,
     )
@@ -125,9 +136,11 @@ def _with(
     size = UNITS[one.unit][1]
     sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
     before = float(row[place])
-    per = before * size if UNITS[one.unit][0] == "share" else size
-    row[place] = max(before + one.value * per, 0.0)
-    number, turning, sliding = WRITTEN[kind.number]
+    share = UNITS[one.unit][0] == "share" and (kind.relative or kind.coordinate == "logarithm")
+    per = before * size if share else size
+    row[place] = before + one.value * per
+    row[place] = row[place] if kind.number.startswith("encoder") else max(row[place], 0.0)
+    number, turning, sliding = HELD[kind.number]
     bodies[j] = changed(bodies[j], row)
     return world.with_driven(bodies), Change(
         joint=joint,

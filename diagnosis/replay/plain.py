@@ -5,15 +5,24 @@ from dataclasses import replace
 
 import numpy as np
 
-from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written
+from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written_urdf
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import Log, LogError
+from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording, recordings
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.robot import model_of
 
+BESIDE = {
+    "command.delay_s": ("delay_s", "s", "s"),
+    "command.slowness_s_rad": ("slowness_s_rad", "s/rad", "s/m"),
+    "encoder.delay_s": ("late_s", "s", "s"),
+    "encoder.scale_error": ("scale", "", ""),
+    "encoder.bias_rad": ("bias", "rad", "m"),
+}
+"""Numbers that an MJCF has not, and `backends.mjcf.robot_file` has: their names there, and units."""
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""
 INTEGRATOR = "implicitfast"
@@ -38,12 +47,19 @@ def model_text(log: Log, spec: Spec, joints: Collection[str] | None = None) -> s
         raise LogError(f"{settings.mjcf}: {error}") from None
 
 
+def urdf_text(log: Log, spec: Spec, joints: Collection[str]) -> str | None:
+    """The text of a log's URDF with the numbers of a world; None where its model is none."""
+    some = {name: one for name, one in numbers_of(spec).items() if name in joints}
+    return written_urdf(model_of(log)[0], some)
+
+
 def plain(
     log: Log,
     text: str,
     joints: Sequence[str],
     timestep_s: float | None = None,
     integrator: str | None = None,
+    beside: dict[str, dict[str, float]] | None = None,
 ) -> Plain:
     """A text of a log's model in plain MuJoCo, of which `joints` move."""
     _, settings = model_of(log)
@@ -54,6 +70,7 @@ def plain(
         weightless=settings.gravity_compensation,
         timestep_s=timestep_s,
         integrator=integrator,
+        beside=beside,
     )
 
 
@@ -80,7 +97,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
         names = part.hand.joint_names
         episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
-        world = plain(log, text, names, step_s, INTEGRATOR)
+        world = plain(log, text, names, step_s, INTEGRATOR, signals)
         for recording in episodes:
             worst = max(worst, _apart(part, recording, shown(world, recording)))
     return worst
@@ -94,13 +111,30 @@ def _by_pd_alone(spec: Spec) -> Spec:
     )
 
 
-def gap_rad(log: Log, nominal: Spec, text: str) -> float:
-    """Root mean square distance of a model's positions from the log's, in plain MuJoCo."""
+def beside(world: Spec) -> dict[str, dict[str, float]]:
+    """What a world has of `BESIDE`, by joint."""
+    rows = dict(zip(world.hand.joint_names, table(world, True), strict=True))
+    found = {
+        joint: {
+            name: float(row[COLUMNS.index(number)])
+            for number, (name, _, _) in BESIDE.items()
+            if row[COLUMNS.index(number)]
+        }
+        for joint, row in rows.items()
+    }
+    return {joint: own for joint, own in found.items() if own}
+
+
+def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, float]]) -> float:
+    """Root mean square distance of a model's positions from the log's, in plain MuJoCo.
+
+    `signals`: what stands beside the model, see `beside`.
+    """
     squares, count = 0.0, 0
     for part in limbs(nominal):
         episodes = recordings(log, part)
         step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
-        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR)
+        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR, signals)
         for recording in episodes:
             off = shown(world, recording) - recording.measured[:, 0]
             squares, count = squares + float(np.nansum(off**2)), count + off.size
@@ -148,4 +182,5 @@ def _numbers(body: Body) -> JointNumbers:
         damping=drive.viscous_nms_rad,
         frictionloss=drive.coulomb_nm,
         mass_kg=body.mass_kg,
+        play=drive.play_rad,
     )

@@ -1,0 +1,89 @@
+"""What a diagnosis gives back runs in plain MuJoCo: play as a hinge, late signals in Python."""
+
+import json
+
+import mujoco
+import numpy as np
+import pandas as pd
+import pytest
+
+from backends.mjcf import JointNumbers, Plain, Play, file_drives, robot_file, written, written_urdf
+from benchmark.cli import app as cli
+
+ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body name="upper" pos="0 0 0.5">
+<inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
+<joint name="a" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/></body></worldbody>
+<actuator><position joint="a" kp="40" kv="1.2" forcerange="-8 8"/></actuator></mujoco>"""
+NUMBERS = JointNumbers(
+    kp=40, kd=1.2, limit=8, armature=0.02, damping=0.05, frictionloss=0, mass_kg=0.8
+)
+T = np.arange(0, 8, 0.005)
+
+
+def shown(xml: str, command: np.ndarray, push: float = 0.0, **beside: float) -> np.ndarray:
+    """Positions (T,) of the arm in plain MuJoCo."""
+    push_nm = np.full((len(T), 1), push)
+    asked = Play(time_s=T, command=command[:, None], push=push_nm, start=np.zeros(1))
+    world = Plain(xml, ["a"], {}, timestep_s=1e-3, beside={"a": beside})
+    return world.positions(asked)[:, 0]
+
+
+@pytest.mark.parametrize("angle", ["degree", "radian"])
+def test_play_is_a_hinge_between_stops(angle):
+    """Let a joint rest two halves of its play apart where the load is reversed."""
+    text = ARM.replace("<option", f'<compiler angle="{angle}"/><option')
+    text = text.replace('"-90 90"', '"-1.5 1.5"') if angle == "radian" else text
+    loose = written(text, {"a": JointNumbers(**vars(NUMBERS) | {"play": 0.02})})
+    still, weight = np.zeros(len(T)), 0.8 * 9.81 * 0.15
+    ends = [shown(loose, still, push)[-1] for push in (0.0, 2 * -weight)]
+    firm = [shown(text, still, push)[-1] for push in (0.0, 2 * -weight)]
+    apart = np.diff(ends) - np.diff(firm)
+    assert abs(apart[0]) == pytest.approx(0.04, rel=0.1)
+    assert written(text, {"a": NUMBERS}).count("_play") == 0
+
+
+def test_a_written_robot_stands_by_itself():
+    """Run the file that is written: a command is late, slow, and read with scale and bias."""
+    own = {"delay_s": 0.05, "scale": 0.1, "bias": 0.01}
+    space = {}
+    exec(robot_file({"a": own}), space)
+    robot = space["Robot"](mujoco.MjModel.from_xml_string(ARM))
+    bare = space["Robot"](robot.model, {})
+    steps = np.where(np.arange(400) > 100, 0.3, 0.0)
+    read, plain = (np.array([one.step({"a": x})["a"] for x in steps]) for one in (robot, bare))
+    late = round(0.05 / robot.model.opt.timestep)
+    assert np.allclose(read[late + 90 :], 1.1 * plain[90:-late] + 0.01, atol=0.02)
+    assert abs(read[105] - read[95]) < abs(plain[125] - plain[95])
+
+
+def test_a_delay_is_taken_home(tmp_path, capfd):
+    """Write what an MJCF cannot hold beside it, and measure the gap with both."""
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
+    read = shown(ARM, command, delay_s=0.03) + 3e-4 * rng.normal(size=len(T))
+    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(tmp_path / "r.csv")
+    (tmp_path / "arm.xml").write_text(ARM)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["command-delay"]
+    model = found["model"]
+    assert model["after_rad"] < 0.1 * model["before_rad"]
+    (late,) = [one for one in model["changes"] if one["number"] == "delay_s"]
+    assert late["after"] == pytest.approx(0.03, abs=0.003)
+    assert "delay_s" in (tmp_path / "out" / "corrected.py").read_text()
+
+
+def test_a_urdf_stays_one():
+    """Write masses, limits and friction into a URDF, and none into an MJCF."""
+    text = """<robot name="u"><!-- mine --><link name="w"/><link name="l"><inertial>
+    <mass value="1"/>
+    <inertia ixx="1e-3" iyy="1e-3" izz="1e-3" ixy="0" ixz="0" iyz="0"/></inertial></link>
+    <joint name="a" type="revolute"><parent link="w"/><child link="l"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" effort="20" velocity="3"/></joint></robot>"""
+    again = written_urdf(text, {"a": JointNumbers(**vars(NUMBERS) | {"frictionloss": 0.3})})
+    assert again is not None and "<!-- mine -->" in again
+    drive = file_drives(again)["a"]
+    assert (drive.limit, drive.damping) == (8, 0.05)
+    assert 'value="0.8"' in again and 'friction="0.3"' in again
+    assert written_urdf(ARM, {"a": NUMBERS}) is None
