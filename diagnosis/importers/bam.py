@@ -1,9 +1,9 @@
-"""BAM: a Dynamixel XL330 servo that swings a pendulum (Duclusaud et al., ICRA 2025), JSON files.
+"""BAM: a servo that swings a pendulum (Duclusaud et al., ICRA 2025), JSON files.
 
-The servo's duty cycle is `gain kp (goal - position)`, at most 1. With a DC motor this is a PD law:
-torque `kt / R (vin duty - kt speed)`. Recordings with the same firmware gain `kp` become one log.
-Data after the torque was switched off (in `lift_and_drop`) is left out, because it is no commanded
-motion.
+Its duty cycle is `gain kp (goal - position)`, at most 1, and its torque is
+`kt / R (vin duty - kt speed)`, with the numbers of `logs.servos`. Recordings with the same firmware
+gain `kp` become one log. Data after the torque was switched off (in `lift_and_drop`) is left out,
+because it is no commanded motion.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,6 @@ import pandas as pd
 
 from diagnosis.logs import importer
 from diagnosis.logs.log import (
-    DriveSettings,
     EpisodeMeta,
     Log,
     LogError,
@@ -23,15 +22,8 @@ from diagnosis.logs.log import (
     MjcfMechanism,
     make_log,
 )
+from diagnosis.logs.servos import servo
 
-KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 0.300, 3.42, 1.84e-3
-"""Motor parameters as identified by BAM with Coulomb and viscous friction (Rhoban/bam,
-params/xl330/m2)."""
-DUTY_PER_RAD = 4096 / (2 * np.pi) / 256 / 885
-"""Duty cycle per error and per firmware gain [1/rad]: counts per rad, over 256, over full PWM.
-
-The recorded `load` over `goal - position` confirms it: 0.00286 to 0.00288.
-"""
 UNCERTAINTY = 0.1
 _SETTINGS = ("kp", "mass", "length", "vin", "trajectory", "entries")
 
@@ -56,21 +48,17 @@ def _load(path: Path) -> dict[str, Any]:
 
 def _log(recordings: Sequence[dict[str, Any]]) -> Log:
     first = recordings[0]
-    for key in ("mass", "length", "vin"):
-        if len({r[key] for r in recordings}) > 1:
+    for key in ("mass", "length", "vin", "motor"):
+        if len({r.get(key) for r in recordings}) > 1:
             raise LogError(
                 f"recordings with the same gain differ in '{key}'; import them one by one"
             )
     parts = [_samples(r).assign(episode=k) for k, r in enumerate(recordings)]
-    torque_per_volt = KT_NM_A / RESISTANCE_OHM
-    drive = DriveSettings(
-        kp=torque_per_volt * first["vin"] * DUTY_PER_RAD * first["kp"],
-        kd=torque_per_volt * KT_NM_A,
-        limit=torque_per_volt * first["vin"],
-    )
+    motor = str(first.get("motor", "xl330"))
+    drive = servo(f"{motor},gain:{first['kp']:g},volts:{first['vin']:g}")
     meta = LogMeta(
         schema=1,
-        source=f"BAM, XL330 with gain {first['kp']:g} (Duclusaud et al. 2025)",
+        source=f"BAM, {motor.upper()} with gain {first['kp']:g} (Duclusaud et al. 2025)",
         mechanism=MjcfMechanism(mjcf="pendulum.xml", joints={"servo": drive}),
         episodes=tuple(
             EpisodeMeta(episode=k, note=r["trajectory"]) for k, r in enumerate(recordings)
@@ -105,7 +93,7 @@ def _mjcf(mass_kg: float, length_m: float) -> str:
   <worldbody>
     <body name="arm">
       <inertial mass="{mass_kg}" pos="0 0 {-length_m}" diaginertia="1e-6 1e-6 1e-6"/>
-      <joint name="servo" axis="0 1 0" armature="{ARMATURE_KGM2}"/>
+      <joint name="servo" axis="0 1 0"/>
     </body>
   </worldbody>
 </mujoco>

@@ -154,7 +154,7 @@ def test_a_servo_is_known(name):
     assert half.kp == pytest.approx(0.5 * one.kp) and half.limit == one.limit
     assert 2 < one.limit / one.back_emf < 25
     assert 0.01 < one.limit / one.kp < 1
-    assert one.uncertainty["kp"] >= 0.2 and table()[name]["source"]
+    assert one.uncertainty["kp"] >= 0.1 and table()[name]["source"]
 
 
 def test_servos_stand_in_for_drives(tmp_path, capfd):
