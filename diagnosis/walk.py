@@ -144,7 +144,7 @@ def _corrected(nominal: Spec, limbs: Sequence[Judged]) -> Spec:
 def _engine_gaps_rad(
     log: Log, nominal: Spec, corrected: Spec, simulate: Simulate | None
 ) -> tuple[float, ...]:
-    """See `Diagnosis`; an MJCF holds no delays and no errors of sensors."""
+    """See `Diagnosis`."""
     if isinstance(log.meta.mechanism, MjcfMechanism):
         worlds = (nominal, corrected)
         return tuple(gap_rad(log, nominal, model_text(log, s), beside(s)) for s in worlds)

@@ -22,7 +22,7 @@ BESIDE = {
     "encoder.scale_error": ("scale", "", ""),
     "encoder.bias_rad": ("bias", "rad", "m"),
 }
-"""Numbers that an MJCF has not, and `backends.mjcf.robot_file` has: their names there, and units."""
+"""Numbers that an MJCF has not: their names in `backends.mjcf.robot_file`, and their units."""
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""
 INTEGRATOR = "implicitfast"
@@ -97,7 +97,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
         names = part.hand.joint_names
         episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
-        world = plain(log, text, names, step_s, INTEGRATOR, signals)
+        world = plain(log, text, names, step_s, INTEGRATOR)
         for recording in episodes:
             worst = max(worst, _apart(part, recording, shown(world, recording)))
     return worst
