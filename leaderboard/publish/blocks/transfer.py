@@ -6,7 +6,7 @@ from leaderboard.publish.registry import block
 from leaderboard.publish.words import SHOWN, in_order, listed, world
 from leaderboard.transfer_text import FLOOR, Panel, agreement_cells, interval, panels
 
-ENGINES, REFERENCE = "circle-engines", "mujoco built"
+ENGINES, VERSIONS, REFERENCE = "circle-engines", "circle-versions", "mujoco built"
 
 
 @block
@@ -44,6 +44,21 @@ def agreement(kept: Kept) -> str:
     head, rows = agreement_cells(kept.agreement(ENGINES))
     shown = [[name if name == FLOOR else world(name), *cells] for _, name, *cells, _ in rows]
     return grid(head[1:-1], shown)
+
+
+@block
+def versions(kept: Kept) -> str:
+    """What the same policies reach in other versions of the reference's engine."""
+    (panel,) = panels(kept.matrix(VERSIONS))
+    head = ("MuJoCo", "tracked", "kept", "held", "p_err [cm]", "q_err [deg]", "noise floor")
+    rows = []
+    for name in panel.deploy:
+        line = panel.lines[REFERENCE, name]
+        scores = (interval(line, "tracked", 2), interval(line, "retention", 2))
+        errors = (f"{line['held']:.2f}", f"{line['p_err_cm']:.3f}", f"{line['q_err_deg']:.2f}")
+        version = name.split(" ")[0].partition("@")[2] or "as installed"
+        rows.append([version, *scores, *errors, interval(line, "floor", 2)])
+    return grid(head, rows)
 
 
 def _panel(kept: Kept) -> Panel:
