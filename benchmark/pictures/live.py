@@ -10,7 +10,7 @@ from backends import kinematics
 from backends.spec import Hand
 from backends.state import Array
 from backends.touch import taxel_grid
-from benchmark.pictures._browser import Browser
+from benchmark.pictures._live_browser import Browser
 from benchmark.pictures._replay import Recording
 
 LINK_M, BALL_M, TAXEL_M = 0.0075, 0.003, 0.0012

@@ -7,7 +7,7 @@ import numpy as np
 from backends.kinematics import body_frames
 from backends.state import Array
 from benchmark.gap.overlay import CORRECTED, NOMINAL, Overlay
-from benchmark.pictures._browser import Browser
+from benchmark.pictures._live_browser import Browser
 
 MEASURED = "measured"
 COLORS = {MEASURED: (60, 63, 68), NOMINAL: (230, 120, 30), CORRECTED: (25, 76, 217)}

@@ -17,6 +17,9 @@ ACCUSE_NATS = 10.0
 """A cause is worth it where it makes the log so much more likely."""
 LEAST = 0.05
 """Residuals have at least this root mean square [floors]: logs without noise say no more."""
+COMPANION_NATS = 60.0
+"""What stands for an integrator's difference wins less: 25 on fingers drawn for it, where true
+second causes win 100 and more."""
 TIE_NATS = 6.0
 """Causes are tied that are no further behind."""
 MOST_CORRELATION = 0.98
@@ -43,11 +46,13 @@ def is_likely(evidence: Evidence, fit: Fit, before: Sequence[Fit], nominal: Fit)
     """Whether a set of causes makes a log much more likely than each with one cause less.
 
     Those leave more than noise, for engines integrate otherwise: as much as a law is off by of
-    what it explains (`ordinary.SHAPE_LAW`). So a further cause wins at least that share of theirs.
+    what it explains (`ordinary.SHAPE_LAW`). So a further cause wins that share of theirs, or more
+    than such a companion can.
     """
     costs = {id(one): cost for cost, one in ranked(evidence, [fit, nominal, *before])}
     least = min(costs[id(one)] for one in before)
-    asked = max(ACCUSE_NATS, SHAPE_LAW**2 * (costs[id(nominal)] - least))
+    law = min(SHAPE_LAW**2 * (costs[id(nominal)] - least), COMPANION_NATS)
+    asked = max(ACCUSE_NATS, law)
     return least - costs[id(fit)] >= asked
 
 

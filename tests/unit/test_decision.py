@@ -25,12 +25,13 @@ def left(rms, worst=1.0):
 
 
 def test_likelihood_names_no_companion_of_a_large_cause():
-    """Take a cause that wins what an integrator may be off by, and none beside a huge gap."""
+    """Take a cause that wins what an integrator may be off by; beside a huge gap, only far more."""
     evidence = SimpleNamespace(parts=(slice(0, 2000),), step=np.zeros(1), size=np.ones(1))
-    both, one = left(0.90), left(0.97)
-    assert is_likely(evidence, both, [one], one)
-    assert is_likely(evidence, both, [one], left(3.0))
-    assert not is_likely(evidence, both, [one], left(20.0))
+    both, less, far_less = left(0.90), left(0.92), left(0.97)
+    assert is_likely(evidence, both, [less], less)
+    assert is_likely(evidence, both, [less], left(2.0))
+    assert not is_likely(evidence, both, [less], left(20.0))
+    assert is_likely(evidence, both, [far_less], left(20.0))
 
 
 def test_the_lowest_point_keeps_its_bounds():

@@ -49,7 +49,7 @@ def test_every_import_is_required_or_in_the_extra_named_after_its_file() -> None
     for module, top in imports():
         from_extra = [
             required
-            for part in module.split(".")
+            for part in re.split(r"[._]", module)
             for required in packages(PROJECT["optional-dependencies"].get(part, []))
         ]
         if not packages(owners.get(top, [top])) & {*core, *from_extra}:
