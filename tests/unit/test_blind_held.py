@@ -44,6 +44,7 @@ def test_held_cases_draw_what_a_stick_shows():
     assert {error.effect for case in cases for error in case.nominal} >= {"kp-scale", "link-mass"}
 
 
+@pytest.mark.slow
 def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
     nominal = {name: kind for name, kind in catalogue().items() if kind.nominal}

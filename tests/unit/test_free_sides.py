@@ -104,6 +104,7 @@ def test_motors_turn_as_those_of_the_reference(name, least, most):
         assert least <= apart <= most
 
 
+@pytest.mark.slow
 def test_engines_of_other_rates_agree():
     """Turn motors in Drake and Exudyn within 0.1 mrad of each other, within 0.6 in steps [rad]."""
     spec, rng = rigs.nominal("finger"), np.random.default_rng(0)

@@ -106,6 +106,7 @@ def test_a_softness_is_named_beside_what_soft_contacts_yield(soft_mm_n):
     assert one.value == pytest.approx(1e-3 * soft_mm_n, abs=4e-6)
 
 
+@pytest.mark.slow
 def test_what_yields_as_the_nominal_engine_is_not_firm():
     """Find no shape where gaps are no line but beside the engine's own, whatever slips tell."""
     parts = held(log("contact-friction=-40%"), NOMINAL)
@@ -200,6 +201,7 @@ def test_nominal_motion_is_none():
     assert motions(NOMINAL, parts, some("stick-mass"), on_mujoco).findings == ()
 
 
+@pytest.mark.slow
 def test_another_engine_is_not_another_mass():
     """Accuse neither mass nor friction of what engines differ by, and say so."""
     parts = held(log("none", "sapien"), NOMINAL)

@@ -155,6 +155,7 @@ def test_a_vague_mass_says_what_would_tell():
     assert "stick-mass" in said and "weigh the stick" in said
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ["bullet", pytest.param("sapien", marks=pytest.mark.slow)])
 def test_newton_tells_a_mass_where_contacts_are_soft(backend):
     """Name mass and softness together where sticks slip by Newton's law, which holds anywhere."""
@@ -164,6 +165,7 @@ def test_newton_tells_a_mass_where_contacts_are_soft(backend):
     assert low <= 1.8 <= high
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ENGINES)
 def test_friction_is_named_where_contacts_are_soft(backend):
     """Measure friction by the forces of a replay, which need not creep as the log does."""

@@ -87,6 +87,7 @@ def test_grasps_are_replayed_with_refitted_drives():
     assert found.magnitudes[0].value == pytest.approx(100, abs=15)
 
 
+@pytest.mark.slow
 def test_play_that_is_known_and_rattles_hides_no_friction():
     """Name friction on a hand with known play, and nothing on its other fingers.
 
