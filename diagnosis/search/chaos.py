@@ -20,8 +20,9 @@ from diagnosis.search.fit import Fit, Fitter
 
 NUDGES_RAD = (-1e-5, -3e-6, 3e-6, 1e-5)
 """Shifts of the start that no sensor shows [rad; of a slide a share of its travel]."""
-BY_STEP = 5.0
-"""A replay in half the steps may differ by so many floors, as it does where joints move fast."""
+BY_STEP = 0.02
+"""A replay in half the steps may differ by this share of a joint's motion: the loop of its drive
+then ticks twice as often."""
 
 
 def prediction_spread(world: World, u: Mapping[int, float]) -> Array:
@@ -39,9 +40,11 @@ def with_prediction_spread(fitter: Fitter, fit: Fit) -> Fit:
 
 def step_spread(world: World) -> Array:
     """What the nominal world's own steps may hide (M,) [squared floors], beyond `BY_STEP`."""
-    limb = world.evidence.limb
-    apart = world.evidence.pack(limb.in_half_steps().simulate(limb.nominal)) - world.shown({})
-    return np.maximum(np.nan_to_num(apart) ** 2 - BY_STEP**2, 0.0)
+    evidence, limb = world.evidence, world.evidence.limb
+    here = world.shown({})
+    apart = evidence.pack(limb.in_half_steps().simulate(limb.nominal)) - here
+    usual = [np.full(p.stop - p.start, BY_STEP * np.std(here[p])) for p in evidence.parts]
+    return np.maximum(np.nan_to_num(apart) ** 2 - np.concatenate(usual) ** 2, 0.0)
 
 
 def spreading(world: World) -> Evidence:
