@@ -1,18 +1,39 @@
-"""A saved policy: an ONNX file and its contract. Running it needs no torch, learner or pickle."""
+"""A saved policy: an ONNX file and its contract. Running it needs no torch, learner or pickle.
+
+The file is checked before it is run: a network may loop, draw at random or fill the memory.
+"""
 
 import hashlib
 import json
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import onnxruntime
 
 from backends.state import Array
-from baselines._network import PolicyError, check_network
 from files.bounded import FileError, one_line, read_json
 from tasks.observation import Observation
 
 POLICY_FILE, CONTRACT_FILE = "policy.onnx", "contract.json"
+_MOST_BYTES = 100_000_000
+"""Largest policy that is read."""
+_OPERATORS = """
+Abs Add BatchNormalization Cast Celu Clip Concat Constant Conv Cos Div Elu Erf Exp Flatten Gather
+Gelu Gemm HardSigmoid HardSwish Identity LayerNormalization LeakyRelu Log MatMul Max Mean Min Mish
+Mul Neg PRelu Pow Reciprocal ReduceMax ReduceMean ReduceMin ReduceSum Relu Reshape Selu Shape
+Sigmoid Sign Sin Slice Softmax Softplus Softsign Split Sqrt Squeeze Sub Sum Tanh ThresholdedRelu
+Transpose Unsqueeze Where
+"""
+_ALLOWED = frozenset(_OPERATORS.split())
+"""Operators without loops, randomness or memory of the past."""
+_FLOAT = 1
+"""ONNX's number for 32-bit floats."""
+
+
+class PolicyError(Exception):
+    """A saved policy cannot be used; the message says why."""
 
 
 class SavedPolicy:
@@ -24,13 +45,13 @@ class SavedPolicy:
 
     def __init__(self, folder: Path, observation: Observation) -> None:
         contract = read_contract(folder)
-        if contract != observation.contract():
-            raise PolicyError(_difference(contract, observation.contract()))
+        if contract != (wanted := observation.contract()):
+            raise PolicyError(_difference(contract, wanted))
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
         path = folder / POLICY_FILE
-        check_network(path, observation.width, len(observation.hand.driven))
+        _check_network(path, observation.width, len(observation.hand.driven))
         try:
             self._session = onnxruntime.InferenceSession(str(path), options)
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
@@ -91,3 +112,63 @@ def _difference(policy: dict, wanted: dict) -> str:
         f"the policy does not fit this observation: it was trained on [{layout(policy)}], "
         f"this observation gives [{layout(wanted)}]; use the observation it was trained on"
     )
+
+
+def _check_network(path: Path, inputs: int, outputs: int) -> None:
+    """Raise PolicyError unless the file is a network from `inputs` numbers to `outputs`."""
+    graph = _model(path).graph
+    foreign = sorted({node.op_type for node in graph.node} - _ALLOWED)
+    if foreign:
+        said = one_line(", ".join(foreign))
+        raise PolicyError(
+            f"{path} has the operators {said}; allowed: a feed-forward network without loops, "
+            "branches and randomness"
+        )
+    fixed = {tensor.name for tensor in graph.initializer}
+    _check(path, "takes", [one for one in graph.input if one.name not in fixed], "observation")
+    _check(path, "gives", list(graph.output), "action")
+    for verb, one, width in (
+        ("takes", graph.input[0], inputs),
+        ("gives", graph.output[0], outputs),
+    ):
+        given = _shape(one)[-1]
+        if given not in (width, None):
+            raise PolicyError(f"{path} {verb} {given} numbers, its contract says {width}")
+
+
+def _model(path: Path) -> Any:
+    import onnx
+
+    try:
+        if path.stat().st_size > _MOST_BYTES:
+            raise PolicyError(f"{path} has more than {_MOST_BYTES} bytes; no policy is so large")
+        return onnx.load(str(path), load_external_data=False)
+    except PolicyError:
+        raise
+    except Exception as error:  # noqa: BLE001 - protobuf raises classes of its own
+        said = one_line(str(error))
+        raise PolicyError(f"{path} cannot be read as a policy: {said}") from error
+
+
+def _check(path: Path, verb: str, found: list[Any], name: str) -> None:
+    """Raise PolicyError unless there is one tensor of this name: floats, a row per world."""
+    said = ", ".join(_described(one) for one in found) or "nothing"
+    right = [one.name for one in found] == [name] and _is_rows(found[0])
+    if not right:
+        raise PolicyError(
+            f"{path} {verb} {one_line(said)}; allowed: '{name}', 32-bit floats, a row per world"
+        )
+
+
+def _is_rows(one: Any) -> bool:
+    return one.type.tensor_type.elem_type == _FLOAT and len(_shape(one)) == 2
+
+
+def _shape(one: Any) -> list[int | None]:
+    """The sizes of a tensor; None for one that is free."""
+    sizes: Iterator[Any] = iter(one.type.tensor_type.shape.dim)
+    return [size.dim_value if size.HasField("dim_value") else None for size in sizes]
+
+
+def _described(one: Any) -> str:
+    return f"'{one.name}' {['free' if n is None else n for n in _shape(one)]}"

@@ -9,7 +9,7 @@ import numpy as np
 from backends.engine import Simulator
 from backends.state import Array, InitialState, State, quat_z_axis
 from backends.touch import Skin, Touch
-from tasks.draws import Draws, OwnDraws, SharedDraws
+from tasks.initial_states import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
 from tasks.task import EPISODE_S, Figure, desired_axis
 

@@ -16,8 +16,7 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.gap import _calibration_texts as texts
 from benchmark.parts import registry
 from benchmark.provenance import usable_cores
-from benchmark.runs.worlds import refuse
-from benchmark.settings.effects import parse_effects, parse_spread
+from benchmark.settings.effects import parse_effects, parse_spread, refuse
 from benchmark.settings.quantities import quantity, within
 from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.calibration import plot

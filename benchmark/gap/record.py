@@ -14,8 +14,7 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
-from benchmark.runs.worlds import refuse
-from benchmark.settings.effects import parse_effects
+from benchmark.settings.effects import parse_effects, refuse
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec, read_settings
 from diagnosis.logs.log import Log, LogError, check_target, write_log

@@ -22,9 +22,8 @@ _REFUSED = " is refused: "
 _PROBES = {
     "backend": (
         "import sys; from benchmark.settings.run_spec import RunSpec;"
-        "from benchmark.runs.worlds import make_env;"
         "run = RunSpec(backend=sys.argv[1], task='line', worlds=1);"
-        "env = make_env(run, [run.world()], 0, 1); env.reset();"
+        "env = run.make_env([run.world()], 0, 1); env.reset();"
         "env.step([[0.0] * env.action_width]); env.close()"
     ),
     "algo": (

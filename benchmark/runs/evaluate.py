@@ -18,7 +18,6 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
-from benchmark.runs.worlds import make_env
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec, read_settings
 from leaderboard.identity import EPISODES, SMOKE_EPISODES
@@ -97,7 +96,7 @@ def evaluate_run(
     is called after every step. Raises UsageError if policy, observation, stick and hand do not fit.
     """
     count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
-    env = make_env(spec, [spec.world()] * count, seed=0, workers=workers)
+    env = spec.make_env([spec.world()] * count, seed=0, workers=workers)
     try:
         act = _actor(spec, policy, env)
         with Bar(f"evaluate {spec.backend} {spec.task}", env.horizon) as bar:

@@ -17,7 +17,6 @@ from backends.state import Array
 from benchmark.errors import unknown
 from benchmark.parts import registry
 from benchmark.pictures import _render
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import REFERENCE, RunSpec, read_settings
 from tasks.batch import BatchEnv
 from tasks.gym_env import RENDER_MODES, MakePainter, StickEnv, StickVectorEnv
@@ -117,7 +116,7 @@ def _run(task: str, settings: dict[str, Any]) -> RunSpec:
 def _make(
     run: RunSpec, workers: int, episode_steps: int | None, worlds: int, seed: int
 ) -> BatchEnv:
-    return make_env(run, [run.world()] * worlds, seed, workers, episode_steps)
+    return run.make_env([run.world()] * worlds, seed, workers, episode_steps)
 
 
 def _painter(render_mode: str | None) -> MakePainter | None:

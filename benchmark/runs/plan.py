@@ -10,7 +10,6 @@ import numpy as np
 
 from benchmark.provenance import usable_cores
 from benchmark.runs.run_folder import RUNS
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
 from leaderboard.identity import EPISODES, SMOKE_EPISODES
 
@@ -21,7 +20,7 @@ def plan(spec: RunSpec, out: Path | None, workers: int | None) -> dict:
     """The settings of a run and an estimate of its duration from a short measurement."""
     workers = workers or usable_cores()
     worlds = [spec.world()] * min(spec.worlds, 16 * workers)
-    env = make_env(spec, worlds, seed=0, workers=workers)
+    env = spec.make_env(worlds, seed=0, workers=workers)
     try:
         env.reset()
         still = np.zeros((env.worlds, env.action_width))

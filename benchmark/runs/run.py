@@ -94,17 +94,18 @@ def _train_and_evaluate(
                 if watch is not None:
                     watch(progress, done)
 
-            training = Training(spec, folder, workers, report)
+            training = Training(spec, folder, baseline, workers, report)
             training.finish()
             steps, wall_s = training.steps, training.wall_s
     began = time.monotonic()
     episodes = evaluate_run(spec, folder.path, workers)
     rate = steps / wall_s if wall_s > 0 else 0.0
+    scores = episodes.scores()
     write_episodes(episodes, folder.path / EPISODES_FILE)
     policy = folder.path / POLICY_FILE
     finished = folder.write_run(
         "done",
-        scores=episodes.scores(),
+        scores=scores,
         steps=steps,
         wall_s=round(wall_s + time.monotonic() - began, 2),
         env_steps_per_s=round(rate, 1),

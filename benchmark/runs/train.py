@@ -6,15 +6,17 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from backends.randomize import randomize
+from backends.spec import Spec
 from baselines.baseline import Learner, Progress
 from baselines.saved import POLICY_FILE, write_contract
 from benchmark.errors import CommandError
-from benchmark.parts import registry
 from benchmark.runs.run_folder import START_FILE, RunFolder, progress_row
-from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.settings.effects import parse_spread
 from benchmark.settings.run_spec import RunSpec
 from tasks.batch import BatchEnv
 
@@ -27,6 +29,16 @@ def segment_seed(run: RunSpec, segment: int) -> int:
     return int(np.random.SeedSequence([run.seed, segment]).generate_state(1)[0])
 
 
+def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
+    """The worlds of one training segment: newly drawn, or all nominal."""
+    nominal = run.world()
+    if not run.randomize:
+        return [nominal] * run.worlds
+    rng = np.random.default_rng([run.seed, segment])
+    spread = parse_spread(run.spread, nominal.hand)
+    return [randomize(nominal, spread, rng) for _ in range(run.worlds)]
+
+
 class Training:
     """The training of one run, from the last checkpoint in its folder to the end."""
 
@@ -34,15 +46,14 @@ class Training:
         self,
         run: RunSpec,
         folder: RunFolder,
+        learner: Any,
         workers: int,
         report: Callable[[Progress, int], None],
     ) -> None:
         self._run, self._folder, self._workers, self._report = run, folder, workers, report
-        self._learner_class = registry.load("algo", run.algo)
-        self._settings = self._learner_class.hyperparameters(**run.overrides)
-        self._per_iteration: int = self._learner_class.steps_per_iteration(
-            run.worlds, self._settings
-        )
+        self._learner_class = learner
+        self._settings = learner.hyperparameters(**run.overrides)
+        self._per_iteration: int = learner.steps_per_iteration(run.worlds, self._settings)
         self._per_segment = SMOKE_SEGMENT_ITERATIONS if run.smoke else SEGMENT_ITERATIONS
         self._iterations, self._checkpoint = folder.checkpoint()
         self._rows = folder.progress(self._iterations * self._per_iteration)
@@ -80,7 +91,7 @@ class Training:
         """The learner as the last checkpoint has it, in the worlds of the segment after that."""
         index = self._iterations // self._per_segment
         seed = segment_seed(self._run, index)
-        env = make_env(self._run, training_worlds(self._run, index), seed, self._workers)
+        env = self._run.make_env(training_worlds(self._run, index), seed, self._workers)
         try:
             learner: Learner = self._learner_class(env, seed, self._settings)
             if self._checkpoint is not None:

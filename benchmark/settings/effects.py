@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Iterable, Mapping
 
 from backends.effect import UNITS, Effect
 from backends.spec import Hand
@@ -47,6 +48,14 @@ def parse_spread(text: str, hand: Hand) -> tuple[Effect, ...]:
         if effect.magnitude < 0:
             raise UsageError(f"the spread of {effect_name(effect)} is negative; allowed: from 0")
     return effects
+
+
+def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) -> None:
+    """Raise UsageError for an effect that the engine does not support."""
+    for effect in effects:
+        for field in effect.spec_fields():
+            if effect.magnitude != 0.0 and support[field].startswith("refused"):
+                raise UsageError(f"{effect_name(effect)} is {support[field]} ({backend})")
 
 
 def effect_name(effect: Effect) -> str:

@@ -6,14 +6,14 @@ Each setting is declared once, as a field here. Command line, grid files and che
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from backends.effect import with_effects
 from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.errors import UsageError, unknown
 from benchmark.parts import registry
-from benchmark.settings.effects import parse_effects, parse_spread
+from benchmark.settings.effects import parse_effects, parse_spread, refuse
 from benchmark.settings.kinds import (
     Choice,
     Name,
@@ -26,6 +26,9 @@ from benchmark.settings.kinds import (
 )
 from leaderboard.identity import learner_name, run_digest
 from tasks.task import RADIUS_M
+
+if TYPE_CHECKING:
+    from tasks.batch import BatchEnv
 
 REFERENCE = "mujoco"
 """The engine that the others are compared with; it simulates where none has to be named."""
@@ -110,6 +113,22 @@ class RunSpec:
         """The nominal world: hand and stick with the effects applied in order."""
         spec = ideal(self.hand, self.stick)
         return with_effects(spec, parse_effects(self.effects, spec.hand))
+
+    def make_env(
+        self, worlds: list[Spec], seed: int, workers: int, episode_steps: int | None = None
+    ) -> "BatchEnv":
+        """The batched environment of the run in these worlds; UsageError if they are refused."""
+        from backends.shard import simulate
+        from tasks.batch import BatchEnv
+
+        engine = registry.load("backend", self.backend)
+        task = registry.load("task", self.task)(radius_m=self.radius_m, speed=self.speed)
+        hand = worlds[0].hand
+        observation = registry.load("observation", self.observation)(hand)
+        effects = parse_effects(self.effects, hand) + parse_spread(self.spread, hand)
+        refuse(effects, engine.support, self.backend)
+        simulator = simulate(engine, worlds, workers)
+        return BatchEnv(simulator, task, observation, seed, self.start_spread, episode_steps)
 
 
 def ideal(hand: str, stick: str) -> Spec:

@@ -17,7 +17,7 @@ from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
-from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.runs.train import training_worlds
 from benchmark.settings import quantities
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec
@@ -120,7 +120,7 @@ def _measure(asked: Plan, backend: str, cores: int, worlds: int) -> dict:
     run = RunSpec(backend=backend, task="circle", worlds=worlds, seed=asked.seed)
     _memory.give_back()
     began = time.perf_counter()
-    env = make_env(run, training_worlds(run, 0), asked.seed, cores)
+    env = run.make_env(training_worlds(run, 0), asked.seed, cores)
     built_s = time.perf_counter() - began
     try:
         assert isinstance(env.simulator, Engine | Sharded)

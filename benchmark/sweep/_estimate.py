@@ -10,7 +10,7 @@ from benchmark.errors import CommandError
 from benchmark.parts import registry
 from benchmark.runs.plan import plan
 from benchmark.runs.run_folder import RunFolder
-from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.runs.train import training_worlds
 from benchmark.settings.run_spec import RunSpec
 from benchmark.sweep._cell import Cell
 from leaderboard.identity import EPISODES, SMOKE_EPISODES
@@ -84,7 +84,7 @@ def _first(specs: Iterable[RunSpec], kind: Callable[[RunSpec], object]) -> list[
 
 def _learning_s(spec: RunSpec) -> float:
     """Wall time of one training iteration outside the environment, per environment step [s]."""
-    env = make_env(spec, training_worlds(spec, 0), seed=0, workers=1)
+    env = spec.make_env(training_worlds(spec, 0), seed=0, workers=1)
     try:
         kind = registry.load("algo", spec.algo)
         settings = kind.hyperparameters(**spec.overrides)

@@ -8,7 +8,6 @@ import pytest
 from backends.engine import Engine
 from benchmark.errors import CommandError
 from benchmark.parts import registry
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
 from files.plugins import name_of
 from tasks.batch import BatchEnv
@@ -56,7 +55,7 @@ def make() -> Iterator[MakeEnv]:
 
     def one(worlds: int = 1, seed: int = 0, **settings: Any) -> BatchEnv:
         run = RunSpec(**{"backend": "mujoco", "task": "line", **settings})
-        made.append(make_env(run, [run.world()] * worlds, seed, workers=1))
+        made.append(run.make_env([run.world()] * worlds, seed, workers=1))
         return made[-1]
 
     yield one

@@ -17,7 +17,6 @@ from backends.randomize import randomize
 from backends.spec import Spec, field_names
 from benchmark.errors import UsageError
 from benchmark.parts import registry
-from benchmark.runs.worlds import make_env
 from benchmark.settings.effects import BUILT, effect_name, parse_effects
 from benchmark.settings.run_spec import RunSpec
 
@@ -224,7 +223,7 @@ def test_effect_that_an_engine_refuses_is_refused(
     text = written(kind, moderate(kind))
     run = RunSpec(backend=backend, task="line", effects=text)
     with pytest.raises(UsageError, match=f"{text.split('=')[0]} is refused.*so.*{backend}"):
-        make_env(run, [run.world()], 0, workers=1)
+        run.make_env([run.world()], 0, workers=1)
     if not any(np.any(SPEC.values(name)) for name in kind.spec_fields()):
         with pytest.raises(ValueError, match=f"{number} is refused: a test says so"):
             engine([run.world()])
@@ -236,7 +235,7 @@ def test_engines_answer_as_recorded(engine: type[Engine], backend: str) -> None:
         run = RunSpec(backend=backend, task="line", effects=written(kind, moderate(kind)))
         if any(engine.support[number].startswith("refused") for number in kind.spec_fields()):
             with pytest.raises(UsageError, match=backend):
-                make_env(run, [run.world()], 0, workers=1)
+                run.make_env([run.world()], 0, workers=1)
         else:
             engine([run.world()]).close()
 

@@ -12,7 +12,7 @@ from backends import _calls
 from backends.state import Array
 from benchmark.errors import CommandError
 from benchmark.parts import registry
-from benchmark.runs.worlds import training_worlds
+from benchmark.runs.train import training_worlds
 from benchmark.settings.run_spec import RunSpec
 from tasks.initial_states import sample_initial_states
 

@@ -8,7 +8,6 @@ import pytest
 from backends import kinematics, sticks, trx
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_from_z_axis, quat_to_matrix, quat_z_axis
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
 from leaderboard.identity import run_digest
 from tasks.initial_states import AXIAL_M, DISTAL_RAD, PIVOT_M, TILT_RAD, sample_initial_states
@@ -168,7 +167,7 @@ def test_training_may_start_from_a_single_state() -> None:
     """Start every training episode from the nominal grasp when asked, else from Algorithm 1's."""
     for width, count in ((0.0, 1), (1.0, 16)):
         run = RunSpec(backend="mujoco", task="line", worlds=16, start_spread=width)
-        env = make_env(run, [run.world()] * 16, seed=0, workers=1)
+        env = run.make_env([run.world()] * 16, seed=0, workers=1)
         env.reset()
         assert len({tuple(joints) for joints in env.state.joint_rad}) == count
         env.close()

@@ -17,7 +17,7 @@ from backends.state import State
 from benchmark.cli import app as cli
 from benchmark.errors import CommandError
 from benchmark.parts import registry
-from benchmark.runs.worlds import make_env, training_worlds
+from benchmark.runs.train import training_worlds
 from benchmark.settings.run_spec import RunSpec
 from benchmark.speed import _stopwatch, speed
 from tasks.initial_states import sample_initial_states
@@ -126,7 +126,7 @@ def test_compiled_frames_equal_plain_ones() -> None:
 def test_restart_observes_the_others_as_they_are() -> None:
     """Return after a masked reset what reading every world anew returns."""
     run = RunSpec(backend="mujoco", task="circle", worlds=5, observation="raw-taxels")
-    env = make_env(run, training_worlds(run, 0), 0, 1)
+    env = run.make_env(training_worlds(run, 0), 0, 1)
     env.reset()
     rng = np.random.default_rng(0)
     for _ in range(12):
@@ -153,9 +153,8 @@ def test_two_cores_need_no_guarded_script(engine: type[Engine], tmp_path) -> Non
     script = tmp_path / "script.py"
     script.write_text(
         "from benchmark.settings.run_spec import RunSpec\n"
-        "from benchmark.runs.worlds import make_env\n"
         f"run = RunSpec(backend='{engine.__module__.split('.')[-1]}', task='line', worlds=2)\n"
-        "env = make_env(run, [run.world()] * 2, 0, 2)\n"
+        "env = run.make_env([run.world()] * 2, 0, 2)\n"
         "print(len(env.reset())); env.close()\n"
     )
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
@@ -228,11 +227,11 @@ def test_a_world_takes_under_a_megabyte() -> None:
     """Grow by less than 1 MB per drawn MuJoCo world, measured in a process of its own."""
     code = (
         "from benchmark.speed import _memory; from benchmark.settings.run_spec import *; "
-        "from benchmark.runs.worlds import *\n"
+        "from benchmark.runs.train import training_worlds\n"
         "held = []\n"
         "for n in (16, 272):\n"
         "    run = RunSpec(backend='mujoco', task='circle', worlds=n)\n"
-        "    env = make_env(run, training_worlds(run, 0), 0, 1)\n"
+        "    env = run.make_env(training_worlds(run, 0), 0, 1)\n"
         "    env.reset(); env.step(env.target_rad); held.append(_memory.held_mb())\n"
         "print((held[1] - held[0]) / 272)"
     )

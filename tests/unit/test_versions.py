@@ -9,7 +9,6 @@ from backends import _mujoco_worlds, mujoco
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 from benchmark.results import versions
-from benchmark.runs.worlds import make_env
 from benchmark.settings.run_spec import RunSpec
 
 SPEC = RunSpec(backend="mujoco", task="circle")
@@ -20,7 +19,7 @@ def states() -> np.ndarray:
     """Joints, sticks and contacts of random actions in worlds that differ."""
     rng = np.random.default_rng(0)
     worlds = [SPEC.world(), *(replace(SPEC, effects=e).world() for e in ("none", "link-mass=20%"))]
-    env = make_env(SPEC, worlds, seed=3, workers=1)
+    env = SPEC.make_env(worlds, seed=3, workers=1)
     env.reset()
     shown = []
     for _ in range(STEPS):
