@@ -245,12 +245,12 @@ TURNS = list(KINDS)
 """In which order they are spoilt."""
 
 
-def case(name: str, seed: int, number: int, shelf: Path, hang_s: float) -> Case:
+def case(name: str, seed: int, number: int, shelf: Path) -> Case:
     """Spoil one thing and see what its reader does; good folders are kept on the shelf."""
     _prove(name, shelf)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
     with tempfile.TemporaryDirectory(prefix="input-") as place:
-        outcome = watched(KINDS[name](name, rng, Path(place), shelf), Path(place), hang_s)
+        outcome = watched(KINDS[name](name, rng, Path(place), shelf), Path(place))
     lines = outcome.said.strip().splitlines()
     return Case(
         part="inputs",

@@ -5,9 +5,11 @@ whole call takes. What it leaves is taken up by the command that its message adv
 killed in turn; the last one ends.
 """
 
+import dataclasses
 import json
 import shutil
 import tempfile
+import time
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -46,24 +48,34 @@ class Killed:
 
 
 BACKENDS = registry.names("backend")
-RUN = ["run", "--task", "line", "--smoke"]
-SHORT = ["--set", "rollout_steps=32", "--steps", "512"]
-SAC = ["--set", "rollout_steps=16", "--set", "updates=2", "--set", "batch=32", "--steps", "512"]
+RUN = ["run", "--task", "line", "--smoke", "--steps", "512"]
+SMALL = {"rollout_steps": 32, "updates": 2, "batch": 32}
+"""Hyperparameters that keep a training short, of the learners that have them."""
 RECORD = ["record", "--protocol", "steps", "--rate", "50Hz", "--effects", "backlash=1deg@J3"]
 DEPLOYED = ["--effects", "none", "--episodes", "2"]
 ONE = ["-j", "1", "-q"]
 
 
+def _settings(algo: str) -> list[str]:
+    """Words for a short training; none for what does not learn."""
+    known = registry.load("algo", algo).hyperparameters
+    names = () if known is None else [field.name for field in dataclasses.fields(known)]
+    return [word for name in names if name in SMALL for word in ("--set", f"{name}={SMALL[name]}")]
+
+
+SETTINGS = {algo: _settings(algo) for algo in registry.names("algo")}
+"""Words by baseline."""
+
+
 def _engines() -> dict[str, Killed]:
     """The commands that start an engine, with each."""
-    learners = (("sb3-ppo", SHORT), ("rsl-ppo", SHORT), ("sb3-sac", SAC), ("hold-still", []))
     out = ["--out", OUT, *ONE]
     found: dict[str, Killed] = {}
     for name in BACKENDS:
         on = ["--backend", name]
-        for algo, more in learners:
+        for algo, more in SETTINGS.items():
             words = [*RUN, *more, *on, "--algo", algo, *out]
-            often = 3 if algo == "hold-still" else 1
+            often = 3 if algo in registry.scripted() else 1
             found[f"run {name} {algo}"] = Killed(words=words, again=["--resume"], often=often)
         found[f"record {name}"] = Killed(words=[*RECORD, *on, *out], again=["--force"])
         words = ["transfer", "run", *on, *DEPLOYED, "--include-smoke", *out]
@@ -78,9 +90,9 @@ def _forced() -> dict[str, Killed]:
     on = ["--backend", "mujoco", "--out", OUT, *ONE]
     return {
         f"run --force {algo}": Killed(
-            words=[*RUN, *SHORT, "--algo", algo, *on], again=["--resume"], finished=True, often=1
+            words=[*RUN, *more, "--algo", algo, *on], again=["--resume"], finished=True, often=1
         )
-        for algo in ("sb3-ppo", "rsl-ppo")
+        for algo, more in SETTINGS.items()
     }
 
 
@@ -132,12 +144,12 @@ TURNS = [name for turn in range(8) for name in KINDS if KINDS[name].often > turn
 """In which order they are killed."""
 
 
-def case(name: str, seed: int, number: int, shelf: Path, hang_s: float) -> Case:
+def case(name: str, seed: int, number: int, shelf: Path) -> Case:
     """Kill a command and what takes it up, and compare what the last one leaves."""
     whole = _whole(name, shelf)
     rng = np.random.default_rng([seed, zlib.crc32(name.encode()), number])
     places = [_place(rng, whole) for _ in range(rng.integers(1, MOST_KILLS, endpoint=True))]
-    return _killed(name, seed, number, shelf, hang_s, places)
+    return _killed(name, seed, number, shelf, places)
 
 
 def operations(name: str, shelf: Path) -> int:
@@ -145,13 +157,13 @@ def operations(name: str, shelf: Path) -> int:
     return _whole(name, shelf)["operations"]
 
 
-def at_operation(name: str, number: int, shelf: Path, hang_s: float) -> Case:
+def at_operation(name: str, number: int, shelf: Path) -> Case:
     """Kill a command once, before this operation."""
-    return _killed(name, 0, number, shelf, hang_s, [("operation", number)])
+    return _killed(name, 0, number, shelf, [("operation", number)])
 
 
 def _killed(
-    name: str, seed: int, number: int, shelf: Path, hang_s: float, places: list[tuple[str, float]]
+    name: str, seed: int, number: int, shelf: Path, places: list[tuple[str, float]]
 ) -> Case:
     killed, _ = KINDS[name], _whole(name, shelf)
     with tempfile.TemporaryDirectory(prefix="kill-") as place:
@@ -161,12 +173,12 @@ def _killed(
             shutil.copytree(shelf / name / OUT, folder / OUT)
         more, kills = ["--force"] * killed.finished, 0
         for at in places:
-            outcome = watched(_dying(_call(killed, more), at), folder, hang_s)
+            outcome = watched(_dying(_call(killed, more), at), folder)
             if outcome.code != KILLED or outcome.hung:
                 break
             more, kills = killed.again, kills + 1
         else:
-            outcome = watched(_call(killed, more), folder, hang_s)
+            outcome = watched(_call(killed, more), folder)
         fault, said = _judged(outcome, differing(folder, shelf / name))
     return Case(
         part="kills",
@@ -205,10 +217,12 @@ def _whole(name: str, shelf: Path) -> dict:
             code, operations[0] = counted(call)
             return code
 
+        began = time.monotonic()
         outcome = here(counting, folder)
         if outcome.code != 0:
             raise RuntimeError(f"{' '.join(killed.words)} failed unkilled: {outcome.said}")
-        facts.write_text(json.dumps({"operations": operations[0], "wall_s": outcome.wall_s}))
+        wall_s = time.monotonic() - began
+        facts.write_text(json.dumps({"operations": operations[0], "wall_s": wall_s}))
     return json.loads(facts.read_text())
 
 

@@ -1,6 +1,7 @@
-"""Run a call in a process of its own, watched: how it ended, what it said, how long and how large.
+"""Run a call in a process of its own, watched: how it ended, what it said, and how large it was.
 
-The process is a fork of this one, so that engines and learners are loaded once.
+The process is a fork of this one, so that engines and learners are loaded once. A hang is a call
+that computes for too long, whatever else the machine does meanwhile, or waits for ever.
 """
 
 import os
@@ -14,8 +15,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-HANG_S = 60.0
-"""Longer is a hang [s], on a machine that is not shared."""
+HANG_CPU_S = 60
+"""More CPU time is a hang [s]: of one process, or of all that it started together."""
+WAIT_S = 1800.0
+"""Longer is a hang, too [s]: for a call that waits and computes nothing."""
 MOST_BYTES = 4_000_000_000
 """More is too large for a process."""
 LONGEST_LINE = 1200
@@ -35,11 +38,10 @@ class Outcome:
     """Exit code; that of a signal is negative."""
     said: str
     """What it wrote on standard error, and its trace if it raised."""
-    wall_s: float
     peak_bytes: int
     """Most memory that the process itself had."""
     hung: bool
-    """Whether it was ended for its time."""
+    """Whether it computed or waited for too long."""
 
     @property
     def fault(self) -> str:
@@ -55,14 +57,15 @@ class Outcome:
         return next((name for name, there in found.items() if there), "")
 
 
-def watched(call: Callable[[], int], folder: Path, limit_s: float) -> Outcome:
+def watched(
+    call: Callable[[], int], folder: Path, cpu_s: int = HANG_CPU_S, wait_s: float = WAIT_S
+) -> Outcome:
     """Run `call` in a fork within `folder`; everything it started is ended with it."""
-    began = time.monotonic()
     with tempfile.TemporaryFile() as said:
         child = os.fork()
         if child == 0:
-            _run(call, folder, said.fileno())
-        status, hung, peak_bytes = _wait(child, began + limit_s)
+            _run(call, folder, said.fileno(), cpu_s)
+        status, waited, usage = _wait(child, time.monotonic() + wait_s)
         with suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)
         said.seek(0)
@@ -70,15 +73,14 @@ def watched(call: Callable[[], int], folder: Path, limit_s: float) -> Outcome:
     return Outcome(
         code=os.waitstatus_to_exitcode(status),
         said=text,
-        wall_s=time.monotonic() - began,
-        peak_bytes=peak_bytes,
-        hung=hung,
+        peak_bytes=usage.ru_maxrss * 1024,
+        hung=waited or usage.ru_utime + usage.ru_stime > cpu_s,
     )
 
 
 def here(call: Callable[[], int], folder: Path) -> Outcome:
     """Run `call` in this process within `folder`: what it loads stays loaded."""
-    began, before = time.monotonic(), Path.cwd()
+    before = Path.cwd()
     kept = [os.dup(1), os.dup(2)]
     with tempfile.TemporaryFile() as said:
         try:
@@ -93,11 +95,10 @@ def here(call: Callable[[], int], folder: Path) -> Outcome:
                 os.close(old)
         said.seek(0)
         text = said.read().decode(errors="replace")
-    wall_s = time.monotonic() - began
-    return Outcome(code=code, said=text, wall_s=wall_s, peak_bytes=0, hung=False)
+    return Outcome(code=code, said=text, peak_bytes=0, hung=False)
 
 
-def _run(call: Callable[[], int], folder: Path, said: int) -> None:
+def _run(call: Callable[[], int], folder: Path, said: int, cpu_s: int) -> None:
     """The child: never returns."""
     code = CRASH
     try:
@@ -107,6 +108,8 @@ def _run(call: Callable[[], int], folder: Path, said: int) -> None:
         os.dup2(os.open(os.devnull, os.O_RDWR), 1)
         os.dup2(said, 2)
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        # Ends each process beyond it; those it started inherit it.
+        resource.setrlimit(resource.RLIMIT_CPU, (cpu_s + 1, cpu_s + 10))
         code = call()
     except BaseException:  # noqa: BLE001 - the parent is told of all of them
         os.write(2, traceback.format_exc().encode())
@@ -114,15 +117,15 @@ def _run(call: Callable[[], int], folder: Path, said: int) -> None:
         os._exit(code)
 
 
-def _wait(child: int, deadline_s: float) -> tuple[int, bool, int]:
-    """Status of the child, whether it was ended for its time, and its largest size."""
-    hung = False
+def _wait(child: int, deadline_s: float) -> tuple[int, bool, resource.struct_rusage]:
+    """Status of the child, whether it was ended for its time, and what it used with its own."""
+    waited = False
     while True:
         ended, status, usage = os.wait4(child, os.WNOHANG)
         if ended:
-            return status, hung, usage.ru_maxrss * 1024
+            return status, waited, usage
         if time.monotonic() > deadline_s or _size_bytes(child) > MOST_BYTES:
-            hung = time.monotonic() > deadline_s
+            waited = time.monotonic() > deadline_s
             with suppress(ProcessLookupError):
                 os.killpg(child, signal.SIGKILL)
         time.sleep(POLL_S)

@@ -2,12 +2,15 @@
 
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parents[2]
+from tests.campaign.watch import watched
 
+ROOT = Path(__file__).resolve().parents[2]
+SPINS = "while True: pass"
 
 EVERY = ("run mujoco sb3-ppo", "run mujoco rsl-ppo", "run --force sb3-ppo", "blind make presliding")
 """Commands that are killed at each of their operations."""
@@ -35,10 +38,33 @@ def only(*names):
 def test_nothing_breaks(words):
     """End without a trace, a hang or a full memory; leave no row changed and no folder stuck."""
     done = subprocess.run(
-        [sys.executable, "-m", "tests.campaign", *words, "--seed", "7", "--hang-s", "600"],
+        [sys.executable, "-m", "tests.campaign", *words, "--seed", "7"],
         cwd=ROOT,
         capture_output=True,
         text=True,
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        lambda: exec(SPINS),
+        lambda: subprocess.call([sys.executable, "-c", SPINS]),
+    ],
+    ids=["itself", "what it started"],
+)
+def test_what_computes_for_ever_hangs(call, tmp_path):
+    """Count the CPU time of a call and of what it started."""
+    assert watched(call, tmp_path, cpu_s=1).fault == "hang"
+
+
+def test_what_waits_for_ever_hangs(tmp_path):
+    """End a call that computes nothing, and everything it waits for."""
+    assert watched(lambda: time.sleep(1e6), tmp_path, wait_s=0.5).fault == "hang"
+
+
+def test_what_waits_for_its_turn_does_not_hang(tmp_path):
+    """Let a call that computes little take its time."""
+    assert watched(lambda: time.sleep(2.5) or 0, tmp_path, cpu_s=1).fault == ""
