@@ -6,13 +6,16 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from mujoco import rollout
 
 from backends._mjcf_model import compiled
-from backends._mjcf_robot import Robot
+from backends._mjcf_robot import Signals
 from backends.state import Array
 
 IMMOVABLE_KGM2 = 1e12
 """Inertia of a joint that is held: no robot moves it by 1e-7 in a log."""
+_STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_ACTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,7 +49,7 @@ class Plain:
         """Hold all but `joints`; `weightless`: the drives carry all weight.
 
         `timestep_s` and `integrator` in place of the file's; `beside`: what an MJCF cannot hold, as
-        `Robot` takes it. Raises MjcfError.
+        a robot's file has it. Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -69,22 +72,42 @@ class Plain:
             self._pose[model.joint(name).qposadr[0]] = value
 
     def positions(self, play: Play) -> Array:
-        """Positions of the joints at the samples (T, K), with servos that follow the commands."""
-        robot = Robot(self.model, self._beside)
-        robot.data.qpos[:] = self._pose
-        robot.data.qpos[self._at] = self._unread(play.start)
+        """Positions of the joints at the samples (T, K), with servos that follow the commands.
+
+        Signals pass as `backends.mjcf.robot_file` has them, step by step.
+        """
         ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
-        shown = np.empty(play.command.shape)
-        for k, target in enumerate(play.command):
-            targets = dict(zip(self._joints, map(float, target), strict=True))
-            for dof, name in self._pushed:
-                robot.data.qfrc_applied[dof] = play.push[k, self._joints.index(name)]
-            for n in range(
-                max((ticks[k + 1] if k + 1 < len(ticks) else ticks[k] + 1) - ticks[k], 1)
-            ):
-                read = robot.step(targets)
-                shown[k] = shown[k] if n else list(read.values())
-        return shown
+        steps = np.maximum(np.diff(ticks, append=ticks[-1] + 1), 1)
+        command, push = (np.repeat(x, steps, axis=0) for x in (play.command, play.push))
+        control = np.zeros((len(command), self.model.nu))
+        applied = np.zeros((len(command), self.model.nv))
+        passed = [Signals(self.model, name, self._beside.get(name, {})) for name in self._joints]
+        for j, signals in enumerate(passed):
+            target = _slowed(_late(command[:, j], signals.late), signals.most)
+            for place, gear in signals.servos:
+                control[:, place] = gear * target
+        for dof, name in self._pushed:
+            applied[:, dof] = push[:, self._joints.index(name)]
+        angles = self._rolled(play.start, control, applied)
+        shown = [
+            signals.scale * _late(angles[:, signals.places].sum(axis=1), signals.read_late)
+            + signals.bias
+            for signals in passed
+        ]
+        return np.stack(shown, axis=1)[np.cumsum(steps) - steps]
+
+    def _rolled(self, start: Array, control: Array, applied: Array) -> Array:
+        """All coordinates (S, Q) before each step, from rest at readings `start`."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self._pose
+        data.qpos[self._at] = self._unread(start)
+        state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
+        mujoco.mj_getState(self.model, data, state, _STATE)
+        acts = np.concatenate([control, applied], axis=1)
+        states, _ = rollout.rollout(
+            self.model, data, state[None], acts[None], control_spec=int(_ACTS)
+        )
+        return np.vstack([state, states[0][:-1]])[:, 1 : 1 + self.model.nq]
 
     def _unread(self, reading: Array) -> Array:
         """Where joints stand whose sensors read this (K,)."""
@@ -96,3 +119,20 @@ class Plain:
 def _behind(name: str, joints: Sequence[str]) -> str:
     """The joint that a joint is, or is the play of."""
     return name if name in joints else name.removesuffix("_play")
+
+
+def _late(values: Array, ticks: float) -> Array:
+    """Values (S,) so many steps ago, between steps linearly; the first one before it."""
+    now, before = (values[np.maximum(np.arange(len(values)) - int(ticks) - k, 0)] for k in (0, 1))
+    return np.asarray(now + (ticks - int(ticks)) * (before - now))
+
+
+def _slowed(targets: Array, most: float) -> Array:
+    """Targets (S,) that change by `most` in a step."""
+    if np.abs(np.diff(targets, prepend=targets[0])).max() <= most:
+        return targets
+    slow, last = np.empty_like(targets), float(targets[0])
+    for k, target in enumerate(targets.tolist()):
+        last += min(max(target - last, -most), most)
+        slow[k] = last
+    return slow

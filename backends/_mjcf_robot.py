@@ -24,8 +24,7 @@ class Robot:
     def __init__(
         self, model: mujoco.MjModel, numbers: dict[str, dict[str, float]] = NUMBERS
     ) -> None:
-        self.model, self.data, self.dt = model, mujoco.MjData(model), model.opt.timestep
-        self.numbers = numbers
+        self.model, self.data, self.numbers = model, mujoco.MjData(model), numbers
         self.signals: dict[str, Signals] = {}
 
     def step(self, targets: dict[str, float]) -> dict[str, float]:
@@ -33,7 +32,7 @@ class Robot:
         read = {}
         for name, target in targets.items():
             if name not in self.signals:
-                self.signals[name] = Signals(self.model, name, self.dt, self.numbers.get(name, {}))
+                self.signals[name] = Signals(self.model, name, self.numbers.get(name, {}))
             read[name] = self.signals[name].pass_on(target, self.data)
         mujoco.mj_step(self.model, self.data)
         return read
@@ -42,8 +41,8 @@ class Robot:
 class Signals:
     """What one joint was asked for and has shown."""
 
-    def __init__(self, model: mujoco.MjModel, name: str, dt: float, own: dict[str, float]) -> None:
-        j = model.joint(name).id
+    def __init__(self, model: mujoco.MjModel, name: str, own: dict[str, float]) -> None:
+        j, dt = model.joint(name).id, model.opt.timestep
         play = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}_play")
         self.places = [int(model.jnt_qposadr[k]) for k in (j, play) if k >= 0]
         self.servos = [

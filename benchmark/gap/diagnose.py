@@ -16,7 +16,7 @@ from backends.shard import WorkerError, simulate
 from backends.spec import Spec
 from benchmark.console import Bar, say
 from benchmark.errors import CommandError, UsageError
-from benchmark.gap import robot_log, without_model
+from benchmark.gap import robot_log
 from benchmark.gap._diagnosis_texts import effects_text, summary
 from benchmark.gap.source import Source
 from benchmark.gap.take_home import FILE as CORRECTED
@@ -100,6 +100,8 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     try:
         log = _understood(settings, force)
         if log.meta.mechanism is None:
+            from benchmark.gap import without_model  # draws with matplotlib, which takes its time
+
             return without_model.run(log, settings.path, settings.healthy, folder)
         world = nominal_world(log, settings.known_effects)
         healthy = _healthy(settings, log, world)

@@ -112,17 +112,15 @@ def take_home(
     if not changes:
         return None
     text = model_text(log, world, {one.joint for one in changes})
-    signals = [beside(one) for one in (nominal, world)]
-    texts = [model_text(log, one) for one in (nominal, world)]
-    before, after = (gap_rad(log, nominal, *one) for one in zip(texts, signals, strict=True))
+    signals = beside(world)
     return TakeHome(
         text=text,
         urdf=urdf_text(log, world, {one.joint for one in changes}),
-        robot=robot_file(signals[1]) if signals[1] else None,
+        robot=robot_file(signals) if signals else None,
         changes=tuple(changes),
         beside=tuple(others),
-        before_rad=before,
-        after_rad=after,
+        before_rad=found.engine_gaps_rad[0],
+        after_rad=gap_rad(log, nominal, model_text(log, world), signals),
     )
 
 

@@ -56,6 +56,23 @@ def test_a_written_robot_stands_by_itself():
     assert abs(read[105] - read[95]) < abs(plain[125] - plain[95])
 
 
+@pytest.mark.parametrize(
+    "own", [{}, {"delay_s": 0.0305, "slowness_s_rad": 2.0}, {"late_s": 0.0123, "scale": 0.1}]
+)
+def test_a_written_robot_moves_as_the_gap_was_measured(own):
+    """Step the file that is written through a log, and read the same as its gap was taken from."""
+    loose = written(ARM, {"a": JointNumbers(**vars(NUMBERS) | {"play": 0.02})})
+    command = np.repeat(np.random.default_rng(0).uniform(-0.4, 0.4, 16), 100)
+    space = {}
+    exec(robot_file({"a": own}), space)
+    model = mujoco.MjModel.from_xml_string(loose)
+    model.opt.timestep = 1e-3
+    model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+    robot = space["Robot"](model)
+    read = [robot.step({"a": x})["a"] for x in np.repeat(command, 5)]
+    assert shown(loose, command, **own) == pytest.approx(np.array(read[::5]), abs=1e-9)
+
+
 def test_a_delay_is_taken_home(tmp_path, capfd):
     """Write what an MJCF cannot hold beside it, and measure the gap with both."""
     rng = np.random.default_rng(1)
