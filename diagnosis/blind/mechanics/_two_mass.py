@@ -56,6 +56,13 @@ class Chassis:
     """Dry friction acts between the links, behind the gear."""
 
 
+_ROW = numba.float64[::1]
+SERVO = numba.float64(*[numba.float64] * 3, numba.boolean, _ROW, _ROW, _ROW)
+FRICTION = numba.float64(numba.float64, _ROW, _ROW)
+"""Signatures of a make's laws: the loop that calls them is compiled once, for all makes."""
+_TABLE = numba.float64[:, ::1]
+_LAWS = [numba.types.FunctionType(law) for law in (SERVO, FRICTION)]
+_RUN = numba.types.UniTuple(_TABLE, 3)(*_LAWS, *[_TABLE] * 6, _ROW)
 HYSTERESIS_RAD = 3e-4
 """Twist over which friction inside of a gear builds up."""
 
@@ -152,7 +159,7 @@ def _level(speed, pushed, gear, drive):
     return level
 
 
-@numba.njit
+@numba.njit(_RUN, cache=True)
 def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
     """Angles at every tick, motor angles and torques at every sample, of one limb."""
     samples, joints = push.shape

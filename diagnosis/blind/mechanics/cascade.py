@@ -42,7 +42,7 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.SERVO, cache=True)
 def servo(target, motor, speed, first, drive, own, state):
     """PD and what the integral holds, in state[2]."""
     felt = _two_mass.read_speed(motor, PERIOD_S, own[1], first, state)
@@ -51,7 +51,7 @@ def servo(target, motor, speed, first, drive, own, state):
     return min(max(asked + state[2], -drive[2]), drive[2])
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.FRICTION, cache=True)
 def friction(speed, own, state):
     """One bristle."""
     state[6] = _two_mass.bristle(speed, own[2], state[6])

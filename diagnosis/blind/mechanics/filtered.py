@@ -44,7 +44,7 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.SERVO, cache=True)
 def servo(target, motor, speed, first, drive, own, state):
     """PD on an encoder that is wrong once per turn, and on its filtered difference."""
     read = _two_mass.quantised(motor + own[2] * np.sin(motor + 1.0), STEP_RAD)
@@ -53,7 +53,7 @@ def servo(target, motor, speed, first, drive, own, state):
     return min(max(asked, -drive[2]), drive[2])
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.FRICTION, cache=True)
 def friction(speed, own, state):
     """One bristle."""
     state[6] = _two_mass.bristle(speed, own[0], state[6])

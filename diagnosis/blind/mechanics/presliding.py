@@ -41,7 +41,7 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.SERVO, cache=True)
 def servo(target, motor, speed, first, drive, own, state):
     """PD on the encoder and its difference."""
     felt = _two_mass.read_speed(motor, PERIOD_S, 0.0, first, state)
@@ -49,7 +49,7 @@ def servo(target, motor, speed, first, drive, own, state):
     return min(max(asked, -drive[2]), drive[2])
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.FRICTION, cache=True)
 def friction(speed, own, state):
     """Mean bend of three elements that slip one after the other, or of one bristle."""
     if own[1] < 0.5:

@@ -46,7 +46,7 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.SERVO, cache=True)
 def servo(target, motor, speed, first, drive, own, state):
     """PD on a coarse encoder; what it asks for is coarse and needs voltage."""
     read = _two_mass.quantised(motor, own[2])
@@ -56,7 +56,7 @@ def servo(target, motor, speed, first, drive, own, state):
     return _two_mass.quantised(min(max(asked, -most), most), own[4])
 
 
-@numba.njit(cache=True)
+@numba.njit(_two_mass.FRICTION, cache=True)
 def friction(speed, own, state):
     """One bristle."""
     state[6] = _two_mass.bristle(speed, own[0], state[6])
