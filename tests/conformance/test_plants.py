@@ -46,7 +46,7 @@ def shown(name: str, faults: tuple[Fault, ...] = (), rig: str = RIG) -> np.ndarr
     rng, rows = np.random.default_rng(1), []
     for k, protocol in enumerate(SHORT):
         one = motion.motion(protocol, spec, np.random.default_rng(k), rigs.rate_hz(rig))
-        short = slice(len(one.target_rad) // 2)
+        short = slice(len(one.target_rad) // 4)
         read = plant.run(
             one.target_rad[short], one.push_nm[short], 1 / rigs.rate_hz(rig), rng, slipped=k > 0
         )
