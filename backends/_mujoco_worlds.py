@@ -65,12 +65,12 @@ def pool(
     from mujoco.batch import MODEL_FIELDS, Batch
 
     batch = Batch(models[0], nsim=len(rows), nthread=threads)
-    for name, values in _differences(models, MODEL_FIELDS).items():
+    for name, values in differences(models, MODEL_FIELDS).items():
         batch.expand(name)[:] = values[rows]
     return batch
 
 
-def _differences(models: Sequence[mujoco.MjModel], names: Sequence[str]) -> dict[str, Array]:
+def differences(models: Sequence[mujoco.MjModel], names: Sequence[str]) -> dict[str, Array]:
     """The fields in which compiled models differ, by name, with a row per model.
 
     They take 1 kB per model. Full models would not fit into the cache and would slow every step.

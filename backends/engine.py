@@ -111,6 +111,8 @@ class Engine(ABC):
     """Per spec field: 'exact', 'approximate: why' or 'refused: why'."""
     steps_in_threads: ClassVar[bool] = False
     """Whether the constructor takes `threads` (the engine frees the interpreter lock)."""
+    only_by_name: ClassVar[bool] = False
+    """Whether 'all' leaves the engine out: it is made for a GPU and slow without one."""
     worlds_in_cache: ClassVar[int] = sys.maxsize
     """How many worlds are stepped through a policy period together.
 

@@ -32,7 +32,7 @@ def demo(out: Path, force: bool) -> tuple[dict, RenderableType]:
     _claim(out, force)
     run = trained_in(out / POLICY)
     with diagnosing(out / LOG, out) as log:
-        plays = [play(out / POLICY, engine, EPISODES) for engine in registry.names("backend")]
+        plays = [play(out / POLICY, engine, EPISODES) for engine in registry.usual("backend")]
         skipped = _draw(plays, out)
         found = log.result()
     result = {

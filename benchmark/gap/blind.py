@@ -103,7 +103,8 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
         )
     known = engines if holding else (*engines, *STICKLESS)
     if text == "all":
-        return tuple(real for real in known if real not in KEPT_APART)
+        named = {*engines} - {*registry.usual("backend")}
+        return tuple(real for real in known if real not in named and real not in KEPT_APART)
     return _words("real side", text, known)
 
 
@@ -353,7 +354,7 @@ def _searched(kind: type[Effect]) -> tuple[tuple[str, ...], ...]:
 def _search_one(search: Any) -> dict:
     from diagnosis.blind.detectable import smallest
 
-    return smallest(search, _catalogue(), _start, registry.names("backend"))
+    return smallest(search, _catalogue(), _start, registry.usual("backend"))
 
 
 def _size_one(case: draw.Case, wanted: draw.Settings, seed: int) -> draw.Case:
@@ -386,7 +387,7 @@ def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
 
     def apart(fault: faults.Fault) -> float:
         grasps = Grasps(case=case, catalogue=_catalogue(), simulate=_start, seed=seed)
-        return grasps.apart_nats(fault, registry.names("backend"))
+        return grasps.apart_nats(fault, registry.usual("backend"))
 
     return consult(case, blind.log(case.number), _catalogue(), apart)
 

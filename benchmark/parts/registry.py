@@ -32,6 +32,12 @@ def names(kind: str) -> tuple[str, ...]:
     return tuple(parts(_KINDS[kind]))
 
 
+def usual(kind: str) -> tuple[str, ...]:
+    """What 'all' stands for: `names`, less those whose class says `only_by_name = True`."""
+    apart = re.compile(r"^    only_by_name = True$", re.MULTILINE)
+    return tuple(name for name in names(kind) if not apart.search(part(kind, name).text))
+
+
 def kind_of(kind: str) -> Kind:
     """Where plug-ins of a kind are found."""
     return _KINDS[kind]
@@ -72,9 +78,9 @@ def check(kind: str, name: str) -> str:
 
 
 def chosen(kind: str, text: str) -> tuple[str, ...]:
-    """The names between commas, each once ('all': all of them); UsageError for an unknown one."""
+    """The names between commas, each once ('all': `usual`); UsageError for an unknown one."""
     if text == "all":
-        return names(kind)
+        return usual(kind)
     return tuple(dict.fromkeys(check(kind, name.strip()) for name in text.split(",")))
 
 

@@ -53,7 +53,7 @@ def _table(found: Findings) -> Table:
 def markdown(found: Sequence[Findings]) -> str:
     """The tables with the reasons of all bounds, and where the figures come from."""
     made = provenance()
-    engines = [registry.distribution("backend", name) for name in registry.names("backend")]
+    engines = [registry.distribution("backend", name) for name in registry.usual("backend")]
     behind = [name for name in (*engines, "numpy", "numba") if name in made["versions"]]
     versions = ", ".join(f"{name} {made['versions'][name]}" for name in behind)
     parts = [

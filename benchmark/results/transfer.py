@@ -134,7 +134,7 @@ def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> di
 
     Raises UsageError for an unknown engine, effect or setting.
     """
-    every = registry.names("backend") if engines == "all" else engines.split(",")
+    every = registry.usual("backend") if engines == "all" else engines.split(",")
     backends = {text.strip(): versions.split(text) for text in every}
     for text in effects:
         parse_effects(text, ideal(RunSpec.hand, RunSpec.stick).hand)

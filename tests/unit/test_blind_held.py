@@ -76,7 +76,7 @@ def test_the_oracle_tells_what_shows():
     """Call a taxel that answers early detectable from answers alone, a heavy stick from neither."""
     wanted = held(cases=1, modes=("none",), channels=draw.HELD_CHANNELS[-1:])
     (case,) = draw.draw(wanted, catalogue(), 0)
-    engines = registry.names("backend")
+    engines = registry.usual("backend")
 
     def nats(effect: str, magnitude: float, *channels: str) -> float:
         fault = faults.Fault(effect=effect, joint=None, magnitude=magnitude)

@@ -63,7 +63,7 @@ def test_demo_shows_engines_a_film_and_a_cause(
     out = tmp_path / "demo"
     assert app.call(["demo", "--out", str(out), "--json"]) == 0
     said = json.loads(capfd.readouterr().out)
-    assert [row["backend"] for row in said["engines"]] == list(registry.names("backend"))
+    assert [row["backend"] for row in said["engines"]] == list(registry.usual("backend"))
     home = next(row for row in said["engines"] if row["trained_here"])
     assert home["tracked"] > 0.6 and home["held"] == 1.0 and home["p_err_cm"] < 1.0
     assert (said["diagnosis"]["verdict"], said["diagnosis"]["joints"]) == (["backlash"], ["elbow"])

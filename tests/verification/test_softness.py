@@ -16,6 +16,7 @@ from tasks.initial_states import sample_initial_states
 IDEAL = trx.spec(sticks.STICKS["reference"])
 COMPLIANCES_M_N = (0.0, 2e-5, 1e-4, 3e-4, 1e-3)
 OWN = {"mujoco": (7.161e-5, 0.0), "bullet": (0.0, 1e-5), "sapien": (0.0, 0.0)}
+OWN["mujoco-warp"] = OWN["mujoco"]
 """What a contact yields by itself, per force [m/N] and beside [m]: MuJoCo's light contacts have
 (1 - d) (d_max t / d)^2 / m with t = 4 ms and 1 / m = 40.2 / kg; Bullet has a slop."""
 

@@ -1,0 +1,91 @@
+"""The drive law as a Warp kernel: `backends.drive`, tick by tick, where the worlds are.
+
+Warp compiles no text that numba compiles (it wants typed literals), so the law stands here once
+more; a test holds the two to 1e-6.
+"""
+
+# mypy: disable-error-code="valid-type"
+import warp as wp
+
+from backends.drive import COLUMNS, STRIBECK_RAD_S
+
+Real = wp.float64
+"""Rotors are kept in double precision: a gear's spring acts on small differences of angles."""
+_V_S = wp.constant(Real(STRIBECK_RAD_S))
+_NONE = wp.constant(Real(0.0))
+Numbers = wp.types.vector(len(COLUMNS), Real)
+
+
+@wp.func
+def _shrink(speed: Real, loss: Real) -> Real:
+    """Reduce `speed` by `loss` towards zero, but not beyond zero; NaN stays NaN."""
+    if speed > loss:
+        return speed - loss
+    if speed < -loss:
+        return speed + loss
+    if speed == speed:
+        return _NONE
+    return speed
+
+
+@wp.kernel(enable_backward=False)
+def drive_tick(
+    target: wp.array2d(dtype=Real),
+    qpos: wp.array2d(dtype=float),
+    qvel: wp.array2d(dtype=float),
+    joint_q: wp.array(dtype=int),
+    joint_v: wp.array(dtype=int),
+    numbers: wp.array2d(dtype=Numbers),
+    dt: Real,
+    motor: wp.array2d(dtype=Real),
+    motor_speed: wp.array2d(dtype=Real),
+    pd_nm: wp.array2d(dtype=Real),
+    gear_nm: wp.array2d(dtype=Real),
+    applied: wp.array2d(dtype=float),
+):
+    """Step every drive (N, J) by one period and apply its torque to its joint."""
+    n, j = wp.tid()
+    p = numbers[n, j]
+    kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
+    coulomb, viscous, k, c = p[4], p[5], p[6], p[7]
+    play, lock, stiction, load, dead = p[8], p[9], p[10], p[11], p[12]
+    joint, joint_speed = Real(qpos[n, joint_q[j]]), Real(qvel[n, joint_v[j]])
+    speed = motor_speed[n, j]
+    rub = _NONE
+    if stiction > _NONE:
+        rub = stiction * wp.exp(-wp.abs(speed) / _V_S)
+    gap = motor[n, j] - joint
+    press = gap + play
+    if gap > _NONE:
+        press = gap - play
+    gear = k * press + c * (speed - joint_speed)
+    touches = gap > play or gap < -play or play == _NONE
+    if (play > _NONE and gear * press < _NONE) or not touches:
+        gear = _NONE
+    pd = kp * _shrink(target[n, j] - motor[n, j], dead) - kd * speed
+    pd = wp.min(wp.max(pd, -limit), limit)
+    friction = coulomb + load * wp.abs(gear) + rub
+    speed += dt / inertia * (pd - gear - viscous * speed)
+    speed = _shrink(speed, dt / inertia * friction)
+    if speed * pd <= _NONE and speed * gear < _NONE:
+        speed = _shrink(speed, dt / inertia * lock)
+    motor[n, j] += dt * speed
+    motor_speed[n, j] = speed
+    pd_nm[n, j] = pd
+    gear_nm[n, j] = gear
+    applied[n, joint_v[j]] = float(gear)
+
+
+@wp.kernel(enable_backward=False)
+def carry_tick(
+    ticks: wp.array(dtype=int),
+    carry_n: wp.array2d(dtype=float),
+    stick_v: int,
+    applied: wp.array2d(dtype=float),
+):
+    """Carry the sticks of the worlds that are weightless for so many more `ticks` (N,)."""
+    n = wp.tid()
+    lifted = ticks[n] > 0
+    for i in range(3):
+        applied[n, stick_v + i] = wp.where(lifted, carry_n[n, i], 0.0)
+    ticks[n] = wp.max(ticks[n] - 1, 0)
