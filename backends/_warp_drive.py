@@ -1,23 +1,20 @@
 """The drive law as a Warp kernel: `backends.drive`, tick by tick, where the worlds are.
 
 Warp compiles no text that numba compiles (it wants typed literals), so the law stands here once
-more; a test holds the two to 1e-6.
+more; a test holds the two to 1e-6. Rotors are kept in double precision: a gear's spring acts on
+small differences of angles.
 """
 
-# mypy: disable-error-code="valid-type"
 import warp as wp
 
-from backends.drive import COLUMNS, STRIBECK_RAD_S
+from backends.drive import STRIBECK_RAD_S
 
-Real = wp.float64
-"""Rotors are kept in double precision: a gear's spring acts on small differences of angles."""
-_V_S = wp.constant(Real(STRIBECK_RAD_S))
-_NONE = wp.constant(Real(0.0))
-Numbers = wp.types.vector(len(COLUMNS), Real)
+_V_S = wp.constant(wp.float64(STRIBECK_RAD_S))
+_NONE = wp.constant(wp.float64(0.0))
 
 
 @wp.func
-def _shrink(speed: Real, loss: Real) -> Real:
+def _shrink(speed: wp.float64, loss: wp.float64) -> wp.float64:
     """Reduce `speed` by `loss` towards zero, but not beyond zero; NaN stays NaN."""
     if speed > loss:
         return speed - loss
@@ -30,26 +27,26 @@ def _shrink(speed: Real, loss: Real) -> Real:
 
 @wp.kernel(enable_backward=False)
 def drive_tick(
-    target: wp.array2d(dtype=Real),
-    qpos: wp.array2d(dtype=float),
-    qvel: wp.array2d(dtype=float),
-    joint_q: wp.array(dtype=int),
-    joint_v: wp.array(dtype=int),
-    numbers: wp.array2d(dtype=Numbers),
-    dt: Real,
-    motor: wp.array2d(dtype=Real),
-    motor_speed: wp.array2d(dtype=Real),
-    pd_nm: wp.array2d(dtype=Real),
-    gear_nm: wp.array2d(dtype=Real),
-    applied: wp.array2d(dtype=float),
+    target: wp.array2d[wp.float64],
+    qpos: wp.array2d[float],
+    qvel: wp.array2d[float],
+    joint_q: wp.array[int],
+    joint_v: wp.array[int],
+    numbers: wp.array3d[wp.float64],
+    dt: wp.float64,
+    motor: wp.array2d[wp.float64],
+    motor_speed: wp.array2d[wp.float64],
+    pd_nm: wp.array2d[wp.float64],
+    gear_nm: wp.array2d[wp.float64],
+    applied: wp.array2d[float],
 ):
     """Step every drive (N, J) by one period and apply its torque to its joint."""
     n, j = wp.tid()
-    p = numbers[n, j]
+    p = numbers[n, j]  # in the order of the fields of `Drive`
     kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
     coulomb, viscous, k, c = p[4], p[5], p[6], p[7]
     play, lock, stiction, load, dead = p[8], p[9], p[10], p[11], p[12]
-    joint, joint_speed = Real(qpos[n, joint_q[j]]), Real(qvel[n, joint_v[j]])
+    joint, joint_speed = wp.float64(qpos[n, joint_q[j]]), wp.float64(qvel[n, joint_v[j]])
     speed = motor_speed[n, j]
     rub = _NONE
     if stiction > _NONE:
@@ -78,10 +75,10 @@ def drive_tick(
 
 @wp.kernel(enable_backward=False)
 def carry_tick(
-    ticks: wp.array(dtype=int),
-    carry_n: wp.array2d(dtype=float),
+    ticks: wp.array[int],
+    carry_n: wp.array2d[float],
     stick_v: int,
-    applied: wp.array2d(dtype=float),
+    applied: wp.array2d[float],
 ):
     """Carry the sticks of the worlds that are weightless for so many more `ticks` (N,)."""
     n = wp.tid()

@@ -14,7 +14,7 @@ import warp as wp
 from mujoco.batch import MODEL_FIELDS
 
 from backends._mujoco_worlds import differences
-from backends._warp_drive import Numbers, Real, carry_tick, drive_tick
+from backends._warp_drive import carry_tick, drive_tick
 from backends.drive import drive_table
 from backends.engine import Engine, Team
 from backends.mujoco import Backend as Mujoco
@@ -123,13 +123,13 @@ class _Batch:
         )
         shape = len(ids), len(joints)
         self._target, self._motor, self._speed, self._pd, self._gear = (
-            wp.zeros(shape, dtype=Real) for _ in range(5)
+            wp.zeros(shape, dtype=wp.float64) for _ in range(5)
         )
         numbers = np.array([drive_table(specs[n]) for n in ids])
         self._drives = [
             *(self._target, self._data.qpos, self._data.qvel),
             *(wp.array(self._joint_q), wp.array(self._joint_v)),
-            *(wp.array(numbers, dtype=Numbers), Real(specs[0].timing.drive_s)),
+            *(wp.array(numbers, dtype=wp.float64), wp.float64(specs[0].timing.drive_s)),
             *(self._motor, self._speed, self._pd, self._gear, self._data.qfrc_applied),
         ]
         self._lifted = wp.zeros(len(ids), dtype=int)

@@ -25,6 +25,7 @@ HOMES = {
     "mujoco": {
         "backends/mujoco.py",
         "backends/_mujoco",
+        "backends/mujoco_warp.py",
         "backends/mjcf.py",
         "backends/_mjcf",
         "benchmark/pictures/_scene.py",
@@ -32,6 +33,8 @@ HOMES = {
     },
     "pybullet": {"backends/bullet.py", "backends/_bullet_public.py"},
     "sapien": {"backends/sapien.py"},
+    "mujoco_warp": {"backends/mujoco_warp.py"},
+    "warp": {"backends/mujoco_warp.py", "backends/_warp_drive.py"},
     "stable_baselines3": {"baselines/"},
     "rsl_rl": {"baselines/rsl_ppo.py"},
     "tensordict": {"baselines/rsl_ppo.py"},

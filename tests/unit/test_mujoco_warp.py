@@ -54,7 +54,7 @@ def drives(rng: np.random.Generator) -> Array:
 
 def test_the_drive_law_is_the_same_to_1e_6():
     """Step random drives as the compiled law of all engines does."""
-    from backends._warp_drive import Numbers, Real, drive_tick
+    from backends._warp_drive import drive_tick
 
     rng = np.random.default_rng(0)
     p = drives(rng)
@@ -63,11 +63,17 @@ def test_the_drive_law_is_the_same_to_1e_6():
     joint, joint_speed = joint.astype(np.float32), rng.normal(0, 0.3, shape).astype(np.float32)
     speed = rng.normal(0.0, 0.3, shape) * (rng.random(shape) < 0.8)
     here = [motor.copy(), speed.copy(), np.zeros(shape), np.zeros(shape)]
-    there = [wp.array(x, dtype=Real) for x in here]
+    there = [wp.array(x, dtype=wp.float64) for x in here]
     applied, place = wp.zeros(shape, dtype=float), wp.array(np.arange(JOINTS, dtype=np.int32))
-    state = [wp.array(target, dtype=Real), wp.array(joint), wp.array(joint_speed), place, place]
-    numbers = wp.array(np.moveaxis(p, 0, -1), dtype=Numbers)
-    inputs = [*state, numbers, Real(DT_S), *there, applied]
+    state = [
+        wp.array(target, dtype=wp.float64),
+        wp.array(joint),
+        wp.array(joint_speed),
+        place,
+        place,
+    ]
+    numbers = wp.array(np.moveaxis(p, 0, -1), dtype=wp.float64)
+    inputs = [*state, numbers, wp.float64(DT_S), *there, applied]
     for _ in range(3):
         wp.launch(drive_tick, dim=shape, inputs=inputs)
         drive_step(
