@@ -1,6 +1,6 @@
 """Which command installs what a part of Stickbench needs and is not there.
 
-An extra of the package bears the name of what needs it: an engine's file, or a folder of files.
+An extra of the package bears a word of the name of what needs it: an engine's file, or a folder.
 """
 
 import re
@@ -16,8 +16,8 @@ _PROJECT = Path(__file__).resolve().parents[2] / "pyproject.toml"
 
 def install_command(module: str) -> str:
     """How to install Stickbench with all that a module such as `backends.bullet` imports."""
-    named = [part for part in re.split(r"[./]", module) if part.replace("_", "-") in _extras()]
-    extra = f"[{named[0].replace('_', '-')}]" if named else ""
+    named = [word for word in re.split(r"[._/]", module) if word in _extras()]
+    extra = f"[{named[0]}]" if named else ""
     if _PROJECT.exists():
         return f"pip install -c constraints.txt -e '.{extra}'"
     return f"pip install '{NAME}{extra}'"

@@ -62,6 +62,7 @@ def test_every_import_is_required_or_in_the_extra_named_after_its_file() -> None
     [
         ("backends.bullet", "pip install -c constraints.txt -e '.[bullet]'"),
         ("diagnosis.blind.engines.drake", "pip install -c constraints.txt -e '.[blind]'"),
+        ("backends.mujoco_warp", "pip install -c constraints.txt -e '.[warp]'"),
         ("baselines.sb3_ppo", "pip install -c constraints.txt -e '.'"),
     ],
 )
