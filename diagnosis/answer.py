@@ -6,9 +6,9 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from diagnosis.finding import Finding, Spot
 from diagnosis.shrinkage import Gaps, Share
 from diagnosis.signals import Signals
+from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import Cause, LimbResult, Nominal
 from diagnosis.where import Place
 
@@ -52,8 +52,6 @@ class Diagnosis:
     """Parts of the gap, the largest first."""
     limbs: tuple[LimbResult, ...]
     """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
-    findings: tuple[Finding, ...]
-    """What touch, stick and contact show."""
     spots: tuple[Spot, ...]
     """Gaps of touch and stick at every finger."""
     missing: tuple[str, ...]

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 
 from backends.effect import Effect, NumberEffect
-from diagnosis.finding import missing
 from diagnosis.motion.columns import COLUMNS
+from diagnosis.verdict.in_hand import missing
 from diagnosis.verdict.sensors import LOSS, NOISE, RESOLUTION
 
 SENSED = (NOISE, RESOLUTION, LOSS)

@@ -40,7 +40,7 @@ from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
-from diagnosis.verdict.sensors import loss_finding, sensor_findings
+from diagnosis.verdict.sensors import loss_cause, sensor_causes
 
 Progress = Callable[[str, float], None]
 """Is called with what is being done, and the share of all that is done."""
@@ -165,11 +165,11 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     left = found.chosen.residual
-    sensors = list(sensor_findings(said, left, ordinary, asked.catalogue))
+    sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
         received = replace(said, limb=arrived(said.limb, lost))
-        sensors.append(loss_finding(said, lost, asked.catalogue))
+        sensors.append(loss_cause(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)

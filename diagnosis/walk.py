@@ -5,14 +5,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import prod
 
 from backends.catalogue import catalogue as every_effect
-from backends.effect import UNITS, Effect
+from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis import solver
 from diagnosis.answer import Diagnosis
 from diagnosis.calibration.worlds import Simulate
 from diagnosis.coverage import not_looked_for
-from diagnosis.finding import Finding, Report
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.columns import changed
@@ -23,7 +22,9 @@ from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
 from diagnosis.triage.triage import remarks, triage
+from diagnosis.verdict import probability
 from diagnosis.verdict.combine import combine
+from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
@@ -69,9 +70,8 @@ def diagnose(
     result = combine([one.result for one in limbs], 0.0, notes)
     corrected = _corrected(world, limbs)
     held = in_hand(log, corrected, known, simulate)
-    causes = (*result.causes, *(_cause(f, known) for f in held.findings if f.effect != UNKNOWN))
-    strange = [f for f in held.findings if f.effect == UNKNOWN]
-    unknown = result.verdict == (UNKNOWN,) or bool(strange)
+    causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
+    unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
     accused = {joint for cause in causes for joint in cause.joints}
     worst = max(limbs, key=lambda one: one.result.gap_nominal)
     if result.verdict == (UNKNOWN,):
@@ -96,7 +96,6 @@ def diagnose(
         shrinkage_nominal=gone_nominal,
         where=places,
         limbs=result.limbs,
-        findings=held.findings,
         spots=held.spots,
         missing=(*not_looked_for(known), *held.missing),
         notes=tuple(notes),
@@ -151,38 +150,21 @@ def _engine_gaps_rad(
     return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 
-def _cause(found: Finding, catalogue: Mapping[str, type[Effect]]) -> Cause:
-    """A finding of touch, stick or contact as a cause."""
-    unit = catalogue[found.effect].unit
-    size = UNITS[unit][1]
-    low, high = found.interval
-    return Cause(
-        effect=found.effect,
-        joint=None,
-        joints=(),
-        value=found.value / size,
-        low=low / size,
-        high=high / size,
-        unit=unit,
-        share=found.share,
-    )
-
-
 def _probability(result: Result, held: Report) -> float:
     """That all that is named is right; of an unknown gap, that no effect explains it."""
-    found = [one.confidence for one in held.findings]
+    found = [probability.in_hand(one) for one in held.causes]
     return prod(found) * (1.0 if found and result.verdict == (NONE,) else result.probability)
 
 
 def _sentences(result: Result, held: Report, places: Sequence[Place]) -> Iterator[str]:
     """Of limbs at fault; of all where none is; then what touch and stick show."""
     faulty = [limb for limb in result.limbs if limb.verdict != (NONE,) or limb.sensors]
-    shown = faulty or ([] if held.findings else [max(result.limbs, key=lambda limb: limb.left)])
+    shown = faulty or ([] if held.causes else [max(result.limbs, key=lambda limb: limb.left)])
     for limb in shown:
         yield from limb.sentences
         if limb.verdict == (UNKNOWN,):
             yield largest(places, limb.joints)
-    for one in held.findings:
+    for one in held.causes:
         yield f"{one.effect}: {one.evidence}."
 
 

@@ -39,7 +39,7 @@ def effects_text(known: str, found: Sequence[Cause], ideal: Spec) -> str:
 def _effects(found: Cause, ideal: Spec) -> Iterator[Effect]:
     """A finding as effects: one for all joints, or one for each joint that it was found on."""
     kind: type[Effect] = registry.load("effect", found.effect)
-    size = found.value * UNITS[found.unit][1]
+    size = found.sizes[0]
     everywhere = kind(magnitude=size)
     if not kind.per_joint or everywhere.joints(ideal) == found.joints:
         yield everywhere

@@ -19,7 +19,7 @@ from typing import Any
 import joblib
 
 from backends.catalogue import catalogue
-from backends.effect import UNITS, Effect
+from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.blind import frozen, rigs
@@ -166,10 +166,10 @@ def plain(found: Diagnosis) -> dict[str, Any]:
 
 def _magnitude(cause: Cause) -> dict[str, Any]:
     """In SI units or as a share."""
-    size = UNITS[cause.unit][1]
+    value, low, high = cause.sizes
     return {
         "effect": cause.effect,
         "joints": list(cause.joints),
-        "magnitude": cause.value * size,
-        "interval": [cause.low * size, cause.high * size],
+        "magnitude": value,
+        "interval": [low, high],
     }

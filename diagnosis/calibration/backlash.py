@@ -12,7 +12,7 @@ and without a lock, and the one with the smaller residual is used.
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,14 +21,13 @@ from backends.spec import Drive, Spec
 from backends.state import Array
 from diagnosis.calibration.robust import least_absolute
 from diagnosis.calibration.worlds import Motion, Simulate, replay
+from diagnosis.motion.presses import Press, places, presses
 
 PUSHED_SHARE = 0.3
 """Samples with less than this share of a press's largest push are left out: the joint may be
 between its teeth."""
 VARIED_SHARE = 0.05
 """A push that varies by less than this share cannot separate elastic deflection from play."""
-SAME_HOLD_RAD = 1e-3
-"""Presses whose commands differ by less are at the same position."""
 LOCK_NM, LOCK_LIMITS = 10.0, 5.0
 """A lock that holds every push of a push test: this, or this multiple of the drive's largest
 torque."""
@@ -93,20 +92,6 @@ class Play:
         return float(self.half_rad.std(ddof=1)) if len(self.half_rad) > 1 else 0.0
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Press:
-    """One push of a joint in one direction, from no push to no push, at a constant command."""
-
-    held_rad: float
-    rest_rad: float
-    """Its angle relative to the motor before the push [rad]."""
-    side: int
-    """Direction of the push: 0 down, 1 up."""
-    load_nm: Array
-    beyond_rad: Array
-    """Its angle relative to the motor while it is pushed hard [rad]."""
-
-
 def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> dict[str, Play | str]:
     """Per joint its play, or the reason why it is not identifiable from this log."""
     names = nominal.hand.joint_names
@@ -155,60 +140,38 @@ def _fit(
 
     So samples at which a weight still keeps the joint off its teeth hardly count.
     """
-    pairs = zip(pushes, motor_rad, strict=True)
-    places = _places([p for m, motor in pairs for p in _presses(m, motor, j)])
-    if not places:
+    found, rests, loads, beyonds = list[Press](), list[float](), list[Array](), list[Array]()
+    for motion, motor in zip(pushes, motor_rad, strict=True):
+        load, relative = motion.push_nm[:, j], motion.read_rad[0, :, j] - motor
+        for press in presses(motion.command_rad[:, j], load):
+            hard, start = press.hard(load, PUSHED_SHARE), press.pushed.start
+            found.append(press)
+            rests.append(float(relative[max(start - REST_SAMPLES, 0) : start + 1].mean()))
+            loads.append(load[hard])
+            beyonds.append(relative[hard])
+    held = places(found)
+    if not held:
         return None
-    ends_of = [(2 * k + press.side, press) for k, place in enumerate(places) for press in place]
-    load = np.concatenate([press.load_nm for _, press in ends_of])
-    beyond = np.concatenate([press.beyond_rad for _, press in ends_of])
-    end = np.concatenate([np.full(len(press.load_nm), k) for k, press in ends_of])
-    at_end = np.eye(2 * len(places))[end]
+    ends_of = [(2 * k + found[i].side, i) for k, group in enumerate(held) for i in group]
+    load = np.concatenate([loads[i] for _, i in ends_of])
+    beyond = np.concatenate([beyonds[i] for _, i in ends_of])
+    end = np.concatenate([np.full(len(loads[i]), k) for k, i in ends_of])
+    at_end = np.eye(2 * len(held))[end]
     counts = at_end.sum(axis=0)
     varied_nm = load - at_end @ (at_end.T @ load / counts)
     if np.std(varied_nm) > VARIED_SHARE * np.abs(load).max():
-        found = least_absolute(beyond, np.column_stack([at_end, load]))
-        ends, give = found[:-1], float(found[-1])
+        fit = least_absolute(beyond, np.column_stack([at_end, load]))
+        ends, give = fit[:-1], float(fit[-1])
     else:
         ends, give = least_absolute(beyond - nominal_give * load, at_end), nominal_give
     return Play(
-        held_rad=np.array([place[0].held_rad for place in places]),
-        rest_rad=np.array([place[0].rest_rad for place in places]),
+        held_rad=np.array([found[group[0]].held_rad for group in held]),
+        rest_rad=np.array([rests[group[0]] for group in held]),
         ends_rad=ends.reshape(-1, 2),
         give_rad_nm=give,
         residual_rad=float(np.mean(np.abs(beyond - give * load - at_end @ ends))),
         reference=reference,
     )
-
-
-def _presses(motion: Motion, motor_rad: Array, j: int) -> Iterator[_Press]:
-    """The presses of joint `j` in one episode, in order."""
-    load, relative = motion.push_nm[:, j], motion.read_rad[0, :, j] - motor_rad
-    sign = np.sign(load)
-    edges = np.flatnonzero(np.diff(sign, prepend=0.0, append=0.0))
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
-        held = motion.command_rad[start:stop, j]
-        if sign[start] == 0.0 or np.ptp(held) > SAME_HOLD_RAD:
-            continue
-        part = load[start:stop]
-        hard = np.abs(part) >= PUSHED_SHARE * np.abs(part).max()
-        yield _Press(
-            held_rad=float(held[0]),
-            rest_rad=float(relative[max(start - REST_SAMPLES, 0) : start + 1].mean()),
-            side=int(sign[start] > 0),
-            load_nm=part[hard],
-            beyond_rad=relative[start:stop][hard],
-        )
-
-
-def _places(presses: Sequence[_Press]) -> list[list[_Press]]:
-    """Presses grouped by held position, where the joint was pushed in both directions."""
-    places: list[list[_Press]] = []
-    for press in sorted(presses, key=lambda p: p.held_rad):
-        if not places or press.held_rad - places[-1][0].held_rad > SAME_HOLD_RAD:
-            places.append([])
-        places[-1].append(press)
-    return [place for place in places if {p.side for p in place} == {0, 1}]
 
 
 def lock_of(drive: Drive) -> float:

@@ -22,10 +22,11 @@ from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, UNKNOWN, Z90, Finding, Report, Spot, missing, share
 from diagnosis.grasp.grasp_likelihood import judged
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.motion.held import FLOOR_M, Held, gaps_m
+from diagnosis.verdict.in_hand import STICK, Report, Spot, missing
+from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
 SETTLED_S = 0.3
@@ -178,7 +179,9 @@ def shapes(
         force, _ = _replayed(world, nominal, parts, simulate)
     return Shapes(
         report=Report(
-            findings=_findings(nominal, seen, names), spots=_spots(nominal, seen), world=world
+            causes=_causes(nominal, seen, names, catalogue),
+            spots=_spots(nominal, seen),
+            world=world,
         ),
         soft=SOFTNESS in seen.line.effects,
     )
@@ -295,13 +298,15 @@ def _gap(nominal: Spec, part: Held) -> Array:
     return _middle(part, gaps_m(nominal, part))
 
 
-def _findings(nominal: Spec, seen: Seen, names: Mapping[str, str]) -> tuple[Finding, ...]:
+def _causes(
+    nominal: Spec, seen: Seen, names: Mapping[str, str], catalogue: Mapping[str, type[Effect]]
+) -> tuple[Cause, ...]:
     """The effects that a line asks for; `unknown` where one is not in the catalogue."""
     before = float(np.sqrt(1 + np.mean((seen.gap_m / FLOOR_M) ** 2)))
     after = float(np.sqrt(1 + (seen.line.left_m / FLOOR_M) ** 2))
     sizes = {RADIUS: _radius(nominal, seen.line), SOFTNESS: _softness(seen)}
     return tuple(
-        finding(names.get(number, UNKNOWN), sizes[number], before, after)
+        stick_cause(names.get(number, UNKNOWN), sizes[number], before, after, catalogue)
         for number in seen.line.effects
     )
 
@@ -332,16 +337,18 @@ def _softness(seen: Seen) -> Size:
     return seen.compliance_m_n, (max(low - blur, 0.0), high + blur), text
 
 
-def finding(effect: str, size: Size, before: float, after: float) -> Finding:
-    """A finding about the stick; an unknown has no size."""
-    known, (value, interval, text) = effect != UNKNOWN, size
-    return Finding(
-        effect=effect,
-        family=STICK,
-        value=value if known else 0.0,
-        interval=interval if known else (0.0, 0.0),
-        share=share(before, after) if known else 0.0,
-        gap_before=before,
-        gap_after=after if known else before,
-        evidence=text,
-    )
+def stick_cause(
+    effect: str, size: Size, before: float, after: float, catalogue: Mapping[str, type[Effect]]
+) -> Cause:
+    """A cause about the stick; an unknown has no size."""
+    value, interval, text = size
+    if effect == UNKNOWN:
+        return cause(UNKNOWN, (0.0, 0.0, 0.0), catalogue, evidence=text)
+    sizes = value, *interval
+    return cause(effect, sizes, catalogue, share=share(before, after), evidence=text)
+
+
+def share(before: float, after: float) -> float:
+    """Share of the squared gap above the floor that is gone."""
+    excess = before**2 - 1.0
+    return float(np.clip(1 - max(after**2 - 1.0, 0.0) / excess, 0.0, 1.0)) if excess > 0 else 0.0

@@ -12,13 +12,13 @@ import numpy as np
 from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.finding import Report, missing
 from diagnosis.grasp import pull_test
 from diagnosis.grasp.contact_geometry import RADIUS, SOFTNESS, shapes
 from diagnosis.grasp.motion_fit import MOTION, YIELDING, motions
 from diagnosis.grasp.simulate_grasps import Simulate
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import Held, held
+from diagnosis.verdict.in_hand import Report, missing
 
 NEEDS = "not identifiable from this log; record --protocol grasp with the channel stick"
 PULLS = (
@@ -73,7 +73,7 @@ def _moved(
         for some in (MOTION, YIELDING)
     )
     alone = motions(nominal, parts, moved | yielding if moved else {}, simulate)
-    if any(one.share >= WHOLE for one in alone.findings):
+    if any(one.share >= WHOLE for one in alone.causes):
         return alone
     shape = shapes(nominal, parts, catalogue, simulate)
     again = motions(shape.world, parts, moved, simulate) if shape.world != nominal else alone
@@ -103,4 +103,4 @@ def _pulled_out(
         std = float(np.hypot(last.friction_std, pull_test.SOFT_FLOOR))
         left = last.left if last.is_lawful else np.inf
         last = replace(last, left=left, friction_std=std)
-    return shape.report + last.report(of_part(catalogue, "stick"))
+    return shape.report + last.report(catalogue)

@@ -4,11 +4,11 @@ from collections.abc import Mapping
 
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.finding import Report
 from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
 from diagnosis.grasp.simulate_grasps import Simulate
 from diagnosis.logs.log import Log
 from diagnosis.skin.skin_faults import identify_skin_faults
+from diagnosis.verdict.in_hand import Report
 
 
 def in_hand(

@@ -12,12 +12,13 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import STICK, Finding, Report, missing
 from diagnosis.grasp.contact_geometry import SOFTNESS
 from diagnosis.grasp.grasp_likelihood import SAME, judged
 from diagnosis.grasp.pull_test import FRICTION, MASS
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.motion.held import Held
+from diagnosis.verdict.in_hand import Report, missing
+from diagnosis.verdict.result import cause
 
 MOTION = {
     FRICTION: (-0.8, -0.6, -0.4, -0.2, 0.3, 0.8, 1.5),
@@ -107,8 +108,16 @@ def motions(
     agreed = sorted((s for s in singles if s.agrees), key=lambda s: -s.share)
     if agreed and agreed[0].share >= EXPLAINED and agreed[0].gaps[agreed[0].best] < SAME:
         best, *others = agreed
-        ties = [s.effect for s in others if best.share - s.share < TIE_SHARE]
-        return Report(findings=(_finding(best, base_gap, ties),))
+        found = cause(
+            best.effect,
+            (float(best.magnitudes[best.best]), *best.interval),
+            kinds,
+            share=best.share,
+            evidence=f"every one of {len(parts)} grasps is replayed better: it takes "
+            f"{100 * best.share:.0f} % of the gap",
+            tied=tuple(s.effect for s in others if best.share - s.share < TIE_SHARE),
+        )
+        return Report(causes=(found,))
     return Report(missing=missing(_moving(kinds), ENGINE.format(base_gap)))
 
 
@@ -120,22 +129,6 @@ def _moving(kinds: Mapping[str, type[Effect]]) -> list[str]:
 def _number(kind: type[Effect]) -> str:
     """The number of the spec that an effect changes."""
     return kind.spec_fields()[0]
-
-
-def _finding(swept: Swept, before: float, ties: Sequence[str]) -> Finding:
-    after = float(swept.gaps[swept.best])
-    return Finding(
-        effect=swept.effect,
-        family=STICK,
-        value=float(swept.magnitudes[swept.best]),
-        interval=swept.interval,
-        share=swept.share,
-        gap_before=before,
-        gap_after=after,
-        ties=tuple(ties),
-        evidence=f"every one of {swept.nats.shape[1]} grasps is replayed better: it takes "
-        f"{100 * swept.share:.0f} % of the gap",
-    )
 
 
 def _sweep(

@@ -15,13 +15,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from backends.catalogue import of_part
+from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.finding import UNKNOWN, Z90, Report, missing
-from diagnosis.grasp.contact_geometry import Size, finding
+from diagnosis.grasp.contact_geometry import Size, stick_cause
 from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
 from diagnosis.motion.held import Held
+from diagnosis.verdict.in_hand import Report, missing
+from diagnosis.verdict.result import UNKNOWN, Z90
 
 FRICTION, MASS = "stick.friction", "stick.mass_kg"
 FINE_S = 1e-3
@@ -84,20 +87,23 @@ class PullFit:
     gives_way: bool = False
     """Whether contacts may hold until they give way at once, which looks light."""
 
-    def report(self, names: Mapping[str, str]) -> Report:
+    def report(self, catalogue: Mapping[str, type[Effect]]) -> Report:
         """What is sure, `unknown` without a name by its number; and what is missing of the rest."""
+        names = of_part(catalogue, "stick")
         odds = self.friction / self.friction_std, self.mass / self.spread
         before = float(np.sqrt(1 + np.square(odds).mean()))
         sure = self.sure
         after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
         logs = (self.friction, self.friction_std), (self.mass, self.spread)
-        findings = tuple(
-            finding(names.get(number, UNKNOWN), _size(*log, self.episodes), before, after)
+        causes = tuple(
+            stick_cause(
+                names.get(number, UNKNOWN), _size(*log, self.episodes), before, after, catalogue
+            )
             for number, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
             if found
         )
         vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
-        return Report(findings=findings, missing=vague)
+        return Report(causes=causes, missing=vague)
 
     @property
     def sure(self) -> tuple[bool, bool]:

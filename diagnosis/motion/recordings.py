@@ -84,8 +84,12 @@ def white_noise(measured: Array) -> Array:
     """Standard deviation of white noise by column of (T, ...): third differences of it."""
     third = np.abs(np.diff(measured, n=3, axis=0))
     known = np.isfinite(third).any(axis=0)
-    median = np.nanmedian(np.where(known, third, 0.0), axis=0)
-    return np.where(known, median, np.nan) / 0.6745 / np.sqrt(20.0)
+    return np.where(known, noise_of(np.where(known, third, 0.0)), np.nan)
+
+
+def noise_of(third: Array) -> Array:
+    """Standard deviation of white noise with third differences of these sizes (T, ...)."""
+    return np.nanmedian(third, axis=0) / 0.6745 / np.sqrt(20.0)
 
 
 def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:

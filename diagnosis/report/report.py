@@ -12,12 +12,12 @@ from plotly.offline import get_plotlyjs
 
 from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
-from diagnosis.finding import Spot
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
 from diagnosis.report import wording
 from diagnosis.report._figures import overlay, shrinking
+from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
 from diagnosis.where import PHASES, Place
 
@@ -70,6 +70,7 @@ def page(
         largest=[p for p in found.where if p.share >= FAINT][:LARGEST],
         meaning=_meaning,
         fingers=_fingers(found.spots),
+        held=[one for one in found.magnitudes if one.evidence],
         overlays=[(one, overlay(one)) for one in found.signals],
         shrinking=shrinking(found),
         episodes=[_episode(log, e.episode, e.protocol) for e in log.episodes],

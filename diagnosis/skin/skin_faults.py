@@ -4,7 +4,6 @@ Where stick and joints are known, geometry says what every taxel should answer.
 """
 
 from collections.abc import Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -12,13 +11,14 @@ from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec, Taxels
 from backends.touch import taxel_grid
-from diagnosis.finding import TOUCH, UNKNOWN, Z90, Finding, Report, Spot, missing
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import FLOOR_M, held
 from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples
 from diagnosis.skin.search import SkinFit, search
 from diagnosis.skin.taxel_fits import FIELDS, HALO, THRESHOLD, Fitting
+from diagnosis.verdict.in_hand import TOUCH, Report, Spot, missing
+from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 ANSWERS = (THRESHOLD, HALO)
 """Faults that change what counts and no depth."""
@@ -28,6 +28,7 @@ MISPLACED = (
     "the stick's radius, the joints' zero or the contact's softness first"
 )
 NO_MODEL = "not looked for: the model of a skin here does not have it"
+STRANGE = "the taxels that respond are not those that stick and joints press"
 
 
 def identify_skin_faults(
@@ -43,11 +44,18 @@ def identify_skin_faults(
     report = Report(missing=missing(foreign, NO_MODEL))
     sought = [fault for fault in FIELDS if fault in names]
     if sought:
-        report += _identified(log, nominal, {fault: names[fault] for fault in sought}, mended)
+        kinds = {fault: names[fault] for fault in sought}
+        report += _identified(log, nominal, kinds, catalogue, mended)
     return report
 
 
-def _identified(log: Log, nominal: Spec, names: Mapping[str, str], mended: bool) -> Report:
+def _identified(
+    log: Log,
+    nominal: Spec,
+    names: Mapping[str, str],
+    catalogue: Mapping[str, type[Effect]],
+    mended: bool,
+) -> Report:
     """The report on faults that the model has; `names` are those of their effects."""
     parts = [part for part in held(log, nominal) if part.touch is not None]
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
@@ -67,7 +75,7 @@ def _identified(log: Log, nominal: Spec, names: Mapping[str, str], mended: bool)
     if seen.misplaced and found.is_unknown:
         return Report(missing=missing(names.values(), misplaced))
     return Report(
-        findings=tuple(_findings(found, names, nominal.hand.taxels)),
+        causes=tuple(_causes(found, names, nominal.hand.taxels, catalogue)),
         spots=_spots(nominal, fitting, found),
         missing=missing([names[fault] for fault in mute if fault in names], why),
     )
@@ -90,14 +98,15 @@ def _offset(skin: Fitting, start: Faults) -> Faults:
     return guess.faults if guess is not None and small else start
 
 
-def _findings(found: SkinFit, names: Mapping[str, str], nominal: Taxels) -> Iterator[Finding]:
+def _causes(
+    found: SkinFit,
+    names: Mapping[str, str],
+    nominal: Taxels,
+    catalogue: Mapping[str, type[Effect]],
+) -> Iterator[Cause]:
     """What is more than nominal, and a threshold more than sticks are thick alike."""
     if found.is_unknown:
-        yield _finding(
-            found,
-            UNKNOWN,
-            evidence="the taxels that respond are not those that stick and joints press",
-        )
+        yield cause(UNKNOWN, (0.0, 0.0, 0.0), catalogue, share=found.share, evidence=STRANGE)
         return
     others = {name for one in found.tied for name in one.names} - set(found.chosen.names)
     for guess in found.chosen.guesses:
@@ -105,25 +114,14 @@ def _findings(found: SkinFit, names: Mapping[str, str], nominal: Taxels) -> Iter
         value, low, high = (v - known for v in (guess.value, *guess.interval))
         within = guess.fault == THRESHOLD and abs(value) < FLOOR_M
         if not (within or low <= 0.0 <= high):
-            yield _finding(
-                found,
+            yield cause(
                 names[guess.fault],
-                value=value,
-                interval=(low, high),
-                ties=tuple(names[fault] for fault in sorted(others)),
+                (value, low, high),
+                catalogue,
+                share=found.share,
                 evidence=guess.evidence,
+                tied=tuple(names[fault] for fault in sorted(others)),
             )
-
-
-def _finding(found: SkinFit, effect: str, **said: Any) -> Finding:
-    return Finding(
-        effect=effect,
-        family=TOUCH,
-        share=found.share,
-        gap_before=found.nominal.worst,
-        gap_after=found.chosen.worst,
-        **said,
-    )
 
 
 def _spots(nominal: Spec, fitting: Fitting, found: SkinFit) -> tuple[Spot, ...]:

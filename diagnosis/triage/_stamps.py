@@ -8,6 +8,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.motion.limb import BLOCK_S
+from diagnosis.motion.recordings import noise_of
 from diagnosis.triage._tracks import Track
 
 REGULAR = 1e-4
@@ -38,7 +39,9 @@ def made_up(track: Track) -> str | None:
         late.append(third[fast] / speed[fast])
     if min(sum(map(len, resting)), sum(map(len, moving))) < LEAST:
         return None
-    rest, motion, late_s = (_sd(np.concatenate(some)) for some in (resting, moving, late))
+    rest, motion, late_s = (
+        float(noise_of(np.concatenate(some))) for some in (resting, moving, late)
+    )
     if motion < MORE * rest or late_s < LATE * track.dt_s:
         return None
     return (
@@ -57,8 +60,3 @@ def _stepped(time_s: Array, command: Array, least: float) -> Array:
     fresh = np.abs(np.diff(command, prepend=command[0])) > least
     since = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), -1))
     return (since >= 0) & (time_s - time_s[since] <= REST_S)
-
-
-def _sd(third: Array) -> float:
-    """Standard deviation of white noise with these sizes of third differences."""
-    return float(np.median(third)) / 0.6745 / np.sqrt(20.0)

@@ -12,12 +12,11 @@ from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
-from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal, Ranked
+from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
-NINETY = 1.645
 OFF, OFF_LEFT = 0.03, 0.5
 """Sizes are off by such a share, and by this times the share of the gap that is left, beside their
 standard deviation: laws are models."""
@@ -106,7 +105,7 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     kept = fit.worst / max(found.nominal.worst, 1e-9)
     law = u * (OFF + OFF_LEFT * min(kept, 1.0))
     own = max((p.tolerance for p in fitter.parameters if _same(p, one)), default=0.0)
-    wide = NINETY * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
+    wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
     value, low, high = (_shown(fitter, one, x) for x in (u, *ends))

@@ -23,33 +23,30 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from backends.catalogue import of_part
-from backends.effect import UNITS, Effect
+from backends.effect import Effect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import KP, STIFFNESS
+from diagnosis.motion.presses import Press, places, presses
 from diagnosis.motion.recordings import Recording
-from diagnosis.verdict.result import Cause, LimbResult
+from diagnosis.verdict.result import Z90, LimbResult, cause
 from diagnosis.verdict.sentences import sentences
 
 PLAY, DEAD_ZONE = "drive.play_rad", "drive.dead_zone_rad"
-SURE_Z, Z90 = 3.5, 1.645
-"""Play is named so many standard deviations from none; half of a 90 % interval."""
+SURE_Z = 3.5
+"""Play is named so many standard deviations from none."""
 HARD = 0.9
 """A push counts while it is this share of its largest."""
 LEAST_REST = 4
 """Readings from the end of a push to what comes next; the later half of them counts."""
-SAME_HOLD_RAD = 1e-3
-"""Commands that differ by less hold the same position."""
 MOTOR_ANGLE = "log the motor's angle as well"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Press:
-    """A joint pushed one way and let go while its command stands still."""
+class Rest:
+    """Where a joint rests that is pushed one way and let go."""
 
-    command_rad: float
-    side: int
-    """Way of the push: -1 or 1."""
+    press: Press
     push_nm: float
     """Its size."""
     rests_rad: tuple[float, float]
@@ -64,12 +61,12 @@ class LostMotion:
     released_rad: float
     errors_rad: tuple[float, float]
     """Standard errors of both."""
-    presses: tuple[Press, ...]
+    rests: tuple[Rest, ...]
 
     @property
     def push_nm(self) -> float:
         """Mean size of the pushes."""
-        return float(np.mean([press.push_nm for press in self.presses]))
+        return float(np.mean([rest.push_nm for rest in self.rests]))
 
 
 def with_play(
@@ -90,7 +87,10 @@ def with_play(
     if not found:
         return result
     effect = names[PLAY]
-    causes = tuple(_cause(one, effect, catalogue[effect].unit) for one in found)
+    causes = tuple(
+        cause(effect, one.sizes_rad, catalogue, joints=(one.joint,), share=one.share)
+        for one in found
+    )
     before, after = (max(getattr(one, name) for one in found) for name in ("before", "after"))
     said = replace(
         result,
@@ -121,23 +121,14 @@ class Play:
     """The same from their side's mean."""
 
     @property
+    def sizes_rad(self) -> tuple[float, float, float]:
+        """Its middle, and its 90 % interval."""
+        return (self.low_rad + self.high_rad) / 2, *self.interval_rad
+
+    @property
     def share(self) -> float:
         """Share of the squared gap beyond one floor that it takes."""
         return 1.0 - max(self.after**2 - 1.0, 0.0) / max(self.before**2 - 1.0, 1e-9)
-
-
-def _cause(one: Play, effect: str, unit: str) -> Cause:
-    size = UNITS[unit][1]
-    return Cause(
-        effect=effect,
-        joint=one.joint,
-        joints=(one.joint,),
-        value=(one.low_rad + one.high_rad) / 2 / size,
-        low=one.interval_rad[0] / size,
-        high=one.interval_rad[1] / size,
-        unit=unit,
-        share=one.share,
-    )
 
 
 def play(evidence: Evidence, j: int, uncertainty: float) -> Play | None:
@@ -165,18 +156,19 @@ def play(evidence: Evidence, j: int, uncertainty: float) -> Play | None:
 
 def lost_motion(evidence: Evidence, j: int) -> LostMotion | None:
     """The lost motion of joint `j`; None where nothing pushes it both ways at one position."""
-    places = _places([p for r in evidence.limb.recordings for p in _presses(r, j)])
-    if not places:
+    every = [rest for r in evidence.limb.recordings for rest in _rests_of(r, j)]
+    groups = [[every[k] for k in group] for group in places([rest.press for rest in every])]
+    if not groups:
         return None
-    sides = [np.stack([_rests(place, side) for place in places]) for side in (-1, 1)]
+    sides = [np.stack([_rests(group, side) for group in groups]) for side in (0, 1)]
     pushed, released = np.mean(sides[1] - sides[0], axis=0)
-    presses = tuple(press for place in places for press in place)
-    squares = [_error(presses, side, _sigma_rad(evidence, j)) for side in (-1, 1)]
+    rests = tuple(rest for group in groups for rest in group)
+    squares = [_error(rests, side, _sigma_rad(evidence, j)) for side in (0, 1)]
     return LostMotion(
         pushed_rad=float(pushed),
         released_rad=float(released),
         errors_rad=tuple(np.sqrt(np.sum(squares, axis=0)).tolist()),
-        presses=presses,
+        rests=rests,
     )
 
 
@@ -185,53 +177,40 @@ def _sigma_rad(evidence: Evidence, j: int) -> float:
     return float(evidence.floor[0, j])
 
 
-def _rests(place: Sequence[Press], side: int) -> Array:
+def _of_side(rests: Sequence[Rest], side: int) -> Array:
+    """Rests of one side (R, 2), under the push and after it."""
+    return np.array([rest.rests_rad for rest in rests if rest.press.side == side])
+
+
+def _rests(rests: Sequence[Rest], side: int) -> Array:
     """Mean rests of one side, under the push and after it."""
-    return np.mean([press.rests_rad for press in place if press.side == side], axis=0)
+    return _of_side(rests, side).mean(axis=0)
 
 
-def _error(presses: Sequence[Press], side: int, least_rad: float) -> Array:
+def _error(rests: Sequence[Rest], side: int, least_rad: float) -> Array:
     """Squared standard errors of the mean rests of one side."""
-    rests = np.array([press.rests_rad for press in presses if press.side == side])
-    return np.maximum(rests.var(axis=0), least_rad**2) / len(rests)
+    found = _of_side(rests, side)
+    return np.maximum(found.var(axis=0), least_rad**2) / len(found)
 
 
 def _gaps(found: LostMotion, yields_rad: float, sigma_rad: float) -> tuple[float, float]:
     """`Play.before` and `Play.after`."""
-    side = np.array([[press.side] for press in found.presses])
-    rests = np.array([press.rests_rad for press in found.presses])
-    usual = side * np.array([yields_rad, 0.0])
-    means = np.where(side > 0, _rests(found.presses, 1), _rests(found.presses, -1))
+    side = np.array([[rest.press.side] for rest in found.rests])
+    rests = np.array([rest.rests_rad for rest in found.rests])
+    usual = (2 * side - 1) * np.array([yields_rad, 0.0])
+    means = np.where(side > 0, _rests(found.rests, 1), _rests(found.rests, 0))
     before, after = (float(np.sqrt(np.mean((rests - at) ** 2))) for at in (usual, means))
     return before / sigma_rad, after / sigma_rad
 
 
-def _presses(recording: Recording, j: int) -> Iterator[Press]:
-    """The presses of joint `j` in one episode; a push shows in the reading after its row."""
-    load, command = recording.push[:, j], recording.command[:, j]
-    reading, sign = recording.measured[:, 0, j], np.sign(load)
-    edges = np.flatnonzero((np.diff(sign) != 0) | (np.diff(command) != 0)) + 1
-    runs = list(zip([0, *edges], [*edges, len(load)], strict=True))
-    for (start, stop), (_, end) in zip(runs[:-1], runs[1:], strict=True):
-        let_go = sign[stop] == 0.0 and command[stop] == command[start]
-        if sign[start] == 0.0 or not let_go or end - stop < LEAST_REST:
-            continue
-        held = float(command[start])
-        hard = np.flatnonzero(np.abs(load[start:stop]) >= HARD * np.abs(load[start:stop]).max())
-        under, after = reading[start + hard + 1], reading[(stop + end) // 2 : end]
-        yield Press(
-            command_rad=held,
-            side=int(sign[start]),
-            push_nm=float(np.abs(load[start + hard]).mean()),
-            rests_rad=(float(np.median(under) - held), float(np.median(after) - held)),
-        )
-
-
-def _places(presses: Sequence[Press]) -> list[list[Press]]:
-    """Presses by the position that was held, where it was pushed both ways."""
-    places: list[list[Press]] = []
-    for press in sorted(presses, key=lambda p: p.command_rad):
-        if not places or press.command_rad - places[-1][0].command_rad > SAME_HOLD_RAD:
-            places.append([])
-        places[-1].append(press)
-    return [place for place in places if {p.side for p in place} == {-1, 1}]
+def _rests_of(recording: Recording, j: int) -> Iterator[Rest]:
+    """Where joint `j` rests, press by press; a push shows in the reading after its row."""
+    load, reading = recording.push[:, j], recording.measured[:, 0, j]
+    for press in presses(recording.command[:, j], load):
+        let_go, end = press.released.start, press.released.stop
+        if end - let_go >= LEAST_REST:
+            hard = press.hard(load, HARD)
+            both = reading[hard + 1], reading[(let_go + end) // 2 : end]
+            under, after = (float(np.median(part) - press.held_rad) for part in both)
+            push_nm = float(np.abs(load[hard]).mean())
+            yield Rest(press=press, push_nm=push_nm, rests_rad=(under, after))

@@ -1,8 +1,13 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+from backends.effect import UNITS, Effect
+
 NONE, UNKNOWN = "none", "unknown"
+Z90 = 1.645
+"""Half of a 90 % interval, in standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -22,6 +27,43 @@ class Cause:
     """Share of the gap that it takes by itself."""
     shape: tuple[str, ...] = ()
     """Effects of its family that give its law more shape on that joint: no causes themselves."""
+    evidence: str = ""
+    """What in the log says so, of touch and stick."""
+    tied: tuple[str, ...] = ()
+    """Effects on touch and stick that this log cannot distinguish from it."""
+
+    @property
+    def sizes(self) -> tuple[float, float, float]:
+        """Value, low and high in SI units or as shares."""
+        per = UNITS[self.unit][1] if self.unit else 1.0
+        return self.value * per, self.low * per, self.high * per
+
+
+def cause(
+    effect: str,
+    sizes: Sequence[float],
+    catalogue: Mapping[str, type[Effect]],
+    *,
+    joints: tuple[str, ...] = (),
+    share: float = 0.0,
+    evidence: str = "",
+    tied: tuple[str, ...] = (),
+) -> Cause:
+    """A cause of a value, low and high in SI units or as shares; `unknown` out of a catalogue."""
+    unit = catalogue[effect].unit if effect in catalogue else ""
+    value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
+    return Cause(
+        effect=effect if unit else UNKNOWN,
+        joint=joints[0] if len(joints) == 1 else None,
+        joints=joints,
+        value=value,
+        low=low,
+        high=high,
+        unit=unit,
+        share=share,
+        evidence=evidence,
+        tied=tied,
+    )
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,18 +1,19 @@
-"""Findings beside the verdict: what sensors add by themselves, and packets that were lost."""
+"""Causes beside the verdict: what sensors add by themselves, and packets that were lost."""
 
 from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from backends.effect import UNITS, Effect
+from backends.catalogue import of_part
+from backends.effect import Effect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import BLOCK_S
-from diagnosis.motion.recordings import white_noise
+from diagnosis.motion.recordings import noise_of, white_noise
 from diagnosis.packets.losses import Losses
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import UNKNOWN, Cause
+from diagnosis.verdict.result import UNKNOWN, Cause, cause
 
 NOISE_RAD = 8e-4
 """Noise of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
@@ -26,7 +27,7 @@ NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
 LOSS = "command.loss_share"
 
 
-def sensor_findings(
+def sensor_causes(
     evidence: Evidence, residual: Array, ordinary: Ordinary, catalogue: Mapping[str, type[Effect]]
 ) -> Iterator[Cause]:
     """Noise and steps beyond the ordinary, by joint; a step explains the noise that it makes."""
@@ -42,10 +43,10 @@ def sensor_findings(
             noise = min(noise, left_noise, _noise_at_rest(evidence, j))
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
-            yield _finding(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
+            yield _cause(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
         elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
-            yield _finding(NOISE, (joint,), (more, off[0] * more, off[1] * more), catalogue)
+            yield _cause(NOISE, (joint,), (more, off[0] * more, off[1] * more), catalogue)
 
 
 def _noise_at_rest(evidence: Evidence, j: int) -> float:
@@ -59,34 +60,21 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
         whole = rests[3:] & (since[3:] == since[:-3])
         third.append(np.diff(recording.measured[:, 0, j], n=3)[whole])
     found = np.abs(np.concatenate(third))
-    return float(np.median(found) / 0.6745 / np.sqrt(20.0)) if len(found) >= LEAST_RESTS else 0.0
+    return float(noise_of(found)) if len(found) >= LEAST_RESTS else 0.0
 
 
-def loss_finding(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
+def loss_cause(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
     """Packets that were lost."""
     joints = tuple(evidence.joints[j] for j in lost.joints)
-    return _finding(LOSS, joints, (lost.share, lost.low, lost.high), catalogue)
+    return _cause(LOSS, joints, (lost.share, lost.low, lost.high), catalogue)
 
 
-def _finding(
+def _cause(
     number: str,
     joints: tuple[str, ...],
     sizes: tuple[float, float, float],
     catalogue: Mapping[str, type[Effect]],
 ) -> Cause:
     """The effect of the catalogue that changes a number of the spec; `unknown` without one."""
-    names = {getattr(kind, "number", None): name for name, kind in catalogue.items()}
-    name = names.get(number, UNKNOWN)
-    unit = catalogue[name].unit if name in catalogue else ""
-    value, low, high = (float(size) / UNITS[unit][1] if unit else float(size) for size in sizes)
-    joint = joints[0] if len(joints) == 1 else None
-    return Cause(
-        effect=name,
-        joint=joint,
-        joints=joints,
-        value=value,
-        low=low,
-        high=high,
-        unit=unit,
-        share=0.0,
-    )
+    name = of_part(catalogue, "encoder", "command").get(number, UNKNOWN)
+    return cause(name, sizes, catalogue, joints=joints)

@@ -70,6 +70,6 @@ def test_a_large_effect_is_named(name):
 def test_a_large_effect_in_the_hand_is_named(name):
     """Name the effect and nothing else, with the truth within half of it."""
     plan = PULLED if catalogue()[name].slips else HELD
-    (one,) = in_hand(log(name, plan), IDEAL, catalogue(), on_mujoco).findings
+    (one,) = in_hand(log(name, plan), IDEAL, catalogue(), on_mujoco).causes
     assert one.effect == name
-    assert one.value == pytest.approx(large(catalogue()[name]).magnitude, rel=0.5)
+    assert one.sizes[0] == pytest.approx(large(catalogue()[name]).magnitude, rel=0.5)

@@ -87,49 +87,49 @@ def test_a_soft_contact_is_no_light_stick():
     """Name the softness, not a mass that an engine's contacts would yield alike with."""
     few = some(*SHAPES, *MOTIONS)
     report = identify_grasp_parameters(log("contact-softness=0.06mm/N"), NOMINAL, few, on_mujoco)
-    (one,) = report.findings
+    (one,) = report.causes
     assert one.effect == "contact-softness"
-    assert one.value == pytest.approx(0.06e-3, rel=0.05)
+    assert one.sizes[0] == pytest.approx(0.06e-3, rel=0.05)
 
 
 @pytest.mark.parametrize("backend", ENGINES)
 def test_nominal_grasps_show_no_shape(backend):
     """Find neither radius nor softness in nominal grasps of any engine."""
     report = shapes_of("none", backend)
-    assert report.findings == ()
+    assert report.causes == ()
 
 
 @pytest.mark.parametrize("soft_mm_n", [0.04, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_a_softness_is_named_beside_what_soft_contacts_yield(soft_mm_n):
     """Take off what the engine's contacts yield beside a softness, which is more than without."""
-    (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N").findings
-    assert one.value == pytest.approx(1e-3 * soft_mm_n, abs=4e-6)
+    (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N").causes
+    assert one.sizes[0] == pytest.approx(1e-3 * soft_mm_n, abs=4e-6)
 
 
 @pytest.mark.slow
 def test_what_yields_as_the_nominal_engine_is_not_firm():
     """Find no shape where gaps are no line but beside the engine's own, whatever slips tell."""
     parts = held(log("contact-friction=-40%"), NOMINAL)
-    assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).report.findings == ()
+    assert shapes(NOMINAL, parts, CATALOGUE, on_mujoco, firm=True).report.causes == ()
 
 
 @pytest.mark.parametrize("backend", ENGINES)
 def test_radius_on_any_engine(backend):
     """Measure the stick's radius on an engine that is not the nominal one."""
-    (one,) = shapes_of("stick-radius=-10%", backend).findings
+    (one,) = shapes_of("stick-radius=-10%", backend).causes
     assert one.effect == "stick-radius"
-    assert one.interval[0] <= -0.1 <= one.interval[1]
-    assert one.gap_after < one.gap_before
+    assert one.sizes[1] <= -0.1 <= one.sizes[2]
+    assert one.share > 0.9
 
 
 @pytest.mark.parametrize("backend", ENGINES)
 @pytest.mark.parametrize("soft_mm_n", [0.08, pytest.param(0.2, marks=pytest.mark.slow)])
 def test_softness_on_any_engine(backend, soft_mm_n):
     """Measure a contact's softness beside what the engine's own contacts yield, whichever it is."""
-    (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N", backend).findings
+    (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N", backend).causes
     assert one.effect == "contact-softness"
-    assert one.interval[0] <= soft_mm_n / 1e3 <= one.interval[1]
-    assert one.value == pytest.approx(soft_mm_n / 1e3, rel=0.12)
+    assert one.sizes[1] <= soft_mm_n / 1e3 <= one.sizes[2]
+    assert one.sizes[0] == pytest.approx(soft_mm_n / 1e3, rel=0.12)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_reading_that_leaves_far_more_is_not_believed():
 def test_a_wrong_joint_zero_is_no_radius():
     """Say that fingers disagree where one joint's zero is wrong."""
     report = shapes_of("encoder-bias=1deg@J3")
-    assert report.findings == ()
+    assert report.causes == ()
     assert "fingers and stick disagree" in report.missing[0]
     assert "joint zeros" in report.missing[0]
 
@@ -189,16 +189,16 @@ def test_motion_on_the_nominal_engine(effect, size, within):
     """Measure friction and mass by replays where the engine is the nominal one."""
     real = log(f"{effect}={100 * size:.0f}%")
     report = identify_grasp_parameters(real, NOMINAL, some(*MOTIONS), on_mujoco)
-    (one,) = report.findings
+    (one,) = report.causes
     assert one.effect == effect
-    assert one.value == pytest.approx(size, abs=within)
+    assert one.sizes[0] == pytest.approx(size, abs=within)
     assert one.share > 0.95
 
 
 def test_nominal_motion_is_none():
     """Find nothing where the nominal world moves the stick as logged."""
     parts = held(log("none"), NOMINAL)
-    assert motions(NOMINAL, parts, some("stick-mass"), on_mujoco).findings == ()
+    assert motions(NOMINAL, parts, some("stick-mass"), on_mujoco).causes == ()
 
 
 @pytest.mark.slow
@@ -206,7 +206,7 @@ def test_another_engine_is_not_another_mass():
     """Accuse neither mass nor friction of what engines differ by, and say so."""
     parts = held(log("none", "sapien"), NOMINAL)
     report = motions(NOMINAL, parts, some("stick-mass"), on_mujoco)
-    assert report.findings == ()
+    assert report.causes == ()
     assert "not identifiable from this log" in report.missing[0]
     assert "record --protocol pull" in report.missing[0]
 
@@ -216,7 +216,7 @@ def test_one_grasp_may_agree_by_chance():
     report = identify_grasp_parameters(
         log("stick-mass=100%", variants=1), NOMINAL, some(*MOTIONS), on_mujoco
     )
-    assert report.findings == ()
+    assert report.causes == ()
     assert "--variants 2" in report.missing[0]
 
 
@@ -224,7 +224,7 @@ def test_no_stick_no_grip():
     """Ask for the stick's pose where it was not logged."""
     blind = log("stick-radius=20%", channels="torque")
     report = identify_grasp_parameters(blind, NOMINAL, CATALOGUE, on_mujoco)
-    assert report.findings == ()
+    assert report.causes == ()
     assert "with the channel stick" in report.missing[0]
 
 
@@ -232,7 +232,7 @@ def test_a_radius_that_nobody_may_name_is_no_threshold():
     """Judge taxels on the stick that is there, though its radius is out of the catalogue."""
     thin = log("stick-radius=-10%", "bullet", channels="stick,contact")
     report = in_hand(thin, NOMINAL, some("contact-softness", "taxel-threshold"), on_mujoco)
-    assert {one.effect for one in report.findings} == {"unknown"}
+    assert {one.effect for one in report.causes} == {"unknown"}
 
 
 def test_an_effect_that_no_test_shows_is_not_ignored():
@@ -243,4 +243,4 @@ def test_an_effect_that_no_test_shows_is_not_ignored():
         bounds, number, per_joint = (0.0, 0.1), "stick.length_m", False
 
     report = identify_grasp_parameters(log("none"), NOMINAL, {"stick-length": Longer}, on_mujoco)
-    assert report.findings == () and report.missing[0].startswith("stick-length: not looked for")
+    assert report.causes == () and report.missing[0].startswith("stick-length: not looked for")

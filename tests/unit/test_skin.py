@@ -14,7 +14,6 @@ from benchmark.parts import registry
 from benchmark.parts.registry import ROOT
 from benchmark.settings.run_spec import RunSpec
 from diagnosis.blind import rigs
-from diagnosis.finding import RIGHT, Report
 from diagnosis.logs.log import Log, read_log
 from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
@@ -23,6 +22,8 @@ from diagnosis.skin.samples import samples
 from diagnosis.skin.search import search
 from diagnosis.skin.skin_faults import identify_skin_faults
 from diagnosis.skin.taxel_fits import DEAD, DRIFT, Fitting
+from diagnosis.verdict.in_hand import Report
+from diagnosis.verdict.probability import RIGHT, in_hand
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()
@@ -57,16 +58,16 @@ def skin_report(effects: str, kind: str) -> Report:
 
 
 def found(effects: str, kind: str) -> dict:
-    return {one.effect: one for one in skin_report(effects, kind).findings}
+    return {one.effect: one for one in skin_report(effects, kind).causes}
 
 
 @pytest.mark.parametrize("shift_mm", [pytest.param(-0.1, marks=pytest.mark.slow), 0.3])
 def test_threshold(shift_mm):
     """Measure a threshold from yes and no within a finer step of the search."""
-    (one,) = skin_report(f"taxel-threshold={shift_mm}mm", "contact").findings
+    (one,) = skin_report(f"taxel-threshold={shift_mm}mm", "contact").causes
     assert one.effect == "taxel-threshold"
-    assert one.value == pytest.approx(shift_mm * MM, abs=0.012 * MM)
-    assert one.gap_after < one.gap_before
+    assert one.sizes[0] == pytest.approx(shift_mm * MM, abs=0.012 * MM)
+    assert one.share > 0.9
 
 
 @pytest.mark.parametrize(
@@ -74,34 +75,35 @@ def test_threshold(shift_mm):
 )
 def test_drift(kind, within):
     """Measure the fastest drift: a uniform number's largest of hundreds, on a grid of 7 %."""
-    (one,) = skin_report("taxel-drift=0.05mm/s", kind).findings
+    (one,) = skin_report("taxel-drift=0.05mm/s", kind).causes
     assert one.effect == "taxel-drift"
-    assert one.value == pytest.approx(0.05 * MM, rel=within)
+    assert one.sizes[0] == pytest.approx(0.05 * MM, rel=within)
 
 
 @pytest.mark.parametrize("kind", ["touch", pytest.param("contact", marks=pytest.mark.slow)])
 def test_dead_taxels(kind):
     """Find dead taxels among those that should answer, and their share."""
-    (one,) = skin_report("taxel-dropout=20%", kind).findings
+    (one,) = skin_report("taxel-dropout=20%", kind).causes
     assert one.effect == "taxel-dropout"
-    assert one.interval[0] <= 0.2 <= one.interval[1]
+    assert one.sizes[1] <= 0.2 <= one.sizes[2]
 
 
 def test_confidence_is_what_former_findings_were_right():
     """Be as sure of a fault that is far ahead as former ones were right, else less."""
-    (one,) = skin_report("taxel-dropout=20%", "touch").findings
-    assert one.confidence == pytest.approx(RIGHT)
-    tied = replace(one, ties=("taxel-drift",))
-    assert tied.confidence == pytest.approx(RIGHT / 2)
+    (one,) = skin_report("taxel-dropout=20%", "touch").causes
+    assert in_hand(one) == pytest.approx(RIGHT)
+    tied = replace(one, tied=("taxel-drift",))
+    assert in_hand(tied) == pytest.approx(RIGHT / 2)
 
 
 @pytest.mark.slow
 def test_halo():
     """Find a halo as far as the distances between taxels tell it."""
-    (one,) = skin_report("taxel-halo=5mm", "contact").findings
+    report = skin_report("taxel-halo=5mm", "contact")
+    (one,) = report.causes
     assert one.effect == "taxel-halo"
-    assert one.interval[0] <= 5 * MM <= one.interval[1]
-    assert one.gap_after < 0.1
+    assert one.sizes[1] <= 5 * MM <= one.sizes[2]
+    assert max(spot.gap_after for spot in report.spots) < 0.1
 
 
 @pytest.mark.slow
@@ -109,8 +111,8 @@ def test_two_at_once():
     """Find a higher threshold and dead taxels together."""
     both = found("taxel-threshold=0.3mm,taxel-dropout=15%", "contact")
     assert set(both) == {"taxel-threshold", "taxel-dropout"}
-    assert both["taxel-threshold"].value == pytest.approx(0.3 * MM, abs=0.02 * MM)
-    assert both["taxel-dropout"].interval[0] <= 0.15 <= both["taxel-dropout"].interval[1]
+    assert both["taxel-threshold"].sizes[0] == pytest.approx(0.3 * MM, abs=0.02 * MM)
+    assert both["taxel-dropout"].sizes[1] <= 0.15 <= both["taxel-dropout"].sizes[2]
 
 
 @pytest.mark.slow
@@ -118,8 +120,8 @@ def test_who_hides_a_part_of_the_other_is_measured_with_it():
     """Measure a threshold and a halo, of which either alone is taken for another."""
     both = found("taxel-threshold=0.2mm,taxel-halo=10mm", "contact")
     assert set(both) == {"taxel-threshold", "taxel-halo"}
-    assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
-    assert both["taxel-halo"].interval[0] <= 10 * MM <= both["taxel-halo"].interval[1]
+    assert both["taxel-threshold"].sizes[0] == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert both["taxel-halo"].sizes[1] <= 10 * MM <= both["taxel-halo"].sizes[2]
 
 
 @pytest.mark.slow
@@ -127,9 +129,9 @@ def test_a_drift_is_measured_with_the_halo_that_it_spreads_by():
     """Measure both, of which a far faster drift alone explains almost as much."""
     both = found("taxel-drift=0.23mm/s,taxel-halo=8.2mm", "contact")
     assert set(both) == {"taxel-drift", "taxel-halo"}
-    low, high = both["taxel-halo"].interval
+    _, low, high = both["taxel-halo"].sizes
     assert low <= 8.2 * MM <= high
-    assert both["taxel-drift"].value == pytest.approx(0.23 * MM, rel=0.25)
+    assert both["taxel-drift"].sizes[0] == pytest.approx(0.23 * MM, rel=0.25)
 
 
 @pytest.mark.slow
@@ -137,8 +139,8 @@ def test_a_drift_is_as_sharp_at_any_threshold():
     """Measure drift and threshold together: what nothing presses tells but their ratio."""
     both = found("taxel-drift=0.2mm/s,taxel-threshold=0.2mm", "contact")
     assert set(both) == {"taxel-drift", "taxel-threshold"}
-    assert both["taxel-threshold"].value == pytest.approx(0.2 * MM, abs=0.02 * MM)
-    assert both["taxel-drift"].value == pytest.approx(0.2 * MM, rel=0.1)
+    assert both["taxel-threshold"].sizes[0] == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert both["taxel-drift"].sizes[0] == pytest.approx(0.2 * MM, rel=0.1)
 
 
 @pytest.mark.slow
@@ -146,7 +148,7 @@ def test_a_drift_is_as_fast_where_taxels_are_dead():
     """Measure the drift: who never answered is slow or dead, which makes the others no slower."""
     both = found("taxel-drift=0.1mm/s,taxel-dropout=23%", "contact")
     assert set(both) == {"taxel-drift", "taxel-dropout"}
-    low, high = both["taxel-drift"].interval
+    _, low, high = both["taxel-drift"].sizes
     assert low <= 0.1 * MM <= high
 
 
@@ -218,14 +220,14 @@ def test_who_is_silent_elsewhere_was_taken_along():
 )
 def test_other_effects_are_not_the_skin(effects, kind):
     """Accuse no taxel of what is wrong with joints, stick or contact."""
-    assert skin_report(effects, kind).findings == ()
+    assert skin_report(effects, kind).causes == ()
 
 
 @pytest.mark.parametrize("kind", ["touch", "contact"])
 def test_a_misplaced_finger_tells_nothing(kind):
     """Ask for the joint's zero to be mended before its taxels are judged."""
     report = skin_report("encoder-bias=1deg@J3", kind)
-    assert report.findings == ()
+    assert report.causes == ()
     text = " ".join(report.missing)
     assert "finger2" in text
     assert "joints' zero" in text
@@ -235,7 +237,7 @@ def test_depths_say_nothing_of_thresholds():
     """Ask for contacts where the log has depths, which thresholds and halos do not change."""
     for effects in ("taxel-threshold=0.3mm", "taxel-halo=5mm"):
         report = skin_report(effects, "touch")
-        assert report.findings == ()
+        assert report.causes == ()
         assert "taxel-threshold, taxel-halo: not identifiable from this log" in report.missing[0]
         assert "contact" in report.missing[0]
 
@@ -244,7 +246,7 @@ def test_no_grasp_no_touch():
     """Ask for the grasp protocol where no stick is held."""
     free = log("taxel-dropout=50%", "touch", protocol="steps", variants=1)
     report = identify_skin_faults(free, NOMINAL, CATALOGUE)
-    assert report.findings == ()
+    assert report.causes == ()
     assert "record --protocol grasp" in report.missing[0]
 
 
@@ -257,17 +259,17 @@ def test_a_finger_that_lets_go_accuses_nobody(tmp_path):
     playing = read_log(tmp_path / "log")
     readings = held(playing, NOMINAL)[0].touch
     assert not readings.any(axis=2).all()
-    assert identify_skin_faults(playing, NOMINAL, CATALOGUE).findings == ()
+    assert identify_skin_faults(playing, NOMINAL, CATALOGUE).causes == ()
 
 
 def test_what_is_nominal_is_no_finding():
     """Find nothing where the nominal skin has the fault; find it against the ideal one."""
     effects = "taxel-threshold=0.2mm"
     known = RunSpec(backend="mujoco", task="circle", effects=effects).world()
-    assert identify_skin_faults(log(effects, "contact"), known, CATALOGUE).findings == ()
-    (one,) = skin_report(effects, "contact").findings
-    assert one.value == pytest.approx(0.2 * MM, abs=0.02 * MM)
-    assert np.isfinite(one.confidence)
+    assert identify_skin_faults(log(effects, "contact"), known, CATALOGUE).causes == ()
+    (one,) = skin_report(effects, "contact").causes
+    assert one.sizes[0] == pytest.approx(0.2 * MM, abs=0.02 * MM)
+    assert one.share > 0.9
 
 
 @pytest.mark.slow
@@ -278,7 +280,7 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
     """Answer unknown where the fault is not in the catalogue, though others could imitate it."""
     without = {k: v for k, v in CATALOGUE.items() if k != effects.split("=")[0]}
     report = identify_skin_faults(log(effects, "contact"), NOMINAL, without)
-    assert [one.effect for one in report.findings] == ["unknown"]
+    assert [one.effect for one in report.causes] == ["unknown"]
 
 
 @pytest.mark.slow
@@ -295,13 +297,13 @@ def test_effects_out_of_the_catalogue_are_unknown(effects):
 def test_a_small_threshold_shows_where_the_stick_is_as_given(shift_mm, mended, named):
     """Name a threshold within a sample's blur, unless the log says how thick the stick is."""
     noisy = tracked(log(f"taxel-threshold={shift_mm}mm", "contact"))
-    found = [one.effect for one in identify_skin_faults(noisy, NOMINAL, CATALOGUE, mended).findings]
+    found = [one.effect for one in identify_skin_faults(noisy, NOMINAL, CATALOGUE, mended).causes]
     assert found == ["taxel-threshold"] * named
 
 
 def test_a_finger_that_presses_a_little_deeper_is_no_fault_of_its_skin():
     """Find nothing wrong with a skin where the stick is thicker by a share that nothing shows."""
-    assert skin_report("stick-radius=0.3%", "touch").findings == ()
+    assert skin_report("stick-radius=0.3%", "touch").causes == ()
 
 
 @pytest.mark.slow
@@ -319,11 +321,11 @@ def test_a_fault_that_no_model_has_is_not_ignored():
         bounds, number, per_joint = (0.0, 1e-3), "taxels.reach_m", False
 
     report = identify_skin_faults(log("none", "contact"), NOMINAL, {"taxel-reach": Widened})
-    assert report.findings == () and report.missing[0].startswith("taxel-reach: not looked for")
+    assert report.causes == () and report.missing[0].startswith("taxel-reach: not looked for")
 
 
 def test_a_fault_is_known_by_the_number_that_it_changes():
     """Name an effect by the name that the catalogue gives it, whatever that is."""
     other = {"deaf-skin": CATALOGUE["taxel-threshold"]}
-    (one,) = identify_skin_faults(log("taxel-threshold=0.3mm", "contact"), NOMINAL, other).findings
+    (one,) = identify_skin_faults(log("taxel-threshold=0.3mm", "contact"), NOMINAL, other).causes
     assert one.effect == "deaf-skin"

@@ -106,18 +106,19 @@ def test_the_corrected_world_can_be_written(held):
     assert {item.split("=")[0] for item in text.split(",")} == set(held.verdict)
 
 
-def test_findings_are_plain_data(held):
-    """Give findings and fingers as JSON, and be the same when read again."""
+def test_touch_and_stick_are_plain_data(held):
+    """Give causes with what says so and fingers as JSON, and be the same when read again."""
     row = json.loads(json.dumps(held.plain(), allow_nan=False))
     assert Diagnosis.of(row) == held
-    assert {one["effect"] for one in row["findings"]} == {"stick-radius", "taxel-threshold"}
+    shown = {one["effect"]: one["evidence"] for one in row["magnitudes"]}
+    assert not shown["coulomb-friction"] and "mm of press on" in shown["taxel-threshold"]
     places = {(spot["finger"], spot["family"]) for spot in row["spots"]}
     assert places == {(f"finger{k}", f) for k in (1, 2, 3) for f in ("touch", "stick")}
     assert all(s["gap_after"] < s["gap_before"] for s in row["spots"] if s["family"] == "stick")
 
 
 def test_the_page_shows_them(held):
-    """Show findings with what says so, fingers, and episodes that were used."""
+    """Show causes with what says so, fingers, and episodes that were used."""
     effects = "coulomb-friction=60mNm@J3,stick-radius=10%,taxel-threshold=0.3mm"
     shown = log(effects, "bullet", ("steps", "grasp", "pull"))
     text = page(held, shown, {"log": "x"}, {})
