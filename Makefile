@@ -5,7 +5,11 @@ VENV ?= .venv
 TORCH_INDEX ?=
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
-SMOKES := mujoco/sb3-ppo mujoco/rsl-ppo bullet/sb3-ppo bullet/rsl-ppo sapien/sb3-ppo sapien/rsl-ppo
+# The default learner in every engine, and every other learner in the reference.
+SMOKES := from benchmark.parts.registry import names, scripted; \
+	from benchmark.settings.run_spec import REFERENCE, RunSpec; \
+	print(*(f"smoke-run/{engine}/{RunSpec.algo}" for engine in names("backend")), \
+	*(f"smoke-run/{REFERENCE}/{algo}" for algo in {*names("algo")} - {RunSpec.algo, *scripted()}))
 export OMP_NUM_THREADS ?= 1
 
 .PHONY: help install run demo test test-fast test-field test-slow check smoke results figures animation docs clean
@@ -19,7 +23,7 @@ help:
 	@echo "make test-slow  the slow tests"
 	@echo "make test-field robots and logs as people have them; those outside of the repository where found"
 	@echo "make check      format, lint, types"
-	@echo "make smoke      one smoke run per engine and algorithm"
+	@echo "make smoke      one smoke run per engine and learner"
 	@echo "make results    every table and picture of README, docs and leaderboard, from what is kept"
 	@echo "make figures    the pictures in which a policy is replayed, the README's too, then the results"
 	@echo "make docs       the docs, as a site in site/"
@@ -63,7 +67,8 @@ check: install
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/mypy
 
-smoke: install $(addprefix smoke-run/,$(SMOKES))
+smoke: install
+	$(MAKE) --no-print-directory $$($(VENV)/bin/python -c '$(SMOKES)')
 
 smoke-run/%:
 	$(VENV)/bin/bench run --smoke --force --backend $(*D) --algo $(*F) --task line --out runs/smoke/$(*D)-$(*F)

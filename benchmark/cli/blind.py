@@ -20,6 +20,7 @@ from benchmark.cli.options import (
 )
 from benchmark.errors import UsageError
 from benchmark.settings import quantities
+from benchmark.settings.kinds import Number, Setting
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
 Answers = Annotated[
@@ -55,7 +56,9 @@ def make(
     protocol: Protocol = "all",
     healthy_logs: Annotated[
         int,
-        typer.Option(metavar="N", help="Healthy logs per plant that the solver gets, 0 to 20."),
+        Setting(
+            help="Healthy logs per plant that the solver gets.", kind=Number(0, 20, whole=True)
+        ),
     ] = 0,
     times: Annotated[
         str,

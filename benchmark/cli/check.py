@@ -9,7 +9,7 @@ from benchmark.cli.command import command
 from benchmark.cli.options import Backends, Made, Out, Runs, Seed, Submission, Workers
 from benchmark.errors import UsageError
 from benchmark.parts import registry
-from benchmark.settings import quantities
+from benchmark.settings.kinds import Number, Setting
 
 
 @command(defaults={"backend": "all", "workers": "1, and 2 where there are", "out": "none"})
@@ -25,8 +25,11 @@ def measure_speed(
         ),
     ] = None,
     duration: Annotated[
-        str, typer.Option(metavar="TIME", help="Time for each measurement, such as 500ms or 1min.")
-    ] = "4s",
+        float,
+        Setting(
+            help="Time for each measurement, such as 500ms or 1min.", kind=Number(0.1, 600, "s")
+        ),
+    ] = 4.0,
     seed: Seed = 0,
     out: Made = None,
 ) -> Any:
@@ -39,8 +42,7 @@ def measure_speed(
     """
     from benchmark.speed import speed as speeds
 
-    duration_s = quantities.quantity(duration, "--duration", "s")
-    return speeds.speed(speeds.plan(backend, worlds, workers, duration_s, seed), out)
+    return speeds.speed(speeds.plan(backend, worlds, workers, duration, seed), out)
 
 
 @command(

@@ -6,8 +6,9 @@ A command returns its result, alone or with a table; printing it and the exit co
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
-from dataclasses import fields, is_dataclass
+from dataclasses import is_dataclass, replace
 from functools import wraps
+from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
@@ -16,7 +17,7 @@ from typer.models import OptionInfo
 from benchmark import console
 from benchmark.cli.options import Json, Quiet, Verbose, completes
 from benchmark.errors import Interrupted, UsageError, was_interrupt
-from benchmark.settings.kinds import Name, Number, Setting, Switch
+from benchmark.settings.kinds import File, Name, Setting, Switch, settings_of
 from benchmark.settings.run_spec import SETTINGS
 
 OF_RUN = "the run's"
@@ -33,7 +34,7 @@ def command(
 ) -> Callable[[Callable[..., Any]], Callable[..., None]]:
     """Make a command of a function.
 
-    The fields of a dataclass that it takes are its options, see `benchmark.settings.options`.
+    Fields of a dataclass that it takes, and annotations that are a `Setting`, are its options.
     `settings` of a run come as its argument `settings`, by name, None where not given; those that
     are `required` must be, unless a `config` is. `default` is what the help says of settings that
     are not given, `defaults` what it says of other options; `kept` is said after an interrupt.
@@ -42,6 +43,7 @@ def command(
     def declare(function: Callable[..., Any]) -> Callable[..., None]:
         hints = get_type_hints(function, include_extras=True)
         grouped: dict[str, Any] = {n: hint for n, hint in hints.items() if is_dataclass(hint)}
+        single = {name: one for name, hint in hints.items() if (one := _declared(name, hint))}
 
         @wraps(function)
         def call(**given: Any) -> None:
@@ -50,8 +52,15 @@ def command(
             if settings:
                 given["settings"] = {name: given.pop(_word(name)) for name in settings}
                 _refuse_missing(given, required)
+            for name, one in single.items():
+                if given[name] is None:
+                    given[name] = inspect.signature(function).parameters[name].default
+                else:
+                    given[name] = one.read(given[name])
             for name, kind in grouped.items():
-                given[name] = kind(**{one.name: given.pop(one.name) for one in fields(kind)})
+                asked = {one: given.pop(_word(one.name)) for one in settings_of(kind).values()}
+                read = {one.field: one.read(v) for one, v in asked.items() if v is not None}
+                given[name] = kind(**read)
             try:
                 _finish(function(**given), as_json)
             except (KeyboardInterrupt, SystemError) as error:
@@ -91,17 +100,20 @@ def _parameters(
     defaults: Mapping[str, str],
 ) -> list[inspect.Parameter]:
     """The command's own parameters, with the settings after its arguments, and the shared ones."""
-    own = [
-        one
-        for p in inspect.signature(function).parameters.values()
-        if p.name != "settings"
-        for one in (
-            _of_fields(hints[p.name])
-            if is_dataclass(hints[p.name])
-            else [p.replace(annotation=_shown(hints[p.name], defaults.get(p.name)))]
-        )
+    own = []
+    for p in inspect.signature(function).parameters.values():
+        said = defaults.get(p.name)
+        if is_dataclass(hints[p.name]):
+            own += [_of_setting(one, defaults) for one in settings_of(hints[p.name]).values()]
+        elif one := _declared(p.name, hints[p.name]):
+            own.append(_of_setting(replace(one, default=p.default, shown=said)))
+        elif p.name != "settings":
+            own.append(p.replace(annotation=_shown(hints[p.name], said)))
+    asked = [
+        _of_setting(replace(one, shown=default or one.shown), required=name in required)
+        for name, one in SETTINGS.items()
+        if name in settings
     ]
-    asked = [_of_setting(SETTINGS[name], name in required, default) for name in settings]
     shared = [
         inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
         for name, kind in {"as_json": Json, "verbose": Verbose, "quiet": Quiet}.items()
@@ -112,53 +124,48 @@ def _parameters(
     return [p.replace(kind=keyword) for p in (*arguments, *asked, *options, *shared)]
 
 
-def _of_fields(kind: Any) -> list[inspect.Parameter]:
-    """The options that are the fields of a dataclass."""
-    hints, found = get_type_hints(kind), []
-    for one in fields(kind):
-        said = {key: one.metadata[key] for key in ("help", "metavar")}
-        flag = f"--{(one.metadata['option'] or one.name).replace('_', '-')}"
-        info = (
-            typer.Argument(**said, show_default=False)
-            if one.metadata["argument"]
-            else typer.Option(flag, **said, show_default=one.metadata["shown"] or True)
-        )
-        found.append(
-            inspect.Parameter(
-                one.name,
-                inspect.Parameter.KEYWORD_ONLY,
-                default=one.default,
-                annotation=Annotated[hints[one.name], info],
-            )
-        )
-    return found
+def _declared(name: str, annotation: Any) -> Setting | None:
+    """The option that annotates a parameter, if one does."""
+    found = [part for part in get_args(annotation) if isinstance(part, Setting)]
+    return replace(found[0], name=found[0].name or name.replace("_", "-")) if found else None
 
 
-def _of_setting(one: Setting, required: bool, default: str | None) -> inspect.Parameter:
-    """The option of a setting."""
+def _of_setting(
+    one: Setting, defaults: Mapping[str, str] | None = None, required: bool = False
+) -> inspect.Parameter:
+    """The parameter of an option; None is passed where it is not given."""
+    word, kind = _word(one.name), one.kind
     flags = [one.flag, *([f"--{one.alias}"] if one.alias else [])]
-    if isinstance(one.kind, Switch) and one.default is True:
+    if isinstance(kind, Switch) and one.default is True:
         flags = [f"{one.flag}/--no-{one.name}"]
-    plain = isinstance(one.kind, Switch) and one.default is False
-    between = ", " if isinstance(one.kind, Number) else ": "
-    text = between.join(filter(None, [one.help.rstrip("."), one.kind.allowed])) + "."
+    text = one.said
+    said = (defaults or {}).get(word, one.shown)
+    default: Any = None
+    value: Any = {Switch: bool, File: Path}.get(type(kind), str)
+    value = list[value] | None if one.many else value | None
+    if one.argument:
+        info = typer.Argument(help=text, metavar=kind.metavar, show_default=False)
+        return _parameter(word, value, info, ... if one.default is ... else None)
     if required:
         text += " [dim](required)[/dim]"
-    elif not (default or plain):
+    elif said is None and one.default is not False and one.shown_default is not None:
         text += f" [dim]\\[default: {one.shown_default}][/dim]"
     option = typer.Option(
         *flags,
         help=text,
-        metavar=one.kind.metavar or None,
-        show_default=default or False,
-        autocompletion=completes(one.kind.kind) if isinstance(one.kind, Name) else None,
+        metavar=kind.metavar or None,
+        show_default=said or False,
+        autocompletion=completes(kind.kind) if isinstance(kind, Name) else None,
     )
-    value: Any = bool if isinstance(one.kind, Switch) else str
+    return _parameter(word, value, option, default)
+
+
+def _parameter(name: str, value: Any, info: Any, default: Any) -> inspect.Parameter:
     return inspect.Parameter(
-        _word(one.name),
+        name,
         inspect.Parameter.KEYWORD_ONLY,
-        default=None,
-        annotation=Annotated[value | None, option],
+        default=default,
+        annotation=Annotated[value, info],
     )
 
 

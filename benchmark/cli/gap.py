@@ -6,30 +6,16 @@ from typing import Annotated, Any
 import typer
 
 from benchmark.cli.command import command
-from benchmark.cli.options import Force, KnownEffects, Log, Nominal, Out, Seed, Workers
+from benchmark.cli.options import Force, Out, Seed, Workers
 from benchmark.errors import UsageError
-from benchmark.gap.source import Source
-from benchmark.settings.run_spec import REFERENCE
+from benchmark.gap.asked import Calibration, Diagnosis, Source
 
 CAUSE, UNKNOWN = "cause", "unknown"
-OF_LOG = "those that the log names"
 
 
-@command(
-    defaults={
-        "known_effects": OF_LOG,
-        "threshold": "from the noise",
-        "out": "calibrations/LOG",
-    }
-)
+@command(defaults={"out": "calibrations/LOG"})
 def calibrate(
-    log: Log,
-    nominal: Nominal = REFERENCE,
-    known_effects: KnownEffects = None,
-    threshold: Annotated[
-        str | None,
-        typer.Option(metavar="LENGTH", help="Pressed depth that counts as contact, such as 0.3mm."),
-    ] = None,
+    asked: Calibration,
     seed: Seed = 0,
     out: Out = None,
     force: Force = False,
@@ -43,28 +29,12 @@ def calibrate(
     """
     from benchmark.gap import calibrate as calibrations
 
-    settings = calibrations.Settings(
-        path=log,
-        nominal=nominal,
-        known_effects=known_effects,
-        threshold=threshold,
-        seed=seed,
-        workers=workers,
-    )
-    return calibrations.run(settings, out, force)
+    return calibrations.run(asked, seed, out, force, workers)
 
 
-@command(
-    defaults={
-        "known_effects": OF_LOG,
-        "out": "diagnoses/LOG",
-        "healthy": "none",
-        "fail_on": "nothing",
-        "static": "none",
-    }
-)
+@command(defaults={"out": "diagnoses/LOG", "fail_on": "nothing", "static": "none"})
 def diagnose(
-    source: Source,
+    asked: Diagnosis,
     static: Annotated[
         Path | None,
         typer.Option(
@@ -73,16 +43,6 @@ def diagnose(
             help="Instead of a log: targets and readings at rest, and loads where known.",
         ),
     ] = None,
-    healthy: Annotated[
-        list[Path] | None,
-        typer.Option(
-            metavar="LOG",
-            help="Log of the same mechanism, moved alike, while nothing was wrong: residuals that "
-            "such a log also shows are not attributed to a fault; repeatable.",
-        ),
-    ] = None,
-    nominal: Nominal = REFERENCE,
-    known_effects: KnownEffects = None,
     fail_on: Annotated[
         str | None,
         typer.Option(
@@ -113,16 +73,9 @@ def diagnose(
     if static is not None:
         from benchmark.gap import static as statics
 
-        return statics.run(source, static)
-    settings = diagnoses.Settings(
-        source=source,
-        out=out,
-        healthy=tuple(healthy or ()),
-        nominal=nominal,
-        known_effects=known_effects,
-    )
+        return statics.run(asked, static)
     failing = _failing(fail_on)
-    result, summary = diagnoses.run(settings, force)
+    result, summary = diagnoses.run(asked, out, force)
     if failing:
         result["ok"] = not failing & {_kind(result["verdict"])}
     return result, summary

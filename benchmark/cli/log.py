@@ -9,7 +9,6 @@ from benchmark.cli.command import command
 from benchmark.cli.options import (
     Force,
     Format,
-    KnownEffects,
     NewFolder,
     OutFile,
     Policy,
@@ -18,19 +17,24 @@ from benchmark.cli.options import (
     Seed,
     Workers,
 )
+from benchmark.gap.asked import Known
 from benchmark.parts import registry
-from benchmark.settings import quantities
+from benchmark.settings.kinds import Number, Setting
+from benchmark.settings.run_spec import WORLD, settings_for
+
+NONE = "none"
+MANY = Number(1, 1000, whole=True)
 
 
 @command(
-    ("backend", "stick", "effects"),
+    settings_for(WORLD),
     required=("backend",),
-    defaults={"known_effects": "none", "policy": "none"},
+    defaults={"known_effects": NONE, "policy": "none"},
 )
 def record(
     settings: dict[str, Any],
     out: NewFolder,
-    known_effects: KnownEffects = None,
+    known: Known,
     protocol: Protocol = "all",
     policy: Policy = None,
     channels: Annotated[
@@ -41,18 +45,14 @@ def record(
             "yes or no; command and position are always there.",
         ),
     ] = "all",
-    rate: Rate = "200Hz",
+    rate: Rate = 200.0,
     variants: Annotated[
         int,
-        typer.Option(
-            metavar="N", help="Episodes per protocol, each with other phases and grips.", min=1
-        ),
+        Setting(help="Episodes per protocol, each with other phases and grips.", kind=MANY),
     ] = 1,
     repeats: Annotated[
         int,
-        typer.Option(
-            metavar="N", help="Times that each is repeated with other sensor noise.", min=1
-        ),
+        Setting(help="Times that each is repeated with other sensor noise.", kind=MANY),
     ] = 1,
     seed: Seed = 0,
     form: Format = "parquet",
@@ -68,9 +68,8 @@ def record(
     """
     from benchmark.gap import record as records
 
-    world = records.world(settings, known_effects or "none", policy, workers)
-    rate_hz = quantities.quantity(rate, "--rate", "Hz")
-    plan = records.plan(world, protocol, channels, rate_hz, variants, repeats, seed)
+    world = records.world(settings, known.known_effects or NONE, policy, workers)
+    plan = records.plan(world, protocol, channels, rate, variants, repeats, seed)
     return records.record(world, plan, out, form, force)
 
 
@@ -98,7 +97,7 @@ def excite(
             "between commas. Pushes are 30 % of it.",
         ),
     ] = None,
-    rate: Rate = "200Hz",
+    rate: Rate = 200.0,
     one_at_a_time: Annotated[
         bool, typer.Option("--one-at-a-time", help="An episode for each joint, the others held.")
     ] = False,
@@ -111,8 +110,7 @@ def excite(
     """
     from benchmark.gap import logs
 
-    rate_hz = quantities.quantity(rate, "--rate", "Hz")
-    return logs.excite(out, protocol, joints, ranges, limit, rate_hz, seed, one_at_a_time, force)
+    return logs.excite(out, protocol, joints, ranges, limit, rate, seed, one_at_a_time, force)
 
 
 @command()

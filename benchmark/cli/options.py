@@ -1,7 +1,8 @@
-"""Every option that is no setting of a run, declared once; defaults stand with the commands.
+"""Options that several commands have, declared once; defaults stand with the commands.
 
 An option of one name means the same in every command. Settings of a run (engine, task, figure,
-stick, effects, training) are declared by the fields of `RunSpec`.
+stick, effects, training) are declared by the fields of `RunSpec`; what is asked of a log, by those
+of `benchmark.gap.asked`.
 """
 
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Annotated
 import typer
 
 from benchmark.parts import registry
+from benchmark.settings.kinds import Number, Setting
 
 
 def completes(kind: str) -> Callable[[str], list[str]]:
@@ -51,7 +53,6 @@ Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished r
 Runs = Annotated[
     list[Path], typer.Argument(metavar="RUN", help="Folders of finished runs, or of many.")
 ]
-Log = Annotated[Path, typer.Argument(metavar="LOG", help="Folder of the log.")]
 Policy = Annotated[
     Path | None,
     typer.Option(metavar="RUN", help="Finished run whose policy plays the protocol 'policy'."),
@@ -66,21 +67,6 @@ Backends = Annotated[
         metavar="NAMES",
         help="Engines that simulate, between commas.",
         autocompletion=completes("backend"),
-    ),
-]
-Nominal = Annotated[
-    str,
-    typer.Option(
-        metavar="NAME",
-        help=f"Engine of the nominal world: {', '.join(registry.names('backend'))}.",
-        autocompletion=completes("backend"),
-    ),
-]
-KnownEffects = Annotated[
-    str | None,
-    typer.Option(
-        metavar="SET",
-        help="Effects that the nominal world is known to have, written as --effects is.",
     ),
 ]
 HiddenEffects = Annotated[
@@ -99,8 +85,8 @@ Real = Annotated[
     str,
     typer.Option(
         metavar="NAMES",
-        help="What stands for reality: engines of `bench list backend`, or dart, drake, exudyn, or "
-        "plants of diagnosis/blind/mechanics; between commas.",
+        help="What stands for reality: engines of `bench list backend`, or files of "
+        "diagnosis/blind/engines and mechanics; between commas.",
     ),
 ]
 Rig = Annotated[
@@ -117,9 +103,11 @@ Episodes = Annotated[
     int | None,
     typer.Option(metavar="N", help="Episodes, the first of a fixed list."),
 ]
-Cases = Annotated[int, typer.Option(metavar="N", help="Number of cases, 1 to 999.")]
-Rate = Annotated[str, typer.Option(metavar="RATE", help="Samples a second, such as 200Hz.")]
-Seed = Annotated[int, typer.Option(metavar="N", help="Decides every random draw.")]
+Cases = Annotated[int, Setting(help="Number of cases.", kind=Number(1, 999, whole=True))]
+Rate = Annotated[float, Setting(help="Samples a second.", kind=Number(1, 1000, "Hz"))]
+Seed = Annotated[
+    int, Setting(help="Decides every random draw.", kind=Number(0, 2**32 - 1, whole=True))
+]
 Workers = Annotated[
     int | None,
     typer.Option(

@@ -6,6 +6,7 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
+from backends.catalogue import catalogue
 from backends.effect import UNITS
 from backends.spec import Spec
 from benchmark.settings.effects import BUILT, PAPER_SPREAD, effect_name
@@ -13,14 +14,22 @@ from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
 from diagnosis.calibration.spread import Confusion
 
-CALIBRATED = ("backlash", "self-lock", "kp-scale", "kd-scale", "taxel-dropout", "taxel-drift")
-"""Effects that a calibration sets itself; those of the nominal world are replaced."""
+_SET = {
+    *("drive.play_rad", "drive.lock_nm", "drive.kp_nm_rad", "drive.kd_nms_rad"),
+    *("taxels.dead_share", "taxels.drift_m_s"),
+}
+"""Numbers that a calibration sets itself; effects of the nominal world on them are replaced."""
 _GAINS = ("kp-scale", "kd-scale")
 
 
 def effects_text(found: Calibration, ideal: Spec, nominal_effects: str) -> str:
     """The calibrated world as effects on the ideal hand."""
-    kept = [item for item in _items(nominal_effects) if _name(item) not in CALIBRATED]
+    kinds = catalogue()
+    kept = [
+        item
+        for item in _items(nominal_effects)
+        if not _SET.issuperset(kinds[item.split("=")[0]].spec_fields())
+    ]
     joints = [item for name in ideal.hand.joint_names for item in _joint(found, ideal, name)]
     return ",".join([*kept, *joints, *_skin(found)]) or "none"
 
@@ -107,10 +116,6 @@ def _items(text: str) -> list[str]:
         return []
     items = [item.strip() for item in text.split(",")]
     return [part for item in items for part in (BUILT if item == "built" else item).split(",")]
-
-
-def _name(item: str) -> str:
-    return item.split("=")[0]
 
 
 def _joint(found: Calibration, ideal: Spec, name: str) -> Iterator[str]:

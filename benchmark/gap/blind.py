@@ -4,13 +4,14 @@ import hashlib
 import secrets
 import shutil
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import joblib
 from rich.table import Table
 
+from backends.catalogue import catalogue
 from backends.effect import Effect
 from backends.engine import Engine, Simulator
 from backends.shard import simulate
@@ -29,7 +30,6 @@ from diagnosis.blind.grasp import GRASP, HOLDS, PULL
 from diagnosis.blind.make import write_case, write_sound
 from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, engine, mechanics
 
-MOST_CASES, MOST_HEALTHY = 999, 20
 KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
 """Real sides on which no solver may be tuned; only sets that name them contain them."""
 FEWEST_EFFECTS = 3
@@ -49,8 +49,6 @@ def settings(
     times: tuple[float, float] = draw.TIMES,
 ) -> draw.Settings:
     """The settings of these options; raises UsageError."""
-    within("--cases", cases, 1, MOST_CASES)
-    within("--healthy-logs", healthy, 0, MOST_HEALTHY)
     places = _rigs(rig)
     holding, drawn = places[0] in rigs.HOLDING, set(rigs.members(places)) <= set(rigs.ARMS)
     free = faults.of_arms() if drawn else faults.in_free_air()
@@ -123,7 +121,7 @@ def make(
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)
-    cases = _sized(draw.draw(wanted, _catalogue(), seed), wanted, seed, workers)
+    cases = _sized(draw.draw(wanted, catalogue(), seed), wanted, seed, workers)
     if _left_by(part, answers):
         answers.unlink()
     shutil.rmtree(part, ignore_errors=True)
@@ -262,7 +260,7 @@ def score(
         tasks = [(blind, case, opened.seed) for case in opened.cases]
         return _each("oracle", _consult_one, tasks, workers)
 
-    found = _checked(lambda: scoring.score(pairs, _catalogue(), consult, replayed))
+    found = _checked(lambda: scoring.score(pairs, catalogue(), consult, replayed))
     written = scoring.write(found, out) if out is not None else []
     table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
     for row in scoring.headline(found).to_dict("records"):
@@ -287,7 +285,7 @@ def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, A
     from diagnosis.blind import calibrate as fitting
 
     pairs = [(BlindSet(path=folder), answers) for folder, answers in sets]
-    rows = _checked(lambda: fitting.rows(pairs, _catalogue()))
+    rows = _checked(lambda: fitting.rows(pairs, catalogue()))
     try:
         found = fitting.calibrate(rows)
     except ValueError as error:
@@ -307,7 +305,7 @@ def detectable(
     """Search the smallest detectable magnitudes and write them to `out`, as CSV and Markdown."""
     from diagnosis.blind import detectable as searching
 
-    held, kinds = not set(rigs.HOLDING).isdisjoint(wanted.rigs), _catalogue()
+    held, kinds = not set(rigs.HOLDING).isdisjoint(wanted.rigs), catalogue()
     if wrong := [e for e in wanted.effects if held and not kinds[e].shows_in_hand()]:
         raise UsageError(
             f"--hidden-effects {','.join(wrong)}: no grasp is asked for these; say --rig "
@@ -354,24 +352,24 @@ def _searched(kind: type[Effect]) -> tuple[tuple[str, ...], ...]:
 def _search_one(search: Any) -> dict:
     from diagnosis.blind.detectable import smallest
 
-    return smallest(search, _catalogue(), _start, registry.usual("backend"))
+    return smallest(search, catalogue(), _start, registry.usual("backend"))
 
 
 def _size_one(case: draw.Case, wanted: draw.Settings, seed: int) -> draw.Case:
     from diagnosis.blind.sizing import sized
 
     try:
-        return sized(case, wanted.times, wanted.effects, _catalogue(), _start, seed)
+        return sized(case, wanted.times, wanted.effects, catalogue(), _start, seed)
     except ValueError as error:
         raise BlindError(str(error)) from error
 
 
 def _make_one(blind: BlindSet, case: draw.Case, seed: int, make: int | None) -> None:
-    write_case(blind, case, _catalogue(), _start, seed, make)
+    write_case(blind, case, catalogue(), _start, seed, make)
 
 
 def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
-    write_sound(folder, case, _catalogue(), _start, seed)
+    write_sound(folder, case, catalogue(), _start, seed)
 
 
 def _solve_one(blind: BlindSet, number: int) -> None:
@@ -386,10 +384,10 @@ def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
     from diagnosis.blind.oracle import consult
 
     def apart(fault: faults.Fault) -> float:
-        grasps = Grasps(case=case, catalogue=_catalogue(), simulate=_start, seed=seed)
+        grasps = Grasps(case=case, catalogue=catalogue(), simulate=_start, seed=seed)
         return grasps.apart_nats(fault, registry.usual("backend"))
 
-    return consult(case, blind.log(case.number), _catalogue(), apart)
+    return consult(case, blind.log(case.number), catalogue(), apart)
 
 
 def _start(name: str, specs: Sequence[Spec]) -> Simulator:
@@ -399,11 +397,6 @@ def _start(name: str, specs: Sequence[Spec]) -> Simulator:
 def _engine(name: str) -> type[Engine]:
     """A backend, or an engine that is only a real side."""
     return engine(name) if name in ENGINES else registry.load("backend", name)
-
-
-@cache
-def _catalogue() -> dict[str, type[Effect]]:
-    return {name: registry.load("effect", name) for name in registry.names("effect")}
 
 
 def _each(what: str, work: Callable, tasks: Sequence[tuple], workers: int | None) -> list:

@@ -1,7 +1,6 @@
 """`bench calibrate`: fit a log and write calibration.yaml, a picture per joint and a table."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +13,10 @@ from backends.spec import Spec
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.gap import _calibration_texts as texts
+from benchmark.gap.asked import Calibration as Asked
 from benchmark.parts import registry
 from benchmark.provenance import usable_cores
 from benchmark.settings.effects import parse_effects, parse_spread, refuse
-from benchmark.settings.quantities import quantity, within
 from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
@@ -34,65 +33,44 @@ from diagnosis.replay.nominal import mjcf_world
 
 FILE = "calibration.yaml"
 OUT = Path("calibrations")
-THRESHOLD_MM = 10.0
-"""Largest sensible threshold of a taxel."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Settings:
-    """The settings of `bench calibrate`."""
-
-    path: Path
-    """Folder of the log."""
-    nominal: str
-    """Engine of the nominal world."""
-    known_effects: str | None
-    """Effects of the nominal world; None: those that the log names."""
-    threshold: str | None
-    """Threshold of the taxels, as pressed depth; None: from their noise."""
-    seed: int
-    workers: int | None
-
-
-def run(settings: Settings, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
+def run(
+    asked: Asked, seed: int, out: Path | None, force: bool, workers: int | None
+) -> tuple[dict, RenderableType]:
     """Calibrate and write calibration.yaml and pictures; returns the result and its table.
 
     Raises UsageError for a log or setting that cannot be used, CommandError if an engine stops.
     """
-    within("--seed", settings.seed, 0, 2**32 - 1)
-    given = settings.threshold
-    threshold_m = None if given is None else quantity(given, "--threshold", "mm")
-    if threshold_m is not None:
-        within("--threshold", threshold_m, 0, THRESHOLD_MM, "mm")
-    folder = out or OUT / settings.path.resolve().name
+    folder = out or OUT / asked.log.resolve().name
     _refuse_taken(folder, force)
-    engine = registry.load("backend", settings.nominal)
-    cores = settings.workers or usable_cores()
+    engine = registry.load("backend", asked.nominal)
+    cores = workers or usable_cores()
 
     def start(specs: Sequence[Spec]) -> Simulator:
         return simulate(engine, specs, cores)
 
     try:
-        log = read_log(settings.path)
-        ideal, effects = _ideal(log, settings.nominal), _known_effects(log, settings)
-        nominal = _nominal(ideal, effects, settings.nominal)
-        with Bar(f"calibrate {settings.path.name}", TOTAL) as bar:
+        log = read_log(asked.log)
+        ideal, effects = _ideal(log, asked.nominal), _known_effects(log, asked)
+        nominal = _nominal(ideal, effects, asked.nominal)
+        with Bar(f"calibrate {asked.log.name}", TOTAL) as bar:
             found = calibrate(
                 start,
                 nominal,
                 log,
-                threshold_m,
-                np.random.default_rng(settings.seed),
+                asked.threshold_m,
+                np.random.default_rng(seed),
                 bar.update,
             )
-            content = _content(found, log, ideal, effects, settings)
+            content = _content(found, log, ideal, effects, asked, seed)
             folder.mkdir(parents=True, exist_ok=True)
             pictures = plot.draw(start, found, folder)
         write_calibration(folder / FILE, content)
     except LogError as error:
         raise UsageError(str(error)) from error
     except WorkerError as error:
-        raise CommandError(f"the simulation on {settings.nominal} stopped: {error}") from error
+        raise CommandError(f"the simulation on {asked.nominal} stopped: {error}") from error
     result = {
         "status": "done",
         "dir": str(folder),
@@ -138,9 +116,9 @@ def _ideal(log: Log, backend: str) -> Spec:
     return ideal(mechanism.hand, mechanism.stick)
 
 
-def _known_effects(log: Log, settings: Settings) -> str:
-    if settings.known_effects is not None:
-        return settings.known_effects
+def _known_effects(log: Log, asked: Asked) -> str:
+    if asked.known_effects is not None:
+        return asked.known_effects
     mechanism = log.meta.mechanism
     return mechanism.effects if isinstance(mechanism, HandMechanism) else "none"
 
@@ -153,7 +131,7 @@ def _nominal(ideal: Spec, text: str, backend: str) -> Spec:
 
 
 def _content(
-    found: Calibration, log: Log, ideal: Spec, effects: str, settings: Settings
+    found: Calibration, log: Log, ideal: Spec, effects: str, asked: Asked, seed: int
 ) -> CalibrationFile:
     confounded = {
         name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
@@ -162,13 +140,13 @@ def _content(
     }
     content = CalibrationFile(
         schema=SCHEMA,
-        log=str(settings.path),
+        log=str(asked.log),
         source=log.meta.source,
-        backend=settings.nominal,
+        backend=asked.nominal,
         hand=ideal.hand.name,
         stick=ideal.stick.name,
         nominal_effects=effects,
-        seed=settings.seed,
+        seed=seed,
         effects=texts.effects_text(found, ideal, effects),
         spread=texts.spread_text(found),
         joints=joints_of(found, confounded),

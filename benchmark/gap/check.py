@@ -7,7 +7,7 @@ from rich.text import Text
 
 from benchmark.errors import UsageError
 from benchmark.gap import robot_log
-from benchmark.gap.source import Source
+from benchmark.gap.asked import Source
 from diagnosis.logs.log import HandMechanism, Log, LogError
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.motion_picture import draw

@@ -18,7 +18,7 @@ from benchmark.console import Bar, say
 from benchmark.errors import CommandError, UsageError
 from benchmark.gap import robot_log
 from benchmark.gap._diagnosis_texts import effects_text, summary
-from benchmark.gap.source import Source
+from benchmark.gap.asked import Diagnosis as Asked
 from benchmark.gap.take_home import FILE as CORRECTED
 from benchmark.gap.take_home import ROBOT, URDF, TakeHome, take_home
 from benchmark.parts import registry
@@ -46,38 +46,6 @@ GAPS = "from {:.3g} to {:.3g} mrad (slides: mm) over the whole log"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Settings:
-    """The settings of `bench diagnose`."""
-
-    source: Source
-    """The log: a folder, or the two files that it is made of."""
-    nominal: str
-    """Engine that the compiled replay of the nominal world is compared with."""
-    known_effects: str | None
-    """Effects that the nominal world is known to have; None: those named in the log."""
-    out: Path | None = None
-    """Folder of the results; None: named after the log."""
-    healthy: tuple[Path, ...] = ()
-    """Folders of logs of the same mechanism, recorded while nothing was wrong with it."""
-
-    @property
-    def words(self) -> str:
-        """The logs as written on the command line."""
-        healthy = (word for path in self.healthy for word in ("--healthy", str(path)))
-        return shlex.join([str(self.path), *healthy])
-
-    @property
-    def path(self) -> Path:
-        """Folder of the log; that of two files is written there."""
-        return self.source.folder or self.folder / robot_log.FOLDER
-
-    @property
-    def folder(self) -> Path:
-        """Folder of the results."""
-        return self.out or OUT / self.source.name
-
-
-@dataclass(frozen=True, kw_only=True)
 class World:
     """The nominal world."""
 
@@ -88,25 +56,26 @@ class World:
     """Its effects."""
 
 
-def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
+def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
     """Diagnose and write diagnosis.json and report.html; returns the result and its summary.
 
     Raises UsageError for a log or setting that cannot be used, CommandError if a process stops.
     """
-    folder = settings.folder
+    folder = out or OUT / asked.name
+    path = asked.folder or folder / robot_log.FOLDER
     if (folder / FILE).exists() and not force:
         raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
-    engine = registry.load("backend", settings.nominal)
+    engine = registry.load("backend", asked.nominal)
     try:
-        log = _understood(settings, force)
+        log = _understood(asked, folder, force)
         if log.meta.mechanism is None:
             from benchmark.gap import without_model  # draws with matplotlib, which takes its time
 
-            return without_model.run(log, settings.path, settings.healthy, folder)
-        world = nominal_world(log, settings.known_effects)
-        healthy = _healthy(settings, log, world)
-        apart = _apart_rad(log, world, settings.nominal, engine)
-        with Bar(f"diagnose {settings.source.name}", 100) as bar:
+            return without_model.run(log, path, asked.healthy, folder)
+        world = nominal_world(log, asked.known_effects)
+        healthy = _healthy(asked, path, log, world)
+        apart = _apart_rad(log, world, asked.nominal, engine)
+        with Bar(f"diagnose {asked.name}", 100) as bar:
             found = diagnose(
                 log,
                 healthy,
@@ -120,21 +89,21 @@ def run(settings: Settings, force: bool) -> tuple[dict, RenderableType]:
     except WorkerError as error:
         raise CommandError(f"a process of the diagnosis stopped: {error}") from error
     log = dataclasses.replace(log, warnings=(*log.warnings, *_warnings(log, world, apart)))
-    result = _result(folder, found, log, world, settings, apart)
+    result = _result(folder, found, log, world, asked, path, apart)
     folder.mkdir(parents=True, exist_ok=True)
     if not isinstance(log.meta.mechanism, HandMechanism):
         home = take_home(log, world.spec, found, own_catalogue(catalogue(), world.spec))
         result["model"] = _kept(folder, home, result)
-    text = page(found, log, _facts(result, log, settings), result["next"])
+    text = page(found, log, _facts(result, log, asked), result["next"])
     write_atomically(folder / REPORT, text)
     whole = result | {"provenance": provenance()}
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
     return result, summary(found, result)
 
 
-def _understood(settings: Settings, force: bool) -> Log:
+def _understood(asked: Asked, folder: Path, force: bool) -> Log:
     """The log; of two files, what was understood of them is said first."""
-    found = robot_log.read(settings.source, settings.folder, force)
+    found = robot_log.read(asked, folder, force)
     if found.said:
         for line in (*found.said, *robot_log.understood(found.log)):
             say(line)
@@ -142,30 +111,30 @@ def _understood(settings: Settings, force: bool) -> Log:
     return found.log
 
 
-def _healthy(settings: Settings, today: Log, world: World) -> list[Log]:
+def _healthy(asked: Asked, log_path: Path, today: Log, world: World) -> list[Log]:
     """The healthy logs; raises UsageError or LogError.
 
     They must have the joints, protocols and channels of the log that is diagnosed.
     """
-    if same := [path for path in settings.healthy if path.resolve() == settings.path.resolve()]:
+    if same := [path for path in asked.healthy if path.resolve() == log_path.resolve()]:
         raise UsageError(
             f"--healthy {same[0]} is the log that is diagnosed; give logs of the same mechanism "
             "recorded while nothing was wrong"
         )
-    logs = [read_log(path) for path in settings.healthy]
-    for path, log in zip(settings.healthy, logs, strict=True):
-        names = nominal_world(log, settings.known_effects).spec.hand.joint_names
+    logs = [read_log(path) for path in asked.healthy]
+    for path, log in zip(asked.healthy, logs, strict=True):
+        names = nominal_world(log, asked.known_effects).spec.hand.joint_names
         if names != world.spec.hand.joint_names:
             raise UsageError(
                 f"--healthy {path} has the joints {', '.join(names)}, and the log "
                 f"that is diagnosed has {', '.join(world.spec.hand.joint_names)}; give logs of "
                 "the same mechanism"
             )
-        for what, asked, there in (
+        for what, wanted, there in (
             ("protocols", _protocols(today), _protocols(log)),
             ("channels", _read(today), _read(log)),
         ):
-            if lacking := sorted(asked - there):
+            if lacking := sorted(wanted - there):
                 raise UsageError(
                     f"--healthy {path} lacks the {what} {', '.join(lacking)} of the log that is "
                     "diagnosed; record the healthy log with the same protocols and channels"
@@ -245,7 +214,8 @@ def _result(
     found: Diagnosis,
     log: Log,
     world: World,
-    settings: Settings,
+    asked: Asked,
+    path: Path,
     apart_rad: float,
 ) -> dict:
     """The JSON object."""
@@ -254,17 +224,17 @@ def _result(
         "status": "done",
         "dir": str(folder),
         "written": [str(folder / FILE), str(folder / REPORT)],
-        "log": settings.words,
+        "log": _words(asked, path),
         "nominal": {
-            "backend": settings.nominal,
+            "backend": asked.nominal,
             "hand": world.spec.hand.name,
             "effects": world.known,
             "replay_apart_rad": apart_rad,
         },
-        "healthy": list(map(str, settings.healthy)),
+        "healthy": list(map(str, asked.healthy)),
         "verdict": list(row.pop("verdict")),
         "effects": effects,
-        "next": _commands(effects, folder, log, settings),
+        "next": _commands(effects, folder, log, asked, path),
         "sentence": wording.sentence(found),
         "warnings": list(log.warnings),
         **row,
@@ -292,32 +262,38 @@ def _corrected(found: Diagnosis, world: World) -> str | None:
         return None
 
 
-def _facts(result: dict, log: Log, settings: Settings) -> dict[str, str]:
+def _facts(result: dict, log: Log, asked: Asked) -> dict[str, str]:
     """What the report says about log and nominal world."""
     nominal, gaps = result["nominal"], [1e3 * gap for gap in result["engine_gaps_rad"]]
     apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
     held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
     return {
-        "log": settings.source.name,
+        "log": asked.name,
         "source": log.meta.source,
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": f"compiled; {held}",
         **({"corrected gap in the engine": GAPS.format(*gaps)} if gaps else {}),
-        **({"healthy logs": ", ".join(result["healthy"])} if settings.healthy else {}),
+        **({"healthy logs": ", ".join(result["healthy"])} if asked.healthy else {}),
         "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal number",
         "made by": provenance()["command"],
     }
 
 
-def _commands(text: str | None, folder: Path, log: Log, settings: Settings) -> dict[str, str]:
+def _words(asked: Asked, path: Path) -> str:
+    """The logs as written on the command line."""
+    healthy = (word for one in asked.healthy for word in ("--healthy", str(one)))
+    return shlex.join([str(path), *healthy])
+
+
+def _commands(text: str | None, folder: Path, log: Log, asked: Asked, path: Path) -> dict[str, str]:
     """Commands that use the effects of the corrected world, and what each does."""
     if text is None:
         return {}
     known = shlex.join(["--known-effects", text, "--out", f"{folder}-corrected"])
-    further = {f"bench diagnose {settings.words} {known}": "diagnose what is left"}
+    further = {f"bench diagnose {_words(asked, path)} {known}": "diagnose what is left"}
     if not isinstance(log.meta.mechanism, HandMechanism):
         return further
-    train = f"bench run --backend {settings.nominal} --task circle --effects {text}"
+    train = f"bench run --backend {asked.nominal} --task circle --effects {text}"
     return {
         train: "train a policy in the corrected world",
         f"bench eval RUN --effects {text}": "evaluate a policy in the corrected world",

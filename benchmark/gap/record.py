@@ -15,7 +15,6 @@ from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
 from benchmark.settings.effects import parse_effects, refuse
-from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec, read_settings
 from diagnosis.logs.log import Log, LogError, check_target, write_log
 from diagnosis.recording import record as recording
@@ -66,16 +65,12 @@ def plan(
     seed: int,
 ) -> Plan:
     """The plan of these options; 'all' means everything that is possible. Raises UsageError."""
-    within("--seed", seed, 0, 2**32 - 1)
-    within("--rate", rate_hz, 1, 1000, "Hz")
     everything = (*OPEN_LOOP, *(["policy"] if world.policy else []))
     protocols = everything if protocol == "all" else _words(protocol)
     if world.policy is not None and "policy" not in protocols:
         raise UsageError(
             "--policy is given without protocol 'policy'; add it, or leave --policy out"
         )
-    within("--variants", variants, 1, MOST_EPISODES)
-    within("--repeats", repeats, 1, MOST_EPISODES)
     episodes = len(protocols) * variants * repeats
     if episodes > MOST_EPISODES:
         raise UsageError(

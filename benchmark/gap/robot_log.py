@@ -8,7 +8,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from benchmark.errors import UsageError
-from benchmark.gap.source import Source
+from benchmark.gap.asked import Source
 from benchmark.parts.extras import install_command
 from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
 from diagnosis.logs.ros import is_bag
@@ -86,10 +86,10 @@ def _more(drive: DriveSettings) -> str:
 
 def asked_of(source: Source) -> Asked:
     """The user's own words as data; raises UsageError."""
-    columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns or ())
+    columns = dict(_pair(text, "--column", "JOINT.KIND=COLUMN") for text in source.columns)
     hold = {
         name: _number(value, "--hold")
-        for name, value in (_pair(text, "--hold", "JOINT=POSITION") for text in source.hold or ())
+        for name, value in (_pair(text, "--hold", "JOINT=POSITION") for text in source.hold)
     }
     return Asked(
         unit=source.unit,
@@ -104,12 +104,12 @@ def asked_of(source: Source) -> Asked:
 def _drives(source: Source) -> dict[str, DriveSettings]:
     """Drives by joint: servos that are known, and what is said of drives beside them."""
     found: dict[str, dict] = {}
-    for text in source.servos or ():
+    for text in source.servos:
         name, sign, joint = text.partition("@")
         if not (sign and joint):
             raise UsageError(f"--servo is '{text}'; allowed: NAME@JOINT, such as sts3215@*")
         found[joint] = servo(name).model_dump(exclude_defaults=True)
-    for text in source.drives or ():
+    for text in source.drives:
         joint, numbers = _pair(text, "--drive", FORM)
         pairs = (part.partition(":") for part in numbers.split(","))
         said = {key.strip(): value.strip() for key, _, value in pairs}

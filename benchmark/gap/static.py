@@ -9,8 +9,8 @@ from rich.console import Group, RenderableType
 from rich.text import Text
 
 from benchmark.errors import UsageError
+from benchmark.gap.asked import Source
 from benchmark.gap.robot_log import asked_of
-from benchmark.gap.source import Source
 from diagnosis.logs._meta import NOMINAL_UNCERTAINTY
 from diagnosis.logs.log import LogError
 from diagnosis.static import Rests, Term, regress, rests

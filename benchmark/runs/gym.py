@@ -4,8 +4,10 @@ Gymnasium has no plug-in entry points, so a program imports `stickbench` first, 
 `gymnasium.make("stickbench:stickbench/Eight-v0", engine="bullet")`.
 """
 
+import inspect
+from collections.abc import Callable
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import gymnasium
 import numpy as np
@@ -17,17 +19,51 @@ from backends.state import Array
 from benchmark.errors import unknown
 from benchmark.parts import registry
 from benchmark.pictures import _render
-from benchmark.settings.run_spec import REFERENCE, RunSpec, read_settings
+from benchmark.settings.run_spec import (
+    FIGURE,
+    PERCEPT,
+    REFERENCE,
+    WORLD,
+    RunSpec,
+    read_settings,
+    setting_named,
+    settings_for,
+)
+from benchmark.settings.run_spec import SETTINGS as RUN
 from tasks.batch import BatchEnv
 from tasks.gym_env import RENDER_MODES, MakePainter, StickEnv, StickVectorEnv
 from tasks.task import EPISODE_S
 
+P = ParamSpec("P")
+T = TypeVar("T")
 EPISODE_STEPS = round(EPISODE_S / Timing().policy_s)
 SIZE = (480, 480)
 """Width and height of a picture [pixels]."""
-Length = str | float
-"""Such as "3cm"; a plain number is in metres."""
 RenderMode = Literal["rgb_array"]
+SETTINGS = settings_for(WORLD, FIGURE, PERCEPT)
+"""Settings of a run that an environment has."""
+NAMED = ("task", "backend")
+"""Those that are parameters of their own."""
+
+
+def _shows_settings(call: Callable[P, T]) -> Callable[P, T]:
+    """Give a function whose last parameter is `settings` their signature and text."""
+    shown = [RUN[name] for name in SETTINGS if name not in NAMED]
+    *own, rest = inspect.signature(call).parameters.values()
+    keywords = [
+        inspect.Parameter(
+            one.names[0],
+            inspect.Parameter.KEYWORD_ONLY,
+            default=one.shown_default if getattr(one.kind, "unit", "") else one.default,
+        )
+        for one in shown
+    ]
+    said = [f"- `{p.name}`: {one.said}" for p, one in zip(keywords, shown, strict=True)]
+    signature = inspect.signature(call).replace(parameters=[*own, *keywords])
+    call.__signature__ = signature  # type: ignore[attr-defined]
+    text = inspect.cleandoc(call.__doc__ or "")
+    call.__doc__ = "\n".join([text, "", "Settings, written as those of `bench run`:", "", *said])
+    return call
 
 
 def gym_id(task: str) -> str:
@@ -35,6 +71,7 @@ def gym_id(task: str) -> str:
     return f"stickbench/{task.capitalize()}-v0"
 
 
+@_shows_settings
 def make(
     task: str,
     *,
@@ -45,10 +82,8 @@ def make(
 ) -> gymnasium.Env[Array, Array]:
     """One world of a task, such as "Eight", as a Gymnasium environment.
 
-    `settings` are those of `bench run`, written as there: `observation`, `stick`, `effects`,
-    `radius="3cm"`, `pace=1.5`, `start_spread`. With `render_mode="rgb_array"` the environment draws
-    itself, whatever the engine. Raises UsageError for what is not known, CommandError where an
-    engine is missing.
+    With `render_mode="rgb_array"` the environment draws itself, whatever the engine. Raises
+    UsageError for what is not known, CommandError where an engine is missing.
     """
     return gymnasium.make(
         gym_id(task),
@@ -59,6 +94,7 @@ def make(
     )
 
 
+@_shows_settings
 def make_vec(
     task: str,
     num_envs: int,
@@ -73,7 +109,7 @@ def make_vec(
     """N worlds of a task on up to `workers` cores as one Gymnasium vector environment.
 
     A world whose episode is over begins again with the next step, or as `autoreset_mode` says:
-    "NextStep", "SameStep" or "Disabled". `settings` as in `make`.
+    "NextStep", "SameStep" or "Disabled". Raises as `make` does.
     """
     made = gymnasium.make_vec(
         gym_id(task),
@@ -110,6 +146,9 @@ def vector(
 
 
 def _run(task: str, settings: dict[str, Any]) -> RunSpec:
+    for name in settings:
+        if (known := setting_named(name).name) not in SETTINGS:
+            raise unknown("setting of an environment", known, SETTINGS)
     return RunSpec(**{"backend": REFERENCE, **read_settings({**settings, "task": task})})
 
 

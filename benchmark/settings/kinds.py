@@ -1,10 +1,13 @@
-"""Kinds of values of settings: how each is read, bounded and shown.
+"""Options, each declared once: name, kind, default and help, and the field that it sets.
 
-A setting is declared once, as a field of `RunSpec`. Command line, grid file and checks use it.
+An option is a field of a dataclass, of `RunSpec` or of what a command asks, or the annotation of a
+command's parameter. Command line, environment variables, grid file, docs, Python face and checks
+are made from it. Its kind says how a value is read, bounded and shown.
 """
 
 import math
 from dataclasses import MISSING, Field, dataclass, field, fields
+from pathlib import Path
 from typing import Any, Protocol
 
 from benchmark.errors import UsageError, unknown
@@ -96,6 +99,22 @@ class Text:
 
 
 @dataclass(frozen=True)
+class File:
+    """A file or folder."""
+
+    metavar: str
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> Path:
+        """See `Kind.read`."""
+        return Path(str(given))
+
+    def show(self, value: Path) -> str:
+        """See `Kind.show`."""
+        return str(value)
+
+
+@dataclass(frozen=True)
 class Number:
     """A number within bounds; a whole number may be written as 2e6."""
 
@@ -108,7 +127,8 @@ class Number:
     @property
     def metavar(self) -> str:
         """Placeholder for the number."""
-        return {"cm": "LENGTH"}.get(self.unit, "N" if self.whole else "X")
+        units = {"cm": "LENGTH", "mm": "LENGTH", "s": "TIME", "Hz": "RATE"}
+        return units.get(self.unit, "N" if self.whole else "X")
 
     @property
     def allowed(self) -> str:
@@ -171,18 +191,26 @@ class Switch:
 
 @dataclass(frozen=True, kw_only=True)
 class Setting:
-    """One setting of a run: its name on the command line and the field that it sets."""
+    """One option: its name on the command line and the field that it sets."""
 
-    name: str
-    """Name on the command line, without its dashes."""
-    field: str
-    """Field of the spec."""
+    name: str = ""
+    """Name on the command line, without its dashes; empty: that of the parameter."""
+    field: str = ""
+    """Field of the dataclass."""
     kind: Kind
     help: str
-    default: Any
-    """MISSING if a value must be given."""
+    default: Any = ...
+    """An ellipsis if a value must be given."""
     alias: str | None = None
     """Another name on the command line."""
+    shown: str | None = None
+    """The default in words."""
+    of: str = ""
+    """What it decides, such as WORLD."""
+    argument: bool = False
+    """Given without its name."""
+    many: bool = False
+    """Repeatable: a tuple of values."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -196,40 +224,43 @@ class Setting:
         return f"--{self.name}"
 
     @property
-    def shown_default(self) -> str | None:
-        """The default as a user types it; None if a value must be given."""
-        return None if self.default is MISSING else self.kind.show(self.default)
+    def said(self) -> str:
+        """What it is, and what is allowed."""
+        between = ", " if isinstance(self.kind, Number) else ": "
+        return between.join(filter(None, [self.help.rstrip("."), self.kind.allowed])) + "."
 
-    def read(self, given: object) -> Any:
+    @property
+    def shown_default(self) -> str | None:
+        """The default as a user types it, or in words; None if a value must be given."""
+        if self.shown is not None or self.default in (..., None, ()):
+            return self.shown
+        return self.kind.show(self.default)
+
+    def read(self, given: Any) -> Any:
         """The field's value; raises UsageError."""
+        if self.many:
+            return tuple(self.kind.read(one, self.flag) for one in given)
         return self.kind.read(given, self.flag)
 
 
 def setting(
-    help: str,
-    kind: Kind,
-    default: Any = MISSING,
-    option: str | None = None,
-    alias: str | None = None,
+    help: str, kind: Kind, default: Any = MISSING, option: str | None = None, **more: Any
 ) -> Any:
-    """A dataclass field that is a setting; `option` is its name as an option if that differs."""
-    said = {"help": help, "kind": kind, "option": option, "alias": alias}
+    """A dataclass field that is an option; `option` is its name if that is not the field's.
+
+    `more` are fields of `Setting`.
+    """
+    said = {"help": help, "kind": kind, "name": option, **more}
     return field(default=default, metadata=said)
 
 
 def settings_of(spec: type) -> dict[str, Setting]:
-    """The settings that are declared by the fields of a spec, by name, in order."""
+    """The options that are declared by the fields of a dataclass, by name, in order."""
     declared = (_declared(one) for one in fields(spec) if "kind" in one.metadata)
     return {one.name: one for one in declared}
 
 
 def _declared(one: Field) -> Setting:
-    name = one.metadata["option"] or one.name.replace("_", "-")
-    return Setting(
-        name=name,
-        field=one.name,
-        kind=one.metadata["kind"],
-        help=one.metadata["help"],
-        default=one.default,
-        alias=one.metadata["alias"],
-    )
+    said = {**one.metadata, "name": one.metadata["name"] or one.name.replace("_", "-")}
+    default = ... if one.default is MISSING else one.default
+    return Setting(field=one.name, default=default, **said)

@@ -35,6 +35,8 @@ REFERENCE = "mujoco"
 SMOKE_WORLDS, SMOKE_STEPS = 8, 1024
 MOST_WORLDS = 100_000
 """Most worlds trained on at once; more fill the memory."""
+WORLD, FIGURE, PERCEPT, TRAINING = "world", "figure", "percept", "training"
+"""What a setting decides: what simulates, what is asked, what a policy gets, how it learns."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,41 +46,61 @@ class RunSpec:
     Raises UsageError for invalid settings.
     """
 
-    backend: str = setting("Physics engine that simulates.", Name("backend"), alias="engine")
-    task: str = setting("Figure that the stick's lower end draws.", Name("task"))
-    observation: str = setting(
-        "Observation that the policy gets.", Name("observation"), "contact-centers"
+    backend: str = setting(
+        "Physics engine that simulates.", Name("backend"), alias="engine", of=WORLD
     )
-    algo: str = setting("Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo")
+    task: str = setting("Figure that the stick's lower end draws.", Name("task"), of=FIGURE)
+    observation: str = setting(
+        "Observation that the policy gets.", Name("observation"), "contact-centers", of=PERCEPT
+    )
+    algo: str = setting(
+        "Learning algorithm, or scripted baseline.", Name("algo"), "sb3-ppo", of=TRAINING
+    )
     hand: str = "trx"
     """The hand; `bench list hand` names them."""
-    stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference")
+    stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference", of=WORLD)
     effects: str = setting(
         "What the world adds to the ideal hand: 'built', 'none', or effects with sizes such as "
         "backlash=1.2deg,kp-scale=-10%@J3.",
         Text("SET"),
         "built",
+        of=WORLD,
     )
-    radius_m: float = setting("Size of the figure.", Number(0.1, 5, "cm"), RADIUS_M, "radius")
+    radius_m: float = setting(
+        "Size of the figure.", Number(0.1, 5, "cm"), RADIUS_M, "radius", of=FIGURE
+    )
     speed: float = setting(
-        "Pace of the figure, times the training pace.", Number(0.05, 5), 1.0, "pace"
+        "Pace of the figure, times the training pace.", Number(0.05, 5), 1.0, "pace", of=FIGURE
     )
     steps: int = setting(
-        "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000
+        "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000, of=TRAINING
     )
     seed: int = setting(
-        "Decides every random draw of the training.", Number(0, 2**32 - 1, whole=True), 0
+        "Decides every random draw of the training.",
+        Number(0, 2**32 - 1, whole=True),
+        0,
+        of=TRAINING,
     )
-    randomize: bool = setting("Train on worlds drawn around the nominal one.", Switch(), True)
+    randomize: bool = setting(
+        "Train on worlds drawn around the nominal one.", Switch(), True, of=TRAINING
+    )
     spread: str = setting(
-        "How far they are drawn: 'paper', or effects with their spreads.", Text("SET"), "paper"
+        "How far they are drawn: 'paper', or effects with their spreads.",
+        Text("SET"),
+        "paper",
+        of=TRAINING,
     )
     start_spread: float = setting(
-        "Width of the drawn initial states over the paper's; 0: a single one.", Number(0, 1), 1.0
+        "Width of the drawn initial states over the paper's; 0: a single one.",
+        Number(0, 1),
+        1.0,
+        of=PERCEPT,
     )
     worlds: int = 128
     """Worlds trained on at once."""
-    smoke: bool = setting("Walk the whole path in under a minute; never ranked.", Switch(), False)
+    smoke: bool = setting(
+        "Walk the whole path in under a minute; never ranked.", Switch(), False, of=TRAINING
+    )
     overrides: Mapping[str, Any] = field(default_factory=dict, hash=False)
     """Hyperparameters of the learner that differ from its defaults, by name."""
     start_sha256: str | None = None
@@ -141,9 +163,15 @@ def ideal(hand: str, stick: str) -> Spec:
 
 SETTINGS: dict[str, Setting] = settings_of(RunSpec)
 """The settings of a run, by name as typed."""
-DEPLOYED = ("backend", "task", "radius", "pace", "stick", "effects")
-"""Settings that may differ between training and evaluation of a policy."""
 
+
+def settings_for(*decide: str) -> tuple[str, ...]:
+    """Names of the settings that decide these."""
+    return tuple(name for name, one in SETTINGS.items() if one.of in decide)
+
+
+DEPLOYED = settings_for(WORLD, FIGURE)
+"""Settings that may differ between training and evaluation of a policy."""
 
 _BY_NAME = {name: one for one in SETTINGS.values() for name in one.names}
 

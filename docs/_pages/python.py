@@ -26,15 +26,13 @@ def _environments() -> dict[str, str]:
 
 def _settings() -> str:
     """Fields of a run's spec: what they mean, and their defaults as they are typed."""
-    from benchmark.settings.kinds import Number
     from benchmark.settings.run_spec import SETTINGS, RunSpec
 
     declared = {one.field: one for one in SETTINGS.values()}
     lines = []
     for name, _, said in fields(RunSpec):
         if one := declared.get(name):
-            bounds = f" From {one.kind.allowed}." if isinstance(one.kind, Number) else ""
-            said = f"{one.help}{bounds}"
+            said = one.said
         lines.append((name, (one and one.shown_default) or "", said))
     return to_table(lines, "default")
 

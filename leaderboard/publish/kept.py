@@ -49,15 +49,20 @@ class Kept:
 
     def line(self, task: str, **changes: Any) -> Line:
         """The policy of a task with the usual settings, but for `changes`; raises KeptError."""
-        wanted = {"task": task, **USUAL, **changes}
-        found = [
-            line
-            for line in self.board.lines
-            if all(line.cells[name] == value for name, value in wanted.items())
-        ]
+        found = self.lines(task, **changes)
         if len(found) != 1:
+            wanted = {"task": task, **USUAL, **changes}
             raise KeptError(f"{len(found)} policies, not one, in leaderboard/results: {wanted}")
         return found[0]
+
+    def lines(self, task: str, **changes: Any) -> list[Line]:
+        """The policies of a task with the usual settings, but for `changes`; `...` is any value."""
+        wanted = {"task": task, **USUAL, **changes}
+        return [
+            line
+            for line in self.board.lines
+            if all(value in (..., line.cells[name]) for name, value in wanted.items())
+        ]
 
     @cached_property
     def transfers(self) -> dict[str, dict[str, bytes]]:

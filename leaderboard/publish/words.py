@@ -17,6 +17,11 @@ def in_order(names: Iterable[str]) -> list[str]:
     return sorted(names, key=lambda n: (known.index(n) if n in known else len(known), n))
 
 
+def shown(name: str) -> str:
+    """An engine or a plant in running text."""
+    return SHOWN.get(name, name)
+
+
 def listed(words: Sequence[str]) -> str:
     """Words in a sentence: a, b and c."""
     if not words:
@@ -28,7 +33,7 @@ def listed(words: Sequence[str]) -> str:
 def world(name: str) -> str:
     """A world in words, from its engine and effects."""
     backend, effects = name.split(" ", 1)
-    return f"{SHOWN.get(backend, backend)} ({EFFECTS.get(effects, effects)})"
+    return f"{shown(backend)} ({EFFECTS.get(effects, effects)})"
 
 
 def million(steps: int) -> str:

@@ -36,8 +36,8 @@ HOMES = {
     "mujoco_warp": {"backends/mujoco_warp.py"},
     "warp": {"backends/mujoco_warp.py", "backends/_warp_drive.py"},
     "stable_baselines3": {"baselines/"},
-    "rsl_rl": {"baselines/rsl_ppo.py"},
-    "tensordict": {"baselines/rsl_ppo.py"},
+    "rsl_rl": {"baselines/"},
+    "tensordict": {"baselines/"},
     "torch": {"baselines/"},
     "typer": {"benchmark/cli/"},
 }

@@ -50,7 +50,7 @@ def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
     nominal = {name: kind for name, kind in catalogue().items() if kind.nominal}
     few = ("taxel-dropout", "taxel-drift", "stick-mass")
     kinds = nominal | {name: catalogue()[name] for name in few}
-    monkeypatch.setattr(blind, "_catalogue", lambda: kinds)
+    monkeypatch.setattr(blind, "catalogue", lambda: kinds)
     folder, answers = tmp_path / "set", tmp_path / "answers.json"
     wanted = held(cases=1, modes=("single",), effects=few, protocols=("push", GRASP))
     seed = next(s for s in range(99) if _hides(wanted, s) == ("taxel-dropout", "large"))

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backends.catalogue import catalogue
 from benchmark.errors import UsageError
 from benchmark.gap import blind
 from benchmark.parts.registry import ROOT
@@ -75,7 +76,7 @@ def test_a_set_of_robots_is_solved_by_any_function(made):
     bins = {row["bin"]: row for row in result["tables"]["confidence"]}
     assert bins["all"]["cases"] == 6 and bins["all"]["confidence"] == pytest.approx(0.4)
     assert bins["all"]["right"] == pytest.approx(len(unknowns) / 6)
-    rows = calibrate.rows([(BlindSet(path=folder), answers)], blind._catalogue())
+    rows = calibrate.rows([(BlindSet(path=folder), answers)], catalogue())
     assert sum(row.right for row in rows) == len(unknowns)
     assert 0.0 < calibrate.calibrate(rows).left_out.max() < 1.0
 
@@ -98,7 +99,7 @@ def test_robots_are_sealed_with_what_there_is_to_be_seen(made):
 def test_a_robot_is_the_same_in_its_healthy_logs():
     """Give healthy logs the case's own robot, before anything was wrong with it."""
     wanted = replace(blind.settings(5, "dart,drake", "arm2", **WORDS, healthy=2))
-    cases = draw.draw(wanted, blind._catalogue(), 1)
+    cases = draw.draw(wanted, catalogue(), 1)
     sound = draw.sound(wanted, cases, 1)
     for case in cases:
         for one in sound[case.make]:
@@ -122,7 +123,7 @@ def test_nominal_errors_stay_within_three_deviations(rig):
 def test_arms_are_drawn_evenly():
     """Deal arms of two, three and six joints for `arm`, no two alike."""
     wanted = blind.settings(9, "plain", "arm", **WORDS)
-    cases = draw.draw(wanted, blind._catalogue(), 4)
+    cases = draw.draw(wanted, catalogue(), 4)
     families = [rigs.family(case.rig) for case in cases]
     assert {f: families.count(f) for f in families} == {"arm2": 3, "arm3": 3, "arm6": 3}
     assert len({case.rig for case in cases}) == 9
@@ -169,14 +170,14 @@ def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
     said = {"verdict": verdict, "joints": ["j0"] if near else []}
     case = robot("one-sided-friction", left)
     beyond = not judged.is_ordinary(case, healthy)
-    assert judged.rightness(case, said, blind._catalogue(), beyond) == (right, near)
+    assert judged.rightness(case, said, catalogue(), beyond) == (right, near)
 
 
 def test_a_near_name_on_another_joint_is_wrong():
     """Ask a near name to stand on the joint that is at fault."""
     said = {"verdict": ["coulomb-friction"], "joints": ["j5"]}
     case = robot("one-sided-friction", 9.0)
-    assert judged.rightness(case, said, blind._catalogue(), True) == (False, False)
+    assert judged.rightness(case, said, catalogue(), True) == (False, False)
 
 
 @pytest.mark.parametrize(
@@ -191,12 +192,12 @@ def test_damping_is_one_number_without_torque(rig, channels, right):
     """Take kd for viscous friction of a robot whose torque was not logged, and nowhere else."""
     case = replace(robot("viscous-friction", 9.0), mode="single", rig=rig, channels=channels)
     said = {"verdict": ["kd-scale"], "joints": ["j0"]}
-    assert judged.rightness(case, said, blind._catalogue(), True) == (right, False)
+    assert judged.rightness(case, said, catalogue(), True) == (right, False)
 
 
 def test_findings_beside_a_verdict_do_not_make_its_kind():
     """Count a verdict as named by what a fit names, not by noise, steps or lost packets."""
-    kinds = blind._catalogue()
+    kinds = catalogue()
     assert calibrate._kind(["encoder-noise", "command-dropout"], kinds) == calibrate.NONE
     assert calibrate._kind(["encoder-noise", "backlash"], kinds) == calibrate.NAMED
     assert calibrate._kind(["none"], kinds) == calibrate.NONE
@@ -206,9 +207,9 @@ def test_findings_beside_a_verdict_do_not_make_its_kind():
 def test_near_names_are_of_the_catalogue():
     """List near names for every strange fault, names of the catalogue and never its own."""
     assert set(STRANGE) == set(near.STRANGE)
-    catalogue = blind._catalogue()
-    for fault in (*STRANGE, *catalogue):
-        assert set(near.near(fault)) <= set(catalogue) - {fault}
+    known = catalogue()
+    for fault in (*STRANGE, *known):
+        assert set(near.near(fault)) <= set(known) - {fault}
     assert not near.is_near("hard-stop", []) and near.is_near("magnet-slip", ["encoder-bias"])
 
 

@@ -6,7 +6,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from typing import Any
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
 
 import pytest
 import typer
@@ -17,6 +19,7 @@ from benchmark.cli.command import command
 from benchmark.errors import Interrupted, UsageError
 from benchmark.runs.plan import typical_s
 from benchmark.settings import quantities
+from benchmark.settings.kinds import File, Number, Setting, setting
 
 RUN = ["run", "--backend", "mujoco", "--task", "line"]
 
@@ -291,3 +294,63 @@ def test_a_progress_bar_off_a_terminal_says_its_start_and_its_end(monkeypatch, c
         for done in range(301):
             bar.update(done)
     assert capsys.readouterr().err.split("\n")[:2] == ["work 0/300 ", "work 300/300 "]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What a command asks."""
+
+    place: Path = setting("Where.", File("DIR"), argument=True)
+    size_m: float = setting("How large.", Number(1, 5, "cm"), 0.02, "size")
+    extra: tuple[Path, ...] = setting("More.", File("FILE"), (), shown="none", many=True)
+
+
+@pytest.fixture
+def asks(monkeypatch) -> None:
+    """A command `ask` whose options are said once: as fields, and as an annotation."""
+
+    @command()
+    def ask(
+        asked: Asked,
+        rate: Annotated[float, Setting(help="How often.", kind=Number(1, 9, "Hz"))] = 2.0,
+    ) -> dict[str, Any]:
+        """Say what was asked."""
+        extra = [str(path) for path in asked.extra]
+        return {"place": str(asked.place), "size": asked.size_m, "extra": extra, "rate": rate}
+
+    made = typer.Typer()
+    made.command("ask")(ask)
+    made.command("other")(lambda: None)
+    monkeypatch.setattr(cli, "app", made)
+
+
+@pytest.mark.parametrize(
+    ("words", "size", "extra", "rate"),
+    [
+        ([], 0.02, [], 2.0),
+        (["--size", "3cm", "--rate", "5Hz"], 0.03, [], 5.0),
+        (["--extra", "a", "--extra", "b"], 0.02, ["a", "b"], 2.0),
+    ],
+)
+def test_one_declaration_is_an_option(words, size, extra, rate, asks, capfd):
+    """Read values and defaults of options that are declared once, whatever command has them."""
+    assert cli.call(["ask", "here", *words, "--json"]) == 0
+    asked = {"place": "here", "size": pytest.approx(size), "extra": extra, "rate": rate}
+    assert json.loads(capfd.readouterr().out) == asked
+
+
+def test_one_declaration_is_its_help_and_its_bounds(asks, capfd, monkeypatch):
+    """Show help, bounds and defaults of such options; refuse what is out of bounds or missing."""
+    monkeypatch.setenv("COLUMNS", "200")
+    assert cli.call(["ask", "--help"]) == 0
+    shown = " ".join(capfd.readouterr().out.split())
+    assert "--size LENGTH How large, 1 to 5 cm. [default: 2cm]" in shown
+    assert "--rate RATE How often, 1 to 9 Hz. [default: 2Hz]" in shown
+    assert "--extra FILE More. [default: (none)]" in shown
+    for words, said in (
+        (["here", "--size", "9cm"], "--size is 9 cm; allowed: 1 to 5 cm"),
+        (["here", "--rate", "5"], "--rate is '5'; allowed: a number with its unit"),
+        ([], "Missing argument"),
+    ):
+        assert cli.call(["ask", *words]) == 2
+        assert said in capfd.readouterr().err

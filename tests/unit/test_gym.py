@@ -1,5 +1,6 @@
 """Environments as people use them through Gymnasium: seeds, resets, time limits, pictures."""
 
+import inspect
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,6 +12,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 import stickbench as sb
 from backends.state import Array
 from benchmark.runs import gym as made
+from benchmark.settings import run_spec
 
 
 @pytest.fixture
@@ -111,8 +113,21 @@ def test_settings_are_spelt_as_on_the_command_line() -> None:
         env.close()
     with pytest.raises(sb.UsageError, match="no setting named 'raduis'.*Did you mean 'radius'"):
         sb.make("Line", raduis=1)
+    with pytest.raises(sb.UsageError, match="no setting of an environment named 'steps'; known: b"):
+        sb.make("Line", steps=5)
     with pytest.raises(sb.UsageError, match="given twice"):
         sb.make("Line", radius="3cm", radius_m=0.03)
+
+
+@pytest.mark.parametrize("call", [sb.make, sb.make_vec])
+def test_settings_are_shown(call) -> None:
+    """Show every setting of a world, a figure or a percept with its default and its text."""
+    shown = inspect.signature(call).parameters
+    for name in run_spec.settings_for(run_spec.WORLD, run_spec.FIGURE, run_spec.PERCEPT):
+        one = run_spec.SETTINGS[name]
+        if name not in ("task", "backend"):
+            assert one.read(shown[one.names[0]].default) == one.default
+            assert f"- `{one.names[0]}`: {one.said}" in call.__doc__
 
 
 def test_a_video_is_recorded(tmp_path, monkeypatch) -> None:

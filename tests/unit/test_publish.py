@@ -2,13 +2,16 @@
 
 import re
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from leaderboard._chart import Panel, Series, Ticks, chart
 from leaderboard.publish import figures
+from leaderboard.publish.blocks.learning import STEPS, compared
 from leaderboard.publish.files import pages, stale
+from leaderboard.publish.kept import Kept
 from leaderboard.publish.markers import MarkerError, bare, fill
 from leaderboard.publish.registry import BLOCKS
 
@@ -30,6 +33,18 @@ def copy(tmp_path_factory) -> Path:
         shutil.copytree(ROOT / part, root / part, ignore=shutil.ignore_patterns("*.py", "__*"))
     shutil.copy(ROOT / "README.md", root)
     return root
+
+
+def test_engines_and_learners_are_those_of_the_rows():
+    """Compare whatever learners and engines rows of the circle are kept of."""
+    kept = Kept(ROOT)
+    line = kept.line("circle", steps=STEPS)
+    new = replace(line, cells={**line.cells, "backend": "newton", "algo": "my-a2c"})
+    before, more = compared(kept), Kept(ROOT)
+    vars(more)["board"] = replace(kept.board, lines=(*kept.board.lines, new))
+    engines, algos = compared(more)
+    assert engines == sorted([*before[0], "newton"])
+    assert algos[0] == line.cells["algo"] and set(algos) == {*before[1], "my-a2c"}
 
 
 def test_every_edit_is_found_and_nothing_else(copy):

@@ -9,7 +9,7 @@ from leaderboard.blind.figures import BY_NAME
 from leaderboard.blind.score import Counted, Kind, Score
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import SHOWN, in_order, listed, percent
+from leaderboard.publish.words import SHOWN, in_order, listed, percent, shown
 
 FRONT = ("top1", "pairs_exact", "none_accused", "unknown_recall")
 """Figures of the front page."""
@@ -138,7 +138,7 @@ def _table(rows: Iterable[_Row], figures: Sequence[str]) -> str:
 
 
 def _of_side(sets: list[Score], kind: Kind, side: str) -> _Row:
-    label = f"{RIGS[kind.rig]}, {SHOWN.get(side, side)}"
+    label = f"{RIGS[kind.rig]}, {shown(side)}"
     return _Row(label, lambda name: [score.of_side(side, name) for score in sets])
 
 
@@ -167,7 +167,7 @@ def _label(kind: Kind) -> str:
     """What is judged, by which laws, and with what beside."""
     what = RIGS.get(kind.rig, kind.rig)
     if kind.rig != HELD:
-        laws = listed([SHOWN.get(side, side) for side in in_order(kind.sides)])
+        laws = listed([shown(side) for side in in_order(kind.sides)])
         what += f", {len(kind.sides)} drive laws" if len(kind.sides) > MOST_SPLIT else f", {laws}"
     return what + (", healthy logs" if kind.healthy else "")
 

@@ -6,14 +6,13 @@ import pandas as pd
 
 from leaderboard._grid import grid
 from leaderboard._wording import with_interval
-from leaderboard.publish.kept import Kept
+from leaderboard.publish.kept import USUAL, Kept
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import SHOWN, listed, million
+from leaderboard.publish.words import listed, million, shown
 from leaderboard.statistics import improvement
 from leaderboard.tables import scores_of
 from leaderboard.transfer_text import interval
 
-ENGINES, LEARNERS = ("bullet", "mujoco", "sapien"), ("sb3-ppo", "rsl-ppo")
 STEPS = 1_000_000
 OBSERVATIONS = {
     "pose": ("circle-observations", "pose of the stick"),
@@ -33,7 +32,16 @@ TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("worlds around it, a single start (`--start-spread 0`)", {"start_spread": 0.0}),
 )
 """What was trained on, and the settings that say so."""
-REFERENCE, ELSEWHERE = "mujoco built", ("bullet built", "sapien built")
+REFERENCE = f"{USUAL['backend']} {USUAL['effects']}"
+SCORES = ("tracked", "held", "p_err [cm]", "q_err [deg]")
+
+
+def compared(kept: Kept) -> tuple[list[str], list[str]]:
+    """Engines and learners of the circle's policies, the usual learner first."""
+    lines = kept.lines("circle", backend=..., algo=..., steps=STEPS)
+    algos = {line.cells["algo"] for line in lines}
+    engines = sorted({line.cells["backend"] for line in lines})
+    return engines, sorted(algos, key=lambda name: (name != USUAL["algo"], name))
 
 
 @block
@@ -41,12 +49,13 @@ def learners(kept: Kept) -> str:
     """Both learners on the circle in every engine."""
     head = ("engine", "learner", "tracked", "held", "p_err [cm]", "q_err [deg]", "minutes a seed")
     rows = []
-    for backend in ENGINES:
-        for algo in LEARNERS:
+    engines, algos = compared(kept)
+    for backend in engines:
+        for algo in algos:
             cells = kept.line("circle", backend=backend, algo=algo, steps=STEPS).cells
             errors = [with_interval(cells, name, 2) for name in ("p_err_cm", "q_err_deg")]
             scores = (with_interval(cells, "tracked", 3), f"{cells['held']:.3f}", *errors)
-            rows.append((SHOWN[backend], f"`{algo}`", *scores, f"{cells['wall_s'] / 60:.1f}"))
+            rows.append((shown(backend), f"`{algo}`", *scores, f"{cells['wall_s'] / 60:.1f}"))
     return grid(head, rows)
 
 
@@ -54,12 +63,13 @@ def learners(kept: Kept) -> str:
 def learners_compared(kept: Kept) -> str:
     """How likely a new seed of the first learner beats one of the second."""
     chances = []
-    for backend in ENGINES:
-        lines = [kept.line("circle", backend=backend, algo=a, steps=STEPS) for a in LEARNERS]
+    engines, algos = compared(kept)
+    for backend in engines:
+        lines = [kept.line("circle", backend=backend, algo=a, steps=STEPS) for a in algos[:2]]
         first, second = (scores_of(line.rows, "tracked") for line in lines)
         p = improvement([(first, second)])
-        chances.append(f"{p.value:.2f} [{p.low:.2f}, {p.high:.2f}] in {SHOWN[backend]}")
-    better, worse = (f"`{algo}`" for algo in LEARNERS)
+        chances.append(f"{p.value:.2f} [{p.low:.2f}, {p.high:.2f}] in {shown(backend)}")
+    better, worse = (f"`{algo}`" for algo in algos[:2])
     return f"A new seed of {better} tracks better than one of {worse} with probability " + (
         f"{listed(chances)}."
     )
@@ -70,9 +80,10 @@ def learners_elsewhere(kept: Kept) -> str:
     """Both learners on line and eight."""
     head = ("engine", "learner", "steps", "seeds", "line", "eight")
     rows = []
-    for backend in ENGINES:
-        for algo in LEARNERS:
-            twice = algo == "sb3-ppo" and backend == "mujoco"
+    engines, algos = compared(kept)
+    for backend in engines:
+        for algo in algos:
+            twice = algo == USUAL["algo"] and backend == USUAL["backend"]
             steps = 2 * STEPS if twice else STEPS
             cells = [
                 kept.line(task, backend=backend, algo=algo, steps=steps).cells
@@ -80,7 +91,7 @@ def learners_elsewhere(kept: Kept) -> str:
             ]
             tracked = [with_interval(line, "tracked", 3) for line in cells]
             count = str(cells[0]["seeds"])
-            rows.append((SHOWN[backend], f"`{algo}`", million(steps), count, *tracked))
+            rows.append((shown(backend), f"`{algo}`", million(steps), count, *tracked))
     return grid(head, rows)
 
 
@@ -91,7 +102,8 @@ def observations(kept: Kept) -> str:
     for name, (folder, words) in OBSERVATIONS.items():
         matrix = kept.matrix(folder)
         rows.append((f"`{name}`", words, *_scores(matrix[matrix["observation"] == name])))
-    return grid(("observation", "shows, beside the joints", *SCORES), rows)
+    head = ("observation", "shows, beside the joints", *SCORES, *_kept_in(matrix))
+    return grid(head, rows)
 
 
 @block
@@ -103,10 +115,17 @@ def training(kept: Kept) -> str:
         wanted = {"randomize": True, "start_spread": 1.0, **changes}
         same = (matrix[list(wanted)] == pd.Series(wanted)).all(axis=1)
         rows.append((words, *_scores(matrix[same])))
-    return grid(("trained on", *SCORES), rows)
+    return grid(("trained on", *SCORES, *_kept_in(matrix)), rows)
 
 
-SCORES = ("tracked", "held", "p_err [cm]", "q_err [deg]", "kept in Bullet", "kept in SAPIEN")
+def _elsewhere(matrix: pd.DataFrame) -> list[str]:
+    """The hand as built in other engines."""
+    worlds = sorted({name for name in matrix["deploy"] if name.split(" ")[1] == USUAL["effects"]})
+    return [name for name in worlds if name != REFERENCE]
+
+
+def _kept_in(matrix: pd.DataFrame) -> list[str]:
+    return [f"kept in {shown(name.split(' ')[0])}" for name in _elsewhere(matrix)]
 
 
 def _scores(lines: pd.DataFrame) -> list[str]:
@@ -119,5 +138,5 @@ def _scores(lines: pd.DataFrame) -> list[str]:
         f"{home['held']:.3f}",
         f"{home['p_err_cm']:.2f}",
         f"{home['q_err_deg']:.2f}",
-        *(interval(by_world[world], "retention", 2) for world in ELSEWHERE),
+        *(interval(by_world[world], "retention", 2) for world in _elsewhere(lines)),
     ]

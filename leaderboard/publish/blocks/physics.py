@@ -5,7 +5,7 @@ from typing import Any
 from leaderboard._grid import grid
 from leaderboard.publish.kept import Kept, KeptError
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import SHOWN, in_order
+from leaderboard.publish.words import in_order, shown
 
 Checks = dict[str, dict[str, dict[str, Any]]]
 """Checks by their names, and by engine."""
@@ -50,7 +50,7 @@ def physics_said(kept: Kept) -> str:
     """How many checks passed, and on what."""
     engines = kept.physics["engines"]
     parts = [
-        f"{SHOWN[name]} passes {sum(c['passed'] for c in found['checks'])} of "
+        f"{shown(name)} passes {sum(c['passed'] for c in found['checks'])} of "
         f"{len(found['checks'])} checks"
         for name, found in ((name, engines[name]) for name in in_order(engines))
     ]
@@ -63,7 +63,7 @@ def physics_said(kept: Kept) -> str:
 
 
 def _engines(kept: Kept) -> list[str]:
-    return [SHOWN[name] for name in in_order(kept.physics["engines"])]
+    return [shown(name) for name in in_order(kept.physics["engines"])]
 
 
 def _checks(kept: Kept) -> Checks:

@@ -5,7 +5,7 @@ from typing import Any
 from leaderboard._grid import grid
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import SHOWN, in_order, percent
+from leaderboard.publish.words import in_order, percent, shown
 
 
 @block
@@ -26,7 +26,7 @@ def speed_best(kept: Kept) -> str:
     """The best batch of every engine in words, and on what it was measured."""
     best = kept.speed["engines"]
     parts = [
-        f"{SHOWN[name]} is fastest with {row['envs']} worlds: everything around the engine costs "
+        f"{shown(name)} is fastest with {row['envs']} worlds: everything around the engine costs "
         f"{percent(row['overhead'])} there, and one more world takes "
         f"{row['memory_mb_per_world']:g} MB"
         for name, row in ((name, best[name]) for name in in_order(best))
@@ -42,7 +42,7 @@ def speed_best(kept: Kept) -> str:
 
 def _row(few: dict[str, Any], two: dict[str, Any] | None) -> list[str]:
     cells = [
-        SHOWN[few["backend"]],
+        shown(few["backend"]),
         str(few["envs"]),
         f"{few['env_steps_per_s']:,.0f}",
         f"{few['raw_physics_steps_per_s']:,.0f}",

@@ -3,7 +3,7 @@
 from leaderboard._grid import grid
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import SHOWN, in_order, listed, world
+from leaderboard.publish.words import in_order, listed, shown, world
 from leaderboard.transfer_text import FLOOR, Panel, agreement_cells, interval, panels
 
 ENGINES, VERSIONS, REFERENCE = "circle-engines", "circle-versions", "mujoco built"
@@ -30,7 +30,7 @@ def transfer_said(kept: Kept) -> str:
     worst = min(kept_elsewhere, key=lambda name: kept_elsewhere[name])
     reached = {name: panel.lines[name, REFERENCE]["tracked"] for name in panel.train}
     engines = in_order({name.split(" ")[0] for name in panel.train})
-    helped = [SHOWN[e] for e in engines if reached[f"{e} built"] > reached[f"{e} none"]]
+    helped = [shown(e) for e in engines if reached[f"{e} built"] > reached[f"{e} none"]]
     return (
         f"The policies that keep most elsewhere were trained in {world(best)}, those that keep "
         f"least in {world(worst)}. A policy does better on the reference when it was trained with "

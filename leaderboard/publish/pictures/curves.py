@@ -7,11 +7,11 @@ from matplotlib.ticker import MaxNLocator
 
 from leaderboard._chart import Panel, Series, Ticks, chart, colors
 from leaderboard.curves import Band, band
-from leaderboard.publish.blocks.learning import ENGINES, LEARNERS, OBSERVATIONS, STEPS
+from leaderboard.publish.blocks.learning import OBSERVATIONS, STEPS, compared
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.pictures.copies import IMAGES
 from leaderboard.publish.registry import picture
-from leaderboard.publish.words import SHOWN
+from leaderboard.publish.words import shown
 from leaderboard.tables import Line
 
 SIGNALS = {
@@ -24,14 +24,15 @@ SIGNALS = {
 @picture(f"{IMAGES}/learners.svg")
 def learners(kept: Kept) -> bytes:
     """Both learners in every engine."""
+    engines, algos = compared(kept)
     lines = {
-        f"{algo} in {SHOWN[backend]}": kept.line("circle", backend=backend, algo=algo, steps=STEPS)
-        for backend in ENGINES
-        for algo in LEARNERS
+        f"{algo} in {shown(backend)}": kept.line("circle", backend=backend, algo=algo, steps=STEPS)
+        for backend in engines
+        for algo in algos
     }
-    hues = colors([SHOWN[backend] for backend in ENGINES])
+    hues = colors([shown(backend) for backend in engines])
     drawn = {
-        name: _Drawn(color=hues[name.split(" in ")[1]], dashed=name.startswith(LEARNERS[1]))
+        name: _Drawn(color=hues[name.split(" in ")[1]], dashed=not name.startswith(f"{algos[0]} "))
         for name in lines
     }
     return _curves(lines, drawn, "Learning curves of two learners in three engines")

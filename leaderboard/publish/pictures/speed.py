@@ -8,7 +8,7 @@ from leaderboard._chart import Panel, Series, Ticks, chart, colors
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.pictures.copies import IMAGES
 from leaderboard.publish.registry import picture
-from leaderboard.publish.words import SHOWN, in_order
+from leaderboard.publish.words import in_order, shown
 
 SUBSTEPS = 20
 """Physics steps in an environment step."""
@@ -25,8 +25,8 @@ def speed(kept: Kept) -> bytes:
         own = [row for row in rows if row["backend"] == engine]
         whole = [1e6 / row["env_steps_per_s"] for row in own]
         bare = [1e6 * SUBSTEPS / row["raw_physics_steps_per_s"] for row in own]
-        series.append(_series(SHOWN[engine], hues[engine], own, whole, dashed=False))
-        series.append(_series(f"{SHOWN[engine]} alone", hues[engine], own, bare, dashed=True))
+        series.append(_series(shown(engine), hues[engine], own, whole, dashed=False))
+        series.append(_series(f"{shown(engine)} alone", hues[engine], own, bare, dashed=True))
     times = [value for one in series for value in one.y]
     worlds = sorted({row["envs"] for row in rows})
     panel = Panel(
