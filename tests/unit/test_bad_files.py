@@ -202,7 +202,7 @@ def test_a_spreadsheet_finds_no_formula():
     [
         (["record", "--backend", "mujoco", "--variants", "1000000000"], "--variants is 1e+09"),
         (["record", "--backend", "mujoco", "--variants", "900", "--repeats", "900"], "episodes"),
-        (["record", "--backend", "mujoco", "--seed", "9" * 400], "--seed is inf"),
+        (["record", "--backend", "mujoco", "--seed", "9" * 400], "--seed is '999"),
         (["import", "bam", "/dev/zero"], "no recording at"),
         (["run", "--backend", "mujoco", "--task", "line", "--seed", "\udcff"], "no UTF-8"),
     ],

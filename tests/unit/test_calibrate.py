@@ -543,7 +543,7 @@ def test_other_units_are_refused(pushed, tmp_path, kinds, factor, words, capfd):
         (["LOG", "--known-effects", "backlash=1"], "has no unit"),
         (["LOG", "--threshold", "3"], "a number with its unit"),
         (["LOG", "--threshold", "nanmm"], "--threshold is nan mm"),
-        (["LOG", "--seed", "-1"], "--seed is -1"),
+        (["LOG", "--seed", "-1"], "--seed is '-1'"),
         (["LOG", "--out", "TAKEN"], "choose another --out, or --force"),
     ],
 )

@@ -272,7 +272,7 @@ RECORD = ["record", "--backend", "mujoco", "--workers", "1"]
         (["--known-effects", "backlash=99deg"], "out of range"),
         (["--rate", "nanHz"], "--rate is nan"),
         (["--rate", "300Hz"], "the rate is 300 Hz"),
-        (["--seed", "-1"], "--seed is -1"),
+        (["--seed", "-1"], "--seed is '-1'"),
         (["--repeats", "0"], "--repeats"),
         (["--channels", "sound"], "no channel named 'sound'"),
         (["--format", "xls"], "no form of samples 'xls'; known: parquet, csv"),

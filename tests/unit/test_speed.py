@@ -313,7 +313,7 @@ def test_more_than_the_memory_is_refused() -> None:
         (["--worlds", "4,x"], "--worlds is 'x'"),
         (["--workers", "100000"], "--workers is 100000; allowed: 1 to"),
         (["--duration", "nans"], "allowed: 0.1 to 600"),
-        (["--seed", "-1"], "--seed is -1"),
+        (["--seed", "-1"], "--seed is '-1'"),
     ],
 )
 def test_what_cannot_be_measured_is_refused(arguments, words, capfd) -> None:
