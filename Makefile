@@ -6,9 +6,9 @@ TORCH_INDEX ?=
 PIP := $(VENV)/bin/python -m pip --disable-pip-version-check --quiet
 INSTALLED := $(VENV)/.installed
 # The default learner in every engine, and every other learner in the reference.
-SMOKES := from benchmark.parts.registry import names, scripted; \
+SMOKES := from benchmark.parts.registry import names, scripted, usual; \
 	from benchmark.settings.run_spec import REFERENCE, RunSpec; \
-	print(*(f"smoke-run/{engine}/{RunSpec.algo}" for engine in names("backend")), \
+	print(*(f"smoke-run/{engine}/{RunSpec.algo}" for engine in usual("backend")), \
 	*(f"smoke-run/{REFERENCE}/{algo}" for algo in {*names("algo")} - {RunSpec.algo, *scripted()}))
 export OMP_NUM_THREADS ?= 1
 
