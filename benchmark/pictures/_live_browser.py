@@ -11,6 +11,8 @@ from benchmark.parts.extras import install_command
 HOST = "127.0.0.1"
 EVERY = 2
 """Moments from one that is played to the next."""
+NARROW, LOWER = 0.6, 0.25
+"""Width over height of a window whose controls are below; how far it looks down, over distance."""
 
 
 class Browser:
@@ -52,9 +54,18 @@ class Browser:
         except KeyboardInterrupt:
             self.server.stop()
 
-    def _look(self, eye_m: tuple[float, ...], at_m: tuple[float, ...]) -> None:
-        self.server.initial_camera.position = eye_m
-        self.server.initial_camera.look_at = at_m
+    def _look(self, eye_m: Any, at_m: Any) -> None:
+        """See `at_m` from `eye_m` [m]; in a narrow window farther away, and above the controls."""
+        self.server.initial_camera.position = tuple(eye_m)
+        self.server.initial_camera.look_at = tuple(at_m)
+
+        def fit(client: Any) -> None:
+            if client.camera.aspect < NARROW:
+                away = NARROW / client.camera.aspect * np.subtract(eye_m, at_m)
+                below = np.array(at_m) - [0, 0, LOWER * np.linalg.norm(away)]
+                client.camera.position, client.camera.look_at = below + away, below
+
+        self.server.on_client_connect(fit)
 
     def _add_controls(self, title: str, moment: str) -> None:
         gui = self.server.gui

@@ -31,9 +31,9 @@ class LiveLog(Browser):
             for name, angle in {MEASURED: measured, **overlay.worlds}.items()
         }
         points = self._points()
-        center = points.mean(axis=0)
+        center = (points.min(axis=0) + points.max(axis=0)) / 2
         self._reach_m = float(np.linalg.norm(points - center, axis=1).max())
-        self._look(tuple(center + EYE * self._reach_m), tuple(center))
+        self._look(center + EYE * self._reach_m, center)
         for name in self._frames:
             self._add_robot(name)
         self._add_controls(f"{title}\n{_legend(self._frames)}", "moment")
@@ -80,7 +80,7 @@ class LiveLog(Browser):
             (uplot.Series(label="s"), *lines),
             scales={"x": uplot.Scale(time=False)},
             title=f"measured - simulated [{'mm' if slides else 'deg'}]",
-            aspect=1.4,
+            aspect=2.2,
         )
 
     def _add_robot(self, name: str) -> None:
@@ -93,10 +93,10 @@ class LiveLog(Browser):
                 self._add_rod(at, np.zeros(3), end, radius_m, COLORS[name], wireframe=wire)
 
     def _points(self) -> Array:
-        """Where joints and ends of the robot are at the first moment [m], shape (n, 3)."""
+        """Where joints and ends of the robot ever are [m], shape (n, 3)."""
         frames = self._frames[MEASURED].items()
-        ends = [o[0] + r[0] @ end for name, (o, r) in frames for end in self._ends(name)]
-        return np.array([*(origin[0] for _, (origin, _) in frames), *ends])
+        ends = [o + r @ end for name, (o, r) in frames for end in self._ends(name)]
+        return np.concatenate([*(origin for _, (origin, _) in frames), *ends])
 
     def _ends(self, name: str) -> list[Array]:
         """Where the rods of a body end, in its frame: at the next bodies, else past its centre."""
