@@ -14,25 +14,40 @@ from typing import Any, ClassVar, final
 from backends.spec import Body, Drive, Spec
 
 UNITS: dict[str, tuple[str, float]] = {
-    "rad": ("angle", 1.0),
     "mrad": ("angle", 1e-3),
     "deg": ("angle", 0.017453292519943295),
-    "Nm": ("torque", 1.0),
+    "rad": ("angle", 1.0),
     "mNm": ("torque", 1e-3),
-    "Nms": ("damping", 1.0),
+    "Nm": ("torque", 1.0),
     "mNms": ("damping", 1e-3),
+    "Nms": ("damping", 1.0),
     "%": ("share", 0.01),
-    "kgm2": ("inertia", 1.0),
     "gcm2": ("inertia", 1e-7),
-    "s": ("time", 1.0),
+    "kgm2": ("inertia", 1.0),
     "ms": ("time", 1e-3),
+    "s": ("time", 1.0),
     "s/rad": ("slowness", 1.0),
-    "m": ("length", 1.0),
     "mm": ("length", 1e-3),
+    "m": ("length", 1.0),
+    "N": ("force", 1.0),
+    "kN": ("force", 1e3),
+    "Ns/m": ("linear damping", 1.0),
+    "kg": ("mass", 1.0),
+    "s/m": ("linear slowness", 1.0),
     "mm/s": ("drift", 1e-3),
     "mm/N": ("compliance", 1e-3),
 }
-"""Units that the command line accepts: their dimension and their size in SI."""
+"""Units that the command line accepts, by size: their dimension and their size in SI."""
+ON_SLIDES = {
+    "angle": "length",
+    "torque": "force",
+    "damping": "linear damping",
+    "inertia": "mass",
+    "slowness": "linear slowness",
+}
+"""What a dimension of hinges is of slides; others are the same."""
+LARGEST = 1000.0
+"""A size of so many units is said in the next larger one."""
 NATURAL = {
     "torque": "torque_limit_nm",
     "damping": "kd_nms_rad",
@@ -110,6 +125,8 @@ class Effect(ABC):
     shared: ClassVar[bool] = False
     """All joints may have the same of it, as what a bus does to all its drives."""
 
+    whole: ClassVar[float] = 1.0
+    """From one side to the other it is so many times its magnitude."""
     slips: ClassVar[bool] = False
     """Whether it shows when the stick is pulled out of the grip."""
     near: ClassVar[tuple[str, ...]] = ()
@@ -136,6 +153,20 @@ class Effect(ABC):
     def shows_in_hand(cls) -> bool:
         """Whether it shows only with the stick in the hand."""
         return cls.is_of("taxels", "stick", "contact")
+
+    @classmethod
+    def units(cls, slides: bool = False) -> tuple[str, ...]:
+        """The units of its magnitude on a hinge or a slide, the smallest first."""
+        other = ON_SLIDES if slides and cls.per_joint else {}
+        dimension = other.get(cls.dimension, cls.dimension)
+        return tuple(unit for unit, (what, _) in UNITS.items() if what == dimension)
+
+    @classmethod
+    def unit_of(cls, magnitude: float, slides: bool = False) -> str:
+        """The unit in which a magnitude [SI] on a hinge or a slide is said."""
+        units = cls.units(slides)
+        usual = units[units.index(cls.unit) :] if cls.unit in units else units
+        return next((u for u in usual if abs(magnitude) < LARGEST * UNITS[u][1]), usual[-1])
 
     @classmethod
     def natural(cls, drive: Drive) -> float:

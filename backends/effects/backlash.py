@@ -29,6 +29,7 @@ class Effect(NumberEffect):
     levels = (0.003, 0.009, 0.026)
     number = "drive.play_rad"
     gear = "worm"
+    whole = 2.0
     tolerance = 0.0003
     least = 0.001
     most = 0.2

@@ -8,8 +8,7 @@ from rich.text import Text
 
 from backends.effect import UNITS, Effect, NumberEffect
 from backends.spec import Spec
-from benchmark.parts import registry
-from benchmark.settings.effects import effect_name, parse_effects
+from benchmark.settings.effects import Kinds, effect_name, parse_effects
 from diagnosis.answer import Diagnosis
 from diagnosis.report import wording
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Ranked
@@ -20,25 +19,25 @@ COLUMNS = "share: of the squared gap beyond one noise floor; left: of the worst 
 """What the columns of the candidates mean."""
 
 
-def effects_text(known: str, found: Sequence[Cause], ideal: Spec) -> str:
+def effects_text(known: str, found: Sequence[Cause], ideal: Spec, kinds: Kinds) -> str:
     """The corrected world as effects on the ideal hand: the known ones and those found.
 
     Raises UsageError where their sum is out of an effect's range.
     """
-    fresh = [effect for magnitude in found for effect in _effects(magnitude, ideal)]
-    have = parse_effects(known, ideal.hand)
+    fresh = [effect for one in found for effect in _effects(one, ideal, kinds[one.effect])]
+    have = parse_effects(known, ideal.hand, kinds)
     places = {(type(e), e.joint) for e in have}
     if not any((type(e), e.joint) in places for e in fresh):
-        text = ",".join([*([] if known == NONE else [known]), *map(_item, fresh)]) or NONE
+        items = [*([] if known == NONE else [known]), *(_item(one, ideal) for one in fresh)]
+        text = ",".join(items) or NONE
     else:
-        text = ",".join(map(_item, _together([*have, *fresh])))
-    parse_effects(text, ideal.hand)
+        text = ",".join(_item(one, ideal) for one in _together([*have, *fresh]))
+    parse_effects(text, ideal.hand, kinds)
     return text
 
 
-def _effects(found: Cause, ideal: Spec) -> Iterator[Effect]:
+def _effects(found: Cause, ideal: Spec, kind: type[Effect]) -> Iterator[Effect]:
     """A finding as effects: one for all joints, or one for each joint that it was found on."""
-    kind: type[Effect] = registry.load("effect", found.effect)
     size = found.sizes[0]
     everywhere = kind(magnitude=size)
     if not kind.per_joint or everywhere.joints(ideal) == found.joints:
@@ -59,11 +58,11 @@ def _together(effects: Sequence[Effect]) -> list[Effect]:
     return list(sums.values())
 
 
-def _item(effect: Effect) -> str:
-    joint = f"@{effect.joint}" if effect.joint else ""
-    return (
-        f"{effect_name(effect)}={effect.magnitude / UNITS[effect.unit][1]:.4g}{effect.unit}{joint}"
-    )
+def _item(effect: Effect, ideal: Spec) -> str:
+    at = f"@{effect.joint}" if effect.joint else ""
+    slide = {body.joint.name for body in ideal.hand.driven if body.joint.slides}
+    unit = effect.unit_of(effect.magnitude, set(effect.joints(ideal)) <= slide and bool(slide))
+    return f"{effect_name(effect)}={effect.magnitude / UNITS[unit][1]:.4g}{unit}{at}"
 
 
 def summary(found: Diagnosis, result: dict) -> RenderableType:

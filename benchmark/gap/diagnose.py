@@ -38,11 +38,12 @@ from diagnosis.replay.robot import contradictions
 from diagnosis.report import wording
 from diagnosis.report.report import page
 from diagnosis.verdict.result import NONE
+from diagnosis.verdict.sizes import distance
 from diagnosis.walk import diagnose
 
 FILE, REPORT = "diagnosis.json", "report.html"
 OUT = Path("diagnoses")
-GAPS = "from {:.3g} to {:.3g} mrad (slides: mm) over the whole log"
+GAPS = "from {} to {} over the whole log"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +95,7 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
     if not isinstance(log.meta.mechanism, HandMechanism):
         home = take_home(log, world.spec, found, own_catalogue(catalogue(), world.spec))
         result["model"] = _kept(folder, home, result)
-    text = page(found, log, _facts(result, log, asked), result["next"])
+    text = page(found, log, _facts(result, log, world.spec, asked), result["next"])
     write_atomically(folder / REPORT, text)
     whole = result | {"provenance": provenance()}
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
@@ -165,7 +166,8 @@ def nominal_world(log: Log, known_effects: str | None) -> World:
     else:
         ideal, named = mjcf_world(log), NONE
     known = named if known_effects is None else known_effects
-    spec = with_effects(ideal, parse_effects(known, ideal.hand))
+    effects = parse_effects(known, ideal.hand, own_catalogue(catalogue(), ideal))
+    spec = with_effects(ideal, effects)
     return World(spec=spec, ideal=ideal, known=known)
 
 
@@ -187,11 +189,6 @@ def _on(engine: type[Engine]) -> Simulate:
     return lambda specs: simulate(engine, specs, usable_cores())
 
 
-def _slides(world: World) -> str:
-    """Names of the joints that slide."""
-    return ", ".join(body.joint.name for body in world.spec.hand.driven if body.joint.slides)
-
-
 def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
     known = world.spec.hand.joint_names
     if strange := [joint for joint in log.joints if joint not in known]:
@@ -199,13 +196,11 @@ def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
     if not isinstance(log.meta.mechanism, HandMechanism):
         yield from contradictions(log)
         yield from (f"not simulated from the MJCF: {text}" for text in left_out(log))
-    if slides := _slides(world):
-        yield f"{slides} is a slide: read N for Nm and m for rad, so 17.45 mm for 1 deg"
     if apart_rad > FLOOR_RAD:
         yield (
             f"the engine and the compiled replay of the nominal world differ by up to "
-            f"{1e3 * apart_rad:.2g} mrad (slides: mm); the diagnosis counts up to "
-            f"{1e3 * FLOOR_RAD:g} as no difference"
+            f"{distance(apart_rad, world.spec)}; the diagnosis counts up to "
+            f"{distance(FLOOR_RAD, world.spec)} as no difference"
         )
 
 
@@ -257,16 +252,18 @@ def _corrected(found: Diagnosis, world: World) -> str | None:
     if not found.magnitudes:
         return None
     try:
-        return effects_text(world.known, found.magnitudes, world.ideal)
+        kinds = own_catalogue(catalogue(), world.ideal)
+        return effects_text(world.known, found.magnitudes, world.ideal, kinds)
     except UsageError:
         return None
 
 
-def _facts(result: dict, log: Log, asked: Asked) -> dict[str, str]:
+def _facts(result: dict, log: Log, spec: Spec, asked: Asked) -> dict[str, str]:
     """What the report says about log and nominal world."""
-    nominal, gaps = result["nominal"], [1e3 * gap for gap in result["engine_gaps_rad"]]
-    apart_rad, name = nominal["replay_apart_rad"], nominal["backend"]
-    held = f"within {1e3 * apart_rad:.2g} mrad of {name} in the nominal world"
+    nominal = result["nominal"]
+    gaps = [distance(gap, spec) for gap in result["engine_gaps_rad"]]
+    apart, name = distance(nominal["replay_apart_rad"], spec), nominal["backend"]
+    held = f"within {apart} of {name} in the nominal world"
     return {
         "log": asked.name,
         "source": log.meta.source,

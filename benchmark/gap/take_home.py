@@ -14,6 +14,8 @@ from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, changed, table
 from diagnosis.replay.plain import BESIDE, beside, gap_rad, model_text, urdf_text
 from diagnosis.verdict.result import UNKNOWN, Cause, Nominal
+from diagnosis.verdict.sentences import size
+from diagnosis.verdict.sizes import distance, in_other_words
 
 FILE, URDF, ROBOT = "corrected.xml", "corrected.urdf", "corrected.py"
 SPREAD = 3.29
@@ -43,13 +45,16 @@ class Change:
     after: float
     sd: float
     unit: str
+    also: str = ""
+    """What it is now, in other words: play from side to side, degrees."""
 
     @property
     def words(self) -> str:
         """The change in words."""
+        also = f"; {self.also}" if self.also else ""
         return (
             f"change {self.number} of {self.joint} from {self.before:.4g} to {self.after:.4g} "
-            f"{self.unit} (plus or minus {self.sd:.2g})"
+            f"{self.unit} (plus or minus {self.sd:.2g}{also})"
         )
 
 
@@ -69,11 +74,13 @@ class TakeHome:
     """Root mean square gap of all positions in plain MuJoCo, with the nominal numbers."""
     after_rad: float
     """The same with the corrected file."""
+    world: Spec
+    """The corrected world."""
 
     @property
     def words(self) -> list[str]:
         """The table of changes, and the gaps, by line."""
-        gaps = f"{1e3 * self.before_rad:.3g} to {1e3 * self.after_rad:.3g} mrad (slides: mm)"
+        gaps = f"{distance(self.before_rad, self.world)} to {distance(self.after_rad, self.world)}"
         beside = [f"not in an MJCF: {text}" for text in self.beside]
         return [
             *(one.words for one in self.changes),
@@ -108,7 +115,7 @@ def take_home(
             changes.append(change)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     named = [one for one in found.magnitudes if one.effect not in held]
-    others = [f"{one.effect} of {one.value:.3g} {one.unit}" for one in named]
+    others = [f"{one.effect} of {size(one)}" for one in named]
     if not changes:
         return None
     text = model_text(log, world, {one.joint for one in changes})
@@ -121,6 +128,7 @@ def take_home(
         beside=tuple(others),
         before_rad=found.engine_gaps_rad[0],
         after_rad=gap_rad(log, nominal, model_text(log, world), signals),
+        world=world,
     )
 
 
@@ -131,14 +139,15 @@ def _with(
     bodies = list(world.hand.driven)
     j = world.hand.joint_names.index(joint)
     place, row = COLUMNS.index(kind.number), table(world, True)[j]
-    size = UNITS[one.unit][1]
+    per_unit = UNITS[one.unit][1]
     sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
     before = float(row[place])
     share = UNITS[one.unit][0] == "share" and (kind.relative or kind.coordinate == "logarithm")
-    per = before * size if share else size
+    per = before * per_unit if share else per_unit
     row[place] = before + one.value * per
     row[place] = row[place] if kind.number.startswith("encoder") else max(row[place], 0.0)
     number, turning, sliding = HELD[kind.number]
+    unit = sliding if bodies[j].joint.slides else turning
     bodies[j] = changed(bodies[j], row)
     return world.with_driven(bodies), Change(
         joint=joint,
@@ -146,5 +155,6 @@ def _with(
         before=before,
         after=float(row[place]),
         sd=abs(sd * per),
-        unit=sliding if bodies[j].joint.slides else turning,
+        unit=unit,
+        also=in_other_words(kind, float(row[place]), unit),
     )

@@ -21,19 +21,23 @@ PAPER_SPREAD = (
 The paper gives no width for friction. With half of it, policies learn a squeeze that also holds in
 other engines.
 """
+Kinds = Mapping[str, type[Effect]]
 _ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9/]*)(?:@(\w+))?")
 _FORM = "NAME=NUMBER[UNIT][@JOINT], for example backlash=1.2deg@J3"
 
 
-def parse_effects(text: str, hand: Hand) -> tuple[Effect, ...]:
-    """The effects that `text` names, in order; raises UsageError for an invalid text."""
+def parse_effects(text: str, hand: Hand, kinds: Kinds | None = None) -> tuple[Effect, ...]:
+    """The effects that `text` names, in order; raises UsageError for an invalid text.
+
+    `kinds`: those to take instead of the catalogue's, such as with other bounds.
+    """
     if text in ("none", ""):
         return ()
     items = [item.strip() for item in text.split(",")]
     if "none" in items:
         raise UsageError(f"'{text}' has 'none' and other effects; leave one of them out")
     items = [part for item in items for part in (BUILT if item == "built" else item).split(",")]
-    effects = tuple(_parse_one(item, hand) for item in items)
+    effects = tuple(_parse_one(item, hand, kinds or {}) for item in items)
     places = [(type(e), e.joint) for e in effects]
     if len(set(places)) < len(places):
         hint = f" (built is {BUILT})" if "built" in text else ""
@@ -63,7 +67,7 @@ def effect_name(effect: Effect) -> str:
     return name_of(type(effect).__module__)
 
 
-def _parse_one(item: str, hand: Hand) -> Effect:
+def _parse_one(item: str, hand: Hand, kinds: Kinds) -> Effect:
     match = _ITEM.fullmatch(item)
     if match is None:
         name = re.split("[=@]", item)[0]
@@ -73,19 +77,21 @@ def _parse_one(item: str, hand: Hand) -> Effect:
     name, number, unit, joint = match.groups()
     if name not in registry.names("effect"):
         raise unknown("effect", name, (*registry.names("effect"), "built", "none"))
-    kind: type[Effect] = registry.load("effect", name)
-    magnitude = _magnitude(item, kind, number, unit)
+    kind: type[Effect] = kinds.get(name) or registry.load("effect", name)
     if joint is not None and not kind.per_joint:
         raise UsageError(
             f"'{item}' names a joint, but {name} does not act on joints; leave '@{joint}' out"
         )
     if joint is not None and joint not in hand.joint_names:
         raise unknown("driven joint", joint, hand.joint_names)
-    return kind(magnitude=magnitude, joint=joint)
+    slides = {b.joint.slides for b in hand.driven if joint in (None, b.joint.name)} or {False}
+    units = tuple(dict.fromkeys(unit for s in sorted(slides) for unit in kind.units(s)))
+    return kind(magnitude=_magnitude(item, kind, number, unit, units), joint=joint)
 
 
-def _magnitude(item: str, kind: type[Effect], number: str, unit: str) -> float:
-    units = [name for name, (dimension, _) in UNITS.items() if dimension == kind.dimension]
+def _magnitude(
+    item: str, kind: type[Effect], number: str, unit: str, units: tuple[str, ...]
+) -> float:
     if unit not in units:
         given = f"'{unit}'" if unit else "no unit"
         raise UsageError(f"'{item}' has {given}; allowed: {', '.join(units)}")

@@ -78,6 +78,16 @@ class Evidence:
         """What is shown (N, 3, K) as `readings` are, in floors."""
         return (shown / self.floor).transpose(2, 1, 0)[self.logged] / np.sqrt(1.0 + self.spread)
 
+    def place(self, *joints: int) -> tuple[bool, float]:
+        """Whether all of these joints slide; and a count of their encoders [rad or m], 0: unknown.
+
+        Of none: all joints.
+        """
+        chosen = list(joints) or list(range(len(self.joints)))
+        driven = self.limb.spec.hand.driven
+        slides = all(driven[j].joint.slides for j in chosen)
+        return slides, float(self.step[chosen].min())
+
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints."""

@@ -5,6 +5,7 @@ from html import escape
 from diagnosis.answer import Diagnosis
 from diagnosis.report import wording
 from diagnosis.report.report import Part, parts
+from diagnosis.verdict.sentences import size
 
 _COLORS = {"nominal": "#7a9e3f", "cause": "#2b6cb0", "second": "#7fa8d6", "left": "#9a9a9a"}
 
@@ -31,7 +32,7 @@ def _sizes(found: Diagnosis) -> str:
         return ""
     rows = "".join(
         f"<tr><td>{escape(one.effect)}</td><td>{escape(', '.join(one.joints) or '-')}</td>"
-        f"<td>{one.value:.3g} {one.unit}</td><td>{one.low:.3g} to {one.high:.3g}</td></tr>"
+        f"<td>{size(one)}</td><td>{one.low:.3g} to {one.high:.3g}</td></tr>"
         for one in found.magnitudes
     )
     heads = "".join(f"<th>{name}</th>" for name in ("effect", "joints", "size", "90 % interval"))

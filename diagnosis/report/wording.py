@@ -76,7 +76,8 @@ def place(cause: Cause) -> str:
 
 def size(cause: Cause) -> str:
     """A size with its 90 % interval."""
-    return f"{number(cause.value)} {cause.unit} ({number(cause.low)} to {number(cause.high)})"
+    more = f"; {cause.also}" if cause.also else ""
+    return f"{number(cause.value)} {cause.unit} ({number(cause.low)} to {number(cause.high)}{more})"
 
 
 def moved(one: Nominal) -> str:

@@ -6,6 +6,7 @@ from itertools import chain
 
 import numpy as np
 
+from backends.effect import UNITS
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Result
 
 
@@ -48,14 +49,18 @@ def _together(causes: Sequence[Cause], joints: Sequence[str]) -> list[Cause]:
         same = [c for c in causes if c.effect == effect]
         covered = list(chain.from_iterable(c.joints for c in same))
         if len(same) > 1 and sorted(covered) == sorted(joints) and _is_alike(same):
-            value, low, high = np.median([(c.value, c.low, c.high) for c in same], axis=0)
-            one = replace(same[0], joint=None, joints=tuple(joints))
-            found.append(replace(one, value=float(value), low=float(low), high=float(high)))
+            middle = sorted(same, key=lambda c: c.value * _si(c))[len(same) // 2]
+            found.append(replace(middle, joint=None, joints=tuple(joints)))
         else:
             found.extend(same)
     return found
 
 
 def _is_alike(causes: Sequence[Cause]) -> bool:
-    """Whether one size is within the intervals of all."""
-    return max(c.low for c in causes) <= min(c.high for c in causes)
+    """Whether one size is within the intervals of all, on slides or on hinges."""
+    one_kind = len({UNITS[c.unit][0] for c in causes}) == 1
+    return one_kind and max(c.low * _si(c) for c in causes) <= min(c.high * _si(c) for c in causes)
+
+
+def _si(cause: Cause) -> float:
+    return UNITS[cause.unit][1]

@@ -14,6 +14,7 @@ from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
+from diagnosis.verdict.sizes import sized
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
@@ -108,17 +109,14 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
-    value, low, high = (_shown(fitter, one, x) for x in (u, *ends))
+    sizes = [_magnitude(fitter, one, x) for x in (u, *ends)]
     joints = fitter.evidence.joints
     joint = None if one.joint is None else joints[one.joint]
     return Cause(
         effect=one.effect,
         joint=joint,
         joints=joints if joint is None else (joint,),
-        value=value,
-        low=low,
-        high=high,
-        unit=one.kind.unit,
+        **sized(one.kind, sizes, *_place(fitter, one)),
         share=found.share(alone[0]) if alone else found.share(fit),
     )
 
@@ -127,10 +125,14 @@ def _same(one: Parameter, other: Parameter) -> bool:
     return one.effect == other.effect and (other.joint is None or one.joint == other.joint)
 
 
-def _shown(fitter: Fitter, one: Parameter, u: float) -> float:
-    """The effect's magnitude in its own unit."""
-    numbers = fitter.evidence.limb.nominal[one.joint or 0]
-    return float(magnitude(one, u, numbers) / UNITS[one.kind.unit][1])
+def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
+    """The effect's magnitude [SI]."""
+    return float(magnitude(one, u, fitter.evidence.limb.nominal[one.joint or 0]))
+
+
+def _place(fitter: Fitter, one: Parameter) -> tuple[bool, float]:
+    """See `Evidence.place`."""
+    return fitter.evidence.place(*(() if one.joint is None else (one.joint,)))
 
 
 def _name(fitter: Fitter, number: int) -> str:
@@ -159,11 +161,12 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
             joint = "" if one.joint is None else fitter.evidence.joints[one.joint]
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
-                (value, end), unit = (100.0 * np.expm1(x) for x in ends), "%"
+                (value, end), unit = (float(np.expm1(x)) for x in ends), "%"
             else:
-                (value, end), unit = (_shown(fitter, one, x) for x in ends), one.kind.unit
-            sd = float(abs(end - value))
-            yield Nominal(effect=one.effect, joint=joint, value=float(value), sd=sd, unit=unit)
+                value, end = (_magnitude(fitter, one, x) for x in ends)
+                unit = one.kind.unit_of(value, _place(fitter, one)[0])
+            value, sd = (float(x) / UNITS[unit][1] for x in (value, abs(end - value)))
+            yield Nominal(effect=one.effect, joint=joint, value=value, sd=sd, unit=unit)
 
 
 def _gap_before(fitter: Fitter) -> float:

@@ -88,7 +88,14 @@ def with_play(
         return result
     effect = names[PLAY]
     causes = tuple(
-        cause(effect, one.sizes_rad, catalogue, joints=(one.joint,), share=one.share)
+        cause(
+            effect,
+            one.sizes_rad,
+            catalogue,
+            joints=(one.joint,),
+            share=one.share,
+            at=evidence.place(evidence.joints.index(one.joint)),
+        )
         for one in found
     )
     before, after = (max(getattr(one, name) for one in found) for name in ("before", "after"))

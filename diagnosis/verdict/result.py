@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect
+from diagnosis.verdict.sizes import sized
 
 NONE, UNKNOWN = "none", "unknown"
 Z90 = 1.645
@@ -25,6 +26,8 @@ class Cause:
     unit: str
     share: float
     """Share of the gap that it takes by itself."""
+    also: str = ""
+    """The value in other words: from side to side, in radians, in counts of the encoder."""
     shape: tuple[str, ...] = ()
     """Effects of its family that give its law more shape on that joint: no causes themselves."""
     evidence: str = ""
@@ -48,21 +51,20 @@ def cause(
     share: float = 0.0,
     evidence: str = "",
     tied: tuple[str, ...] = (),
+    at: tuple[bool, float] = (False, 0.0),
 ) -> Cause:
-    """A cause of a value, low and high in SI units or as shares; `unknown` out of a catalogue."""
-    unit = catalogue[effect].unit if effect in catalogue else ""
-    value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
+    """A cause of a value, low and high in SI units or as shares; `unknown` out of a catalogue.
+
+    `at`: see `Evidence.place`.
+    """
     return Cause(
-        effect=effect if unit else UNKNOWN,
+        effect=effect if effect in catalogue else UNKNOWN,
         joint=joints[0] if len(joints) == 1 else None,
         joints=joints,
-        value=value,
-        low=low,
-        high=high,
-        unit=unit,
         share=share,
         evidence=evidence,
         tied=tied,
+        **sized(catalogue.get(effect), sizes, *at),
     )
 
 

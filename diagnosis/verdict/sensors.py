@@ -1,6 +1,6 @@
 """Causes beside the verdict: what sensors add by themselves, and packets that were lost."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def sensor_causes(
     left = np.zeros(evidence.logged.shape)
     left[evidence.logged] = residual
     known = table(evidence.limb.spec, evidence.limb.rigid)
-    for j, joint in enumerate(evidence.joints):
+    for j in range(len(evidence.joints)):
         size = evidence.size[j]
         own_noise, own_step = (known[j, COLUMNS.index(n)] for n in (NOISE, RESOLUTION))
         step, noise = float(evidence.step[j]), float(evidence.noise[0, j])
@@ -43,10 +43,10 @@ def sensor_causes(
             noise = min(noise, left_noise, _noise_at_rest(evidence, j))
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
-            yield _cause(RESOLUTION, (joint,), (step, off[0] * step, off[1] * step), catalogue)
+            yield _cause(evidence, RESOLUTION, (j,), [x * step for x in (1.0, *off)], catalogue)
         elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
-            yield _cause(NOISE, (joint,), (more, off[0] * more, off[1] * more), catalogue)
+            yield _cause(evidence, NOISE, (j,), [x * more for x in (1.0, *off)], catalogue)
 
 
 def _noise_at_rest(evidence: Evidence, j: int) -> float:
@@ -65,16 +65,17 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
 
 def loss_cause(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
     """Packets that were lost."""
-    joints = tuple(evidence.joints[j] for j in lost.joints)
-    return _cause(LOSS, joints, (lost.share, lost.low, lost.high), catalogue)
+    return _cause(evidence, LOSS, lost.joints, (lost.share, lost.low, lost.high), catalogue)
 
 
 def _cause(
+    evidence: Evidence,
     number: str,
-    joints: tuple[str, ...],
-    sizes: tuple[float, float, float],
+    places: Sequence[int],
+    sizes: Sequence[float],
     catalogue: Mapping[str, type[Effect]],
 ) -> Cause:
     """The effect of the catalogue that changes a number of the spec; `unknown` without one."""
     name = of_part(catalogue, "encoder", "command").get(number, UNKNOWN)
-    return cause(name, sizes, catalogue, joints=joints)
+    joints = tuple(evidence.joints[j] for j in places)
+    return cause(name, sizes, catalogue, joints=joints, at=evidence.place(*places))

@@ -80,9 +80,15 @@ def placed(name: str) -> str:
 
 def _named(cause: Cause) -> str:
     """A cause with the 90 % interval of its size."""
-    return _cause(cause, f" ({cause.low:.3g} to {cause.high:.3g})")
+    return _cause(cause, f"{cause.low:.3g} to {cause.high:.3g}")
 
 
 def _cause(cause: Cause, interval: str = "") -> str:
     where = f" on {cause.joint}" if cause.joint else ""
-    return f"{cause.effect} of {cause.value:.3g} {cause.unit}{interval}{where}"
+    return f"{cause.effect} of {size(cause, interval)}{where}"
+
+
+def size(cause: Cause, interval: str = "") -> str:
+    """A size with its interval, and in other words."""
+    more = "; ".join(part for part in (interval, cause.also) if part)
+    return f"{cause.value:.3g} {cause.unit}{f' ({more})' if more else ''}"

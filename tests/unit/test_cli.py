@@ -35,7 +35,7 @@ RUN = ["run", "--backend", "mujoco", "--task", "line"]
         ([*RUN, "--effects", "backlsh=1deg"], "Did you mean 'backlash'?"),
         ([*RUN, "--effects", "backlash=1deg@J9"], "known: J0, J1, J3, J4, J6, J7"),
         ([*RUN, "--effects", "backlash=1deg@J2"], "no driven joint named 'J2'"),
-        ([*RUN, "--effects", "backlash=1"], "has no unit; allowed: rad, mrad, deg"),
+        ([*RUN, "--effects", "backlash=1"], "has no unit; allowed: mrad, deg, rad"),
         ([*RUN, "--effects", "backlash=-1deg"], "out of range; allowed: 0 to 10 deg"),
         ([*RUN, "--effects", "backlash=1deg,backlash=2deg"], "an effect twice"),
         ([*RUN, "--radius", "-1cm"], "allowed: 0.1 to 5"),

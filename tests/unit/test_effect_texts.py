@@ -1,12 +1,19 @@
 """Effects as they are written: units, bounds, joints, and what is refused, for every effect."""
 
+from dataclasses import replace
+
 import pytest
 
 from backends import trx
-from backends.effect import UNITS, Effect
+from backends.effect import ON_SLIDES, UNITS, Effect
+from backends.spec import Hand
+from backends.sticks import STICKS
 from benchmark.errors import UsageError
 from benchmark.parts import registry
 from benchmark.settings.effects import BUILT, effect_name, parse_effects
+from diagnosis.verdict.result import Cause
+from diagnosis.verdict.sentences import size as said_size
+from diagnosis.verdict.sizes import sized
 
 HAND = trx.HAND
 KINDS: dict[str, type[Effect]] = {
@@ -70,6 +77,47 @@ def test_units_are_converted(kind: type[Effect]) -> None:
                 parse_effects(text, HAND)
     with pytest.raises(UsageError, match="no unit"):
         parse_effects(f"{name}=0.1", HAND)
+
+
+@each(KINDS)
+def test_units_of_slides_are_read(kind: type[Effect]) -> None:
+    """Read and say sizes of slides in their own units: N for Nm, mm for degrees."""
+    name, slide = effect_name(kind(magnitude=0.0)), rail()
+    magnitude = kind.bounds[1] / 5
+    unit = kind.unit_of(magnitude, slides=True)
+    (effect,) = parse_effects(f"{name}={magnitude / UNITS[unit][1]!r}{unit}", slide)
+    assert effect.magnitude == pytest.approx(magnitude, rel=1e-12)
+    if kind.per_joint and kind.dimension in ON_SLIDES:
+        with pytest.raises(UsageError, match=f"allowed: .*{unit}"):
+            parse_effects(f"{name}=1{kind.unit}", slide)
+
+
+def rail() -> Hand:
+    """The hand with slides instead of hinges."""
+    spec = trx.spec(STICKS["reference"])
+    joints = (replace(b, joint=replace(b.joint, slides=True)) for b in spec.hand.driven)
+    return spec.with_driven(joints).hand
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "slides", "count", "words"),
+    [
+        ("coulomb-friction", 19.4, True, 0.0, "19.4 N (18 to 21)"),
+        ("coulomb-friction", 19.4, False, 0.0, "19.4 Nm (18 to 21)"),
+        ("coulomb-friction", 0.0194, False, 0.0, "19.4 mNm (18 to 21)"),
+        ("viscous-friction", 203.5, True, 1e-7, "204 Ns/m (189 to 220)"),
+        ("backlash", 0.01, False, 0.0, "0.573 deg (0.532 to 0.62; whole 1.15 deg, 20 mrad)"),
+        ("backlash", 1e-4, True, 1e-5, "0.1 mm (0.0928 to 0.108; whole 0.2 mm, 20 counts)"),
+        ("encoder-bias", -0.01, False, 1e-3, "-0.573 deg (-0.532 to -0.62; -10 mrad, -10 counts)"),
+    ],
+)
+def test_sizes_are_said_in_the_units_of_a_joint(name, size, slides, count, words) -> None:
+    """Say N of slides, whole play beside half of it, radians beside degrees, and counts."""
+    ends = (size, size * 18 / 19.4, size * 21 / 19.4)
+    one = Cause(
+        effect=name, joint=None, joints=(), share=1.0, **sized(KINDS[name], ends, slides, count)
+    )
+    assert said_size(one, f"{one.low:.3g} to {one.high:.3g}") == words
 
 
 @pytest.mark.parametrize(

@@ -14,13 +14,14 @@ from joblib.externals.loky.backend.reduction import dumps
 
 from backends import sticks, trx
 from backends._mjcf_drives import DAMPING, PD_SHARE, PERIODS_S, RIGID_RAD, STIFF, STIFFNESS
+from backends.catalogue import catalogue
 from backends.drive import drive_table, motor_tick
 from backends.mjcf import MjcfError, left_out, mechanism
 from backends.spec import Spec
 from backends.state import Array
 from benchmark.cli import app as cli
 from benchmark.parts import registry
-from benchmark.settings.effects import effect_name
+from benchmark.settings.effects import effect_name, parse_effects
 from diagnosis.logs.log import (
     DriveSettings,
     Log,
@@ -442,7 +443,7 @@ def test_the_page_on_own_robots_describes_one_that_works():
 
 
 def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
-    """Name friction of a rail from its log, and say how to read its units."""
+    """Name friction of a rail from its log, in newtons, in whatever is said and written."""
     xml, joints = MECHANISMS["rail"]
     bare = robot_log(xml, joints, linear=True)
     time_s = np.arange(800) * 5e-3
@@ -462,10 +463,14 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     words = ["diagnose", str(tmp_path / "rail"), "--out", str(tmp_path / "out"), "--json"]
     assert cli.call(words) == 0
     found = json.loads(capfd.readouterr().out)
-    sizes = {m["effect"]: m["value"] for m in found["magnitudes"]}
-    assert found["verdict"] == ["coulomb-friction"]
-    assert sizes["coulomb-friction"] == pytest.approx(30e3, rel=0.1)
+    (size,) = found["magnitudes"]
+    assert (size["effect"], size["unit"]) == ("coulomb-friction", "N")
+    assert size["value"] == pytest.approx(30, rel=0.1)
+    (known,) = parse_effects(found["effects"], world.hand, own_catalogue(catalogue(), world))
+    assert known.magnitude == pytest.approx(30, rel=0.1)
+    report = (tmp_path / "out" / "report.html").read_text().rpartition("</script>")[0]
+    written = [json.dumps(found), report.rpartition("plotly")[2]]
+    assert not re.search(r"\d (mNms?|Nms?|mrad|gcm2|deg)\b", " ".join(written))
     assert found["nominal"]["replay_apart_rad"] < 1e-6
     before, after = found["engine_gaps_rad"]
     assert after < 0.2 * before
-    assert any("x is a slide: read N for Nm" in text for text in found["warnings"])

@@ -21,7 +21,7 @@ from diagnosis.verdict.result import UNKNOWN
 REAL = Path(__file__).resolve().parents[3] / "shared/real_logs"
 FOLDERS = {"emps": "emps", "bam": "bam_xl330", "play-test": "robonine"}
 COUNT_RAD = 2 * np.pi / 4096
-EMPS_COULOMB_MN = 20393.5
+EMPS_COULOMB_N = 20.3935
 """Identified by the authors of EMPS."""
 PLAY_COUNTS = {"motor_telemetry_single": (7.03, 14.78), "motor_telemetry_nocomp2": (5.33, 7.67)}
 """Play measured by the authors of the play test: unloaded and loaded, of the worse servo."""
@@ -46,8 +46,8 @@ def test_emps_is_friction(emps):
     """Name Coulomb friction of the axis as the authors identified it, within a twentieth."""
     (found,) = emps.magnitudes
     assert (found.effect, found.joint) == ("coulomb-friction", "axis")
-    assert found.value == pytest.approx(EMPS_COULOMB_MN, rel=0.05)
-    assert found.low < EMPS_COULOMB_MN < found.high
+    assert found.value == pytest.approx(EMPS_COULOMB_N, rel=0.05)
+    assert found.low < EMPS_COULOMB_N < found.high and found.unit == "N"
     assert emps.shrinkage.interval[0] > 0.8
 
 
