@@ -44,8 +44,10 @@ class SavedPolicy:
     """
 
     def __init__(self, folder: Path, observation: Observation) -> None:
-        contract = read_contract(folder)
-        if contract != (wanted := observation.contract()):
+        contract, wanted = read_contract(folder), observation.contract()
+        if "schema" not in contract:  # before it had one, all actions were those of the paper
+            contract = wanted | contract | {"action": wanted["action"]}
+        if contract != wanted:
             raise PolicyError(_difference(contract, wanted))
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = 1
@@ -57,22 +59,22 @@ class SavedPolicy:
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
             said = one_line(str(error))
             raise PolicyError(f"{path} cannot be read as a policy: {said}") from error
-        self._path, self._width = path, len(observation.hand.driven)
+        self._path, self._order = path, list(observation.order)
 
     def __call__(self, observation: Array) -> Array:
-        """Actions (N, J) in [-1, 1] from observations (N, width)."""
+        """Actions (N, J), joints in the hand's order, from observations (N, width)."""
         try:
             action = np.asarray(self._session.run(["action"], {"observation": observation})[0])
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
             said = one_line(str(error))
             raise PolicyError(f"{self._path} gives no actions: {said}") from error
-        wanted = (len(observation), self._width)
-        if action.shape != wanted or not np.isfinite(action).all():
+        wanted = (len(observation), len(self._order))
+        if action.shape != wanted:
             raise PolicyError(
                 f"{self._path} gives actions of shape {action.shape}; allowed: {wanted}, a row per "
-                "observation, all of them finite"
+                "observation"
             )
-        return action
+        return action[:, self._order]
 
 
 def write_contract(folder: Path, observation: Observation) -> None:
@@ -104,6 +106,12 @@ def file_sha256(path: Path) -> str:
 
 
 def _difference(policy: dict, wanted: dict) -> str:
+    if policy.get("observation") == wanted["observation"]:
+        return (
+            "the policy's contract has other joints or actions than this hand; evaluate it by its "
+            "contract: bench eval, from a folder without run.json"
+        )
+
     def layout(contract: dict) -> str:
         channels = contract.get("observation", [])
         return ", ".join(f"{c.get('name')} ({c.get('width')})" for c in channels)

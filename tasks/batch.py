@@ -13,17 +13,6 @@ from tasks.initial_states import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
 from tasks.task import EPISODE_S, Figure, desired_axis
 
-ACTION_RAD = 0.015
-"""Change of the target by a full action in one policy step [rad]."""
-TARGET_LEAD_RAD = 0.2
-"""Largest distance between target and measured position [rad]."""
-OFFSET_RETURN = 0.05
-"""Share by which the target's lead over the measured position returns to the preload in one step.
-
-The lead sets the squeeze, and no observation of the paper contains it. As a plain sum of actions it
-drifts away: the stick creeps down or is dropped. A time constant of 0.4 s bounds it. The
-observation `centers-and-lead`, which is not in the paper, contains it.
-"""
 ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
 """The paper's reward: [C, w0, w1 per m, w2 per N]."""
 DROP_M = 0.03
@@ -95,7 +84,6 @@ class BatchEnv:
         self._skin = Skin(simulator.specs)
         self._grip = np.array(hand.grip_m)
         self._preload = np.array(hand.preload_rad)
-        self._ranges = np.array([b.joint.range_rad for b in hand.driven]).T
         self._half = np.array([s.stick.length_m / 2 for s in simulator.specs])
         self._lever = np.array([s.stick.grip_to_lower_end_m for s in simulator.specs])
         self._floor = self._grip[2] + self._half - self._lever - DROP_M
@@ -168,10 +156,7 @@ class BatchEnv:
         """
         self._refuse_not_finite(action)
         measured = self.state.measured_rad
-        rest = measured + self._preload
-        self._target += ACTION_RAD * np.clip(action, -1, 1) + OFFSET_RETURN * (rest - self._target)
-        near = np.clip(self._target, measured - TARGET_LEAD_RAD, measured + TARGET_LEAD_RAD)
-        self._target[:] = np.clip(near, *self._ranges)
+        self._target[:] = self.observation.law.target(self._target, measured, action)
         self._state = self.simulator.advance(self._target)
         self._steps += 1
         self._refuse_nan(self._state)

@@ -1,15 +1,20 @@
-"""Observations: named channels in a fixed order, saved with a policy as its contract."""
+"""What policies see, and what their actions mean: the contract that is saved with each."""
 
 import dataclasses
+import json
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 
 import numpy as np
 
-from backends.spec import Hand
+from backends.spec import Hand, Timing
 from backends.state import Array, State, quat_z_axis
 from backends.touch import Touch
 
+SCHEMA = 2
+"""Version of the contract; one without a number has the paper's law of actions."""
+PER_JOINT = ("joint_position_over_range", "target_lead")
+"""Channels with a number per joint, in the order of the contract's joints."""
 CENTER_SCALE_M = 0.02
 """Scale by which contact centres and stick positions are divided [m]."""
 
@@ -25,6 +30,11 @@ class Channel:
     scale: float
     """Scale by which the physical value is divided."""
 
+    @property
+    def per_joint(self) -> bool:
+        """Whether it has a number per joint."""
+        return self.name in PER_JOINT
+
 
 @dataclass(frozen=True, kw_only=True)
 class Percept:
@@ -38,14 +48,73 @@ class Percept:
     """Commanded joint angles [rad], shape (N, J)."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class ActionLaw:
+    """From a policy's actions to the joints' targets.
+
+    target += scale clip(action, -1, 1) + target_return (rest - target)
+
+    The target then stays within `target_lead` of the measured position, and within its range. At
+    rest it is the preload beyond the measured position, or the default pose: with a return of 1 to
+    that pose an action is a position beside it.
+    """
+
+    scale_rad: float = 0.015
+    """Change of the target by a full action in one period [rad]."""
+    period_s: float = Timing().policy_s
+    """Time from one action to the next [s]."""
+    target_return: float = 0.05
+    """Share by which the target returns to its rest in one period [1].
+
+    The lead over the measured position sets the squeeze, and no observation of the paper contains
+    it. As a plain sum of actions it drifts away: the stick creeps down or is dropped. A time
+    constant of 0.4 s bounds it. The observation `centers-and-lead`, which is not in the paper,
+    contains it.
+    """
+    target_lead_rad: float = 0.2
+    """Largest distance between target and measured position [rad]."""
+    target_range_rad: tuple[tuple[float, float], ...]
+    """Lowest and highest target of each joint [rad]."""
+    preload_rad: tuple[float, ...] | None
+    """Rest: target minus measured position [rad]; None: the default pose is the rest."""
+    default_pose_rad: tuple[float, ...]
+    """Joint angles at the middle of the initial states [rad]."""
+
+    @classmethod
+    def of(cls, hand: Hand) -> "ActionLaw":
+        """That of the paper, for a hand."""
+        return cls(
+            target_range_rad=tuple(body.joint.range_rad for body in hand.driven),
+            preload_rad=hand.preload_rad,
+            default_pose_rad=hand.grasp_rad,
+        )
+
+    def target(self, target: Array, measured: Array, action: Array) -> Array:
+        """The next targets (N, J) [rad] after those of now, for the measured positions [rad]."""
+        preload = self.preload_rad
+        rest = np.array(self.default_pose_rad) if preload is None else measured + np.array(preload)
+        moved = target + (
+            self.scale_rad * np.clip(action, -1, 1) + self.target_return * (rest - target)
+        )
+        lead = self.target_lead_rad
+        return np.clip(np.clip(moved, measured - lead, measured + lead), *self._ends)
+
+    @property
+    def _ends(self) -> Array:
+        return np.array(self.target_range_rad).T
+
+
 class Observation(ABC):
     """Base class of every observation: joint positions, u_d, and the channels of a subclass.
 
     A subclass named `Observation` in its own file is one observation.
     """
 
-    def __init__(self, hand: Hand) -> None:
-        self.hand = hand
+    def __init__(self, hand: Hand, law: ActionLaw | None = None) -> None:
+        """`law`: what actions mean; None: as in the paper."""
+        self.hand, self.law = hand, law or ActionLaw.of(hand)
+        self.order = tuple(range(len(hand.driven)))
+        """Which joint of the contract each joint of the hand is."""
         ranges = np.array([b.joint.range_rad for b in hand.driven])
         self._low, self._span = ranges[:, 0], ranges[:, 1] - ranges[:, 0]
 
@@ -65,14 +134,17 @@ class Observation(ABC):
         return sum(channel.width for channel in self.channels)
 
     def contract(self) -> dict:
-        """The layout as plain data: the input that a saved policy expects."""
+        """What a saved policy sees and what its actions mean, as plain data."""
         return {
+            "schema": SCHEMA,
             "joints": list(self.hand.joint_names),
             "observation": [dataclasses.asdict(channel) for channel in self.channels],
             "action": {
                 "name": "desired_joint_displacement",
                 "unit": "rad",
                 "width": len(self.hand.driven),
+                "range": [-1, 1],
+                **json.loads(json.dumps(dataclasses.asdict(self.law))),
             },
         }
 

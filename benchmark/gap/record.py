@@ -20,7 +20,7 @@ from diagnosis.logs.log import Log, LogError, check_target, write_log
 from diagnosis.recording import record as recording
 from diagnosis.recording.excitation import OPEN_LOOP
 from diagnosis.recording.record import ALWAYS, CHANNELS, Plan, Policy
-from tasks.batch import SimulationDivergedError
+from tasks.batch import NotFiniteActionError, SimulationDivergedError
 
 MOST_EPISODES = 1000
 """Most episodes in a log, which is held in memory as a whole."""
@@ -138,6 +138,8 @@ def _record(world: World, plan: Plan) -> Log:
             )
         except LogError:
             raise
+        except NotFiniteActionError as error:
+            raise CommandError(f"{world.policy}: {error}") from error
         except ValueError as error:
             raise UsageError(f"{world.run.stick} stick in this hand: {error}") from error
 

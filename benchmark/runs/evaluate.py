@@ -11,19 +11,23 @@ import numpy as np
 import pandas as pd
 
 from backends.shard import WorkerError
+from backends.spec import Spec
 from backends.state import Array
-from baselines.saved import POLICY_FILE, PolicyError, SavedPolicy
+from baselines.saved import CONTRACT_FILE, POLICY_FILE, PolicyError, SavedPolicy, read_contract
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
 from benchmark.settings.quantities import within
-from benchmark.settings.run_spec import RunSpec, read_settings
+from benchmark.settings.run_spec import REFERENCE, RunSpec, read_settings
 from leaderboard.identity import EPISODES, SMOKE_EPISODES
-from tasks.batch import BatchEnv, SimulationDivergedError, Step
+from tasks.batch import BatchEnv, NotFiniteActionError, SimulationDivergedError, Step
 from tasks.initial_states import sample_initial_states
+from tasks.observation import Observation
 
+FOREIGN = "foreign"
+"""The algorithm of a policy that another program made."""
 EVALUATION_SEED = 20260101
 """Seed of initial states and headings in the evaluation; training seeds are hashed."""
 
@@ -89,14 +93,18 @@ def evaluate_run(
     episodes: int | None = None,
     watch: Callable[[BatchEnv, Step], None] = lambda env, step: None,
     seed: int = EVALUATION_SEED,
+    observation: Observation | None = None,
 ) -> Episodes:
     """Evaluate the policy in a folder, or the scripted baseline, in the world of `spec`.
 
     `episodes` limits the number of fixed episodes, `seed` selects another list of them, and `watch`
-    is called after every step. Raises UsageError if policy, observation, stick and hand do not fit.
+    is called after every step. `observation`: that of its contract, of a policy of others. Raises
+    UsageError if policy, observation, stick and hand do not fit, CommandError where its actions are
+    not finite.
     """
     count = episodes or (SMOKE_EPISODES if spec.smoke else EPISODES)
-    env = spec.make_env([spec.world()] * count, seed=0, workers=workers)
+    worlds = [world_of(spec, observation)] * count
+    env = spec.make_env(worlds, seed=0, workers=workers, observation=observation)
     try:
         act = _actor(spec, policy, env)
         with Bar(f"evaluate {spec.backend} {spec.task}", env.horizon) as bar:
@@ -109,6 +117,8 @@ def evaluate_run(
             return evaluate(env, act, on_step, seed)
     except PolicyError as error:
         raise UsageError(str(error)) from error
+    except NotFiniteActionError as error:
+        raise CommandError(f"{policy}: {error}") from error
     except ValueError as error:
         raise UsageError(f"{spec.stick} stick in this hand: {error}") from error
     finally:
@@ -132,6 +142,43 @@ def _actor(spec: RunSpec, policy: Path, env: BatchEnv) -> Callable[[Array], Arra
     return baseline(env.action_width, spec.seed)
 
 
+def is_foreign(folder: Path) -> bool:
+    """Whether a folder holds a policy of another program: an ONNX file and its contract."""
+    return (folder / CONTRACT_FILE).exists() and not (folder / run_folder.RUN_FILE).exists()
+
+
+def world_of(spec: RunSpec, observation: Observation | None) -> Spec:
+    """The world of a run, in which the policy acts as often as its contract says."""
+    world = spec.world()
+    period_s = observation.law.period_s if observation else world.timing.policy_s
+    return dataclasses.replace(world, timing=dataclasses.replace(world.timing, policy_s=period_s))
+
+
+def _foreign(folder: Path, given: Mapping[str, Any]) -> tuple[RunSpec, Observation]:
+    """The settings and the observation for a policy of another program; raises UsageError."""
+    from tasks.contract import Contracted, ContractError
+
+    if "task" not in given:
+        raise UsageError(f"{folder} has no {run_folder.RUN_FILE}; say what to do: --task circle")
+    spec = RunSpec(**{"backend": REFERENCE, **given})
+    world = spec.world()
+    names = registry.names("observation")
+    known = [registry.load("observation", name)(world.hand) for name in names]
+    try:
+        found = Contracted(world.hand, read_contract(folder), known)
+    except PolicyError as error:
+        raise UsageError(str(error)) from error
+    except ContractError as error:
+        raise UsageError(f"{folder / CONTRACT_FILE}: {error}") from error
+    ticks = found.law.period_s / world.timing.drive_s
+    if abs(ticks - round(ticks)) > 1e-6:
+        raise UsageError(
+            f"{folder / CONTRACT_FILE}: action.period_s is {found.law.period_s:g}; allowed: whole "
+            f"multiples of {world.timing.drive_s:g}"
+        )
+    return spec, found
+
+
 def write_episodes(episodes: Episodes, path: Path) -> None:
     """One row per episode, as parquet."""
     frame = pd.DataFrame({"episode": range(len(episodes.held)), **vars(episodes)})
@@ -150,19 +197,28 @@ def evaluate_policy(
     """Evaluate a finished run's policy under changed settings; returns the row."""
     if episodes is not None:
         within("--episodes", episodes, 1, EPISODES)
-    source = run_folder.finished_run(folder)
-    spec = dataclasses.replace(run_folder.run_spec(source), **read_settings(given))
-    found = deploy(spec, folder, workers or usable_cores(), episodes=episodes)
+    known, observation = ("algo", "observation"), None
+    if is_foreign(folder):
+        spec, observation = _foreign(folder, read_settings(given))
+        made = {"algo": FOREIGN, "observation": CONTRACT_FILE, "trained": None}
+    else:
+        source = run_folder.finished_run(folder)
+        spec = dataclasses.replace(run_folder.run_spec(source), **read_settings(given))
+        made = {**{k: getattr(spec, k) for k in known}, "trained": source["spec"]}
+    count = workers or usable_cores()
+    found = deploy(spec, folder, count, episodes=episodes, observation=observation)
     row = {
         "status": "done",
-        **{k: getattr(spec, k) for k in ("backend", "task", "algo", "observation", "effects")},
+        **{k: getattr(spec, k) for k in ("backend", "task")},
+        **{k: made[k] for k in known},
+        "effects": spec.effects,
         **found.scores(),
         "stick": spec.stick,
         "radius_m": spec.radius_m,
         "speed": spec.speed,
         "policy": str(folder),
-        "trained": source["spec"],
-        "spec_digest": spec.world().digest,
+        "trained": made["trained"],
+        "spec_digest": world_of(spec, observation).digest,
         "provenance": provenance(),
     }
     if out is not None:

@@ -29,6 +29,7 @@ from tasks.task import RADIUS_M
 
 if TYPE_CHECKING:
     from tasks.batch import BatchEnv
+    from tasks.observation import Observation
 
 REFERENCE = "mujoco"
 """The engine that the others are compared with; it simulates where none has to be named."""
@@ -137,20 +138,28 @@ class RunSpec:
         return with_effects(spec, parse_effects(self.effects, spec.hand))
 
     def make_env(
-        self, worlds: list[Spec], seed: int, workers: int, episode_steps: int | None = None
+        self,
+        worlds: list[Spec],
+        seed: int,
+        workers: int,
+        episode_steps: int | None = None,
+        observation: "Observation | None" = None,
     ) -> "BatchEnv":
-        """The batched environment of the run in these worlds; UsageError if they are refused."""
+        """The batched environment of the run in these worlds; UsageError if they are refused.
+
+        `observation`: what is seen instead of the run's own.
+        """
         from backends.shard import simulate
         from tasks.batch import BatchEnv
 
         engine = registry.load("backend", self.backend)
         task = registry.load("task", self.task)(radius_m=self.radius_m, speed=self.speed)
         hand = worlds[0].hand
-        observation = registry.load("observation", self.observation)(hand)
+        seen = observation or registry.load("observation", self.observation)(hand)
         effects = parse_effects(self.effects, hand) + parse_spread(self.spread, hand)
         refuse(effects, engine.support, self.backend)
         simulator = simulate(engine, worlds, workers)
-        return BatchEnv(simulator, task, observation, seed, self.start_spread, episode_steps)
+        return BatchEnv(simulator, task, seen, seed, self.start_spread, episode_steps)
 
 
 def ideal(hand: str, stick: str) -> Spec:

@@ -5,8 +5,8 @@ from arms import Real, log_of
 
 from diagnosis import Diagnosis, diagnose
 
-TRUTH = {"kp-scale": -40.0, "coulomb-friction": 2000.0}
-"""What is wrong with the arm [%, mNm]."""
+TRUTH = {"kp-scale": -40.0, "coulomb-friction": 2.0}
+"""What is wrong with the arm [%, Nm]."""
 
 
 @pytest.fixture(scope="module")
