@@ -7,12 +7,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from backends._mjcf_followers import followers
+
 KINDS = ("free", "ball", "slide", "hinge")
 """Joint types in MuJoCo's numbering."""
 ALLOWED = ("slide", "hinge")
-FOLLOWER, WELD, CONNECT = (
-    int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("JOINT", "WELD", "CONNECT")
-)
+WELD, CONNECT = (int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("WELD", "CONNECT"))
 
 
 def listed(names: Sequence[str], verb: str = "") -> str:
@@ -89,35 +89,16 @@ def moved(model: Any, moving: Sequence[int]) -> set[int]:
 
 def _foreign(model: Any, moving: Sequence[int], held: set[str]) -> list[str]:
     """Forces between or on bodies that these equations do not contain."""
-    bodies = moved(model, moving)
+    bodies = moved(model, [*moving, *followers(model, moving, held)[0]])
     parts = {
         "springs or friction in tendons": _pulling(model, moving),
         "constraints between bodies that move (connect, weld)": _bound(model, bodies),
         "flexible bodies": model.nflex,
         "plug-ins": model.nplugin,
-        "gravity compensation (gravcomp) of some of its links": _partly(model, bodies),
         "air or water (density, viscosity)": model.opt.density or model.opt.viscosity,
     }
     found = [f"it has {what}; allowed: none; delete them" for what, there in parts.items() if there]
-    return found + _followers(model, set(moving), held)
-
-
-def _followers(model: Any, moving: set[int], held: set[str]) -> list[str]:
-    """Joints that follow others which move, by an equality."""
-    found = []
-    for e in range(model.neq):
-        if int(model.eq_type[e]) != FOLLOWER or not model.eq_active0[e]:
-            continue
-        one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
-        names = [model.joint(one).name, model.joint(other).name if other >= 0 else "a constant"]
-        if held & set(names) or not moving & {one, other}:
-            continue
-        found.append(
-            f"joint '{names[0]}' follows '{names[1]}' by an equality, which is not simulated; to "
-            "hold it changes the robot, whose links then move otherwise: if that is little, add "
-            f"`hold: {{{names[0]}: 0}}` under mechanism in log.yaml"
-        )
-    return found
+    return found + followers(model, moving, held)[1]
 
 
 def _bound(model: Any, bodies: set[int]) -> bool:
@@ -148,12 +129,6 @@ def _pulling(model: Any, moving: Sequence[int]) -> bool:
             if kind == int(mujoco.mjtWrap.mjWRAP_SITE) and int(model.site_bodyid[at]) in bodies:
                 return True
     return False
-
-
-def _partly(model: Any, bodies: set[int]) -> bool:
-    """Whether the weight of some of the bodies that move is compensated, and not of all."""
-    share = {float(model.body_gravcomp[b]) for b in bodies if model.body_mass[b] > 0.0}
-    return bool(share - {0.0}) and share != {1.0}
 
 
 def _forces(model: Any, moving: Sequence[int]) -> list[str]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from mujoco import rollout
 
+from backends._mjcf_followers import followers
 from backends._mjcf_model import compiled
 from backends._mjcf_robot import Signals
 from backends.state import Array
@@ -41,28 +42,31 @@ class Plain:
         joints: Sequence[str],
         held: Mapping[str, float],
         *,
-        weightless: bool = False,
+        carried: float = 0.0,
         timestep_s: float | None = None,
         integrator: str | None = None,
         beside: dict[str, dict[str, float]] | None = None,
     ) -> None:
-        """Hold all but `joints`; `weightless`: the drives carry all weight.
+        """Hold all but `joints` and what follows them; the drives carry a share of all weight.
 
         `timestep_s` and `integrator` in place of the file's; `beside`: what an MJCF cannot hold, as
         a robot's file has it. Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        model.opt.gravity[:] *= 0.0 if weightless else 1.0
+        model.opt.gravity[:] *= 1.0 - carried
         model.opt.timestep = timestep_s or model.opt.timestep
         if integrator is not None:
             model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         own = [model.joint(name).id for name in joints]
+        led, _ = followers(model, own, held)
         moving = [j for j in range(model.njnt) if _behind(model.joint(j).name, joints) in joints]
-        still = np.setdiff1d(np.arange(model.nv), model.jnt_dofadr[moving])
+        still = np.setdiff1d(np.arange(model.nv), model.jnt_dofadr[[*moving, *led]])
         model.dof_armature[still], model.dof_frictionloss[still] = IMMOVABLE_KGM2, 0.0
         model.eq_active0[:] = 0
+        model.eq_active0[[one.equality for one in led.values()]] = 1
         self.model, self._at = model, model.jnt_qposadr[own]
+        self._led = {int(model.jnt_qposadr[j]): one for j, one in led.items()}
         self._joints, self._beside = tuple(joints), beside or {}
         self._pushed = [
             (int(model.jnt_dofadr[j]), _behind(model.joint(j).name, joints)) for j in moving
@@ -101,6 +105,9 @@ class Plain:
         data = mujoco.MjData(self.model)
         data.qpos[:] = self._pose
         data.qpos[self._at] = self._unread(start)
+        for place, one in self._led.items():
+            at = data.qpos[self.model.jnt_qposadr[one.leader]]
+            data.qpos[place] = np.polynomial.polynomial.polyval(at, one.course)
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, data, state, _STATE)
         acts = np.concatenate([control, applied], axis=1)

@@ -25,10 +25,14 @@ OUTRUN_M_S = 10.0
 [m/s]."""
 _SHARED = {"drive", "command", "encoder", "taxels", "timing", "joint", "hand"}
 _PD_ALONE = "refused: drives have the PD law alone; a diagnosis replays a user's"
+_REPLAYED = "refused: only a user's robot has it, which a diagnosis replays"
 SHARED_SUPPORT: Mapping[str, str] = {
-    name: _PD_ALONE if name.startswith("loop.") else EXACT
-    for name in field_names()
-    if name.split(".")[0] in _SHARED | {"loop"} and name != "joint.axis"
+    **{
+        name: _PD_ALONE if name.startswith("loop.") else EXACT
+        for name in field_names()
+        if name.split(".")[0] in _SHARED | {"loop"} and name != "joint.axis"
+    },
+    **dict.fromkeys(("joint.follows", "joint.course", "body.carried"), _REPLAYED),
 }
 """Support entries of the fields that shared code computes, the same for every engine."""
 

@@ -17,6 +17,7 @@ from backends import sticks, trx
 from backends._mjcf_actuators import FileDrive, file_drive
 from backends._mjcf_checks import moved, problems
 from backends._mjcf_drives import Inertias, Servo, drives
+from backends._mjcf_followers import Follower, followers
 from backends._mjcf_model import compiled, whole
 from backends._mjcf_play import Plain, Play
 from backends._mjcf_robot import robot_file
@@ -63,31 +64,32 @@ def mechanism(
     *,
     held: Mapping[str, float] | None = None,
     fix_base: bool = False,
-    weightless: bool = False,
+    carried: float = 0.0,
     geared: bool = True,
 ) -> Spec:
     """The mechanism of an MJCF or URDF text with a drive on each joint that `servos` names.
 
-    All other joints are held: where `held` says [rad, m], else where the file has them; a free base
-    only with `fix_base`. `weightless`: the drives carry all weight. `geared`: refuse drives whose
-    gears no period suits. Palm, taxels and grip are copied from the default hand and touch nothing.
-    Raises MjcfError.
+    Joints that follow these by an equality do so. All others are held: where `held` says [rad, m],
+    else where the file has them; a free base only with `fix_base`. `carried`: the share of all
+    weight that drives carry. `geared`: refuse drives whose gears no period suits. Palm, taxels and
+    grip are copied from the default hand and touch nothing. Raises MjcfError.
     """
     model, hold = compiled(xml), held or {}
     wrong = problems(model, list(servos), list(hold), fix_base)
     if wrong:
         raise MjcfError("; ".join(wrong))
     own = [j for j in range(model.njnt) if model.joint(j).name in servos]
-    names = [model.joint(j).name for j in own]
+    led, names = followers(model, own, hold)[0], [model.joint(j).name for j in own]
     chosen = [servos[name] for name in names]
-    data = _posed(model, own, hold)
-    inertias = _inertias(model, own, chosen, data.qpos.copy())
+    data = _posed(model, [*own, *led], hold)
+    inertias = _inertias(model, own, led, chosen, data.qpos.copy())
     _refuse_weightless(names, inertias)
     bank, period_s = drives(names, chosen, inertias, geared)
     joints = {
         j: _joint(model, data, j, servo, drive)
         for j, servo, drive in zip(own, chosen, bank, strict=True)
     }
+    joints |= {j: _follower(model, data, j, one) for j, one in led.items()}
     hand = dataclasses.replace(
         trx.HAND,
         name=_name(xml),
@@ -101,7 +103,7 @@ def mechanism(
         stick=sticks.STICKS["reference"],
         contact=trx.CONTACT,
         timing=Timing(drive_s=period_s),
-        gravity_m_s2=_vec(np.zeros(3) if weightless or _floats(model, own) else model.opt.gravity),
+        gravity_m_s2=_vec(model.opt.gravity * ((1.0 - carried) if _weighs(model) else 0.0)),
     )
 
 
@@ -136,6 +138,7 @@ def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, .
     """
     model = compiled(xml)
     own = [j for j in range(model.njnt) if model.joint(j).name in spans]
+    led = followers(model, own, ())[0]
     touching = ((model.geom_contype != 0) & (model.geom_conaffinity != 0)).sum()
     stopped = [
         name
@@ -145,7 +148,7 @@ def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, .
     resting = [
         model.joint(j).name or f"number {j}"
         for j in range(model.njnt)
-        if j not in own and int(model.jnt_type[j]) in ROOM
+        if j not in own and j not in led and int(model.jnt_type[j]) in ROOM
     ]
     odd = [text for name, one in file_drives(xml).items() if name in spans for text in one.odd]
     said = {
@@ -153,7 +156,6 @@ def left_out(xml: str, spans: Mapping[str, tuple[float, float]]) -> tuple[str, .
         f"end stops, which the log reaches: {', '.join(stopped)}": bool(stopped),
         f"joints that the log has not, which are held: {', '.join(resting)}": bool(resting),
         "; ".join(odd): bool(odd),
-        "gravity: the file compensates it (gravcomp)": _floats(model, own),
     }
     return tuple(text for text, applies in said.items() if applies)
 
@@ -164,15 +166,13 @@ def _name(xml: str) -> str:
     return root.get("model" if root.tag == "mujoco" else "name") or "MuJoCo Model"
 
 
-def _floats(model: mujoco.MjModel, own: Sequence[int]) -> bool:
-    """Whether no body that joints move has a weight for them to carry."""
-    if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY:
-        return True
-    return all(model.body_gravcomp[b] == 1.0 for b in moved(model, own) if model.body_mass[b] > 0.0)
+def _weighs(model: mujoco.MjModel) -> bool:
+    """Whether there is gravity."""
+    return not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
 
 
 def _posed(model: mujoco.MjModel, own: Sequence[int], held: Mapping[str, float]) -> mujoco.MjData:
-    """The model where joints that move read 0, and others stand where they are held."""
+    """The model where joints that move, or follow, read 0, and others stand where they are held."""
     data = mujoco.MjData(model)
     data.qpos[[model.jnt_qposadr[j] for j in own]] = 0.0
     for name, value in held.items():
@@ -188,9 +188,16 @@ def _reaches(span: tuple[float, float], stops: np.ndarray) -> bool:
 
 
 def _inertias(
-    model: mujoco.MjModel, own: Sequence[int], servos: Sequence[Servo], pose: Array
+    model: mujoco.MjModel,
+    own: Sequence[int],
+    led: Mapping[int, Follower],
+    servos: Sequence[Servo],
+    pose: Array,
 ) -> Inertias:
-    """Mass matrices of the links at random poses, and inertia and friction on the motor side."""
+    """Mass matrices of the links at random poses, and inertia and friction on the motor side.
+
+    What a follower's joint has of these, its leader has, by how far the follower moves.
+    """
     room = np.array([ROOM[int(model.jnt_type[j])] for j in own])
     ends = np.stack([-room, room], axis=1)
     ends = np.where(model.jnt_limited[own][:, None] != 0, model.jnt_range[own], ends)
@@ -207,12 +214,15 @@ def _inertias(
         found[k] = full[np.ix_(dofs, dofs)]
     files = [file_drive(model, j) for j in own]
     links = found - np.diag([one.armature for one in files])
-    return Inertias(
-        motor_kgm2=_motors(servos, files, links),
-        link_kgm2=links,
-        coulomb_nm=np.array(model.dof_frictionloss[dofs], dtype=float),
-        viscous_nms_rad=np.array([one.damping for one in files]),
-    )
+    motor = _motors(servos, files, links)
+    coulomb = np.array(model.dof_frictionloss[dofs], dtype=float)
+    viscous = np.array([one.damping for one in files])
+    for j, one in led.items():
+        behind, file, dof = own.index(one.leader), file_drive(model, j), model.jnt_dofadr[j]
+        motor[behind] += one.rate**2 * file.armature
+        viscous[behind] += one.rate**2 * file.damping
+        coulomb[behind] += abs(one.rate) * float(model.dof_frictionloss[dof])
+    return Inertias(motor_kgm2=motor, link_kgm2=links, coulomb_nm=coulomb, viscous_nms_rad=viscous)
 
 
 def _motors(servos: Sequence[Servo], files: Sequence[FileDrive], links: Array) -> Array:
@@ -284,6 +294,7 @@ def _filled(
     return dataclasses.replace(
         empty,
         mass_kg=float(model.body_mass[b]),
+        carried=float(model.body_gravcomp[b]),
         com_m=_vec(data.xipos[b] - anchor_m),
         inertia_kgm2=_vec(np.diag(inertia)),
         products_kgm2=_vec(inertia[[0, 0, 1], [1, 2, 2]]),
@@ -306,6 +317,18 @@ def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int, servo: Servo, dri
         command=Command(slowness_s_rad=1.0 / servo.speed if servo.speed else 0.0),
         loop=Loop(**servo.loop),
         slides=kind == int(mujoco.mjtJoint.mjJNT_SLIDE),
+    )
+
+
+def _follower(model: mujoco.MjModel, data: mujoco.MjData, j: int, one: Follower) -> Joint:
+    return Joint(
+        name=model.joint(j).name,
+        axis=_vec(data.xaxis[j]),
+        range_rad=(-1.0, 1.0),
+        drive=None,
+        slides=int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE),
+        follows=model.joint(one.leader).name,
+        course=one.course,
     )
 
 

@@ -14,7 +14,7 @@ from functools import cached_property
 from typing import Any
 
 Vec3 = tuple[float, float, float]
-_ZEROS = (0.0, (0.0, 0.0, 0.0))
+_ZEROS = (0.0, (0.0, 0.0, 0.0), None, ())
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,7 +109,7 @@ class Encoder:
 class Joint:
     """A hinge or slide: its axis, range and drive.
 
-    A joint without a drive is fixed at zero.
+    A joint without a drive follows another, or is fixed at zero.
 
     For a slide, read metres for radians and newtons for newton metres, here and in its drive.
     """
@@ -129,6 +129,10 @@ class Joint:
     loop: Loop = Loop()
     slides: bool = False
     """Whether it moves along its axis instead of rotating about it."""
+    follows: str | None = None
+    """The driven joint that it follows, as a coupled finger does; then it has no drive."""
+    course: tuple[float, ...] = ()
+    """Coefficients of its position as a polynomial of that joint's, the lowest first [rad, m]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,6 +152,8 @@ class Body:
     """Moments of inertia about the centre of mass, axes parallel to the body frame [kg m^2]."""
     products_kgm2: Vec3 = (0.0, 0.0, 0.0)
     """Entries xy, xz and yz of the inertia tensor [kg m^2]."""
+    carried: float = 0.0
+    """Share of its weight that is carried beside the drives' laws: gravity compensation [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

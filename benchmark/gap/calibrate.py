@@ -33,6 +33,12 @@ from diagnosis.replay.nominal import mjcf_world
 
 FILE = "calibration.yaml"
 OUT = Path("calibrations")
+BEYOND = {
+    "joint.slides": "not a hinge",
+    "joint.follows": "follows another joint",
+    "body.carried": "its weight is carried",
+}
+"""Numbers that engines may refuse, and what they mean."""
 
 
 def run(
@@ -105,13 +111,15 @@ def _ideal(log: Log, backend: str) -> Spec:
     mechanism = log.meta.mechanism
     if not isinstance(mechanism, HandMechanism):
         spec = mjcf_world(log, geared=True)
-        slides = [body.joint.name for body in spec.hand.driven if body.joint.slides]
-        refused = registry.load("backend", backend).support["joint.slides"]
-        if slides and refused.startswith("refused"):
-            raise UsageError(
-                f"not a hinge: {', '.join(slides)}; {backend} simulates hinges only; "
-                "`bench diagnose` takes slides and refits their nominal parameters"
-            )
+        support = registry.load("backend", backend).support
+        for number, what in BEYOND.items():
+            values = zip(spec.hand.bodies, spec.values(number), strict=True)
+            joints = [body.joint.name for body, value in values if value]
+            if joints and support[number].startswith("refused"):
+                raise UsageError(
+                    f"{what}: {', '.join(joints)}; {backend} simulates hinges only; "
+                    "`bench diagnose` takes all and refits their nominal parameters"
+                )
         return spec
     return ideal(mechanism.hand, mechanism.stick)
 

@@ -153,8 +153,8 @@ class MjcfMechanism(_Part):
     """Where joints are held that the log has not [rad], of a linear joint [m]; 0 by default."""
     fix_base: bool = False
     """Whether a floating base stands where the file has it."""
-    gravity_compensation: bool = False
-    """Whether the drives carry the weight of all links, beside their PD law."""
+    gravity_compensation: Annotated[FiniteFloat, Field(ge=0, le=1)] = 0.0
+    """Share of the weight of all links that the drives carry, beside their PD law; true: all."""
 
     @field_validator("mjcf")
     @classmethod

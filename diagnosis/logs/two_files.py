@@ -86,7 +86,7 @@ def pair(robot: Path, table: Path, asked: Asked) -> Pair:
             joints=drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n]),
             hold=dict(asked.hold),
             fix_base=asked.fix_base,
-            gravity_compensation=asked.gravity_compensation,
+            gravity_compensation=float(asked.gravity_compensation),
         ),
     )
     return Pair(log=make_log(meta, samples, xml), said=tuple(said))

@@ -64,7 +64,8 @@ def along(chain: Chain, angle_rad: Array, speed_rad_s: Array) -> Along:
     base = sweep(STEP)
     by_mass = []
     for j in range(angle_rad.shape[1]):
-        m, h, _, _ = sweep(mass_kg=np.where(chain.column == j, 2.0, 1.0) * chain.mass_kg)
+        own = (chain.column == j) & ~chain.follows
+        m, h, _, _ = sweep(mass_kg=np.where(own, 2.0, 1.0) * chain.mass_kg)
         by_mass.append(((m - base[0]).ravel(), (h - base[1]).ravel()))
     turned = (chain.gravity_m_s2 + np.cross(axis, chain.gravity_m_s2) for axis in AXES)
     by_tilt = tuple(sweep(gravity_m_s2=g)[1] - base[1] for g in turned)

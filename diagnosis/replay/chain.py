@@ -34,7 +34,12 @@ class Chain:
     kind: Array
     """HINGE, SLIDE or FIXED, shape (B,)."""
     column: Array
-    """Driven joint of each body, shape (B,); -1 where it is fixed."""
+    """Driven joint that moves each body, shape (B,); -1 where it is fixed."""
+    course: Array
+    """The body's position on its joint by the driven joint's: a polynomial, the lowest coefficient
+    first, shape (B, 5); 0 1 0 0 0 of the driven joint itself."""
+    follows: Array
+    """Whether a body follows its driven joint by another joint, shape (B,)."""
     origin_m: Array
     """Joint position in the parent's frame [m], shape (B, 3)."""
     axis: Array
@@ -45,6 +50,8 @@ class Chain:
     """Centres of mass in the body's frame [m], shape (B, 3)."""
     inertia_kgm2: Array
     """Inertia tensors about the centres of mass [kg m^2], shape (B, 3, 3)."""
+    carried: Array
+    """Share of each weight that is carried beside the drives, shape (B,)."""
     gravity_m_s2: Array
     """Gravity [m/s^2], shape (3,)."""
 
@@ -59,7 +66,7 @@ def chain(spec: Spec) -> Chain:
     offset: dict[str | None, tuple[float, ...]] = {None: (0.0, 0.0, 0.0)}
     bodies: list[Body] = []
     for body in spec.hand.bodies:
-        if body.joint.drive is None and body.parent in offset:
+        if _fixed(body) and body.parent in offset:
             offset[body.name] = _plus(offset[body.parent], body.origin_m)
         else:
             bodies.append(body)
@@ -67,32 +74,45 @@ def chain(spec: Spec) -> Chain:
     rows = tuple(
         (
             -1 if b.parent in offset else names.index(str(b.parent)),
-            (SLIDE if b.joint.slides else HINGE) if b.joint.drive else FIXED,
-            joints.index(b.joint.name) if b.joint.drive else -1,
+            FIXED if _fixed(b) else (SLIDE if b.joint.slides else HINGE),
+            -1 if _fixed(b) else joints.index(b.joint.follows or b.joint.name),
+            (*b.joint.course, *(0.0,) * 5)[:5] if b.joint.follows else (0.0, 1.0, 0.0, 0.0, 0.0),
+            b.joint.follows is not None,
             _plus(offset.get(b.parent, (0.0, 0.0, 0.0)), b.origin_m),
             b.joint.axis,
             b.mass_kg,
             b.com_m,
             (b.inertia_kgm2, b.products_kgm2),
+            b.carried,
         )
         for b in bodies
     )
     return _chain(rows, spec.gravity_m_s2)
 
 
+def _fixed(body: Body) -> bool:
+    return body.joint.drive is None and body.joint.follows is None
+
+
 @lru_cache(maxsize=256)
 def _chain(rows: tuple[tuple, ...], gravity_m_s2: tuple[float, ...]) -> Chain:
     """A row per body. It is cached, because most candidate worlds differ only in their drives."""
-    parent, kind, column, origin, axis, mass, com, inertia = zip(*rows, strict=True)
+    parent, kind, column, course, follows, *place, mass, com, inertia, carried = zip(
+        *rows, strict=True
+    )
+    origin, axis = place
     return Chain(
         parent=np.array(parent),
         kind=np.array(kind),
         column=np.array(column),
+        course=np.array(course, dtype=float),
+        follows=np.array(follows),
         origin_m=np.array(origin, dtype=float),
         axis=np.array(axis, dtype=float),
         mass_kg=np.array(mass, dtype=float),
         com_m=np.array(com, dtype=float),
         inertia_kgm2=np.array([_tensor(*one) for one in inertia]),
+        carried=np.array(carried, dtype=float),
         gravity_m_s2=np.array(gravity_m_s2, dtype=float),
     )
 
@@ -163,39 +183,57 @@ def workspace(bodies, joints):
 @numba.njit(cache=True)
 def dynamics(q, qd, chain, work, mass, bias):
     """Write the mass matrix (J, J) [kg m^2] and the bias torques (J,) [Nm]; slides: kg and N."""
-    parent, kind, column, origin, axis, mass_kg, com, inertia, gravity = chain
+    parent, kind, column, course, _, origin, axis, mass_kg, com, inertia, carried, gravity = chain
     turn, rows, columns = work
     world = len(parent)
     mass[:] = 0.0
     bias[:] = 0.0
     for b in range(world):
         above = parent[b] if parent[b] >= 0 else world
-        j = column[b]
-        _move(rows[above], rows[b], turn[above], turn[b], kind[b], origin[b], axis[b], j, q, qd)
-        _resist(rows[b], turn[b], mass_kg[b], com[b], inertia[b], gravity)
-        carrier = b
-        while carrier >= 0:
-            if column[carrier] >= 0:
-                _column(rows[b], rows[carrier], turn[b], kind[carrier], columns[column[carrier]])
-            carrier = parent[carrier]
+        j, at = column[b], (0.0, 0.0, 0.0)
+        if j >= 0:
+            at = _followed(course[b], q[j], qd[j])
+        _move(rows[above], rows[b], turn[above], turn[b], kind[b], origin[b], axis[b], at)
+        _resist(rows[b], turn[b], mass_kg[b], com[b], inertia[b], 1.0 - carried[b], gravity)
+        columns[:] = 0.0
         carrier = b
         while carrier >= 0:
             k = column[carrier]
             if k >= 0:
-                bias[k] += _dot(columns[k, 0], rows[b, _FORCE])
-                bias[k] += _dot(columns[k, 1], rows[b, _MOMENT])
-                _couple(b, parent, column, mass_kg[b], inertia[b], k, columns, mass[k])
+                rate = _followed(course[carrier], q[k], 1.0)[1]
+                _column(rows[b], rows[carrier], turn[b], kind[carrier], rate, columns[k])
             carrier = parent[carrier]
+        for k in range(len(bias)):
+            if not columns[k].any():
+                continue
+            bias[k] += _dot(columns[k, 0], rows[b, _FORCE])
+            bias[k] += _dot(columns[k, 1], rows[b, _MOMENT])
+            for n in range(k + 1):
+                part = mass_kg[b] * _dot(columns[k, 0], columns[n, 0])
+                for i in range(3):
+                    part += columns[k, 2, i] * _dot(inertia[b, i], columns[n, 2])
+                mass[k, n] += part
+                mass[n, k] += part if n != k else 0.0
 
 
 @numba.njit(cache=True)
-def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
+def _followed(course, q, qd):
+    """Position, speed, and acceleration at none of the driven joint, of what follows it."""
+    at = course[0] + q * (course[1] + q * (course[2] + q * (course[3] + q * course[4])))
+    rate = course[1] + q * (2.0 * course[2] + q * (3.0 * course[3] + q * 4.0 * course[4]))
+    bend = 2.0 * course[2] + q * (6.0 * course[3] + q * 12.0 * course[4])
+    return at, rate * qd, bend * qd * qd
+
+
+@numba.njit(cache=True)
+def _move(above, body, turn_above, turn, kind, origin, axis, at):
     """Place a body and its velocities and accelerations at zero joint acceleration."""
+    q, qd, qdd = at
     _turn(turn_above, axis, body[_AXIS])
     _turn(turn_above, origin, body[_ARM])
     if kind == 1:
         for i in range(3):
-            body[_ARM, i] += body[_AXIS, i] * q[j]
+            body[_ARM, i] += body[_AXIS, i] * q
     _cross(above[_OMEGA], body[_ARM], body[_TEMP])
     _cross(above[_OMEGA], body[_TEMP], body[_ACC])
     _cross(above[_ALPHA], body[_ARM], body[_TEMP])
@@ -204,11 +242,11 @@ def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
         body[_ACC, i] += above[_ACC, i] + body[_TEMP, i]
         body[_OMEGA, i], body[_ALPHA, i] = above[_OMEGA, i], above[_ALPHA, i]
     if kind == 0:
-        _hinge(turn_above, axis, q[j], turn)
+        _hinge(turn_above, axis, q, turn)
         _cross(above[_OMEGA], body[_AXIS], body[_TEMP])
         for i in range(3):
-            body[_OMEGA, i] += body[_AXIS, i] * qd[j]
-            body[_ALPHA, i] += body[_TEMP, i] * qd[j]
+            body[_OMEGA, i] += body[_AXIS, i] * qd
+            body[_ALPHA, i] += body[_TEMP, i] * qd + body[_AXIS, i] * qdd
         return
     for i in range(3):
         for k in range(3):
@@ -216,11 +254,11 @@ def _move(above, body, turn_above, turn, kind, origin, axis, j, q, qd):
     if kind == 1:
         _cross(above[_OMEGA], body[_AXIS], body[_TEMP])
         for i in range(3):
-            body[_ACC, i] += 2.0 * qd[j] * body[_TEMP, i]
+            body[_ACC, i] += 2.0 * qd * body[_TEMP, i] + body[_AXIS, i] * qdd
 
 
 @numba.njit(cache=True)
-def _resist(body, turn, mass_kg, com, inertia, gravity):
+def _resist(body, turn, mass_kg, com, inertia, weight, gravity):
     """Write the force and moment at a body's centre that its motion and weight require."""
     _turn(turn, com, body[_ARM])
     _cross(body[_OMEGA], body[_ARM], body[_TEMP])
@@ -229,7 +267,7 @@ def _resist(body, turn, mass_kg, com, inertia, gravity):
     for i in range(3):
         body[_CENTER, i] = body[_AT, i] + body[_ARM, i]
         acceleration = body[_ACC, i] + body[_FORCE, i] + body[_TEMP, i]
-        body[_FORCE, i] = mass_kg * (acceleration - gravity[i])
+        body[_FORCE, i] = mass_kg * (acceleration - weight * gravity[i])
     _turn_back(turn, body[_OMEGA], body[_TEMP])
     _turn(inertia, body[_TEMP], body[_ARM])
     _cross(body[_TEMP], body[_ARM], body[_MOMENT])
@@ -241,25 +279,15 @@ def _resist(body, turn, mass_kg, com, inertia, gravity):
 
 
 @numba.njit(cache=True)
-def _column(body, carrier, turn, kind, column):
-    """Effect of a joint on a body: velocity of its centre, and rotation in both frames."""
+def _column(body, carrier, turn, kind, rate, column):
+    """Add a joint's effect on a body: velocity of its centre, and rotation in both frames."""
     hinge = kind != 1
     for i in range(3):
         body[_ARM, i] = body[_CENTER, i] - carrier[_AT, i]
-        column[0, i] = carrier[_AXIS, i]
-        column[1, i] = carrier[_AXIS, i] if hinge else 0.0
+        body[_TEMP, i] = carrier[_AXIS, i]
     if hinge:
-        _cross(carrier[_AXIS], body[_ARM], column[0])
+        _cross(carrier[_AXIS], body[_ARM], body[_TEMP])
+    for i in range(3):
+        column[0, i] += rate * body[_TEMP, i]
+        column[1, i] += rate * carrier[_AXIS, i] if hinge else 0.0
     _turn_back(turn, column[1], column[2])
-
-
-@numba.njit(cache=True)
-def _couple(b, parent, column, mass_kg, inertia, k, columns, out):
-    """Add a body's share of row `k` of the mass matrix."""
-    while b >= 0:
-        j = column[b]
-        if j >= 0:
-            out[j] += mass_kg * _dot(columns[k, 0], columns[j, 0])
-            for i in range(3):
-                out[j] += columns[k, 2, i] * _dot(inertia[i], columns[j, 2])
-        b = parent[b]

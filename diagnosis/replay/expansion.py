@@ -22,11 +22,12 @@ SMALL_RAD = 0.03
 def expand(chain):
     """Coefficients (33,): of m11, m12, m22 in (1, c, s, c2, s2), then gravity's (2, 9).
 
-    Empty where the closed form does not hold: more than two joints, a slide and a hinge.
+    Empty where the closed form does not hold: more than two joints, a slide and a hinge, or joints
+    that follow others.
     """
     joints = chain[2].max() + 1
     slides = (chain[1] == SLIDE).sum()
-    if joints > 2 or 0 < slides < joints:
+    if joints > 2 or 0 < slides < joints or chain[4].any():
         return np.zeros(0)
     work = workspace(len(chain[0]), joints)
     q, still = np.zeros(joints), np.zeros(joints)

@@ -29,7 +29,7 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
             servos(log),
             held=settings.hold,
             fix_base=settings.fix_base,
-            weightless=settings.gravity_compensation,
+            carried=settings.gravity_compensation,
             geared=geared,
         )
     except MjcfError as error:

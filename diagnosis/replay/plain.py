@@ -67,7 +67,7 @@ def plain(
         text,
         joints,
         settings.hold,
-        weightless=settings.gravity_compensation,
+        carried=settings.gravity_compensation,
         timestep_s=timestep_s,
         integrator=integrator,
         beside=beside,

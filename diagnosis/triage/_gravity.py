@@ -165,7 +165,7 @@ def _carried(track: Track, sags: Array, expected: Array) -> Fault | None:
         evidence=f"at rest it is {1e3 * _rms(sags):.2g} mrad from its targets, where its weight "
         f"should hold it {1e3 * _rms(expected):.2g} mrad below",
         remedy="the drive compensates gravity: say --gravity-compensation, or `gravity_compensation"
-        ": true` under mechanism; or it has an integral term, which is not simulated",
+        ": true` under mechanism; or it has an integral: write its `ki`",
     )
 
 

@@ -12,6 +12,7 @@ from benchmark.cli import app as cli
 from diagnosis import diagnose
 from diagnosis.logs._meta import parse_meta
 from diagnosis.logs.log import Log, LogError, LogMeta, make_log
+from diagnosis.replay.chain import chain
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions, uncertainties
@@ -174,15 +175,42 @@ def test_names_may_be_numbers():
     assert list(meta.mechanism.joints) == ["1"]
 
 
-def test_a_follower_is_named_with_what_holding_it_means():
-    """Say that to hold a follower changes the robot, and how to accept it."""
-    tip = '<body name="tip" pos="0.3 0 0"><joint name="tip"/><geom size="0.02" mass="0.05"/></body>'
-    xml = ARM.replace(f"{JOINT}</body>", f"{JOINT}{tip}</body>").replace(
-        "<actuator>", '<equality><joint joint1="tip" joint2="shoulder"/></equality><actuator>'
-    )
-    with pytest.raises(LogError, match="'tip' follows 'shoulder' .*changes the robot"):
-        mjcf_world(log_of(xml))
-    assert len(mjcf_world(log_of(xml, hold={"tip": 0})).drives) == 1
+TIP = '<body name="tip" pos="0.3 0 0"><joint name="tip"/><geom size="0.02" mass="0.3"/></body>'
+
+
+def coupled(tip: str = TIP, more: str = "") -> str:
+    """The arm with a tip that follows the shoulder."""
+    equality = f'<equality><joint joint1="tip" joint2="shoulder"/>{more}</equality><actuator>'
+    return ARM.replace(f"{JOINT}</body>", f"{JOINT}{tip}</body>").replace("<actuator>", equality)
+
+
+def test_a_follower_is_simulated_or_held_on_demand():
+    """Replay a coupled joint as plain MuJoCo does; hold it where log.yaml says so."""
+    log = log_of(coupled())
+    assert plain_apart(log, mjcf_world(log)) < 1e-3
+    held = log_of(coupled(), hold={"tip": 0})
+    assert plain_apart(held, mjcf_world(held)) < 1e-3
+    assert len(mjcf_world(log).drives) == len(mjcf_world(held).drives) == 1
+    ours, stiff = (chain(mjcf_world(one)) for one in (log, held))
+    assert ours.follows.sum() == 1 and stiff.follows.sum() == 0
+
+
+@pytest.mark.parametrize(
+    ("xml", "names", "said"),
+    [
+        (coupled(), ("shoulder", "tip"), "leave out the columns"),
+        (
+            coupled(more='<joint joint1="tip" joint2="shoulder" polycoef="0 2"/>'),
+            ("shoulder",),
+            "along one polynomial; to hold it instead, add `hold: {tip: 0}`",
+        ),
+    ],
+)
+def test_a_joint_that_cannot_follow_is_named(xml, names, said):
+    """Say what binds which joints, and what to do."""
+    drives = {name: {"kp": 10, "kd": 1, "limit": 5} for name in names}
+    with pytest.raises(LogError, match=re.escape(said)):
+        mjcf_world(log_of(xml, drives, names))
 
 
 @pytest.mark.parametrize(
