@@ -77,6 +77,8 @@ def zero(track: Track) -> Fault | None:
         return None
     mended = track.replayed(started=-offset)
     offset = float(np.median(np.concatenate(less(track.position, mended.shown))))
+    if abs(offset) <= border:
+        return None
     left = np.concatenate(less(track.position, mended.shown)) - offset
     missed = np.concatenate(less(track.position, track.shown))
     if np.sqrt(np.mean(left**2)) * BETTER > np.sqrt(np.mean(missed**2)):

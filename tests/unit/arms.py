@@ -12,6 +12,7 @@ from diagnosis.logs.log import Log, LogMeta, make_log
 TICK_S, HZ, SECONDS = 1e-3, 200, 4.0
 KP, KD, LIMIT = 120.0, 6.0, 60.0
 """Nominal drives [Nm/rad, Nms/rad, Nm]."""
+STILL_RAD = 0.3
 LINKS = 0.3, 0.8
 """Length [m] and mass [kg] of every link."""
 PROTOCOLS = ("steps", "triangle", "multisine")
@@ -31,6 +32,8 @@ class Real:
     lost_share: float = 0.0
     """Share of the packets that are lost; the drives keep the last target."""
     noise_rad: float = 1e-4
+    still: tuple[int, ...] = ()
+    """Joints whose target stays at STILL_RAD."""
 
 
 def mjcf(joints: int, coulomb_nm: Mapping[int, float] | None = None, drives: str = "") -> str:
@@ -75,9 +78,12 @@ def commands(joints: int) -> list[np.ndarray]:
 def log_of(real: Real, seed: int = 0) -> Log:
     """The log of an arm whose file says nothing of what `real` has."""
     noise = np.random.default_rng(seed)
+    asked = commands(real.joints)
+    for command in asked:
+        command[:, list(real.still)] = STILL_RAD
     frames = [
         _frame(number, _simulated(real, _received(real, command, noise)), command, real, noise)
-        for number, command in enumerate(commands(real.joints))
+        for number, command in enumerate(asked)
     ]
     drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": LIMIT} for j in range(real.joints)}
     meta = {

@@ -3,8 +3,10 @@
 import dataclasses
 from collections.abc import Callable, Iterator
 
+import arms
 import numpy as np
 import pytest
+from arms import Real, log_of
 from pandas import DataFrame as Samples
 
 from backends import sticks, trx
@@ -13,6 +15,7 @@ from benchmark.parts import registry
 from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record
+from diagnosis.replay.nominal import mjcf_world
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._signals import correlations, line
 from diagnosis.triage._zeros import ZERO_RAD
@@ -52,7 +55,7 @@ def built() -> Log:
 def changed(log: Log, change: Change) -> Log:
     samples = log.samples.copy()
     change(samples)
-    return make_log(log.meta.model_copy(update={"channels": {}}), samples)
+    return make_log(log.meta.model_copy(update={"channels": {}}), samples, log.mjcf_xml)
 
 
 def found(log: Log) -> tuple[Fault, ...]:
@@ -299,6 +302,19 @@ def test_joints_that_move_alike_are_not_swapped(ideal):
                 samples[f"{kind}.{joint}"] = samples[f"{kind}.J0"]
 
     assert found(changed(ideal, alike)) == ()
+
+
+def test_a_joint_that_friction_holds_says_nothing_of_gravity(monkeypatch):
+    """Take a pose once, however often other joints move: friction may hold what gravity would not.
+
+    The joint stands where it was put, so it seems to have another zero.
+    """
+    text, upright = arms.mjcf, ('name="J0" axis="0 1 0"', 'name="J0" axis="0 0 1"')
+    monkeypatch.setattr(arms, "SECONDS", 8.0)
+    monkeypatch.setattr(arms, "mjcf", lambda *given: text(*given).replace(*upright))
+    log = log_of(Real(joints=2, coulomb_nm={1: 40.0}, still=(1,)))
+    log = changed(log, plus("position_rad.J1", 0.004))
+    assert faults(log, mjcf_world(log)) == ()
 
 
 def test_joints_that_stand_still_have_no_bugs(ideal):
