@@ -35,6 +35,8 @@ class JointNumbers:
     mass_kg: float
     """Mass of the body that it carries; 0: another joint of the same body has it."""
 
+    note: str = ""
+    """What its drive does that an MJCF cannot hold: written as a comment."""
     play: float = 0.0
     """Half of its gear's play: a hinge or slide behind the joint, between stops."""
 
@@ -145,6 +147,9 @@ def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumber
         sections[0].append(servo)
     else:
         servo.attrib |= {key: first.get(key, "") for key in KEPT if first.get(key) is not None}
+    if one.note:
+        section = next(part for part in sections if servo in list(part))
+        section.insert(list(section).index(servo), ElementTree.Comment(f" {one.note} "))
     j = model.joint(name).id
     own = [a for a in range(model.nu) if acts(model, a, j)]
     gear = float(model.actuator_gear[own[0], 0]) if own else 1.0

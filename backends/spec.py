@@ -69,6 +69,9 @@ class Loop:
 
     integral_hz: float = 0.0
     """Integral gain over the proportional one [1/s]."""
+    speed_integral_hz: float = 0.0
+    """Integral gain over the proportional one of a loop on the speed [1/s]: in a cascade, whose
+    target speed is the proportional gain over the derivative one times the error."""
     integral_limit_nm: float = 0.0
     """Largest torque of the integral [Nm]; 0: the drive's limit."""
     filter_s: float = 0.0

@@ -78,9 +78,8 @@ def understood(log: Log) -> Iterator[str]:
 
 def _more(drive: DriveSettings) -> str:
     """What a drive does beside the PD law, and how unsure its numbers are, in words."""
-    more = drive.model_dump(exclude_defaults=True, exclude={*NUMBERS, "uncertainty"})
     unsure = {k: f"{k} +- {100 * size:.3g} %" for k, size in drive.uncertainty.items()}
-    said = [f"{name} {value}" for name, value in more.items()]
+    said = [f"{name} {value:g}" for name, value in drive.more.items()]
     return "".join(f", {text}" for text in (*said, *unsure.values()))
 
 

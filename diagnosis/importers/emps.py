@@ -1,6 +1,6 @@
 """EMPS: a linear axis with motor and ball screw (Janot, Gautier, Brunot 2019), DATA_EMPS.mat.
 
-The cascade controller `vir = kv (kp (qg - qm) - dqm/dt)` with the force `gtau vir` is a PD law. The
+The controller `vir = kv (kp (qg - qm) - dqm/dt)` with the force `gtau vir` is a cascade. The
 mass is the authors' value. They do not say how much of it belongs to motor and screw; half is
 assumed. The friction and the constant offset that they identified are not in the model, so that a
 diagnosis can find them.
@@ -57,7 +57,7 @@ class Importer(importer.Importer):
 def _log(path: Path) -> Log:
     data = _load(path)
     gtau, kp, kv = (float(data[name][0]) for name in ("gtau", "kp", "kv"))
-    drive = DriveSettings(kp=gtau * kv * kp, kd=gtau * kv, limit=gtau * VOLTAGE_V, sensor="motor")
+    drive = DriveSettings(position_gain=kp, kd=gtau * kv, limit=gtau * VOLTAGE_V, sensor="motor")
     samples = pd.DataFrame(
         {
             "t_s": data["t"],

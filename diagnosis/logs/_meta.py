@@ -56,6 +56,8 @@ class EpisodeMeta(_Part):
     note: str | None = None
 
 
+HELD = {"kp", "kd", "limit", "armature", "sensor", "uncertainty"}
+"""Fields of a drive that say nothing of its loop."""
 UNSURE = re.compile(r"^\s*([^\s%±]+?)\s*(?:\+-|\+/-|±)\s*([^\s%±]+)\s*(%?)\s*$")
 """A number and one standard deviation of it, such as '60 +- 20%'."""
 
@@ -64,7 +66,7 @@ class DriveSettings(_Part):
     """Nominal drive of one joint, on the motor side; of a linear joint read m for rad, N for Nm.
 
     What is not given here stands in the MJCF, as do links, friction and gravity; what neither says
-    beside kp and kd is not there. kp, kd, limit and armature may be given with their standard
+    beside kp and kd is not there. Numbers of `uncertainty` may be given with their standard
     deviation: '60 +- 20%' or '60 +- 12'.
     """
 
@@ -81,6 +83,12 @@ class DriveSettings(_Part):
     """Side of the gear on which the position was measured."""
     ki: Amount = 0.0
     """Integral gain [Nm/(rad s)]."""
+    position_gain: Amount = 0.0
+    """Of a cascade, whose loop on the speed has the gain kd: gain of its loop on the position
+    [1/s]; kp is their product."""
+    speed_integral: Amount = 0.0
+    """Of a cascade: integral gain of its loop on the speed over kd [1/s], one over its reset
+    time."""
     integral_limit: Amount = 0.0
     """Largest torque of the integral [Nm]; 0: `limit`."""
     filter: Amount = 0.0
@@ -96,7 +104,9 @@ class DriveSettings(_Part):
     """Time constant by which the torque follows what is asked [s]."""
     back_emf: Amount = 0.0
     """Damping beside kd that the limit does not hold: kt^2 / R of a driven voltage [Nms/rad]."""
-    uncertainty: dict[Literal["kp", "kd", "limit", "armature"], Positive] = {}
+    uncertainty: dict[
+        Literal["kp", "kd", "limit", "armature", "ki", "speed_integral"], Positive
+    ] = {}
     """Standard deviations as shares, of numbers that are known otherwise than most."""
 
     @model_validator(mode="before")
@@ -116,6 +126,25 @@ class DriveSettings(_Part):
             return data
         return {**data, **values, "uncertainty": {**data.get("uncertainty", {}), **sizes}}
 
+    @model_validator(mode="before")
+    @classmethod
+    def _of_cascade(cls, data: object) -> object:
+        """The gain on the position of a cascade: the product of its gains."""
+        if not isinstance(data, dict) or not data.get("position_gain"):
+            return data
+        try:
+            product = float(data["position_gain"]) * float(data["kd"])
+        except (KeyError, TypeError, ValueError):
+            raise ValueError(
+                "a position_gain needs kd, the gain of the loop on the speed"
+            ) from None
+        return {**data, "kp": product}
+
+    @property
+    def more(self) -> dict[str, float]:
+        """What it does beside the PD law, by the names here."""
+        return self.model_dump(exclude_defaults=True, exclude=HELD)
+
     @property
     def loop(self) -> dict[str, float]:
         """What its loop does beside the PD law, by the numbers of `backends.spec.Loop`.
@@ -124,6 +153,7 @@ class DriveSettings(_Part):
         """
         return {
             "integral_hz": self.ki / self.kp if self.kp else 0.0,
+            "speed_integral_hz": self.speed_integral,
             "integral_limit_nm": self.integral_limit,
             "filter_s": self.filter,
             "lead": self.lead or 0.0,

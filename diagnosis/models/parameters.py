@@ -17,6 +17,28 @@ from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.along import AXES
 from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, STIFFNESS
 
+
+class _Integral(NumberEffect):
+    """Relative change of an integral gain: as unsure as other gains, and no cause."""
+
+    number = "loop.integral_hz"
+    dimension, unit = "share", "%"
+    bounds = (-0.9, 9.0)
+    relative = True
+    nominal = True
+    coordinate = "logarithm"
+    least, most = 0.1, 2.5
+    either_sign = True
+
+
+class _SpeedIntegral(_Integral):
+    """The same of a loop on the speed."""
+
+    number = "loop.speed_integral_hz"
+
+
+TERMS: Mapping[str, type[Effect]] = {"ki": _Integral, "speed_integral": _SpeedIntegral}
+"""Nominal numbers that no effect changes, by their names in log.yaml."""
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
 
@@ -80,7 +102,7 @@ def parameters(
     of this origin have.
     """
     found = []
-    for name, kind in {**every_effect(), **catalogue}.items():
+    for name, kind in {**every_effect(), **catalogue, **TERMS}.items():
         if kind.least is None:
             continue
         places = _places(kind)

@@ -29,6 +29,7 @@ TEETH, LOCK = COLUMNS.index("drive.gear_damping_nms_rad"), COLUMNS.index("drive.
 DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.delay_s")
 SLOWNESS = COLUMNS.index("command.slowness_s_rad")
 INTEGRAL, FULL = COLUMNS.index("loop.integral_hz"), COLUMNS.index("loop.integral_limit_nm")
+CASCADE = COLUMNS.index("loop.speed_integral_hz")
 FILTER, LEAD = COLUMNS.index("loop.filter_s"), COLUMNS.index("loop.lead")
 UNLIMITED = COLUMNS.index("loop.unlimited")
 PROFILE, LAG = COLUMNS.index("loop.profile_rad_s2"), COLUMNS.index("loop.lag_s")

@@ -7,10 +7,11 @@ replay computes no kinematics and needs no measured accelerations. A drive is ri
 its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
 implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). Its law is
 
-    tau = lag(clip(kp dead_zone(e) + kp i sum(e dt) + (1 - u) kd s + given) + u kd s)
+    tau = lag(clip(kp dead_zone(e) + I + (1 - u) kd s + given) + u kd s)
+    I' = kp i e + c (kp e + kd s)
     e = target - motor,    s = lead target' - filter(motor')
 
-with the target that its profile makes of the command, and a torque that is given beside it. The sum
+with the target that its profile makes of the command, and a torque that is given beside it. I
 begins where the drive carries the weight at the start.
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 
 from backends.drive import STRIBECK_RAD_S
 from diagnosis.motion.columns import (
+    CASCADE,
     COULOMB,
     DEAD_ZONE,
     DELAY,
@@ -147,7 +149,7 @@ def integrate(
     share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
-        if p[j, INTEGRAL] > 0.0:
+        if p[j, INTEGRAL] > 0.0 or p[j, CASCADE] > 0.0:
             total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
     inverse = np.zeros((joints, joints))
     held, at_limit = np.zeros(joints, np.bool_), False
@@ -176,9 +178,10 @@ def integrate(
                 slip += p[j, LEAD] * (given[n, j, 0] if known else own)
             if len(given) > 0:
                 more = given[n, j, 1]
-            if p[j, INTEGRAL] > 0.0:
+            if p[j, INTEGRAL] > 0.0 or p[j, CASCADE] > 0.0:
                 full = p[j, FULL] if p[j, FULL] > 0.0 else p[j, LIMIT]
-                total[j] += p[j, INTEGRAL] * p[j, KP] * dt * error
+                total[j] += (p[j, INTEGRAL] + p[j, CASCADE]) * p[j, KP] * dt * error
+                total[j] += p[j, CASCADE] * p[j, KD] * dt * slip
                 total[j] = min(max(total[j], -full), full)
                 more += total[j]
             law = p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE], p[j, UNLIMITED]

@@ -8,7 +8,7 @@ import numpy as np
 from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written_urdf
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
-from diagnosis.logs.log import Log, LogError
+from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording, recordings
@@ -40,11 +40,21 @@ def model_text(log: Log, spec: Spec, joints: Collection[str] | None = None) -> s
     """
     xml, settings = model_of(log)
     every = numbers_of(spec)
-    some = {name: one for name, one in every.items() if joints is None or name in joints}
+    some = {
+        name: replace(one, note=_note(settings.joints.get(name, DriveSettings())))
+        for name, one in every.items()
+        if joints is None or name in joints
+    }
     try:
         return written(xml, some)
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
+
+
+def _note(drive: DriveSettings) -> str:
+    """What a drive does that its position servo does not."""
+    more = ", ".join(f"{name} {value:g}" for name, value in drive.more.items())
+    return f"the drive of this servo also has, and this file has not: {more}" if more else ""
 
 
 def urdf_text(log: Log, spec: Spec, joints: Collection[str]) -> str | None:

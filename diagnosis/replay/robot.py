@@ -26,6 +26,8 @@ COLUMNS = {
 }
 """Numbers that a file has as well, under the names of the spec."""
 NUMBERS = tuple(COLUMNS)
+UNSURE = COLUMNS | {"ki": "loop.integral_hz", "speed_integral": "loop.speed_integral_hz"}
+"""Numbers that may have an uncertainty of their own, under the names of the spec."""
 IN_LOG, NOWHERE = "log.yaml", "unknown"
 
 
@@ -115,7 +117,7 @@ def uncertainties(log: Log) -> dict[tuple[str, str], float]:
         if one.armature is None:
             found[name, COLUMNS["armature"]] = GUESS_SD
         said = one.more.uncertainty.items()
-        found |= {(name, COLUMNS[number]): size for number, size in said}
+        found |= {(name, UNSURE[number]): size for number, size in said}
     return found
 
 

@@ -40,6 +40,10 @@ TERMS = {
         _Number("ki", "loop.integral_hz", 1.0, 50.0, KP),
         _Number("integral_limit", "loop.integral_limit_nm", 0.25, 1.0, LIMIT),
     ),
+    "an integral on its speed, as in a cascade,": (
+        _Number("speed_integral", "loop.speed_integral_hz", 1.0, 200.0),
+        _Number("integral_limit", "loop.integral_limit_nm", 0.25, 1.0, LIMIT),
+    ),
     "a filter on its speed": (_Number("filter", "loop.filter_s", 0.01, 0.2),),
     "a torque that lags": (_Number("lag", "loop.lag_s", 0.005, 0.2),),
     "kd on the error of the speed": (_Number("lead", "loop.lead", 0.5, 1.0),),

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from backends.mjcf import file_drives
 from benchmark.cli import app as cli
 from diagnosis.logs.log import DriveSettings, Log, LogError, LogMeta, make_log
 from diagnosis.logs.servos import servo, table
@@ -16,6 +17,7 @@ from diagnosis.motion.columns import DELAY
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.plain import model_text
 from diagnosis.replay.robot import uncertainties
 from diagnosis.solver import solve
 
@@ -35,6 +37,13 @@ def pid(state: dict, q: float, v: float, k: int) -> float:
     """A law with an integral that holds 2 Nm at most."""
     state["sum"] = np.clip(state.get("sum", 0.0) + 60 * (STEPS[k] - q) * DT, -2, 2)
     return np.clip(KP * (STEPS[k] - q) - KD * v + state["sum"], -LIMIT, LIMIT)
+
+
+def cascaded(state: dict, q: float, v: float, k: int) -> float:
+    """P on the position, PI on the speed with a reset time of 1/8 s; the integral holds 2 Nm."""
+    asked = KD * (KP / KD * (STEPS[k] - q) - v)
+    state["sum"] = np.clip(state.get("sum", 0.0) + 8.0 * asked * DT, -2, 2)
+    return np.clip(asked + state["sum"], -LIMIT, LIMIT)
 
 
 def filtered(state: dict, q: float, v: float, k: int) -> float:
@@ -109,6 +118,12 @@ def off(log: Log) -> float:
     ("law", "command", "drive", "more"),
     [
         (pid, STEPS, {"ki": 60, "integral_limit": 2}, {}),
+        (
+            cascaded,
+            STEPS,
+            {"position_gain": KP / KD, "kd": KD, "speed_integral": 8, "integral_limit": 2},
+            {},
+        ),
         (filtered, STEPS, {"filter": 0.01}, {}),
         (on_error, SINE, {}, {"reference_rad_s": RATE}),
         (on_error, SINE, {"lead": 1}, {}),
@@ -117,7 +132,17 @@ def off(log: Log) -> float:
         (lagging, STEPS, {"lag": 0.005}, {}),
         (profiled, STEPS, {"acceleration": 10, "speed": 1}, {}),
     ],
-    ids=["pid", "filter", "reference", "lead", "feedforward", "back-emf", "lag", "profile"],
+    ids=[
+        "pid",
+        "cascade",
+        "filter",
+        "reference",
+        "lead",
+        "feedforward",
+        "back-emf",
+        "lag",
+        "profile",
+    ],
 )
 def test_a_law_is_replayed_as_it_is(law, command, drive, more):
     """Replay each law as closely as ticks of 1 ms allow, and five times worse as a PD law."""
@@ -193,6 +218,30 @@ def test_columns_beside_the_target_are_read(tmp_path):
     assert np.allclose(found.log.samples["feedforward_nm.a"], SINE)
     assert "not used: a_torque_cmd" in found.said
     assert mjcf_world(found.log).hand.driven[0].joint.loop.lead == 1
+
+
+def test_an_integral_is_as_unsure_as_the_log_says():
+    """Move an integral gain within its uncertainty, and say how far; it is no cause."""
+    position = moved(pid)
+    said = {"ki": "40 +- 30%", "integral_limit": 2}
+    result = solve(log_of(position, STEPS, said))
+    assert result.verdict == ("none",)
+    (ki,) = [one for one in result.limbs[0].nominal if one.effect == "ki"]
+    assert (ki.value, ki.unit) == (pytest.approx(50, abs=15), "%")
+
+
+def test_a_cascade_needs_the_gain_of_its_inner_loop():
+    """Ask for kd where the gain of the position loop alone is given."""
+    with pytest.raises(ValueError, match="needs kd"):
+        DriveSettings(position_gain=30)
+
+
+def test_what_an_mjcf_cannot_hold_is_noted_in_it():
+    """Write the terms of a loop beside its servo as a comment, and a model that compiles."""
+    log = log_of(STEPS, STEPS, {"ki": 60, "lag": 0.005})
+    text = model_text(log, mjcf_world(log))
+    assert "this file has not: ki 60, lag 0.005 -->" in text
+    assert file_drives(text)["a"].kp == KP
 
 
 def test_an_integral_that_is_not_said_is_asked_for():
