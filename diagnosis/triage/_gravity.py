@@ -68,16 +68,16 @@ def _rests(recording: Recording, j: int) -> list[tuple[float, Array]]:
     fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
     edges = [0, *fresh, len(asked)]
     travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)
-    found, told = [], np.nan
+    found, before = [], np.nan
     for begin, end in zip(edges[:-1], edges[1:], strict=True):
         if recording.time_s[end - 1] - recording.time_s[begin] < REST_S or begin == 0:
             continue
         last = recording.measured[end - max(3, (end - begin) // 5) : end, 0]
         target = recording.command[begin, j]
-        if target == told:
+        if target == before:
             continue
         if np.ptp(last, axis=0).max() < STILL * travel and not recording.push[begin].any():
-            position, told = last.mean(axis=0), target
+            position, before = last.mean(axis=0), target
             found.append((float(recording.command[begin, j] - position[j]), position))
     return found
 

@@ -59,7 +59,7 @@ class Chassis:
 _ROW = numba.float64[::1]
 SERVO = numba.float64(*[numba.float64] * 3, numba.boolean, _ROW, _ROW, _ROW)
 FRICTION = numba.float64(numba.float64, _ROW, _ROW)
-"""Signatures of a make's laws: the loop that calls them is compiled once, for all makes."""
+"""Signatures of a plant's laws: the loop that calls them is compiled once, for all makes."""
 _TABLE = numba.float64[:, ::1]
 _LAWS = [numba.types.FunctionType(law) for law in (SERVO, FRICTION)]
 _RUN = numba.types.UniTuple(_TABLE, 3)(*_LAWS, *[_TABLE] * 6, _ROW)
