@@ -243,8 +243,8 @@ def test_diverging_world_is_not_restarted(
 
 
 def test_workers_change_nothing(engine: type[Engine]) -> None:
-    """Give with two threads or processes what one gives, masked resets included."""
-    specs = varied()
+    """Give with two threads or processes what one gives, noise and masked resets included."""
+    specs = [*varied(), world("reference", "encoder-noise=2mrad,command-dropout=30%")]
     start, other = grasps(specs), grasps(specs, 1)
     mask = np.arange(len(specs)) % 2 == 0
     runs = []

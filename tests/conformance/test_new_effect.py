@@ -61,7 +61,12 @@ def start(name: str, specs) -> Simulator:
 def test_a_new_effect_is_drawn_simulated_and_named(added):
     """Draw it on an engine by default, and name it from the log where its twin is not known."""
     settings = draw.Settings(
-        cases=200, reals=("mujoco",), modes=("single",), channels=(("position",),)
+        cases=200,
+        reals=("mujoco",),
+        modes=("single",),
+        channels=(("position",),),
+        rigs=("joint",),
+        protocols=("steps", "push"),
     )
     cases = draw.draw(settings, added, 0)
     case = next(c for c in cases if c.faults[0].effect == NAME)

@@ -1,11 +1,13 @@
 """`bench diagnose`: what it finds, says and refuses."""
 
 import json
+import os
 import shlex
 import shutil
-import subprocess
-import sys
+from contextlib import redirect_stderr
+from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import pandas as pd
 import pytest
@@ -49,21 +51,27 @@ def with_effects(text: str):
 
 @pytest.fixture(scope="module")
 def log(tmp_path_factory) -> Path:
-    """A log of steps with one degree of play on J3."""
-    return hand_log(tmp_path_factory.mktemp("logs") / "play", "backlash=1deg@J3", "steps")
+    """The beginning of a log of steps with one degree of play on J3."""
+    folder = hand_log(tmp_path_factory.mktemp("logs") / "play", "backlash=1deg@J3", "steps")
+    frame = pd.read_parquet(folder / "samples.parquet")
+    frame.head(len(frame) // 2).to_parquet(folder / "samples.parquet")
+    return folder
 
 
 @pytest.fixture(scope="module")
 def diagnosed(log) -> tuple[dict, Path, str]:
     """What the command says of it, the folder it writes, and what it prints beside."""
-    out = log.parent / "out"
-    words = ["diagnose", str(log), "--out", str(out), "--json"]
-    words += ["--nominal", "bullet"]
-    code = (
-        "import sys; from benchmark.cli.app import main; sys.argv[1:] = " + repr(words) + "; main()"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    return json.loads(done.stdout), out, done.stderr
+    out, beside, kept = log.parent / "out", StringIO(), os.dup(1)
+    words = ["diagnose", str(log), "--out", str(out), "--json", "--nominal", "bullet"]
+    with TemporaryFile() as said, redirect_stderr(beside):
+        os.dup2(said.fileno(), 1)
+        try:
+            assert cli.call(words) == 0
+        finally:
+            os.dup2(kept, 1)
+            os.close(kept)
+        said.seek(0)
+        return json.load(said), out, beside.getvalue()
 
 
 def test_hidden_play_is_found(diagnosed):
