@@ -81,9 +81,8 @@ def solved(tmp_path_factory) -> tuple[Path, Path]:
 def scored(solved) -> tuple[dict, Path]:
     """Its score, and the folder of the tables."""
     folder, answers = solved
-    return blind.score([(folder, answers)], folder.parent / "scores", 1)[
-        0
-    ], folder.parent / "scores"
+    tables = folder.parent / "scores"
+    return blind.score([(folder, answers)], tables, 1, replay=1)[0], tables
 
 
 def test_a_small_set_is_solved(scored):
@@ -102,7 +101,7 @@ def test_score_counts_every_case(scored):
     result, tables = scored
     rows = result["tables"]["cases"]
     assert result["cases"] == 8 and [row["number"] for row in rows] == list(range(8))
-    assert result["frozen"] and result["solvers_tried"] == 1
+    assert result["frozen"] and result["solvers_tried"] == 1 and result["replayed"] == 1
     modes = [row["mode"] for row in rows]
     assert {mode: modes.count(mode) for mode in draw.SHARES} == {
         "single": 4, "pair": 1, "none": 1, "unknown": 2,
@@ -221,7 +220,6 @@ def copied(solved, tmp_path) -> tuple[BlindSet, Path]:
 def test_a_result_edited_to_the_truth_is_found(solved, tmp_path):
     """Solve cases again and refuse a score of results that say something else."""
     found, answers = copied(solved, tmp_path)
-    assert blind.score([(found.path, answers)], None, 1, replay=1)[0]["replayed"] == 1
     for case in files.open_answers(answers, found.commitment()).cases:
         truth = sorted(f.effect for f in case.faults) or ["none"]
         forged = {"verdict": ["unknown"] if case.mode == "unknown" else truth, "confidence": 0.99}

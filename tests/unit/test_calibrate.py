@@ -161,7 +161,7 @@ def test_the_search_finds_gains(moved):
     """Find the gains of another engine's hand by CMA-ES."""
     rng = np.random.default_rng(0)
     spec = world("self-lock=10Nm," + ",".join(f"backlash={d}deg@{j}" for j, d in PLAY_DEG.items()))
-    found = gains.search(mujoco, spec, [m.first(1000) for m in moved], range(6), rng)
+    found = gains.search(mujoco, spec, [moved[0].first(1000)], range(6), rng)
     for j, joint in enumerate(spec.hand.joint_names):
         assert found[j].scale == pytest.approx(GAINS[joint], rel=GAIN_ERROR)
         assert (found[j].std < GAIN_ERROR).all()

@@ -24,7 +24,7 @@ def only(*names):
 @pytest.mark.parametrize(
     "words",
     [
-        ["--inputs", "--quick", "--n", "18"],
+        ["--inputs", "--quick", "--n", "12"],
         ["--kills", "--n", "2", *only("run mujoco sb3-ppo", "excite")],
         *(
             pytest.param(["--kills", "--every", "--only", name], marks=pytest.mark.slow)

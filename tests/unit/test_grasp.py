@@ -122,8 +122,9 @@ def test_radius_on_any_engine(backend):
     assert one.share > 0.9
 
 
-@pytest.mark.parametrize("backend", ENGINES)
-@pytest.mark.parametrize("soft_mm_n", [0.08, pytest.param(0.2, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("backend", registry.names("backend"))
+@pytest.mark.parametrize("soft_mm_n", [0.08, 0.2])
 def test_softness_on_any_engine(backend, soft_mm_n):
     """Measure a contact's softness beside what the engine's own contacts yield, whichever it is."""
     (one,) = shapes_of(f"contact-softness={soft_mm_n}mm/N", backend).causes
@@ -195,6 +196,7 @@ def test_motion_on_the_nominal_engine(effect, size, within):
     assert one.share > 0.95
 
 
+@pytest.mark.slow
 def test_nominal_motion_is_none():
     """Find nothing where the nominal world moves the stick as logged."""
     parts = held(log("none"), NOMINAL)
@@ -228,6 +230,7 @@ def test_no_stick_no_grip():
     assert "with the channel stick" in report.missing[0]
 
 
+@pytest.mark.slow
 def test_a_radius_that_nobody_may_name_is_no_threshold():
     """Judge taxels on the stick that is there, though its radius is out of the catalogue."""
     thin = log("stick-radius=-10%", "bullet", channels="stick,contact")

