@@ -1,5 +1,6 @@
 """A package of one's own: written by `bench new`, installed, and used by name everywhere."""
 
+import contextlib
 import json
 import os
 import subprocess
@@ -8,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmark.parts.registry import ROOT
+from benchmark.cli import app as cli
 
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
 
@@ -30,7 +31,7 @@ def called(words: str, here: Path, places: Folders) -> subprocess.CompletedProce
     return done
 
 
-def bench(words: str, here: Path, places: Folders = (ROOT,)) -> dict:
+def bench(words: str, here: Path, places: Folders) -> dict:
     """The same of `bench`, as JSON."""
     found: dict = json.loads(called(f"benchmark {words} --json", here, places).stdout)
     return found
@@ -40,8 +41,9 @@ def bench(words: str, here: Path, places: Folders = (ROOT,)) -> dict:
 def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a part of every kind."""
     folder = tmp_path_factory.mktemp("mine")
-    for kind, name in PARTS.items():
-        bench(f"new {kind} {name} --package mine", folder)
+    with contextlib.chdir(folder):
+        for kind, name in PARTS.items():
+            assert cli.call(["new", kind, name, "--package", "mine"]) == 0
     return folder
 
 
@@ -54,24 +56,23 @@ def places(project: Path, unpacked: Path, tmp_path_factory: pytest.TempPathFacto
     return unpacked, site
 
 
-def test_what_is_in_the_way_is_refused(project: Path) -> None:
-    """Write over nothing, and take no name twice."""
-    command = [sys.executable, "-m", "benchmark", "new"]
-    for words, says in (
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
         ("task clover --package mine", "exists; choose another name"),
         ("task circle", "there is a task named 'circle'"),
         ("tsak clover", "Did you mean 'task'?"),
         ("task Clover", "allowed: small letters"),
         ("task rose --package tasks", "none of Stickbench's"),
-    ):
-        done = subprocess.run(
-            [*command, *words.split()],
-            cwd=project,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            capture_output=True,
-            text=True,
-        )
-        assert done.returncode == 2 and says in " ".join(done.stderr.split())
+    ],
+)
+def test_what_is_in_the_way_is_refused(
+    project: Path, words: str, says: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Write over nothing, and take no name twice."""
+    with contextlib.chdir(project):
+        assert cli.call(["new", *words.split()]) == 2
+    assert says in " ".join(capfd.readouterr().err.split())
 
 
 @pytest.mark.slow
