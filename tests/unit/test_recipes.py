@@ -20,6 +20,8 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "contribute"
 PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests")
 KINDS = ("effect", "task", "observation", "learner", "backend")
+QUICK = ("effect", "task")
+"""Those whose commands are no slow test."""
 MOST_LINES = 10
 """Of code, without docstrings and comments."""
 _CALLS = """import sys
@@ -94,7 +96,10 @@ def test_recipe_has_ten_lines_of_code_at_most(kind: str) -> None:
     assert code_lines(text) <= MOST_LINES
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=() if k in QUICK else pytest.mark.slow) for k in KINDS],
+)
 def test_recipe_does_what_its_page_says(kind: str, tmp_path: Path) -> None:
     """Find the plug-in under its name, and run every command of the page that tries it."""
     linked(tmp_path)

@@ -210,11 +210,11 @@ def test_who_is_silent_elsewhere_was_taken_along():
     ("effects", "kind"),
     [
         ("none", "touch"),
-        ("none", "contact"),
-        ("encoder-noise=0.7mrad", "touch"),
+        pytest.param("none", "contact", marks=pytest.mark.slow),
+        pytest.param("encoder-noise=0.7mrad", "touch", marks=pytest.mark.slow),
         ("encoder-noise=0.7mrad", "contact"),
         ("stick-radius=10%", "touch"),
-        ("contact-softness=0.3mm/N", "contact"),
+        pytest.param("contact-softness=0.3mm/N", "contact", marks=pytest.mark.slow),
         ("backlash=1deg", "contact"),
     ],
 )
@@ -223,7 +223,7 @@ def test_other_effects_are_not_the_skin(effects, kind):
     assert skin_report(effects, kind).causes == ()
 
 
-@pytest.mark.parametrize("kind", ["touch", "contact"])
+@pytest.mark.parametrize("kind", [pytest.param("touch", marks=pytest.mark.slow), "contact"])
 def test_a_misplaced_finger_tells_nothing(kind):
     """Ask for the joint's zero to be mended before its taxels are judged."""
     report = skin_report("encoder-bias=1deg@J3", kind)
