@@ -47,8 +47,9 @@ run: install
 	$(VENV)/bin/bench run --backend bullet --task eight $(ARGS)
 
 # A hang ends the run; no single test has a limit that a slow machine could exceed.
+# A file's tests run on one core, which makes what they share once.
 test: install
-	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 --dist worksteal -m "not slow" $(ARGS)
+	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 --dist loadscope -m "not slow" $(ARGS)
 
 FAST := architecture bad_files docs log plain_yaml rows statistics words
 test-fast: install

@@ -96,11 +96,11 @@ def test_rows_follow_the_convention(everything):
     assert (position[first + 1] != center).any()
 
 
-@pytest.mark.parametrize("form", ["parquet", "csv"])
-def test_a_seed_gives_the_same_file(tmp_path, form):
+@pytest.mark.parametrize(("form", "protocol"), [("parquet", "grasp"), ("csv", "steps")])
+def test_a_seed_gives_the_same_file(tmp_path, form, protocol):
     """Write the same bytes for a seed, other ones for another."""
     for name, seed in (("a", 1), ("b", 1), ("c", 2)):
-        write_log(take("grasp", "encoder-noise=1mrad", seed=seed), tmp_path / name, form)
+        write_log(take(protocol, "encoder-noise=1mrad", seed=seed), tmp_path / name, form)
     a, b, c = ((tmp_path / n / f"samples.{form}").read_bytes() for n in "abc")
     assert a == b != c
 

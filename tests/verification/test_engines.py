@@ -8,9 +8,11 @@ import pytest
 
 from backends.engine import Engine
 from backends.spec import Body
-from benchmark.physics import rigs, suite
+from benchmark.physics import parity, rigs, suite
 from benchmark.physics.check import Measure
 
+DEAR = (parity.floor,)
+"""Measures that take seconds; `parity` measures the same motions between engines."""
 KEPT = Path(__file__).resolve().parents[2] / "leaderboard/physics.json"
 
 
@@ -19,7 +21,11 @@ def name_of(measure: Measure) -> str:
     return f"{measure.__module__.split('.')[-1]}.{measure.__name__}"
 
 
-@pytest.mark.parametrize("measure", suite.ALONE, ids=name_of)
+@pytest.mark.parametrize(
+    "measure",
+    [pytest.param(one, marks=pytest.mark.slow if one in DEAR else ()) for one in suite.ALONE],
+    ids=map(name_of, suite.ALONE),
+)
 def test_engine_obeys(engine: type[Engine], measure: Measure) -> None:
     """Come as near to the closed form as the time step and the engine's rounding allow."""
     checks = tuple(measure(engine))
