@@ -73,11 +73,11 @@ def zero(track: Track) -> Fault | None:
     offsets = _offsets(track)
     offset = float(np.median(offsets))
     border = _border(track)
-    if abs(offset) <= border or border == 0.0:
+    if not abs(offset) > border or border == 0.0:  # nor where the replay diverged
         return None
     mended = track.replayed(started=-offset)
     offset = float(np.median(np.concatenate(less(track.position, mended.shown))))
-    if abs(offset) <= border:
+    if not abs(offset) > border:
         return None
     left = np.concatenate(less(track.position, mended.shown)) - offset
     missed = np.concatenate(less(track.position, track.shown))

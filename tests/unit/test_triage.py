@@ -317,6 +317,14 @@ def test_a_joint_that_friction_holds_says_nothing_of_gravity(monkeypatch):
     assert faults(log, mjcf_world(log)) == ()
 
 
+def test_a_replay_that_diverges_accuses_no_zero(monkeypatch):
+    """Say nothing of zeros where six links fall under drives that are too weak to replay."""
+    monkeypatch.setattr(arms, "SECONDS", 40 / 3)
+    monkeypatch.setattr(arms, "HZ", 100)
+    log = log_of(Real(joints=6, coulomb_nm={2: 1.5}))
+    assert "nan" not in " ".join(map(str, faults(log, mjcf_world(log))))
+
+
 def test_joints_that_stand_still_have_no_bugs(ideal):
     """Say nothing of joints that are not moved."""
 
