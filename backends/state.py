@@ -85,9 +85,19 @@ class State:
     def first_bad_signal(self) -> str | None:
         """Name of the first signal that is NaN or infinite, else None."""
         for f in fields(self):
-            if not np.isfinite(getattr(self, f.name)).all():
+            if not is_finite(getattr(self, f.name)):
                 return f.name
         return None
+
+
+@numba.njit(cache=True)
+def _is_finite(values):
+    return np.isfinite(values).all()
+
+
+def is_finite(values: Array) -> bool:
+    """Whether no value is NaN or infinite; quick for small arrays."""
+    return _is_finite(values.ravel())
 
 
 def quat_z_axis(quat_wxyz: Array) -> Array:

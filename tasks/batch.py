@@ -1,4 +1,4 @@
-"""The batched environment: N worlds of one task in plain numpy, without engine or learner code."""
+"""The batched environment: N worlds of one task without engine or learner code."""
 
 import math
 from collections.abc import Sequence
@@ -7,14 +7,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.engine import Simulator
-from backends.state import Array, InitialState, State, quat_z_axis
+from backends.state import Array, InitialState, State, is_finite, quat_z_axis
 from backends.touch import Skin, Touch
 from tasks.initial_states import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
-from tasks.task import EPISODE_S, Figure, desired_axis
+from tasks.reward import desired_axis, judge
+from tasks.task import EPISODE_S, Figure
 
-ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
-"""The paper's reward: [C, w0, w1 per m, w2 per N]."""
 DROP_M = 0.03
 """An episode ends when the stick's centre is this far below its nominal height [m]."""
 TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
@@ -146,7 +145,7 @@ class BatchEnv:
         self._steps[mask] = 0
         self._state = self.simulator.reset(drawn.start, mask)
         self._target[mask] = (drawn.start.joint_rad + self._preload)[mask]
-        return self._observe(self._state, np.flatnonzero(mask))
+        return self._observe(self._state, self._desired_axis(), np.flatnonzero(mask))
 
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
@@ -176,8 +175,11 @@ class BatchEnv:
 
     def reference(self) -> tuple[Array, Array]:
         """Current reference point (N, 3) [m] and desired axis u_d (N, 3), world frame."""
-        axis = desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
+        axis = self._desired_axis()
         return self._grip - self._lever[:, None] * axis, axis
+
+    def _desired_axis(self) -> Array:
+        return desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
 
     def path(self, world: int) -> Array:
         """The points that a world draws in its episode [m], world frame, shape (T, 3)."""
@@ -192,37 +194,28 @@ class BatchEnv:
         axis = quat_z_axis(self.state.stick_quat_wxyz)
         return self.state.stick_pos_m - self._half[:, None] * axis
 
-    def _observe(self, state: State, worlds: Array | None = None) -> Array:
+    def _observe(self, state: State, axis: Array, worlds: Array | None = None) -> Array:
         """Observations of all worlds; only `worlds` (None: all) are read again."""
-        _, axis = self.reference()
         touch = self._touch = self._skin.feel(state, self.time_s, worlds)
         percept = Percept(state=state, touch=touch, desired_axis=axis, target_rad=self._target)
         return self.observation.read(percept)
 
     def _judge(self, state: State) -> Step:
-        drawn, desired = self.reference()
-        axis = quat_z_axis(state.stick_quat_wxyz)
-        lower = state.stick_pos_m - self._half[:, None] * axis
-        end_error = np.linalg.norm(lower - drawn, axis=1)
-        length = 2 * self._half[:, None]
-        top_error = np.linalg.norm((lower + length * axis) - (drawn + length * desired), axis=1)
-        force = np.linalg.norm(state.contact_force_n, axis=2).sum(axis=1)
-        axis_distance = np.linalg.norm(axis - desired, axis=1)
-        reward = ALIVE - AXIS_WEIGHT * axis_distance - END_WEIGHT * (end_error + top_error)
+        axis = self._desired_axis()
+        reward, end_error, axis_error = judge(state, axis, self._grip, self._lever, self._half)
         terminated = state.stick_pos_m[:, 2] < self._floor
         return Step(
-            observation=self._observe(state),
-            reward=reward - FORCE_WEIGHT * force,
+            observation=self._observe(state, axis),
+            reward=reward,
             terminated=terminated,
             truncated=(self._steps >= self._last_step) & ~terminated,
             end_error_m=end_error,
-            axis_error_rad=2 * np.arcsin(np.minimum(axis_distance / 2, 1.0)),
+            axis_error_rad=axis_error,
         )
 
     def _refuse_not_finite(self, action: Array) -> None:
-        bad = np.flatnonzero(~np.isfinite(action).all(axis=1))
-        if bad.size:
-            world = int(bad[0])
+        if not is_finite(action):
+            world = int(np.flatnonzero(~np.isfinite(action).all(axis=1))[0])
             raise NotFiniteActionError(
                 f"the action of world {world} is not finite at step {self._steps[world] + 1} of "
                 "its episode: the policy gave NaN or infinity"

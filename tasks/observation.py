@@ -4,7 +4,9 @@ import dataclasses
 import json
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from functools import cached_property
 
+import numba
 import numpy as np
 
 from backends.spec import Hand, Timing
@@ -91,17 +93,31 @@ class ActionLaw:
 
     def target(self, target: Array, measured: Array, action: Array) -> Array:
         """The next targets (N, J) [rad] after those of now, for the measured positions [rad]."""
-        preload = self.preload_rad
-        rest = np.array(self.default_pose_rad) if preload is None else measured + np.array(preload)
-        moved = target + (
-            self.scale_rad * np.clip(action, -1, 1) + self.target_return * (rest - target)
-        )
-        lead = self.target_lead_rad
-        return np.clip(np.clip(moved, measured - lead, measured + lead), *self._ends)
+        moved, there = self.scale_rad * np.clip(action, -1, 1), np.empty_like(target)
+        numbers = self.target_return, self.target_lead_rad
+        _next_target(target, measured, moved, *self._rest, *numbers, self._ends, there)
+        return there
 
-    @property
+    @cached_property
+    def _rest(self) -> tuple[Array, bool]:
+        """The preload or the default pose (J,), and whether it is the preload."""
+        preload = self.preload_rad
+        return np.array(self.default_pose_rad if preload is None else preload), preload is not None
+
+    @cached_property
     def _ends(self) -> Array:
         return np.array(self.target_range_rad).T
+
+
+@numba.njit(cache=True)
+def _next_target(target, measured, moved, rest, is_preload, back, lead, ends, out):
+    for n in range(target.shape[0]):
+        for j in range(target.shape[1]):
+            at, there = measured[n, j], target[n, j]
+            goal = at + rest[j] if is_preload else rest[j]
+            there += moved[n, j] + back * (goal - there)
+            there = min(max(there, at - lead), at + lead)
+            out[n, j] = min(max(there, ends[0, j]), ends[1, j])
 
 
 class Observation(ABC):

@@ -35,9 +35,3 @@ class Figure(ABC):
         Arguments are the time since the start (N,) [s] and each episode's random heading (N,)
         [rad]. Every figure starts at the centre.
         """
-
-
-def desired_axis(offset_m: Array, lever_m: Array) -> Array:
-    """Unit vectors (N, 3) from the reference points to the pivot; levers (N,) are end to pivot."""
-    level = -offset_m / lever_m[:, None]
-    return np.concatenate([level, np.sqrt(1 - (level**2).sum(axis=1, keepdims=True))], axis=1)
