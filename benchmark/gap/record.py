@@ -119,7 +119,7 @@ def record(world: World, plan: Plan, out: Path, form: str, force: bool = False) 
 def _record(world: World, plan: Plan) -> Log:
     engine = registry.load("backend", world.run.backend)
     spec = world.run.world()
-    refuse(parse_effects(world.run.effects, spec.hand), engine.support, world.run.backend)
+    refuse(world.run.added, engine.support, world.run.backend)
     workers = world.workers or usable_cores()
 
     def start(specs: Sequence[Spec]) -> Simulator:

@@ -16,7 +16,6 @@ from baselines.baseline import Learner, Progress
 from baselines.saved import POLICY_FILE, write_contract
 from benchmark.errors import CommandError
 from benchmark.runs.run_folder import START_FILE, RunFolder, progress_row
-from benchmark.settings.effects import parse_spread
 from benchmark.settings.run_spec import RunSpec
 from tasks.batch import BatchEnv
 
@@ -35,8 +34,7 @@ def training_worlds(run: RunSpec, segment: int) -> list[Spec]:
     if not run.randomize:
         return [nominal] * run.worlds
     rng = np.random.default_rng([run.seed, segment])
-    spread = parse_spread(run.spread, nominal.hand)
-    return [randomize(nominal, spread, rng) for _ in range(run.worlds)]
+    return [randomize(nominal, run.drawn, rng) for _ in range(run.worlds)]
 
 
 class Training:

@@ -6,9 +6,10 @@ Each setting is declared once, as a field here. Command line, grid files and che
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from backends.effect import with_effects
+from backends.effect import Effect, with_effects
 from backends.spec import Spec
 from backends.sticks import STICKS
 from benchmark.errors import UsageError, unknown
@@ -111,9 +112,17 @@ class RunSpec:
         for one in SETTINGS.values():
             object.__setattr__(self, one.field, one.read(getattr(self, one.field)))
         Number(1, MOST_WORLDS, whole=True).read(self.worlds, "worlds")
-        hand = ideal(self.hand, self.stick).hand
-        parse_effects(self.effects, hand)
-        parse_spread(self.spread, hand)
+        _ = self.added, self.drawn
+
+    @cached_property
+    def added(self) -> tuple[Effect, ...]:
+        """What the world adds to the ideal hand: `effects`, read."""
+        return parse_effects(self.effects, ideal(self.hand, self.stick).hand)
+
+    @cached_property
+    def drawn(self) -> tuple[Effect, ...]:
+        """What training draws: `spread`, read."""
+        return parse_spread(self.spread, ideal(self.hand, self.stick).hand)
 
     @property
     def digest(self) -> str:
@@ -134,8 +143,7 @@ class RunSpec:
 
     def world(self) -> Spec:
         """The nominal world: hand and stick with the effects applied in order."""
-        spec = ideal(self.hand, self.stick)
-        return with_effects(spec, parse_effects(self.effects, spec.hand))
+        return with_effects(ideal(self.hand, self.stick), self.added)
 
     def make_env(
         self,
@@ -156,8 +164,7 @@ class RunSpec:
         task = registry.load("task", self.task)(radius_m=self.radius_m, speed=self.speed)
         hand = worlds[0].hand
         seen = observation or registry.load("observation", self.observation)(hand)
-        effects = parse_effects(self.effects, hand) + parse_spread(self.spread, hand)
-        refuse(effects, engine.support, self.backend)
+        refuse((*self.added, *self.drawn), engine.support, self.backend)
         simulator = simulate(engine, worlds, workers)
         return BatchEnv(simulator, task, seen, seed, self.start_spread, episode_steps)
 

@@ -12,7 +12,19 @@ import pytest
 from benchmark.cli import app as cli
 
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
+CHOOSY = "choosy"
+ENGINE = '''"""choosy: the reference's worlds, but no path of commands is built."""
 
+from backends import mujoco
+
+
+class Backend(mujoco.Backend):
+    """What it refuses, and no more."""
+
+    support = mujoco.Backend.support | {
+        name: "refused: not built" for name in mujoco.Backend.support if name.startswith("command.")
+    }
+'''
 
 Folders = tuple[Path, ...]
 """In which packages are found."""
@@ -42,8 +54,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a part of every kind."""
     folder = tmp_path_factory.mktemp("mine")
     with contextlib.chdir(folder):
-        for kind, name in PARTS.items():
+        for kind, name in (*PARTS.items(), ("backend", CHOOSY)):
             assert cli.call(["new", kind, name, "--package", "mine"]) == 0
+    (folder / "mine/choosy.py").write_text(ENGINE)
     return folder
 
 
@@ -95,14 +108,40 @@ def test_every_command_takes_its_parts(places: Folders, tmp_path: Path) -> None:
     moved = "--backend mujoco --effects magnet-askew=2deg@J3 --setting task=clover --episodes 2"
     found = bench(f"transfer run --include-smoke {moved}", tmp_path, places)
     assert found["status"] == "done" and not found["problems"]
-    grid = {"cells": [{"backend": "mujoco", "task": "clover", "algo": "my-a2c", "smoke": True}]}
-    (tmp_path / "grid.yaml").write_text(json.dumps(grid))
-    assert "my-a2c" in json.dumps(bench("sweep grid.yaml --dry-run", tmp_path, places))
     bench("view run --out paths.png", tmp_path, places)
     assert bench("verify run", tmp_path, places)["verified"] == 1
     board = bench("leaderboard run --include-smoke --out board", tmp_path, places)
     text = (tmp_path / "board/leaderboard.md").read_text()
     assert "clover" in text and "my-a2c" in text and not board["problems"]
+
+
+@pytest.mark.slow
+def test_its_engine_is_one_of_the_engines(places: Folders, tmp_path: Path) -> None:
+    """Sweep on an engine of the package, time it and examine it; say what it refuses."""
+    cell = {"backend": CHOOSY, "task": "clover", "algo": "my-a2c", "observation": "touch-area"}
+    grid = {"cells": [cell | {"effects": "magnet-askew=0.5deg@J3", "smoke": True}]}
+    (tmp_path / "grid.yaml").write_text(json.dumps(grid))
+    (swept,) = bench("sweep grid.yaml --out runs -j 1", tmp_path, places)["cells"]
+    assert (swept["state"], swept["backend"], swept["algo"]) == ("done", CHOOSY, "my-a2c")
+    of = f"speed --backend {CHOOSY} --worlds 4 --workers 1 --duration 100ms"
+    assert [row["backend"] for row in bench(of, tmp_path, places)["rows"]] == [CHOOSY]
+    examined = {one["name"]: one for one in bench("doctor", tmp_path, places)["parts"]}
+    for name in (CHOOSY, PARTS["algo"]):
+        assert examined[name]["state"] == "works"
+    with pytest.raises(AssertionError, match="command-delay is refused: not built"):
+        bench(f"run --backend {CHOOSY} --task clover --effects command-delay=9ms", tmp_path, places)
+
+
+@pytest.mark.slow
+def test_the_docs_have_a_page_with_each(places: Folders, tmp_path: Path) -> None:
+    """Make pages of commands and effects that name the parts, from the program as installed."""
+    (tmp_path / "pages.py").write_text(
+        "from _pages import commands, effects\n"
+        "made = commands.pages() | effects.pages()\n"
+        "print(made['reference/commands/run.md'], made['reference/effects/index.md'])\n"
+    )
+    shown = called("pages", tmp_path, (*places, tmp_path, ROOT / "docs")).stdout
+    assert all(name in shown for name in (*PARTS.values(), CHOOSY))
 
 
 @pytest.mark.slow
@@ -122,7 +161,7 @@ def test_its_parts_are_made_from_python(places: Folders, tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", PARTS.values())
+@pytest.mark.parametrize("name", [*PARTS.values(), CHOOSY])
 def test_its_parts_pass_their_checks(name: str, places: Folders, tmp_path: Path) -> None:
     """Pass `bench test`, with nothing of Stickbench edited."""
     assert bench(f"test {name}", tmp_path, places)["ok"]
