@@ -121,7 +121,7 @@ def test_its_engine_is_one_of_the_engines(places: Folders, tmp_path: Path) -> No
     cell = {"backend": CHOOSY, "task": "clover", "algo": "my-a2c", "observation": "touch-area"}
     grid = {"cells": [cell | {"effects": "magnet-askew=0.5deg@J3", "smoke": True}]}
     (tmp_path / "grid.yaml").write_text(json.dumps(grid))
-    (swept,) = bench("sweep grid.yaml --out runs -j 1", tmp_path, places)["cells"]
+    (swept,) = bench("sweep grid.yaml --out runs -j 1", tmp_path, places)["rows"]
     assert (swept["state"], swept["backend"], swept["algo"]) == ("done", CHOOSY, "my-a2c")
     of = f"speed --backend {CHOOSY} --worlds 4 --workers 1 --duration 100ms"
     assert [row["backend"] for row in bench(of, tmp_path, places)["rows"]] == [CHOOSY]
