@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from benchmark.cli import app as cli
+from benchmark.parts.registry import ROOT
 
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
 CHOOSY = "choosy"
