@@ -290,8 +290,8 @@ def test_settings_are_worlds_too(runs, tmp_path, capfd):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("speed=2", "allowed: task=..., radius=..., pace=..., stick=..."),
-        ("pace", "allowed: task=..., radius=..."),
+        ("speed=2", "allowed: task=..., stick=..., radius=..., pace=..."),
+        ("pace", "allowed: task=..., stick=..."),
         ("pace=fast", "'fast'; allowed: a number such as 0.5"),
         ("pace=99", "allowed"),
         ("radius=3", "allowed: a number with its unit"),
