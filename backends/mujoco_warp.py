@@ -16,7 +16,7 @@ from mujoco.batch import MODEL_FIELDS
 from backends._mujoco_worlds import differences
 from backends._warp_drive import carry_tick, drive_tick
 from backends.drive import drive_table
-from backends.engine import Engine, Team
+from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.mujoco import Backend as Mujoco
 from backends.mujoco import compiled
 from backends.spec import Spec
@@ -24,6 +24,7 @@ from backends.state import Array, InitialState, quat_to_matrix
 
 CONTACTS, ROWS_PER_CONTACT = 24, 4
 """Contacts that a world has room for, and constraint rows of each (condim 4, elliptic cone)."""
+_SINGLE = "approximate: 32-bit floats, relative error 6e-8"
 _ONE_PER_BATCH = ("geom_type", "geom_priority")
 """What MuJoCo Warp keeps once for all worlds that are stepped together."""
 
@@ -38,8 +39,8 @@ class Backend(Engine):
     package = "mujoco-warp"
     only_by_name = True
     support = {
-        **Mujoco.support,
-        "stick.friction": "approximate: MuJoCo's elliptic cone with impratio 100, single precision",
+        name: _SINGLE if answer == EXACT and name not in SHARED_SUPPORT else answer
+        for name, answer in Mujoco.support.items()
     }
 
     def __init__(self, specs: Sequence[Spec]) -> None:
