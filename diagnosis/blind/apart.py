@@ -26,7 +26,7 @@ from diagnosis.blind.make import (
 )
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
-from diagnosis.grasp.simulate_grasps import ends_m
+from diagnosis.grasp.forward_model import ends_m
 from diagnosis.motion.held import tip_gaps_m
 
 ALIKE_S = 0.5

@@ -1,14 +1,32 @@
-"""All that a log with the stick in the hand tells of touch, stick and contact."""
+"""What is wrong with touch, stick and contact, from episodes with the stick in the hand.
 
-from collections.abc import Mapping
+Radius and softness show in how near tips and stick are (`shape`), friction and mass where the stick
+is pulled out (`pull_test`); where it is not, in how it moves (`motion_fit`). Faults of the skin
+show on the stick that is there.
+"""
 
+from collections.abc import Mapping, Sequence
+
+from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
-from diagnosis.grasp.simulate_grasps import Simulate
+from diagnosis.grasp import pull_test
+from diagnosis.grasp.forward_model import RADIUS, SOFTNESS, Simulate
+from diagnosis.grasp.motion_fit import MOTION, YIELDING, motions
+from diagnosis.grasp.shape import Shape, shape
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import Held, held
 from diagnosis.skin.skin_faults import identify_skin_faults
-from diagnosis.verdict.in_hand import Report
+from diagnosis.verdict.in_hand import Report, missing
+
+NEEDS = "not identifiable from this log; record --protocol grasp with the channel stick"
+PULLS = (
+    "not identifiable from this log; record --protocol grasp,pull --variants 2 with the channels "
+    "stick and pull"
+)
+NO_MODEL = "not looked for: no test of a grasp here shows it"
+WHOLE = 0.95
+"""An effect that explains this share of the squared gap by itself leaves nothing to the shape."""
 
 
 def in_hand(
@@ -21,8 +39,79 @@ def in_hand(
     """
     if not world.hand.fingertips:
         return Report()
-    stick = identify_grasp_parameters(log, world, catalogue, simulate)
+    stick = stick_report(log, world, catalogue, simulate)
     seen = stick.world or world
-    shape, known = ((w.stick.radius_m, w.contact.compliance_m_n) for w in (seen, world))
-    touch = identify_skin_faults(log, seen, catalogue, mended=shape != known)
-    return touch + stick
+    known, found = ((w.stick.radius_m, w.contact.compliance_m_n) for w in (world, seen))
+    return identify_skin_faults(log, seen, catalogue, mended=known != found) + stick
+
+
+def stick_report(
+    log: Log,
+    nominal: Spec,
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate | None,
+) -> Report:
+    """The effects of stick and contact that a log shows, and why it cannot show others."""
+    names = of_part(catalogue, "stick", "contact")
+    known = (RADIUS, SOFTNESS, *MOTION)
+    report = Report(missing=missing([n for k, n in names.items() if k not in known], NO_MODEL))
+    names = {number: names[number] for number in known if number in names}
+    if not names:
+        return report
+    if simulate is None:
+        return report + Report(missing=missing(names.values(), NEEDS))
+    parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
+    if not parts:
+        still = missing([name for k, name in names.items() if k not in MOTION], NEEDS)
+        moving = missing([name for k, name in names.items() if k in MOTION], PULLS)
+        return report + Report(missing=(*still, *moving))
+    pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
+    slipped = _pulled_out(nominal, parts, pulls, simulate) if pulls else None
+    if slipped is not None:
+        found, pulled = slipped
+        return report + found.report(nominal, catalogue) + pulled.report(catalogue)
+    return report + _moved(nominal, parts, names, catalogue, simulate)
+
+
+def _moved(
+    nominal: Spec,
+    parts: Sequence[Held],
+    names: Mapping[str, str],
+    catalogue: Mapping[str, type[Effect]],
+    simulate: Simulate,
+) -> Report:
+    """What grasps without pulls tell; `names` of effects are by the number that they change."""
+    moved, yielding = (
+        {names[number]: catalogue[names[number]] for number in some if number in names}
+        for some in (MOTION, YIELDING)
+    )
+    alone = motions(nominal, parts, moved | yielding if moved else {}, simulate)
+    if any(one.share >= WHOLE for one in alone.causes):
+        return alone
+    found = shape(nominal, parts, simulate)
+    world = found.on(nominal)
+    again = motions(world, parts, moved, simulate) if world != nominal else alone
+    return found.report(nominal, catalogue) + again
+
+
+def _pulled_out(
+    nominal: Spec, parts: Sequence[Held], pulls: Sequence[Held], simulate: Simulate
+) -> tuple[Shape, pull_test.PullFit] | None:
+    """The shape, and what pulls tell of a stick of that shape; None where no stick slips."""
+    found = shape(nominal, parts, simulate)
+    pulled = _pull(nominal, found, pulls, simulate)
+    if pulled is None:
+        return None
+    world = pull_test.corrected(nominal, pulled)
+    if world != nominal:  # another friction or mass is squeezed otherwise
+        found = shape(world, parts, simulate)
+        again = _pull(world, found, pulls, simulate)
+        pulled = again.beside(pulled) if again else pulled
+    return found, pulled
+
+
+def _pull(
+    world: Spec, found: Shape, pulls: Sequence[Held], simulate: Simulate
+) -> pull_test.PullFit | None:
+    rigid, soft = found.chosen.rigid, found.is_soft
+    return pull_test.pull_fit(found.on(world), pulls, simulate, rigid=rigid, soft=soft)

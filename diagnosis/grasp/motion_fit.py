@@ -12,10 +12,15 @@ import numpy as np
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.grasp.contact_geometry import SOFTNESS
-from diagnosis.grasp.grasp_likelihood import SAME, judged
-from diagnosis.grasp.pull_test import FRICTION, MASS
-from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
+from diagnosis.grasp.forward_model import (
+    FRICTION,
+    MASS,
+    SAME,
+    SOFTNESS,
+    Simulate,
+    judged,
+    simulate_grasps,
+)
 from diagnosis.motion.held import Held
 from diagnosis.verdict.in_hand import Report, missing
 from diagnosis.verdict.result import cause

@@ -4,10 +4,9 @@ The stick slips where pull and weight exceed friction, and falls by Newton's law
 
     m x'' = F(t) + m g - mu sum(N),   x: how far it has slipped towards its lower end
 
-whatever engine or robot it is. So the pull at which it slips tells mu, given the forces of a
-replay, and how fast it goes then tells m. Contacts that creep, as an engine's may, slip otherwise:
-replays of other masses on the nominal engine are tried as well, and what fits the slips better is
-used.
+where contacts are rigid. So the pull at which it slips tells mu, given the forces of a replay, and
+how fast it goes then tells m. Contacts that creep, as the nominal engine's, slip otherwise: there
+replays of other masses are fitted. Which kind contacts are, gaps tell (`shape`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,14 +18,12 @@ from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.grasp.contact_geometry import Size, stick_cause
-from diagnosis.grasp.simulate_grasps import Simulate, simulate_grasps
+from diagnosis.grasp.forward_model import FRICTION, MASS, Simulate, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
 from diagnosis.motion.held import Held
 from diagnosis.verdict.in_hand import Report, missing
-from diagnosis.verdict.result import UNKNOWN, Z90
+from diagnosis.verdict.result import UNKNOWN, Z90, cause
 
-FRICTION, MASS = "stick.friction", "stick.mass_kg"
 FINE_S = 1e-3
 """Replays are read this often."""
 REPLAYED = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.6, 4.0)
@@ -44,15 +41,11 @@ MASS_FLOOR = 0.04
 MASS_FLOOR_REPLAYED = 0.13
 """The same of replays, which are as good as the pose that they start from."""
 LAWFUL, ODD = 1.25, 1.8
-"""Newton's law that leaves less than the one holds, however soft contacts are. A slip of which the
-better model leaves more than the other is of another kind."""
-NEARLY = 0.05
-"""Where it holds it is used though replays leave less by this: it is any engine's."""
+"""Newton's law that leaves less than the one holds, however soft contacts are. A slip of which a
+model leaves more than the other is of another kind."""
 SURE_Z = 3.0
 HEAVY_Z = 2.2
 """A heavy stick is asked for less: no contact makes one look so."""
-FIRM = 0.03
-"""Newton's law is ahead by this where no contacts creep, and hardly ever on an engine whose do."""
 GIVES_WAY = 0.25
 """Hard contacts may hold until they give way at once, which looks light where sticks slip by
 Newton's law: what that adds to the standard deviation of a mass, as a logarithm."""
@@ -77,40 +70,43 @@ class PullFit:
     """Logarithm of the ratio."""
     mass_std: float
     left: float
-    """Root mean square of what the better model leaves, over its standard deviation."""
-    newton: bool
-    """Whether that is Newton's law or the nominal engine."""
+    """Root mean square of what the model leaves, over its standard deviation."""
     episodes: int
     """That slipped."""
-    ahead: float = 0.0
-    """How much less it leaves than the other model does."""
     gives_way: bool = False
     """Whether contacts may hold until they give way at once, which looks light."""
 
     def report(self, catalogue: Mapping[str, type[Effect]]) -> Report:
         """What is sure, `unknown` without a name by its number; and what is missing of the rest."""
         names = of_part(catalogue, "stick")
-        odds = self.friction / self.friction_std, self.mass / self.spread
-        before = float(np.sqrt(1 + np.square(odds).mean()))
-        sure = self.sure
-        after = float(np.sqrt(1 + np.square(np.where(sure, 0.0, odds)).mean()))
         logs = (self.friction, self.friction_std), (self.mass, self.spread)
+        odds = np.array([log / std for log, std in logs])
+        share = float(np.sum(odds[list(self.sure)] ** 2) / max(np.sum(odds**2), 1e-9))
+        text = f"{self.episodes} sticks that were pulled out slipped otherwise"
         causes = tuple(
-            stick_cause(
-                names.get(number, UNKNOWN), _size(*log, self.episodes), before, after, catalogue
+            cause(
+                names.get(number, UNKNOWN),
+                np.expm1([log, log - Z90 * std, log + Z90 * std]),
+                catalogue,
+                share=share,
+                evidence=text,
             )
-            for number, log, found in zip((FRICTION, MASS), logs, sure, strict=True)
+            for number, (log, std), found in zip((FRICTION, MASS), logs, self.sure, strict=True)
             if found
         )
         vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
         return Report(causes=causes, missing=vague)
 
     @property
-    def sure(self) -> tuple[bool, bool]:
-        """Whether friction and mass are other than nominal."""
+    def shown(self) -> tuple[bool, bool]:
+        """Whether friction and mass are other than nominal if the model holds."""
         asked = HEAVY_Z if self.mass > 0 else SURE_Z
-        mass = abs(self.mass) > asked * self.spread and self.left < ODD
-        return abs(self.friction) > SURE_Z * self.friction_std, mass
+        return abs(self.friction) > SURE_Z * self.friction_std, abs(self.mass) > asked * self.spread
+
+    @property
+    def sure(self) -> tuple[bool, bool]:
+        """The same where what the model leaves says that it holds, for a mass."""
+        return self.shown[0], self.shown[1] and self.left < ODD
 
     @property
     def doubt(self) -> str:
@@ -124,59 +120,44 @@ class PullFit:
         """Standard deviation of the mass, as a logarithm; more where a grip gives way at once."""
         return float(np.hypot(self.mass_std, GIVES_WAY * (self.gives_way and self.mass < 0)))
 
-    @property
-    def is_lawful(self) -> bool:
-        """Whether sticks slip by Newton's law."""
-        return self.newton and self.left < LAWFUL
-
-    @property
-    def is_firm(self) -> bool:
-        """Whether sticks slip by Newton's law where replays creep: contacts of another engine."""
-        return self.is_lawful and self.ahead > FIRM
-
     def beside(self, other: "PullFit") -> "PullFit":
-        """This, seen in a world that has what is sure in another one already."""
+        """This, seen in a world that has what another one shows already."""
         friction, mass = (
-            v * s for v, s in zip((other.friction, other.mass), other.sure, strict=True)
+            v * s for v, s in zip((other.friction, other.mass), other.shown, strict=True)
         )
         return replace(self, friction=self.friction + friction, mass=self.mass + mass)
 
 
-def _size(log: float, std: float, episodes: int) -> Size:
-    """A relative change, given as the logarithm of a ratio."""
-    value, low, high = np.expm1([log, log - Z90 * std, log + Z90 * std])
-    text = f"{episodes} sticks that were pulled out slipped otherwise"
-    return float(value), (float(low), float(high)), text
-
-
 def corrected(world: Spec, fit: PullFit) -> Spec:
-    """The world with what is sure."""
-    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.sure, strict=True))
+    """The world with what is shown."""
+    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.shown, strict=True))
     return changed(world, friction, mass)
 
 
 def pull_fit(
-    world: Spec, parts: Sequence[Held], simulate: Simulate, soft: bool = False
+    world: Spec, parts: Sequence[Held], simulate: Simulate, rigid: bool, soft: bool
 ) -> PullFit | None:
     """What some episodes tell of friction and mass; None where no stick slips.
 
-    Where contacts are `soft`, replays creep otherwise than a log: Newton's law is tried first.
+    Sticks slip by Newton's law between `rigid` contacts, else as in the nominal engine. Soft ones
+    yield along the stick as well: they tell a mass where Newton's law holds, and friction less.
     """
     slips = [slip(part, world.gravity_m_s2) for part in parts]
     pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slipping < len(s.time_s)]
     if not pairs:
         return None
     kept, seen = [p for p, _ in pairs], [s for _, s in pairs]
-    played = _replays(world, kept, simulate, REPLAYED)
-    shown = played[REPLAYED.index(1.0)]
-    replayed = _by_replays(world, kept, seen, played, simulate)
-    if any(one.slipping == len(one.time_s) for one in shown):
-        return replayed  # so much rougher is the nominal stick that its slips are not seen
-    newton = _by_newton(seen, shown, world)
-    near = newton.left < replayed.left + NEARLY or soft
-    if newton.left < replayed.left or (newton.is_lawful and near):
-        return replace(newton, ahead=replayed.left - newton.left, gives_way=not soft)
-    return replace(replayed, gives_way=newton.is_lawful and not soft)
+    (shown,) = _replays(world, kept, simulate, (1.0,))
+    seen_slip = all(one.slipping < len(one.time_s) for one in shown)
+    if rigid and seen_slip:
+        fit = replace(_by_newton(seen, shown, world), gives_way=not soft)
+    else:
+        fit = _by_replays(world, kept, seen, simulate)
+    if soft:
+        std = float(np.hypot(fit.friction_std, SOFT_FLOOR))
+        told = rigid and fit.left < LAWFUL
+        fit = replace(fit, friction_std=std, left=fit.left if told else np.inf)
+    return fit
 
 
 def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> PullFit:
@@ -190,7 +171,6 @@ def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> Pull
         mass=real.log_mass,
         mass_std=float(np.linalg.norm([real.log_mass_std, wander, MASS_FLOOR])),
         left=real.left,
-        newton=True,
         episodes=len(seen),
     )
 
@@ -233,10 +213,10 @@ def _by_replays(
     world: Spec,
     parts: Sequence[Held],
     seen: Sequence[Slip],
-    played: Sequence[Sequence[Slip]],
     simulate: Simulate,
 ) -> PullFit:
     """The mass whose replays fit, once more where friction is what the first ones make of it."""
+    played = _replays(world, parts, simulate, REPLAYED)
     first = _shifted(seen, played, REPLAYED, world.stick.mass_kg)
     near = np.exp(first.mass) * np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4])
     other = changed(world, friction=first.friction)
@@ -268,7 +248,6 @@ def _shifted(
         mass=mass,
         mass_std=float(np.hypot(half, MASS_FLOOR_REPLAYED)) * max(left, 1.0),
         left=left,
-        newton=False,
         episodes=len(seen),
     )
 

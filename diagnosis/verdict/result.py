@@ -1,6 +1,6 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect
@@ -44,7 +44,7 @@ class Cause:
 
 def cause(
     effect: str,
-    sizes: Sequence[float],
+    sizes: Iterable[float],
     catalogue: Mapping[str, type[Effect]],
     *,
     joints: tuple[str, ...] = (),

@@ -11,7 +11,7 @@ from backends.shard import simulate
 from benchmark.parts import registry
 from benchmark.settings.run_spec import RunSpec
 from diagnosis.grasp import pull_test, slip_model
-from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
+from diagnosis.grasp.in_hand import stick_report
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
@@ -43,7 +43,7 @@ def log(effects: str, backend: str = "mujoco") -> Log:
 
 @cache
 def findings(effects: str, backend: str = "mujoco"):
-    report = identify_grasp_parameters(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
+    report = stick_report(log(effects, backend), NOMINAL, CATALOGUE, on_mujoco)
     return {one.effect: one for one in report.causes}
 
 
@@ -132,9 +132,7 @@ def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
 def test_friction_outside_of_the_catalogue_is_unknown():
     """Call a slip `unknown` that only friction could explain, which nobody may name."""
     kinds = {n: k for n, k in CATALOGUE.items() if n != "contact-friction"}
-    report = identify_grasp_parameters(
-        log("contact-friction=-30%", "bullet"), NOMINAL, kinds, on_mujoco
-    )
+    report = stick_report(log("contact-friction=-30%", "bullet"), NOMINAL, kinds, on_mujoco)
     assert [one.effect for one in report.causes] == ["unknown"]
 
 
@@ -142,14 +140,14 @@ def test_a_stick_that_does_not_slip_says_nothing():
     """Tell nothing of a pull that was too weak, nor of one that began at once."""
     parts = held(log("none"), NOMINAL, ("pull",))
     weak = [part.every(np.arange(len(part.time_s)) < 210) for part in parts]
-    assert pull_test.pull_fit(NOMINAL, weak, on_mujoco) is None
+    assert pull_test.pull_fit(NOMINAL, weak, on_mujoco, rigid=True, soft=False) is None
     early = dataclasses.replace(parts[0], pull_n=parts[0].pull_n + 1.0)
     assert slip_model.slip(early, NOMINAL.gravity_m_s2) is None
 
 
 def test_a_vague_mass_says_what_would_tell():
     """Say how near the nominal mass is known to be, and what would tell more."""
-    report = identify_grasp_parameters(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
+    report = stick_report(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
     (said,) = report.missing
     assert not report.causes
     assert "stick-mass" in said and "weigh the stick" in said
@@ -190,7 +188,6 @@ def test_a_mass_is_as_sure_in_the_world_that_has_it():
         mass=-0.02,
         mass_std=0.15,
         left=1.0,
-        newton=True,
         episodes=2,
         gives_way=True,
     )

@@ -12,7 +12,7 @@ from benchmark.gap._diagnosis_texts import effects_text
 from benchmark.parts import registry
 from benchmark.settings.run_spec import RunSpec
 from diagnosis import Diagnosis, diagnose, page
-from diagnosis.grasp.grasp_parameters import identify_grasp_parameters
+from diagnosis.grasp.in_hand import stick_report
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 from diagnosis.report.wording import sentence
@@ -166,6 +166,6 @@ def test_a_free_log_asks_for_a_grasp():
 def test_a_free_log_asks_to_pull_for_friction():
     """Ask for pulls where an effect shows in motion alone, for grasps elsewhere."""
     sought = {name: registry.load("effect", name) for name in ("stick-radius", "contact-friction")}
-    radius, friction = identify_grasp_parameters(log("none"), NOMINAL, sought, on("mujoco")).missing
+    radius, friction = stick_report(log("none"), NOMINAL, sought, on("mujoco")).missing
     assert radius.startswith("stick-radius") and "grasp with the channel stick" in radius
     assert friction.startswith("contact-friction") and "grasp,pull --variants 2" in friction

@@ -1,0 +1,141 @@
+"""What a log of grasps shows of a stick: a world put through its commands on the nominal engine.
+
+A stick has a radius, contacts a softness; friction and mass show where it slips or moves. All
+follow from a replay: how tips and stick touch, how the stick moves, and how hard it is pressed.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from backends.engine import Simulator
+from backends.spec import Spec
+from backends.state import Array, InitialState, State, quat_z_axis
+from diagnosis.motion.batch import states, together
+from diagnosis.motion.held import Held, tip_gaps_m
+from diagnosis.motion.recordings import white_noise
+
+Simulate = Callable[[Sequence[Spec]], Simulator]
+"""Puts worlds on an engine."""
+RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
+FRICTION, MASS = "stick.friction", "stick.mass_kg"
+"""Numbers of a stick and its contacts."""
+GONE_M = 0.1
+"""Where all sticks have fallen by this, nothing follows: they stay where they are [m]."""
+SETTLED_S = 0.3
+"""Gaps and forces are taken after this."""
+EPS = (5e-5, 5e-5, 5e-4)
+"""Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""
+ENGINES = (2e-3, 4e-3, 12e-3)
+"""Nominal worlds on Bullet and SAPIEN differ by this from their replay on MuJoCo [m, rad, Nm]."""
+ALIKE_S = 0.5
+"""Time in which residuals tell as much as one."""
+SAME = 0.25
+"""A gap under this is left where the log is from the nominal engine; others move the stick
+otherwise by 0.35 and more."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GraspReplay:
+    """One world in one episode, a row per sample of the log."""
+
+    joint_rad: Array
+    """Joint angles, shape (T, J)."""
+    torque_nm: Array
+    """PD torques, shape (T, J)."""
+    stick: Array
+    """Pose x y z [m], qw qx qy qz, shape (T, 7)."""
+    force_n: Array
+    """Normal force on every tip, shape (T, F)."""
+
+    def motion_gap(self, part: Held, length_m: float) -> tuple[float, float]:
+        """How it moves otherwise than a log: cost [nats], and the squared gap over `ENGINES`.
+
+        Every channel's spread is profiled out.
+        """
+        pairs = (
+            (ends_m(self.stick, length_m), ends_m(part.stick, length_m)),
+            (self.joint_rad, part.joint_rad),
+            (self.torque_nm, part.torque_nm),
+        )
+        nats, ratios = 0.0, []
+        for (model, real), eps, far in zip(pairs, EPS, ENGINES, strict=True):
+            if np.isfinite(real).all():
+                square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
+                noise = float(np.mean(white_noise(real) ** 2))
+                count = real.shape[1] * part.time_s[-1] / ALIKE_S
+                nats += count / 2 * float(np.log(square + eps**2 + noise))
+                ratios.append(max(square - noise, 0.0) / far**2)
+        return nats, float(np.mean(ratios))
+
+
+def judged(shown: Sequence[GraspReplay], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
+    """Cost by episode (E,) [nats] of how a world moves, and the gap over `ENGINES`."""
+    pairs = zip(shown, parts, strict=True)
+    nats, squares = zip(*(s.motion_gap(p, world.stick.length_m) for s, p in pairs), strict=True)
+    return np.array(nats), float(np.sqrt(np.mean(squares)))
+
+
+def ends_m(stick: Array, length_m: float) -> Array:
+    """Lower and upper end of a stick in the poses (..., 7) [m], shape (..., 6)."""
+    half = length_m / 2 * quat_z_axis(stick[..., 3:])
+    return np.concatenate([stick[..., :3] - half, stick[..., :3] + half], axis=-1)
+
+
+def touch_m(nominal: Spec, part: Held, seen: Held | GraspReplay) -> Array:
+    """How far tips are from the nominal stick's surface once the grip has settled, shape (F,)."""
+    return settled(part, tip_gaps_m(nominal, seen.joint_rad, seen.stick))
+
+
+def settled(part: Held, values: Array) -> Array:
+    """Medians over an episode once the grip has settled."""
+    return np.median(values[part.time_s >= SETTLED_S], axis=0)
+
+
+def simulate_grasps(
+    simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]
+) -> list[list[GraspReplay]]:
+    """What every world shows in every episode: a list per world of one per episode.
+
+    Joints and stick start where the log has them; all episodes have one rate.
+    """
+    dt_s = float(np.median(np.diff(parts[0].time_s)))
+    pairs = [(_at_rate(world, dt_s), part) for world in worlds for part in parts]
+    start = InitialState(
+        joint_rad=np.stack([p.joint_rad[0] for _, p in pairs]),
+        stick_pos_m=np.stack([p.stick[0, :3] for _, p in pairs]),
+        stick_quat_wxyz=np.stack([p.stick[0, 3:] for _, p in pairs]),
+    )
+    target, load, pull = (
+        together([getattr(part, name) for _, part in pairs])
+        for name in ("command_rad", "push_nm", "pull_n")
+    )
+    rows = []
+    for state in states(simulate([world for world, _ in pairs]), start, target, load, pull):
+        rows.append(_row(state))
+        if (state.stick_pos_m[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
+            break
+    rows += rows[-1:] * (len(target) - len(rows))
+    taken = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
+    names = [field.name for field in fields(GraspReplay)]
+    shown = [
+        GraspReplay(**dict(zip(names, (v[n, : len(p.time_s)] for v in taken), strict=True)))
+        for n, (_, p) in enumerate(pairs)
+    ]
+    count = len(parts)
+    return [shown[w * count : (w + 1) * count] for w in range(len(worlds))]
+
+
+def _row(state: State) -> tuple[Array, ...]:
+    """The fields of `GraspReplay`."""
+    return (
+        state.joint_rad.copy(),
+        state.drive_torque_nm.copy(),
+        np.hstack([state.stick_pos_m, state.stick_quat_wxyz]),
+        np.linalg.norm(state.contact_force_n, axis=-1),
+    )
+
+
+def _at_rate(world: Spec, dt_s: float) -> Spec:
+    return replace(world, timing=replace(world.timing, policy_s=dt_s))

@@ -1,0 +1,244 @@
+"""Radius of the stick and softness of contacts, from how near tips and stick are.
+
+A tip lies nearer to the stick's axis by what the contact yields, and further by what the stick is
+thicker, whatever engine or robot it is:
+
+    gap = extra radius - yield(force),   per finger and episode
+
+where `gap` is the distance between the surfaces of tip and nominal stick, and forces are those of a
+replay. Contacts are of two kinds: rigid ones yield by softness times force and nothing else, those
+of the nominal engine as a replay does. Every subset of the two numbers is fitted with both kinds,
+and the smallest is named that takes its share of the squared gap and leaves what is ordinary; of
+as many, that of the nominal engine where its replay moves as the log does.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from backends.catalogue import of_part
+from backends.effect import Effect
+from backends.spec import Spec
+from backends.state import Array
+from diagnosis.grasp.forward_model import (
+    RADIUS,
+    SOFTNESS,
+    GraspReplay,
+    Simulate,
+    judged,
+    settled,
+    simulate_grasps,
+    touch_m,
+)
+from diagnosis.motion.held import FLOOR_M, Held
+from diagnosis.verdict.in_hand import STICK, Report, Spot, missing
+from diagnosis.verdict.ordinary import SIMULATORS, is_named, is_worth, share_of
+from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
+
+SUBSETS = ((), (RADIUS,), (SOFTNESS,), (RADIUS, SOFTNESS))
+LEAST_M_N = 0.03e-3
+"""Smallest compliance that is worth a name: MuJoCo's own changes by 0.02 with the mass."""
+GIVEN_M_N = 0.1e-3
+"""A fit begins with this softness: contacts that have one yield otherwise than those without."""
+FORCE_SHARE = 0.05
+"""Forces are those of a replay, whose drives are known no better."""
+OWN = 0.3
+"""A replay on the nominal engine is this near where the log is from it; of others no replay comes
+nearer than 0.35, see `judged`."""
+ROUNDS = 3
+"""A softer or thicker world squeezes with another force: replays with what was found so far."""
+MISPLACED = (
+    "not identifiable from this log: fingers and stick disagree by {:.2f} mm; correct joint zeros"
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fit:
+    """A subset of the two numbers, fitted to the gaps of a log with one kind of contacts."""
+
+    numbers: tuple[str, ...]
+    rigid: bool
+    left_m: Array
+    """What it leaves of the gaps, shape (E, F)."""
+    radius_m: float = 0.0
+    """Beyond the nominal one; so is the compliance."""
+    compliance_m_n: float = 0.0
+    std: tuple[float, float] = (0.0, 0.0)
+    """Of both, by their scatter."""
+    moved: float = np.inf
+    """How far its replay moves from the log, see `judged`."""
+
+    @property
+    def worst(self) -> float:
+        """The gap that it leaves [floors]."""
+        return float(np.sqrt(np.mean((self.left_m / FLOOR_M) ** 2)))
+
+    @property
+    def excess(self) -> float:
+        """The squared gap beyond one floor."""
+        return max(self.worst**2 - 1.0, 0.0)
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether contacts are softer than nominal."""
+        return SOFTNESS in self.numbers
+
+    @property
+    def rank(self) -> tuple[int, int, float]:
+        """What is least of the fits that explain a log."""
+        kind = 1 if self.rigid else 2 * (self.moved > OWN)
+        return len(self.numbers), kind, self.worst
+
+    def on(self, nominal: Spec) -> Spec:
+        """The world that it stands for; rigid contacts are as hard as its drive period allows."""
+        stick, contact = nominal.stick, nominal.contact
+        if self.rigid:
+            contact = replace(contact, time_constant_s=2 * nominal.timing.drive_s)
+        soft_m_n = max(contact.compliance_m_n + self.compliance_m_n, 0.0)
+        return replace(
+            nominal,
+            stick=replace(stick, radius_m=max(stick.radius_m + self.radius_m, FLOOR_M)),
+            contact=replace(contact, compliance_m_n=soft_m_n),
+        )
+
+    def closer(self, nominal: Spec, parts: Sequence[Held], shown: Sequence[GraspReplay]) -> "Fit":
+        """The next least-squares step, from a replay of its world."""
+        pairs = list(zip(parts, shown, strict=True))
+        real = np.array([touch_m(nominal, p, p) for p in parts])
+        force = np.array([settled(p, s.force_n) for p, s in pairs])
+        if self.rigid:
+            model = self.radius_m - self.compliance_m_n * force
+        else:
+            model = np.array([touch_m(nominal, p, s) for p, s in pairs])
+        left = (real - model).ravel()
+        free = np.isin((RADIUS, SOFTNESS), self.numbers)
+        slopes = np.stack([np.ones(left.size), -force.ravel()], axis=1) * free
+        inverse = np.linalg.pinv(slopes)
+        radius_m, compliance_m_n = step = inverse @ left
+        left = left - slopes @ step
+        scatter = float(np.sqrt(left @ left / max(left.size - sum(free), 1)))
+        std = scatter * np.linalg.norm(inverse, axis=1)
+        return replace(
+            self,
+            left_m=left.reshape(real.shape),
+            radius_m=self.radius_m + float(radius_m),
+            compliance_m_n=self.compliance_m_n + float(compliance_m_n),
+            std=(float(std[0]), float(std[1])),
+            moved=judged(shown, parts, nominal)[1],
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """What the gaps of a log say of radius and softness."""
+
+    nominal: Fit
+    """Without any number, with the kind of contacts that was chosen."""
+    chosen: Fit
+    alike: tuple[Fit, ...]
+    """Fits of the same numbers that explain the gaps as well, the chosen one among them."""
+    is_misplaced: bool
+    """Whether nothing explains them."""
+
+    def on(self, nominal: Spec) -> Spec:
+        """The world with what was found, whether or not the catalogue has a name for it."""
+        return nominal if self.is_misplaced else self.chosen.on(nominal)
+
+    @property
+    def is_soft(self) -> bool:
+        """Whether contacts are softer than nominal."""
+        return self.chosen.is_soft and not self.is_misplaced
+
+    def report(self, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Report:
+        """What is named, `unknown` where it is not in the catalogue."""
+        names = of_part(catalogue, "stick", "contact")
+        if self.is_misplaced:
+            sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
+            left_m = float(np.sqrt(np.mean(self.chosen.left_m**2)))
+            return Report(missing=missing(sought, MISPLACED.format(1e3 * left_m)), world=nominal)
+        return Report(
+            causes=tuple(self._causes(nominal, names, catalogue)),
+            spots=tuple(self._spots(nominal)),
+            world=self.on(nominal),
+        )
+
+    def _causes(
+        self, nominal: Spec, names: Mapping[str, str], catalogue: Mapping[str, type[Effect]]
+    ) -> Iterator[Cause]:
+        share = share_of(self.chosen, self.nominal)
+        sized = {RADIUS: self._radius(nominal), SOFTNESS: self._softness()}
+        for number in self.chosen.numbers:
+            sizes, text = sized[number]
+            effect = names.get(number, UNKNOWN)
+            yield cause(effect, sizes, catalogue, share=share, evidence=text)
+
+    def _radius(self, nominal: Spec) -> tuple[tuple[float, float, float], str]:
+        """Relative change of the radius, its 90 % interval, and what says so."""
+        half = Z90 * float(np.hypot(self.chosen.std[0], FLOOR_M))
+        ends = [f.radius_m for f in self.alike]
+        sizes = self.chosen.radius_m, min(ends) - half, max(ends) + half
+        text = (
+            f"tips touch {1e3 * self.chosen.radius_m:+.2f} mm from where the nominal stick's "
+            "surface is; so would they if all joint zeros were off alike"
+        )
+        value, low, high = (size / nominal.stick.radius_m for size in sizes)
+        return (value, low, high), text
+
+    def _softness(self) -> tuple[tuple[float, float, float], str]:
+        """The compliance, as sure as it is known of which kind the contacts are."""
+        value = self.chosen.compliance_m_n
+        half = Z90 * float(np.hypot(self.chosen.std[1], FORCE_SHARE * value))
+        ends = [f.compliance_m_n for f in self.alike]
+        text = f"tips sink into the stick by {1e3 * value:.2f} mm/N more than at nominal contacts"
+        return (value, max(min(ends) - half, 0.0), max(ends) + half), text
+
+    def _spots(self, nominal: Spec) -> Iterator[Spot]:
+        """Gaps at every finger before and after."""
+        gaps = [
+            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0))
+            for fit in (self.nominal, self.chosen)
+        ]
+        for tip, before, after in zip(nominal.hand.fingertips, *gaps, strict=True):
+            yield Spot(
+                finger=tip.finger, family=STICK, gap_before=float(before), gap_after=float(after)
+            )
+
+
+def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
+    """The radius and softness that the gaps of these episodes show."""
+    every = fits(nominal, parts, simulate)
+    bare = {fit.rigid: fit for fit in every if not fit.numbers}
+    explaining = [fit for fit in every if _explains(fit, bare[fit.rigid])]
+    if not explaining:
+        best = min(every, key=lambda fit: fit.worst)
+        return Shape(nominal=bare[best.rigid], chosen=best, alike=(best,), is_misplaced=True)
+    best = min(explaining, key=lambda fit: fit.rank)
+    for more in (fit for fit in explaining if fit.rigid == best.rigid):
+        further = len(more.numbers) > len(best.numbers) > 0
+        if further and is_worth(more, best, SIMULATORS, bare[best.rigid]):
+            best = more
+    alike = tuple(fit for fit in explaining if fit.numbers == best.numbers)
+    return Shape(nominal=bare[best.rigid], chosen=best, alike=alike, is_misplaced=False)
+
+
+def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
+    """All subsets with both kinds of contacts."""
+    gaps = np.array([touch_m(nominal, part, part) for part in parts])
+    found = [
+        Fit(numbers=some, rigid=rigid, left_m=gaps, compliance_m_n=GIVEN_M_N * (SOFTNESS in some))
+        for some in SUBSETS
+        for rigid in (False, True)
+    ]
+    for _ in range(ROUNDS):
+        shown = simulate_grasps(simulate, [fit.on(nominal) for fit in found], parts)
+        found = [f.closer(nominal, parts, s) for f, s in zip(found, shown, strict=True)]
+    return found
+
+
+def _explains(fit: Fit, nominal: Fit) -> bool:
+    """Whether a fit takes its share of the gaps and leaves what is ordinary."""
+    if not fit.numbers:
+        return fit.worst <= SIMULATORS.floors
+    enough = not fit.is_soft or fit.compliance_m_n >= LEAST_M_N
+    return enough and is_named(fit, nominal, SIMULATORS)
