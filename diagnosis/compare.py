@@ -25,8 +25,9 @@ from scipy.stats import t as student
 
 from backends.state import Array
 from diagnosis.logs.log import Log, LogError
+from diagnosis.verdict.result import NONE, UNKNOWN
 
-NONE, UNKNOWN, MORE, LESS = "none", "unknown", "more friction", "less friction"
+MORE, LESS = "more friction", "less friction"
 PLAY, LOCAL, DELAY, GAIN, SENSOR = "play", "local defect", "delay or clock", "gain", "sensor"
 GROUPS = (MORE, LESS, PLAY, DELAY, GAIN, LOCAL, SENSOR)
 SIGNATURES = ("delay", "gain", "drag", "offset")

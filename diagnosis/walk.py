@@ -10,10 +10,10 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis import solver
 from diagnosis.answer import Diagnosis
-from diagnosis.calibration.worlds import Simulate
 from diagnosis.coverage import not_looked_for
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import changed
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world

@@ -27,9 +27,9 @@ from benchmark.runs.run_folder import write_atomically
 from benchmark.settings.effects import parse_effects
 from benchmark.settings.run_spec import ideal as world_of
 from diagnosis.answer import Diagnosis
-from diagnosis.calibration.worlds import Simulate
 from diagnosis.evidence.evidence import FLOOR_RAD
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, require_joints
 from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue

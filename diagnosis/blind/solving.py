@@ -24,8 +24,8 @@ from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.blind import frozen, rigs
 from diagnosis.blind.files import BlindSet, now, write_json
-from diagnosis.calibration.worlds import Simulate
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.motion.batch import Simulate
 from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS
 from diagnosis.verdict.probability import features
 from diagnosis.verdict.result import Cause

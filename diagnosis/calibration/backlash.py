@@ -20,8 +20,10 @@ import numpy as np
 from backends.spec import Drive, Spec
 from backends.state import Array
 from diagnosis.calibration.robust import least_absolute
-from diagnosis.calibration.worlds import Motion, Simulate, replay
+from diagnosis.calibration.worlds import Motion, replay
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.presses import Press, places, presses
+from diagnosis.motion.recordings import REST_SAMPLES
 
 PUSHED_SHARE = 0.3
 """Samples with less than this share of a press's largest push are left out: the joint may be
@@ -37,8 +39,6 @@ one."""
 STUCK_SHARE = 0.2
 """A joint counts as stuck if it moves by less than this share of the nominal deflection of its
 teeth."""
-REST_SAMPLES = 3
-"""Number of samples whose mean is the rest position before a press."""
 NO_PUSH = "not identifiable from this log: it is never pushed in both directions while it is held"
 STUCK = (
     "not identifiable from this log: it does not move under the push, not even as far as its teeth "

@@ -18,8 +18,9 @@ from diagnosis.calibration.backlash import Play, lock_of, push_test
 from diagnosis.calibration.refine import ROUNDS, Refined, refine
 from diagnosis.calibration.spread import Spread, spreads
 from diagnosis.calibration.tactile import TouchSensor, calibrate_touch
-from diagnosis.calibration.worlds import Motion, Simulate, motions, replay
+from diagnosis.calibration.worlds import Motion, motions, replay
 from diagnosis.logs.log import Log, LogError
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.recordings import LEAST_S as COMPARED_S
 from diagnosis.triage.triage import triage
 

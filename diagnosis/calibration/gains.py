@@ -23,7 +23,8 @@ import numpy as np
 from backends.effects import kd_scale, kp_scale
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.calibration.worlds import READINGS, Motion, Simulate, replay
+from diagnosis.calibration.worlds import READINGS, Motion, replay
+from diagnosis.motion.batch import Simulate
 
 CANDIDATES, GENERATIONS = 12, 25
 FIRST_STD, CONVERGED_STD = 0.1, 1e-3

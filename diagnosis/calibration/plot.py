@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from backends.state import Array
 from diagnosis.calibration.calibrate import Calibration, JointGains
-from diagnosis.calibration.worlds import READINGS, Motion, Simulate, replay
+from diagnosis.calibration.worlds import READINGS, Motion, replay
+from diagnosis.motion.batch import Simulate
 
 EXCERPT_S = 0.6
 """Length of the excerpt, around the largest distance of nominal and recorded motion [s]."""

@@ -17,7 +17,8 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.gains import LEAST_SAMPLES, SCALES, Progress, Trace, judge, with_gains
 from diagnosis.calibration.robust import least_absolute
-from diagnosis.calibration.worlds import Motion, Simulate, replay
+from diagnosis.calibration.worlds import Motion, replay
+from diagnosis.motion.batch import Simulate
 
 ROUNDS, AVERAGED = 5, 3
 """Number of rounds, and how many of the last ones are averaged."""

@@ -27,7 +27,8 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.refine import Linear, Refined, used
 from diagnosis.calibration.robust import least_absolute
-from diagnosis.calibration.worlds import Motion, Simulate, replay
+from diagnosis.calibration.worlds import Motion, replay
+from diagnosis.motion.batch import Simulate
 
 BLOCK_S = 0.5
 DRAWS = 100

@@ -5,27 +5,20 @@ can simulate the nominal world.
 """
 
 import dataclasses
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from backends.engine import Simulator
 from backends.spec import Spec
-from backends.state import Array, InitialState
+from backends.state import Array
 from diagnosis.logs.log import EpisodeMeta, Log
-from diagnosis.motion.batch import states, together
+from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest, states, together
+from diagnosis.motion.recordings import REST_SAMPLES
 
-Simulate = Callable[[Sequence[Spec]], Simulator]
-"""Starts worlds on an engine."""
 READINGS = ("position", "motor")
 """Outputs of a replay: readings of the position sensor and angles of the motor."""
-ASIDE_M = (5.0, 0.0, 0.0)
-"""Position at which the stick floats without weight [m]."""
-REST_SAMPLES = 3
-"""Episodes start at rest. The start is the mean of this many readings, of the motor if it was
-logged."""
-_FOREVER_S = 1e6
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -99,6 +92,7 @@ class _Path:
     def __init__(self, motion: Motion, stride: int) -> None:
         row = motion.tick // stride
         held = np.searchsorted(row, np.arange(row[-1] + 1), side="right") - 1
+        # the start is the mean of some readings at rest, of the motor if it was logged
         joint_rad, motor_rad = motion.read_rad[:, :REST_SAMPLES].mean(axis=1)
         self.start_rad = np.where(np.isfinite(motor_rad), motor_rad, joint_rad)
         self.command_rad, self.push_nm = motion.command_rad[held], motion.push_nm[held]
@@ -109,22 +103,13 @@ def _run(simulator: Simulator, start: Array, paths: Sequence[_Path]) -> Array:
     target, load = (
         together([getattr(p, name) for p in paths]) for name in ("command_rad", "push_nm")
     )
-    every = states(simulator, _at_rest(start), target, load)
+    every = states(simulator, at_rest(start), target, load)
     return np.stack([np.stack([state.measured_rad, state.motor_rad]) for state in every])
 
 
 def _aside(spec: Spec, stride: int) -> Spec:
     """The world with steps of `stride` drive periods and the stick out of the way."""
     timing = dataclasses.replace(
-        spec.timing, policy_s=stride * spec.timing.drive_s, weightless_s=_FOREVER_S
+        spec.timing, policy_s=stride * spec.timing.drive_s, weightless_s=FOREVER_S
     )
     return dataclasses.replace(spec, timing=timing)
-
-
-def _at_rest(start_rad: Array) -> InitialState:
-    n = len(start_rad)
-    return InitialState(
-        joint_rad=start_rad,
-        stick_pos_m=np.tile(ASIDE_M, (n, 1)),
-        stick_quat_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
-    )

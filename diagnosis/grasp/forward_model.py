@@ -4,20 +4,17 @@ A stick has a radius, contacts a softness; friction and mass show where it slips
 follow from a replay: how tips and stick touch, how the stick moves, and how hard it is pressed.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState, State, quat_z_axis
-from diagnosis.motion.batch import states, together
+from diagnosis.motion.batch import Simulate, states, together
 from diagnosis.motion.held import Held, tip_gaps_m
 from diagnosis.motion.recordings import white_noise
 
-Simulate = Callable[[Sequence[Spec]], Simulator]
-"""Puts worlds on an engine."""
 RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
 FRICTION, MASS = "stick.friction", "stick.mass_kg"
 """Numbers of a stick and its contacts."""

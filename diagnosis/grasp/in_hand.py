@@ -6,15 +6,17 @@ show on the stick that is there.
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.grasp import pull_test
-from diagnosis.grasp.forward_model import RADIUS, SOFTNESS, Simulate
+from diagnosis.grasp.forward_model import RADIUS, SOFTNESS
 from diagnosis.grasp.motion_fit import MOTION, YIELDING, motions
 from diagnosis.grasp.shape import Shape, shape
 from diagnosis.logs.log import Log
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import Held, held
 from diagnosis.skin.skin_faults import identify_skin_faults
 from diagnosis.verdict.in_hand import Report, missing
@@ -113,5 +115,8 @@ def _pulled_out(
 def _pull(
     world: Spec, found: Shape, pulls: Sequence[Held], simulate: Simulate
 ) -> pull_test.PullFit | None:
+    """What pulls tell of a stick of a shape, about the mass that its gaps ask for."""
     rigid, soft = found.chosen.rigid, found.is_soft
-    return pull_test.pull_fit(found.on(world), pulls, simulate, rigid=rigid, soft=soft)
+    heavy = pull_test.changed(found.on(world), mass=found.mass)
+    pulled = pull_test.pull_fit(heavy, pulls, simulate, rigid=rigid, soft=soft)
+    return replace(pulled, mass=pulled.mass + found.mass) if pulled else None

@@ -17,13 +17,13 @@ from diagnosis.grasp.forward_model import (
     MASS,
     SAME,
     SOFTNESS,
-    Simulate,
     judged,
     simulate_grasps,
 )
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import Held
 from diagnosis.verdict.in_hand import Report, missing
-from diagnosis.verdict.result import cause
+from diagnosis.verdict.result import CLOSE_NATS, cause
 
 MOTION = {
     FRICTION: (-0.8, -0.6, -0.4, -0.2, 0.3, 0.8, 1.5),
@@ -37,8 +37,6 @@ AGREE = (
     "not identifiable from this log; record --protocol grasp with the channel stick, --variants 2 "
     "or more: one episode may agree by chance"
 )
-CLOSE_NATS = 1.35
-"""Half of the 90 % point of a squared normal number: ends of an interval."""
 FINER = (-0.8, -0.5, -0.25, 0.25, 0.5, 0.8)
 """Where later rounds look, as shares of the way from the best magnitude to its neighbours."""
 ROUNDS = 2

@@ -18,8 +18,9 @@ from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.grasp.forward_model import FRICTION, MASS, Simulate, simulate_grasps
+from diagnosis.grasp.forward_model import FRICTION, MASS, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import Held
 from diagnosis.verdict.in_hand import Report, missing
 from diagnosis.verdict.result import UNKNOWN, Z90, cause
@@ -86,7 +87,7 @@ class PullFit:
         causes = tuple(
             cause(
                 names.get(number, UNKNOWN),
-                np.expm1([log, log - Z90 * std, log + Z90 * std]),
+                np.expm1([log, log - Z90 * std, log + Z90 * std]).tolist(),
                 catalogue,
                 share=share,
                 evidence=text,
@@ -98,15 +99,11 @@ class PullFit:
         return Report(causes=causes, missing=vague)
 
     @property
-    def shown(self) -> tuple[bool, bool]:
-        """Whether friction and mass are other than nominal if the model holds."""
-        asked = HEAVY_Z if self.mass > 0 else SURE_Z
-        return abs(self.friction) > SURE_Z * self.friction_std, abs(self.mass) > asked * self.spread
-
-    @property
     def sure(self) -> tuple[bool, bool]:
-        """The same where what the model leaves says that it holds, for a mass."""
-        return self.shown[0], self.shown[1] and self.left < ODD
+        """Whether friction and mass are other than nominal."""
+        asked = HEAVY_Z if self.mass > 0 else SURE_Z
+        mass = abs(self.mass) > asked * self.spread and self.left < ODD
+        return abs(self.friction) > SURE_Z * self.friction_std, mass
 
     @property
     def doubt(self) -> str:
@@ -121,16 +118,16 @@ class PullFit:
         return float(np.hypot(self.mass_std, GIVES_WAY * (self.gives_way and self.mass < 0)))
 
     def beside(self, other: "PullFit") -> "PullFit":
-        """This, seen in a world that has what another one shows already."""
+        """This, seen in a world that has what is sure in another one already."""
         friction, mass = (
-            v * s for v, s in zip((other.friction, other.mass), other.shown, strict=True)
+            v * s for v, s in zip((other.friction, other.mass), other.sure, strict=True)
         )
         return replace(self, friction=self.friction + friction, mass=self.mass + mass)
 
 
 def corrected(world: Spec, fit: PullFit) -> Spec:
-    """The world with what is shown."""
-    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.shown, strict=True))
+    """The world with what is sure."""
+    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.sure, strict=True))
     return changed(world, friction, mass)
 
 
@@ -155,8 +152,8 @@ def pull_fit(
         fit = _by_replays(world, kept, seen, simulate)
     if soft:
         std = float(np.hypot(fit.friction_std, SOFT_FLOOR))
-        told = rigid and fit.left < LAWFUL
-        fit = replace(fit, friction_std=std, left=fit.left if told else np.inf)
+        is_lawful = rigid and fit.left < LAWFUL
+        fit = replace(fit, friction_std=std, left=fit.left if is_lawful else np.inf)
     return fit
 
 

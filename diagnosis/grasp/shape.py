@@ -8,8 +8,8 @@ thicker, whatever engine or robot it is:
 where `gap` is the distance between the surfaces of tip and nominal stick, and forces are those of a
 replay. Contacts are of two kinds: rigid ones yield by softness times force and nothing else, those
 of the nominal engine as a replay does. Every subset of the two numbers is fitted with both kinds,
-and the smallest is named that takes its share of the squared gap and leaves what is ordinary; of
-as many, that of the nominal engine where its replay moves as the log does.
+and the smallest is named that takes its share of the squared gap and leaves what is ordinary. The
+nominal engine's contacts come first where a replay moves as the log does, and last where none does.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -22,21 +22,24 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.grasp.forward_model import (
+    MASS,
     RADIUS,
     SOFTNESS,
     GraspReplay,
-    Simulate,
     judged,
     settled,
     simulate_grasps,
     touch_m,
 )
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import FLOOR_M, Held
 from diagnosis.verdict.in_hand import STICK, Report, Spot, missing
 from diagnosis.verdict.ordinary import SIMULATORS, is_named, is_worth, share_of
 from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 SUBSETS = ((), (RADIUS,), (SOFTNESS,), (RADIUS, SOFTNESS))
+PROBE, HEAVIEST = 0.2, 2.0
+"""Logarithms of a mass: a step for its slope, and the most that it is off."""
 LEAST_M_N = 0.03e-3
 """Smallest compliance that is worth a name: MuJoCo's own changes by 0.02 with the mass."""
 GIVEN_M_N = 0.1e-3
@@ -64,8 +67,11 @@ class Fit:
     radius_m: float = 0.0
     """Beyond the nominal one; so is the compliance."""
     compliance_m_n: float = 0.0
+    mass: float = 0.0
+    """Logarithm of the stick's mass over the nominal one: contacts of the nominal engine yield by
+    it, so it is free beside them, and never named by gaps."""
     std: tuple[float, float] = (0.0, 0.0)
-    """Of both, by their scatter."""
+    """Of radius and compliance, by their scatter."""
     moved: float = np.inf
     """How far its replay moves from the log, see `judged`."""
 
@@ -85,10 +91,10 @@ class Fit:
         return SOFTNESS in self.numbers
 
     @property
-    def rank(self) -> tuple[int, int, float]:
+    def rank(self) -> tuple[bool, int, bool, float]:
         """What is least of the fits that explain a log."""
-        kind = 1 if self.rigid else 2 * (self.moved > OWN)
-        return len(self.numbers), kind, self.worst
+        strange = not self.rigid and self.moved > OWN
+        return strange, len(self.numbers), self.rigid, self.worst
 
     def on(self, nominal: Spec) -> Spec:
         """The world that it stands for; rigid contacts are as hard as its drive period allows."""
@@ -98,24 +104,36 @@ class Fit:
         soft_m_n = max(contact.compliance_m_n + self.compliance_m_n, 0.0)
         return replace(
             nominal,
-            stick=replace(stick, radius_m=max(stick.radius_m + self.radius_m, FLOOR_M)),
+            stick=replace(
+                stick,
+                radius_m=max(stick.radius_m + self.radius_m, FLOOR_M),
+                mass_kg=stick.mass_kg * float(np.exp(self.mass)),
+            ),
             contact=replace(contact, compliance_m_n=soft_m_n),
         )
 
-    def closer(self, nominal: Spec, parts: Sequence[Held], shown: Sequence[GraspReplay]) -> "Fit":
-        """The next least-squares step, from a replay of its world."""
-        pairs = list(zip(parts, shown, strict=True))
+    def closer(
+        self,
+        nominal: Spec,
+        parts: Sequence[Held],
+        shown: Sequence[GraspReplay],
+        heavier: Sequence[GraspReplay],
+    ) -> "Fit":
+        """The next least-squares step, from replays of its world and of one with more mass."""
         real = np.array([touch_m(nominal, p, p) for p in parts])
-        force = np.array([settled(p, s.force_n) for p, s in pairs])
+        force = np.array([settled(p, s.force_n) for p, s in zip(parts, shown, strict=True)])
+        model, other = (
+            np.array([touch_m(nominal, p, s) for p, s in zip(parts, some, strict=True)])
+            for some in (shown, heavier)
+        )
+        by_mass = (other - model) / PROBE
         if self.rigid:
             model = self.radius_m - self.compliance_m_n * force
-        else:
-            model = np.array([touch_m(nominal, p, s) for p, s in pairs])
         left = (real - model).ravel()
-        free = np.isin((RADIUS, SOFTNESS), self.numbers)
-        slopes = np.stack([np.ones(left.size), -force.ravel()], axis=1) * free
+        free = np.isin((RADIUS, SOFTNESS, MASS), self.numbers)
+        slopes = np.stack([np.ones(left.size), -force.ravel(), by_mass.ravel()], axis=1) * free
         inverse = np.linalg.pinv(slopes)
-        radius_m, compliance_m_n = step = inverse @ left
+        radius_m, compliance_m_n, mass = step = inverse @ left
         left = left - slopes @ step
         scatter = float(np.sqrt(left @ left / max(left.size - sum(free), 1)))
         std = scatter * np.linalg.norm(inverse, axis=1)
@@ -124,6 +142,7 @@ class Fit:
             left_m=left.reshape(real.shape),
             radius_m=self.radius_m + float(radius_m),
             compliance_m_n=self.compliance_m_n + float(compliance_m_n),
+            mass=float(np.clip(self.mass + mass, -HEAVIEST, HEAVIEST)),
             std=(float(std[0]), float(std[1])),
             moved=judged(shown, parts, nominal)[1],
         )
@@ -143,7 +162,12 @@ class Shape:
 
     def on(self, nominal: Spec) -> Spec:
         """The world with what was found, whether or not the catalogue has a name for it."""
-        return nominal if self.is_misplaced else self.chosen.on(nominal)
+        return nominal if self.is_misplaced else replace(self.chosen, mass=0.0).on(nominal)
+
+    @property
+    def mass(self) -> float:
+        """Logarithm of the mass over the nominal one, as far as gaps ask for another."""
+        return 0.0 if self.is_misplaced else self.chosen.mass
 
     @property
     def is_soft(self) -> bool:
@@ -168,7 +192,7 @@ class Shape:
     ) -> Iterator[Cause]:
         share = share_of(self.chosen, self.nominal)
         sized = {RADIUS: self._radius(nominal), SOFTNESS: self._softness()}
-        for number in self.chosen.numbers:
+        for number in (n for n in self.chosen.numbers if n in sized):
             sizes, text = sized[number]
             effect = names.get(number, UNKNOWN)
             yield cause(effect, sizes, catalogue, share=share, evidence=text)
@@ -223,16 +247,23 @@ def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
 
 
 def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
-    """All subsets with both kinds of contacts."""
+    """All subsets with both kinds of contacts, and a mass beside the nominal engine's."""
     gaps = np.array([touch_m(nominal, part, part) for part in parts])
     found = [
         Fit(numbers=some, rigid=rigid, left_m=gaps, compliance_m_n=GIVEN_M_N * (SOFTNESS in some))
         for some in SUBSETS
         for rigid in (False, True)
     ]
+    found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
-        shown = simulate_grasps(simulate, [fit.on(nominal) for fit in found], parts)
-        found = [f.closer(nominal, parts, s) for f, s in zip(found, shown, strict=True)]
+        probed = [replace(fit, mass=fit.mass + PROBE) for fit in found if MASS in fit.numbers]
+        worlds = [fit.on(nominal) for fit in (*found, *probed)]
+        shown = simulate_grasps(simulate, worlds, parts)
+        heavier = iter(shown[len(found) :])
+        found = [
+            fit.closer(nominal, parts, s, next(heavier) if MASS in fit.numbers else s)
+            for fit, s in zip(found, shown, strict=False)
+        ]
     return found
 
 

@@ -1,11 +1,27 @@
 """Worlds side by side on an engine, each under its own targets and loads."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
 from backends.engine import Simulator
+from backends.spec import Spec
 from backends.state import Array, InitialState, State
+
+Simulate = Callable[[Sequence[Spec]], Simulator]
+"""Starts worlds on an engine."""
+ASIDE_M, FOREVER_S = (5.0, 0.0, 0.0), 1e6
+"""Where the stick floats while joints move in free air, and how long it has no weight [m, s]."""
+
+
+def at_rest(joint_rad: Array) -> InitialState:
+    """N worlds that rest at joint angles (N, J), the stick aside."""
+    count = len(joint_rad)
+    return InitialState(
+        joint_rad=joint_rad,
+        stick_pos_m=np.tile(ASIDE_M, (count, 1)),
+        stick_quat_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
+    )
 
 
 def together(rows: Sequence[Array]) -> Array:

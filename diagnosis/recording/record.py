@@ -5,16 +5,16 @@ names its mechanism but not its effects, because a diagnosis has to find them.
 """
 
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
+from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest
 from diagnosis.recording import excitation
 from diagnosis.recording._tape import SlowFace, Tape
 from diagnosis.recording.excitation import Excitation
@@ -30,12 +30,6 @@ ALWAYS = ("command", "position")
 """Channels that every log needs."""
 HELD = ("grasp", "pull", "policy")
 """Protocols with the stick in the hand."""
-ASIDE_M = (5.0, 0.0, 0.0)
-"""Position at which the stick floats without weight in the other protocols [m]."""
-FOREVER_S = 1e6
-
-Simulate = Callable[[Sequence[Spec]], Simulator]
-"""Starts worlds on an engine."""
 Progress = Callable[[float], None]
 """Called with the finished share of the recording."""
 
@@ -231,12 +225,8 @@ def _start(spec: Spec, plan: Plan, number: int) -> InitialState:
     if episode.protocol in HELD:
         rng = np.random.default_rng([plan.seed, episode.variant, 1])
         return dataclasses.replace(sample_initial_states([spec], rng), noise_seed=noise)
-    return InitialState(
-        joint_rad=excitation.hand_joints(spec.hand).center_rad[None],
-        stick_pos_m=np.array([ASIDE_M]),
-        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
-        noise_seed=noise,
-    )
+    start = at_rest(excitation.hand_joints(spec.hand).center_rad[None])
+    return dataclasses.replace(start, noise_seed=noise)
 
 
 def _motion(spec: Spec, plan: Plan, episode: Episode, start: InitialState) -> Excitation:

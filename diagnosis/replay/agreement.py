@@ -12,8 +12,9 @@ import numpy as np
 from backends.spec import Body, Spec
 from backends.state import Array
 from diagnosis.calibration import worlds
-from diagnosis.calibration.worlds import Motion, Simulate
+from diagnosis.calibration.worlds import Motion
 from diagnosis.logs.log import Log
+from diagnosis.motion.batch import Simulate
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording
 from diagnosis.replay.parts import limbs

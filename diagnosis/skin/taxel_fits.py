@@ -7,9 +7,8 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
+from diagnosis.verdict.result import CLOSE_NATS
 
-CLOSE_NATS = 1.35
-"""Half of the 90 % point of a squared normal number: ends of an interval."""
 THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
 FINER = np.arange(-5, 6) / 5
 """Steps around the best threshold, in steps of the first grid."""

@@ -84,7 +84,7 @@ def _probability(
         causes=len(found.chosen.freed),
         lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
     )
-    kind = curve.NAMED if named else curve.UNKNOWN if unknown else curve.NONE
+    kind = curve.NAMED if named else UNKNOWN if unknown else NONE
     return curve.probability(kind, values)
 
 

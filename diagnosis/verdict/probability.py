@@ -10,9 +10,9 @@ from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 
-from diagnosis.verdict.result import Cause
+from diagnosis.verdict.result import UNKNOWN, Cause
 
-NAMED, UNKNOWN, NONE = "named", "unknown", "none"
+NAMED = "named"
 FILE = Path(__file__).with_name("curve.json")
 """By kind of verdict, the coefficients of `features`: what `bench blind calibrate` wrote."""
 LEAST = 1e-3

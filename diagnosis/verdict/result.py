@@ -1,6 +1,6 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect
@@ -9,6 +9,8 @@ from diagnosis.verdict.sizes import sized
 NONE, UNKNOWN = "none", "unknown"
 Z90 = 1.645
 """Half of a 90 % interval, in standard deviations."""
+CLOSE_NATS = 1.35
+"""Half of the 90 % point of a squared normal number: ends of an interval of a likelihood."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +46,7 @@ class Cause:
 
 def cause(
     effect: str,
-    sizes: Iterable[float],
+    sizes: Sequence[float],
     catalogue: Mapping[str, type[Effect]],
     *,
     joints: tuple[str, ...] = (),

@@ -104,7 +104,7 @@ def test_contacts_are_of_the_engine_that_a_log_is_from(backend, rigid):
     assert found.chosen.worst < 1.0 < found.nominal.worst
 
 
-def test_radius_and_softness_are_told_apart_by_unequal_loads():
+def test_unequal_loads_distinguish_radius_from_softness():
     """Name both of a thin stick that is soft, each with its size."""
     both = {
         one.effect: one for one in shapes_of("stick-radius=-8%,contact-softness=0.1mm/N").causes
