@@ -150,10 +150,9 @@ def pull_fit(
         fit = replace(_by_newton(seen, shown, world), gives_way=not soft)
     else:
         fit = _by_replays(world, kept, seen, simulate)
-    if soft:
+    if soft and not (rigid and fit.left < LAWFUL):
         std = float(np.hypot(fit.friction_std, SOFT_FLOOR))
-        is_lawful = rigid and fit.left < LAWFUL
-        fit = replace(fit, friction_std=std, left=fit.left if is_lawful else np.inf)
+        fit = replace(fit, friction_std=std, left=np.inf)
     return fit
 
 

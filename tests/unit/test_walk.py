@@ -102,7 +102,7 @@ def test_play_that_is_known_and_rattles_hides_no_friction():
 
 def test_the_corrected_world_can_be_written(held):
     """Write effects for the command line that hold all three."""
-    text = effects_text("none", held.magnitudes, NOMINAL)
+    text = effects_text("none", held.magnitudes, NOMINAL, CATALOGUE)
     assert {item.split("=")[0] for item in text.split(",")} == set(held.verdict)
 
 
