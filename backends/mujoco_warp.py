@@ -141,6 +141,7 @@ class _Batch:
         self._contacts = wp.array(np.arange(self._data.naconmax, dtype=np.int32))
         self._forces = wp.zeros(self._data.naconmax, dtype=wp.spatial_vector)
         self._graph: Any = None
+        """On a GPU, all kernels of a tick, recorded after the first period."""
 
     def _keep_per_world(self, name: str, values: Array) -> None:
         *path, last = name.split(".")
@@ -186,25 +187,18 @@ class _Batch:
         for here, there in rotors:
             here.assign(there[self.ids])
         for _ in range(ticks):
-            self._driven_tick()
+            if self._graph is None:
+                self._tick()
+            else:
+                wp.capture_launch(self._graph)
+        if self._graph is None and wp.get_device().is_cuda:
+            with wp.ScopedCapture() as capture:
+                self._tick()
+            self._graph = capture.graph
         for here, there in rotors:
             there[self.ids] = here.numpy()
 
-    def _driven_tick(self) -> None:
-        """One tick; on a GPU a graph of all its kernels, which is recorded at the second one."""
-        if self._graph not in (None, False):
-            wp.capture_launch(self._graph)
-            return
-        if self._graph is False and wp.get_device().is_cuda:
-            with wp.ScopedCapture() as capture:
-                self._launch()
-            self._graph = capture.graph
-            wp.capture_launch(self._graph)
-            return
-        self._launch()
-        self._graph = False
-
-    def _launch(self) -> None:
+    def _tick(self) -> None:
         wp.launch(drive_tick, dim=self._target.shape, inputs=self._drives)
         wp.launch(carry_tick, dim=len(self.ids), inputs=self._carry)
         mjw.step(self._model, self._data)
@@ -223,11 +217,11 @@ class _Batch:
         rotation = quat_to_matrix(stick[:, 3:])
         state.stick_omega_rad_s[self.ids] = np.einsum("nij,nj->ni", rotation, twist[:, 3:])
         mjw.contact_force(self._model, self._data, self._contacts, False, self._forces)
-        contact, count = self._data.contact, int(self._data.nacon.numpy()[0])
+        contact, count = self._data.contact, min(self._data.nacon.numpy()[0], len(self._contacts))
         finger = self._finger_of[contact.geom.numpy()[:count]]
         load = np.maximum(self._forces.numpy()[:count, :1].astype(np.float64), 0.0)
+        # A normal points from the first shape to the second; here from the finger to the stick.
         outwards = np.where(finger[:, :1] >= 0, 1.0, -1.0)
-        """The normal points from the first shape to the second; here from finger to stick."""
         normal = outwards * contact.frame.numpy()[:count, 0]
         world = self.ids[contact.worldid.numpy()[:count, None]]
         table = [world, finger.max(axis=1)[:, None], load, load * contact.pos.numpy()[:count]]
