@@ -4,9 +4,10 @@ import json
 import logging
 import os
 import sys
+import threading
 import time
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from rich.console import Console, RenderableType
 from rich.progress import (
@@ -29,6 +30,7 @@ ROW_WIDTH = 140
 """Width that a row with its folder needs, in characters."""
 _real_stdout: int | None = None
 _level = logging.WARNING
+_stopping = False
 _log: list[logging.Handler] = []
 """The log file, if there is one."""
 
@@ -143,6 +145,16 @@ def _cell(value: object) -> str:
     return f"{value:.3g}" if isinstance(value, float) else str(value)
 
 
+def stop(number: int, frame: FrameType | None) -> None:
+    """Handle a signal that ends the command: raise KeyboardInterrupt, at once and in a `Bar`.
+
+    The first is lost where a library catches whatever comes, as some do while they are imported.
+    """
+    global _stopping
+    _stopping = True
+    raise KeyboardInterrupt
+
+
 class Bar:
     """A progress bar on a terminal; elsewhere a line per twentieth of the work, not too often."""
 
@@ -173,7 +185,9 @@ class Bar:
         self._bar.stop()
 
     def update(self, done: int, note: str = "") -> None:
-        """Show that `done` of the total is finished, with a note."""
+        """Show that `done` of the total is finished, with a note; see also `stop`."""
+        if _stopping and threading.current_thread() is threading.main_thread():
+            raise KeyboardInterrupt
         self._bar.update(self._task, completed=done, note=note)
         part, now_s = 20 * done // max(self._total, 1), time.monotonic()
         due = part == 20 or now_s >= self._said_s + EVERY_S

@@ -10,7 +10,6 @@ import traceback
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from types import FrameType
 from typing import Annotated
 
 import typer
@@ -95,14 +94,12 @@ def _bench(
 app = _assembled()
 
 
-def _stop(number: int, frame: FrameType | None) -> None:
-    raise KeyboardInterrupt
-
-
 def main() -> None:
     """Entry point: run a command and turn every failure into one message and an exit code."""
     console.open_closed_streams()
-    signal.signal(signal.SIGTERM, _stop)
+    signal.signal(signal.SIGTERM, console.stop)
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, console.stop)
     asks = {"-h", "--help", "--version", "--show-completion", "--install-completion"}
     if len(sys.argv) > 1 and asks.isdisjoint(sys.argv) and "_BENCH_COMPLETE" not in os.environ:
         console.divert_stdout()

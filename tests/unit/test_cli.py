@@ -1,11 +1,14 @@
 """What the command line takes, refuses and prints."""
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -285,6 +288,18 @@ def test_list_takes_a_kind(kind, word, capfd):
     found = json.loads(capfd.readouterr().out)
     assert list(found) == [kind.removesuffix("s")]
     assert word in json.dumps(found)
+
+
+def test_a_stop_that_a_library_swallows_comes_again_with_the_progress(monkeypatch):
+    """Interrupt at the next step where something caught the first, and no thread but the main."""
+    monkeypatch.setattr(console, "_stopping", False)
+    with console.Bar("work", 2) as bar:
+        with contextlib.suppress(BaseException):
+            console.stop(signal.SIGTERM, None)
+        with ThreadPoolExecutor() as pool:
+            pool.submit(bar.update, 1).result()
+        with pytest.raises(KeyboardInterrupt):
+            bar.update(2)
 
 
 def test_a_progress_bar_off_a_terminal_says_its_start_and_its_end(monkeypatch, capsys):
