@@ -15,6 +15,7 @@ import yaml
 from diagnosis_logs import arm_log, hand_log
 
 from backends import trx
+from backends.catalogue import catalogue
 from backends.sticks import STICKS
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
@@ -261,9 +262,9 @@ def finding(effect: str, value: float, unit: str, *joints: str) -> Cause:
 )
 def test_effects_are_added_to_those_known(known, found, text):
     """Write the world that has both: the known effects first, then what was found."""
-    assert effects_text(known, [found], IDEAL) == text
+    assert effects_text(known, [found], IDEAL, catalogue()) == text
     both = with_effects(known)
-    for item in effects_text("none", [found], IDEAL).split(","):
+    for item in effects_text("none", [found], IDEAL, catalogue()).split(","):
         for effect in parse_effects(item, IDEAL.hand):
             both = effect.on_spec(both)
     written = with_effects(text)
@@ -275,5 +276,6 @@ def test_effects_are_added_to_those_known(known, found, text):
 
 def test_a_sum_out_of_range_is_refused():
     """Refuse a corrected world that no effect can write."""
+    found = finding("backlash", 6, "deg", "J0", "J3", "J6")
     with pytest.raises(UsageError, match="out of range; allowed: 0 to 10 deg"):
-        effects_text("backlash=6deg", [finding("backlash", 6, "deg", "J0", "J3", "J6")], IDEAL)
+        effects_text("backlash=6deg", [found], IDEAL, catalogue())

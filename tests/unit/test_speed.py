@@ -132,7 +132,7 @@ def test_restart_observes_the_others_as_they_are() -> None:
     for _ in range(12):
         env.step(rng.uniform(-1, 1, (5, env.action_width)))
     observed = env.reset(np.arange(5) == 2)
-    assert np.array_equal(observed, env._observe(env.state))
+    assert np.array_equal(observed, env._observe(env.state, env.reference()[1]))
     assert np.ptp(observed[np.arange(5) != 2], axis=0).any()
     env.close()
 
