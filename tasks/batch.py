@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from backends.engine import Simulator
@@ -11,13 +12,54 @@ from backends.state import Array, InitialState, State, is_finite, quat_z_axis
 from backends.touch import Skin, Touch
 from tasks.initial_states import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
-from tasks.reward import desired_axis, judge
-from tasks.task import EPISODE_S, Figure
+from tasks.task import EPISODE_S, Figure, desired_axis
 
+ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
+"""The paper's reward: [C, w0, w1 per m, w2 per N], see `judge`."""
 DROP_M = 0.03
 """An episode ends when the stick's centre is this far below its nominal height [m]."""
 TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
 """A step counts as tracked while the errors of lower end and axis are within these."""
+
+
+@numba.njit(cache=True)
+def _judge(pos, quat, force, desired, grip, lever, half, out):
+    for n in range(len(pos)):
+        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
+        axis = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
+        low, top, turned, press = 0.0, 0.0, 0.0, 0.0
+        for i in range(3):
+            lower = pos[n, i] - half[n] * axis[i]
+            drawn = grip[i] - lever[n] * desired[n, i]
+            length = 2 * half[n]
+            low += (lower - drawn) ** 2
+            top += ((lower + length * axis[i]) - (drawn + length * desired[n, i])) ** 2
+            turned += (axis[i] - desired[n, i]) ** 2
+        for f in range(force.shape[1]):
+            a, b, c = force[n, f, 0], force[n, f, 1], force[n, f, 2]
+            press += math.sqrt(a * a + b * b + c * c)
+        low, top, turned = math.sqrt(low), math.sqrt(top), math.sqrt(turned)
+        reward = ALIVE - AXIS_WEIGHT * turned - END_WEIGHT * (low + top)
+        out[0, n] = reward - FORCE_WEIGHT * press
+        out[1, n], out[2, n] = low, 2 * math.asin(min(turned / 2, 1.0))
+
+
+def judge(
+    state: State, desired: Array, grip_m: Array, lever_m: Array, half_m: Array
+) -> tuple[Array, Array, Array]:
+    """Rewards, errors of the lower end [m] and of the axis [rad], each (N,).
+
+    The reward is the paper's, C - w0 |u - u_d| - w1 (|e_low| + |e_top|) - w2 sum |f|: u is the
+    stick's axis, u_d the desired one, e_low and e_top the distances [m] of the stick's ends from
+    those of a stick at the drawn point along u_d, f the forces on the fingertips [N].
+
+    The stick's grip is `lever_m` from its lower end and to be at `grip_m` (3,); it is 2 `half_m`
+    long.
+    """
+    out = np.empty((3, len(desired)))
+    pose = state.stick_pos_m, state.stick_quat_wxyz
+    _judge(*pose, state.contact_force_n, desired, grip_m, lever_m, half_m, out)
+    return out[0], out[1], out[2]
 
 
 class SimulationDivergedError(Exception):
