@@ -12,7 +12,7 @@ from backends.state import Array, InitialState, State, is_finite, quat_z_axis
 from backends.touch import Skin, Touch
 from tasks.initial_states import Draws, OwnDraws, SharedDraws
 from tasks.observation import Observation, Percept
-from tasks.task import EPISODE_S, Figure, desired_axis
+from tasks.task import EPISODE_S, Figure
 
 ALIVE, AXIS_WEIGHT, END_WEIGHT, FORCE_WEIGHT = 0.5, 1.5, 2.0, 0.005
 """The paper's reward: [C, w0, w1 per m, w2 per N], see `judge`."""
@@ -20,6 +20,20 @@ DROP_M = 0.03
 """An episode ends when the stick's centre is this far below its nominal height [m]."""
 TRACKED_M, TRACKED_RAD = 0.01, math.radians(5)
 """A step counts as tracked while the errors of lower end and axis are within these."""
+
+
+@numba.njit(cache=True)
+def _axes(offset, lever, out):
+    for n in range(len(offset)):
+        x, y = -offset[n, 0] / lever[n], -offset[n, 1] / lever[n]
+        out[n, 0], out[n, 1], out[n, 2] = x, y, math.sqrt(1 - (x * x + y * y))
+
+
+def desired_axis(offset_m: Array, lever_m: Array) -> Array:
+    """Unit vectors (N, 3) from the reference points to the pivot; levers (N,) are end to pivot."""
+    axis = np.empty((len(offset_m), 3))
+    _axes(offset_m, lever_m, axis)
+    return axis
 
 
 @numba.njit(cache=True)

@@ -4,7 +4,6 @@ import math
 from abc import ABC, abstractmethod
 from typing import ClassVar
 
-import numba
 import numpy as np
 
 Array = np.ndarray
@@ -36,17 +35,3 @@ class Figure(ABC):
         Arguments are the time since the start (N,) [s] and each episode's random heading (N,)
         [rad]. Every figure starts at the centre.
         """
-
-
-@numba.njit(cache=True)
-def _axes(offset, lever, out):
-    for n in range(len(offset)):
-        x, y = -offset[n, 0] / lever[n], -offset[n, 1] / lever[n]
-        out[n, 0], out[n, 1], out[n, 2] = x, y, math.sqrt(1 - (x * x + y * y))
-
-
-def desired_axis(offset_m: Array, lever_m: Array) -> Array:
-    """Unit vectors (N, 3) from the reference points to the pivot; levers (N,) are end to pivot."""
-    axis = np.empty((len(offset_m), 3))
-    _axes(offset_m, lever_m, axis)
-    return axis
