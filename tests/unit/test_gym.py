@@ -1,5 +1,6 @@
 """Environments as people use them through Gymnasium: seeds, resets, time limits, pictures."""
 
+import contextlib
 import inspect
 from collections.abc import Iterator
 
@@ -160,3 +161,11 @@ def test_every_world_is_drawn_as_it_is(monkeypatch) -> None:
     assert [image.shape for image in after] == [(96, 96, 3)] * 2
     assert all((a != b).any() for a, b in zip(before, after, strict=True))
     env.close()
+
+
+def test_a_plain_list_is_an_action():
+    """Step a batch with nested lists, as `bench doctor` does."""
+    run = run_spec.RunSpec(backend="mujoco", task="line", worlds=1)
+    with contextlib.closing(run.make_env([run.world()], 0, 1)) as env:
+        env.reset()
+        assert np.isfinite(env.step([[0.0] * env.action_width]).reward).all()
