@@ -20,7 +20,7 @@ from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.mujoco import Backend as Mujoco
 from backends.mujoco import compiled
 from backends.spec import Spec
-from backends.state import Array, InitialState, quat_to_matrix
+from backends.state import Array, InitialState, State, quat_to_matrix
 
 CONTACTS, ROWS_PER_CONTACT = 24, 4
 """Contacts that a world has room for, and constraint rows of each (condim 4, elliptic cone)."""
@@ -203,12 +203,12 @@ class _Batch:
         wp.launch(carry_tick, dim=len(self.ids), inputs=self._carry)
         mjw.step(self._model, self._data)
 
-    def read_joints(self, state: Any) -> None:
+    def read_joints(self, state: State) -> None:
         """Write joint angles and speeds into `state`."""
         state.joint_rad[self.ids] = self._data.qpos.numpy()[:, self._joint_q]
         state.joint_rad_s[self.ids] = self._data.qvel.numpy()[:, self._joint_v]
 
-    def observe(self, state: Any) -> Array:
+    def observe(self, state: State) -> Array:
         """Write poses and twists of the sticks into `state`; returns contacts to pool (C, 9)."""
         stick = self._data.qpos.numpy()[:, self._stick_q].astype(np.float64)
         twist = self._data.qvel.numpy()[:, self._stick_v].astype(np.float64)
