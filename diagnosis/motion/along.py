@@ -1,6 +1,7 @@
 """The rigid-body model along a measured motion, and how it changes with masses and with gravity."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numba
 import numpy as np
@@ -22,19 +23,44 @@ Model = tuple[Array, Array, Array, Array]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Along:
-    """One episode's motion at P points of K joints, and the model there."""
+    """One episode's motion at P points of K joints, and the model of a chain there."""
 
+    chain: Chain
     angle_rad: Array
     """q_m, shape (P, K)."""
     speed_rad_s: Array
     """v_m, shape (P, K)."""
-    model: Model
-    by_mass: tuple[Array, Array]
-    """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy, by joint."""
-    by_tilt: tuple[Array, ...]
-    """What h gains by sin(tilt) about each of `AXES`."""
-    weight: Array
-    """h by gravity alone (P, K) [Nm]."""
+
+    @cached_property
+    def model(self) -> Model:
+        """The model as it is."""
+        return self._sweep(STEP)
+
+    @property
+    def without_slopes(self) -> tuple[Array, Array]:
+        """M and h of the model, in less time."""
+        return self._sweep()[:2]
+
+    @cached_property
+    def by_mass(self) -> tuple[Array, Array]:
+        """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy."""
+        found = []
+        for j in range(self.angle_rad.shape[1]):
+            own = (self.chain.column == j) & ~self.chain.follows
+            m, h, _, _ = self._sweep(mass_kg=np.where(own, 2.0, 1.0) * self.chain.mass_kg)
+            found.append(((m - self.model[0]).ravel(), (h - self.model[1]).ravel()))
+        return np.stack([m for m, _ in found]), np.stack([h for _, h in found])
+
+    @cached_property
+    def by_tilt(self) -> tuple[Array, ...]:
+        """What h gains by sin(tilt) about each of `AXES`."""
+        turned = (np.cross(axis, self.chain.gravity_m_s2) for axis in AXES)
+        return tuple(self._bias(self.chain.gravity_m_s2 + g) - self.model[1] for g in turned)
+
+    @cached_property
+    def weight(self) -> Array:
+        """What of h is by gravity alone (P, K) [Nm]."""
+        return self.model[1] - self._bias(np.zeros(3))
 
     def changed(self, mass: Array, tilt: Array) -> Model:
         """The model with links heavier by shares `mass` (K,) and gravity turned by `tilt` (2,)."""
@@ -42,41 +68,25 @@ class Along:
         if mass.any():
             more_m, more_h = (mass @ more for more in self.by_mass)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
-        for angle, more_h in zip(tilt, self.by_tilt, strict=True):
-            if angle:
-                h = h + np.sin(angle) * more_h + (np.cos(angle) - 1.0) * self.weight
+        for axis in np.flatnonzero(tilt):
+            angle = tilt[axis]
+            h = h + np.sin(angle) * self.by_tilt[axis] + (np.cos(angle) - 1.0) * self.weight
         return m, h, dq, dv
 
+    def _bias(self, gravity_m_s2: Array) -> Array:
+        return self._sweep(gravity_m_s2=gravity_m_s2)[1]
 
-def along(chain: Chain, angle_rad: Array, speed_rad_s: Array) -> Along:
-    """The model of a chain at points of a motion, both (P, K)."""
-    names = list(vars(chain))[: len(chain.numbers)]
-    numbers = dict(zip(names, chain.numbers, strict=True))
-
-    def sweep(step: float = 0.0, **other: Array) -> Model:
-        points, joints = angle_rad.shape
+    def _sweep(self, step: float = 0.0, **other: Array) -> Model:
+        """The model with other numbers of its bodies; slopes where there is a step."""
+        names = list(vars(self.chain))[: len(self.chain.numbers)]
+        numbers = dict(zip(names, self.chain.numbers, strict=True))
+        points, joints = self.angle_rad.shape
         mass, dq, dv = np.zeros((3, points, joints, joints))
         bias, bodies = np.zeros((points, joints)), tuple((numbers | other).values())
         model = mass, bias, dq, dv
-        _sweep(angle_rad, speed_rad_s, bodies, workspace(len(bodies[0]), joints), step, *model)
+        work = workspace(len(bodies[0]), joints)
+        _sweep(self.angle_rad, self.speed_rad_s, bodies, work, step, *model)
         return model
-
-    base = sweep(STEP)
-    by_mass = []
-    for j in range(angle_rad.shape[1]):
-        own = (chain.column == j) & ~chain.follows
-        m, h, _, _ = sweep(mass_kg=np.where(own, 2.0, 1.0) * chain.mass_kg)
-        by_mass.append(((m - base[0]).ravel(), (h - base[1]).ravel()))
-    turned = (chain.gravity_m_s2 + np.cross(axis, chain.gravity_m_s2) for axis in AXES)
-    by_tilt = tuple(sweep(gravity_m_s2=g)[1] - base[1] for g in turned)
-    return Along(
-        angle_rad=angle_rad,
-        speed_rad_s=speed_rad_s,
-        model=base,
-        by_mass=(np.stack([m for m, _ in by_mass]), np.stack([h for _, h in by_mass])),
-        by_tilt=by_tilt,
-        weight=base[1] - sweep(gravity_m_s2=np.zeros(3))[1],
-    )
 
 
 def smoothed(position: Array, period_s: float) -> Array:

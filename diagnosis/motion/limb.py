@@ -10,7 +10,7 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
-from diagnosis.motion.along import AXES, Along, along, smoothed
+from diagnosis.motion.along import AXES, Along, smoothed
 from diagnosis.motion.columns import BIAS, KP, MASS, ROTOR, SCALE, table
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
@@ -73,7 +73,8 @@ class Limb:
     def link_inertia(self) -> Array:
         """The least inertia of each joint's links at starts of episodes [kg m^2], shape (K,)."""
         starts = np.array([r.start for r in self.recordings])
-        mass = along(chain(self.spec), starts, np.zeros_like(starts)).model[0]
+        still = Along(chain=chain(self.spec), angle_rad=starts, speed_rad_s=np.zeros_like(starts))
+        mass, _ = still.without_slopes
         return np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
 
     @cached_property
@@ -114,7 +115,7 @@ class Limb:
             still = smoothed(_filled(recording), self.period_s)
             q = np.stack([np.interp(points_s, recording.time_s, x) for x in still.T], axis=1)
             v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
-            found.append(along(bodies, q, v))
+            found.append(Along(chain=bodies, angle_rad=q, speed_rad_s=v))
         return tuple(found)
 
     @cached_property
@@ -129,6 +130,22 @@ class Limb:
         """The same limb and motion with other targets, (T, K) by episode."""
         pairs = zip(self.recordings, commands, strict=True)
         return self._alike(recordings=tuple(replace(r, command=c) for r, c in pairs))
+
+    def pushed(self, pushes: Sequence[Array]) -> "Limb":
+        """The same limb and motion with other pushes, (T, K) by episode."""
+        pairs = zip(self.recordings, pushes, strict=True)
+        return self._alike(recordings=tuple(replace(r, push=p) for r, p in pairs))
+
+    def paced(self, factor: float) -> "Limb":
+        """The same limb with its times so many times as long; made once."""
+        if factor not in self._paces:
+            every = tuple(replace(r, time_s=factor * r.time_s) for r in self.recordings)
+            self._paces[factor] = replace(self, recordings=every)
+        return self._paces[factor]
+
+    @cached_property
+    def _paces(self) -> "dict[float, Limb]":
+        return {}
 
     def with_torque_from(self, torque_from: bool) -> "Limb":
         """The same limb and motion, see `torque_from`."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.along import along
+from diagnosis.motion.along import Along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain
@@ -87,7 +87,8 @@ def _expected(track: Track, positions: Array, per_si: float) -> Array:
     if not len(positions):
         return np.zeros(0)
     q = positions / per_si
-    bias = along(chain(track.limb.spec), q, np.zeros_like(q)).model[1]
+    still = Along(chain=chain(track.limb.spec), angle_rad=q, speed_rad_s=np.zeros_like(q))
+    _, bias = still.without_slopes
     return bias[:, track.index] / track.limb.nominal[track.index, KP]
 
 

@@ -87,16 +87,11 @@ class Track:
         row, numbers = CHANNELS.index(channel), self.limb.nominal.copy()
         numbers[:, KD] *= damped
         shift = started * np.eye(len(numbers))[self.index]
-        limb = self.limb
-        if (paced, pushed) != (1.0, 1.0):
-            every = tuple(self._changed(r, paced, pushed) for r in limb.recordings)
-            limb = replace(limb, recordings=every)
+        limb = self.limb if paced == 1.0 else self.limb.paced(paced)
+        if pushed != 1.0:
+            more = np.where(np.arange(len(numbers)) == self.index, pushed, 1.0)
+            limb = limb.pushed([r.push * more for r in limb.recordings])
         return [shown[:, row, self.index] for shown in _shown(limb, numbers, shift)]
-
-    def _changed(self, recording: Recording, paced: float, pushed: float) -> Recording:
-        push = recording.push.copy()
-        push[:, self.index] *= pushed
-        return replace(recording, time_s=recording.time_s * paced, push=push)
 
 
 def tracks(limbs: Sequence[Limb]) -> list[Track]:
