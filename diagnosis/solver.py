@@ -210,6 +210,10 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     is enough.
     """
     world, evidence = fitter.world, fitter.evidence
+    before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual))
+    likely = ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors
+    if not likely and before.worst < QUIET:
+        return None
     lost, fit = losses(world, chosen.u, chosen.residual), chosen
     for _ in range(TURNS):
         if lost is None:
@@ -218,10 +222,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         after = type(world)(replace(evidence, limb=limb), world.parameters)
         fit = Fitter(after).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
         lost = losses(world, fit.u, fit.residual, lost) or lost
-    if ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors:
-        return lost
-    before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual))
-    return lost if before.worst >= QUIET and share_of(fit, before) >= FURTHER else None
+    return lost if likely or share_of(fit, before) >= FURTHER else None
 
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:

@@ -1,6 +1,6 @@
 """The rigid-body model along a measured motion, and how it changes with masses and with gravity."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numba
@@ -33,34 +33,35 @@ class Along:
 
     @cached_property
     def model(self) -> Model:
-        """The model as it is."""
-        return self._sweep(STEP)
+        """The model as the chain has it."""
+        return self._swept(STEP)
 
     @property
     def without_slopes(self) -> tuple[Array, Array]:
         """M and h of the model, in less time."""
-        return self._sweep()[:2]
+        return self._swept()[:2]
 
     @cached_property
     def by_mass(self) -> tuple[Array, Array]:
         """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy."""
-        found = []
+        chain, found = self.chain, []
         for j in range(self.angle_rad.shape[1]):
-            own = (self.chain.column == j) & ~self.chain.follows
-            m, h, _, _ = self._sweep(mass_kg=np.where(own, 2.0, 1.0) * self.chain.mass_kg)
+            own = (chain.column == j) & ~chain.follows
+            m, h, _, _ = self._swept(mass_kg=np.where(own, 2.0, 1.0) * chain.mass_kg)
             found.append(((m - self.model[0]).ravel(), (h - self.model[1]).ravel()))
         return np.stack([m for m, _ in found]), np.stack([h for _, h in found])
 
     @cached_property
     def by_tilt(self) -> tuple[Array, ...]:
         """What h gains by sin(tilt) about each of `AXES`."""
-        turned = (np.cross(axis, self.chain.gravity_m_s2) for axis in AXES)
-        return tuple(self._bias(self.chain.gravity_m_s2 + g) - self.model[1] for g in turned)
+        gravity = self.chain.gravity_m_s2
+        turned = (gravity + np.cross(axis, gravity) for axis in AXES)
+        return tuple(self._swept(gravity_m_s2=g)[1] - self.model[1] for g in turned)
 
     @cached_property
     def weight(self) -> Array:
-        """What of h is by gravity alone (P, K) [Nm]."""
-        return self.model[1] - self._bias(np.zeros(3))
+        """What of h is gravity (P, K) [Nm]."""
+        return self.model[1] - self._swept(gravity_m_s2=np.zeros(3))[1]
 
     def changed(self, mass: Array, tilt: Array) -> Model:
         """The model with links heavier by shares `mass` (K,) and gravity turned by `tilt` (2,)."""
@@ -68,22 +69,17 @@ class Along:
         if mass.any():
             more_m, more_h = (mass @ more for more in self.by_mass)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
-        for axis in np.flatnonzero(tilt):
-            angle = tilt[axis]
-            h = h + np.sin(angle) * self.by_tilt[axis] + (np.cos(angle) - 1.0) * self.weight
+        if tilt.any():
+            for angle, more_h in zip(tilt, self.by_tilt, strict=True):
+                h = h + np.sin(angle) * more_h + (np.cos(angle) - 1.0) * self.weight
         return m, h, dq, dv
 
-    def _bias(self, gravity_m_s2: Array) -> Array:
-        return self._sweep(gravity_m_s2=gravity_m_s2)[1]
-
-    def _sweep(self, step: float = 0.0, **other: Array) -> Model:
-        """The model with other numbers of its bodies; slopes where there is a step."""
-        names = list(vars(self.chain))[: len(self.chain.numbers)]
-        numbers = dict(zip(names, self.chain.numbers, strict=True))
+    def _swept(self, step: float = 0.0, **other: Array) -> Model:
+        """The model with other numbers of the chain; slopes are zero without a step."""
+        bodies = replace(self.chain, **other).numbers
         points, joints = self.angle_rad.shape
         mass, dq, dv = np.zeros((3, points, joints, joints))
-        bias, bodies = np.zeros((points, joints)), tuple((numbers | other).values())
-        model = mass, bias, dq, dv
+        model = mass, np.zeros((points, joints)), dq, dv
         work = workspace(len(bodies[0]), joints)
         _sweep(self.angle_rad, self.speed_rad_s, bodies, work, step, *model)
         return model
@@ -101,7 +97,7 @@ def smoothed(position: Array, period_s: float) -> Array:
 @numba.njit(cache=True)
 def _sweep(q, v, bodies, work, step, mass, bias, dq, dv):
     points, joints = q.shape
-    spare, moved = np.zeros((joints, joints)), np.zeros(joints)
+    none, moved = np.zeros((0, 0)), np.zeros(joints)
     angle, speed = np.zeros(joints), np.zeros(joints)
     for i in range(points):
         dynamics(q[i], v[i], bodies, work, mass[i], bias[i])
@@ -109,9 +105,9 @@ def _sweep(q, v, bodies, work, step, mass, bias, dq, dv):
             for j in range(joints):
                 angle[j] = q[i, j] + (step if j == k else 0.0)
                 speed[j] = v[i, j] + (step if j == k else 0.0)
-            dynamics(angle, v[i], bodies, work, spare, moved)
+            dynamics(angle, v[i], bodies, work, none, moved)
             for j in range(joints):
                 dq[i, j, k] = (moved[j] - bias[i, j]) / step
-            dynamics(q[i], speed, bodies, work, spare, moved)
+            dynamics(q[i], speed, bodies, work, none, moved)
             for j in range(joints):
                 dv[i, j, k] = (moved[j] - bias[i, j]) / step

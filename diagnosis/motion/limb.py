@@ -136,17 +136,6 @@ class Limb:
         pairs = zip(self.recordings, pushes, strict=True)
         return self._alike(recordings=tuple(replace(r, push=p) for r, p in pairs))
 
-    def paced(self, factor: float) -> "Limb":
-        """The same limb with its times so many times as long; made once."""
-        if factor not in self._paces:
-            every = tuple(replace(r, time_s=factor * r.time_s) for r in self.recordings)
-            self._paces[factor] = replace(self, recordings=every)
-        return self._paces[factor]
-
-    @cached_property
-    def _paces(self) -> "dict[float, Limb]":
-        return {}
-
     def with_torque_from(self, torque_from: bool) -> "Limb":
         """The same limb and motion, see `torque_from`."""
         return self._alike(torque_from=torque_from)

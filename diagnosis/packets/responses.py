@@ -62,8 +62,8 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
             moved = limb.commanded(_nudged(limb, nudged, begins, j, nudge))
             shown.append((moved.simulate(numbers, tilt) - base) / nudge / evidence.floor)
         mine = row % per_block == offset
-        nearest = np.abs(nudged[:, None] - np.flatnonzero(mine)).argmin(axis=0)
-        template[mine] = len(unit) + nearest
+        middle = (nudged[1:] + nudged[:-1]) / 2
+        template[mine] = len(unit) + np.searchsorted(middle, np.flatnonzero(mine))
         for k in nudged:
             part = slice(block[k], block[k] + window)
             unit.append([one[part].reshape(window, -1) for one in shown])

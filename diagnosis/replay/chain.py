@@ -168,7 +168,7 @@ def _hinge(parent, axis, angle, out):
 
 _AT, _AXIS, _OMEGA, _ALPHA, _ACC, _CENTER, _FORCE, _MOMENT, _ARM, _TEMP = range(10)
 """Rows of a body's vectors: origin, joint axis, angular velocity and its rate, acceleration of the
-origin, centre of mass, inertial force and moment about the centre, and two scratch rows."""
+origin, centre of mass, force and moment about the centre, and two scratch rows."""
 
 
 @numba.njit(cache=True)
@@ -182,7 +182,10 @@ def workspace(bodies, joints):
 
 @numba.njit(cache=True)
 def dynamics(q, qd, chain, work, mass, bias):
-    """Write the mass matrix (J, J) [kg m^2] and the bias torques (J,) [Nm]; slides: kg and N."""
+    """Write the mass matrix (J, J) [kg m^2] and the bias torques (J,) [Nm]; slides: kg and N.
+
+    An empty mass matrix is left out.
+    """
     parent, kind, column, course, _, origin, axis, mass_kg, com, inertia, carried, gravity = chain
     turn, rows, columns = work
     world = len(parent)
@@ -195,25 +198,61 @@ def dynamics(q, qd, chain, work, mass, bias):
             at = _followed(course[b], q[j], qd[j])
         _move(rows[above], rows[b], turn[above], turn[b], kind[b], origin[b], axis[b], at)
         _resist(rows[b], turn[b], mass_kg[b], com[b], inertia[b], 1.0 - carried[b], gravity)
-        columns[:] = 0.0
-        carrier = b
-        while carrier >= 0:
-            k = column[carrier]
-            if k >= 0:
-                rate = _followed(course[carrier], q[k], 1.0)[1]
-                _column(rows[b], rows[carrier], turn[b], kind[carrier], rate, columns[k])
-            carrier = parent[carrier]
-        for k in range(len(bias)):
-            if not columns[k].any():
-                continue
-            bias[k] += _dot(columns[k, 0], rows[b, _FORCE])
-            bias[k] += _dot(columns[k, 1], rows[b, _MOMENT])
-            for n in range(k + 1):
-                part = mass_kg[b] * _dot(columns[k, 0], columns[n, 0])
-                for i in range(3):
-                    part += columns[k, 2, i] * _dot(inertia[b, i], columns[n, 2])
-                mass[k, n] += part
-                mass[n, k] += part if n != k else 0.0
+        if len(mass):
+            _add_mass(b, q, chain, work, mass)
+    for b in range(world - 1, -1, -1):
+        body, j = rows[b], column[b]
+        _about_origin(body)
+        if j >= 0:
+            load = body[_FORCE] if kind[b] == 1 else body[_MOMENT]
+            bias[j] += _followed(course[b], q[j], 1.0)[1] * _dot(body[_AXIS], load)
+        if parent[b] >= 0:
+            _carry(body, rows[parent[b]])
+
+
+@numba.njit(cache=True)
+def _add_mass(b, q, chain, work, mass):
+    """Add one body's part of the mass matrix, by the velocities that joints give its centre."""
+    parent, kind, column, course, _, _, _, mass_kg, _, inertia, _, _ = chain
+    turn, rows, columns = work
+    columns[:] = 0.0
+    carrier = b
+    while carrier >= 0:
+        k = column[carrier]
+        if k >= 0:
+            rate = _followed(course[carrier], q[k], 1.0)[1]
+            _column(rows[b], rows[carrier], turn[b], kind[carrier], rate, columns[k])
+        carrier = parent[carrier]
+    for k in range(len(mass)):
+        if not columns[k].any():
+            continue
+        for n in range(k + 1):
+            part = mass_kg[b] * _dot(columns[k, 0], columns[n, 0])
+            for i in range(3):
+                part += columns[k, 2, i] * _dot(inertia[b, i], columns[n, 2])
+            mass[k, n] += part
+            mass[n, k] += part if n != k else 0.0
+
+
+@numba.njit(cache=True)
+def _about_origin(body):
+    """Turn the moment about a body's centre into that about its joint."""
+    for i in range(3):
+        body[_ARM, i] = body[_CENTER, i] - body[_AT, i]
+    _cross(body[_ARM], body[_FORCE], body[_TEMP])
+    for i in range(3):
+        body[_MOMENT, i] += body[_TEMP, i]
+
+
+@numba.njit(cache=True)
+def _carry(body, above):
+    """Add a body's force and moment, about its joint, to those about its parent's centre."""
+    for i in range(3):
+        body[_ARM, i] = body[_AT, i] - above[_CENTER, i]
+    _cross(body[_ARM], body[_FORCE], body[_TEMP])
+    for i in range(3):
+        above[_FORCE, i] += body[_FORCE, i]
+        above[_MOMENT, i] += body[_MOMENT, i] + body[_TEMP, i]
 
 
 @numba.njit(cache=True)

@@ -60,7 +60,7 @@ def _both_in_another_unit(track: Track) -> Fault | None:
 def sides(track: Track) -> Fault | None:
     """Signs of motor angle and torque, compared with the nominal world."""
     for channel in ("motor", "torque"):
-        found = line(track.shown_of(channel), track.measured(channel))
+        found = line(track.nominal(channel), track.measured(channel))
         if found.correlation < -CLEAR:
             return Fault(
                 kind="sign",
@@ -76,7 +76,7 @@ def pushed_way(track: Track) -> Fault | None:
     """Sign of a known push, from the way in which it moves the joint."""
     if not track.is_pushed:
         return None
-    alone = track.shown_of("position", pushed=0.0)
+    alone = track.unpushed().shown
     found = line(less(track.shown, alone), less(track.position, alone))
     if found.correlation > -CLEAR:
         return None

@@ -1,7 +1,7 @@
 """One joint of a log and the same joint of the nominal world under its commands, for the triage."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -15,12 +15,34 @@ FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
 
 
+@dataclass(frozen=True, eq=False)
+class Replays:
+    """What the sensors of a limb would read in the nominal world and beside it."""
+
+    limb: Limb
+    found: dict[tuple[float, float], list[Array]] = field(default_factory=dict)
+    """Of worlds that all joints ask for."""
+
+    def at(self, paced: float, damped: float) -> list[Array]:
+        """Readings (T, 3, K) by episode, with time or the derivative gains multiplied."""
+        if (paced, damped) not in self.found:
+            numbers, limb = self.limb.nominal.copy(), self.limb
+            numbers[:, KD] *= damped
+            if paced != 1.0:
+                every = (replace(r, time_s=r.time_s * paced) for r in limb.recordings)
+                limb = replace(limb, recordings=tuple(every))
+            self.found[paced, damped] = shown_by(limb, numbers)
+        return self.found[paced, damped]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Track:
     """A joint over all episodes of its limb; lists hold an array (T,) per episode."""
 
     limb: Limb
     """Its limb, about a motion that may be one, see `_within_reach`."""
+    replays: Replays
+    """Those of its limb, which all joints share."""
     index: int
     """Column of the joint in its limb."""
     time_s: list[Array]
@@ -67,31 +89,25 @@ class Track:
         row = CHANNELS.index(channel)
         return [r.measured[:, row, self.index] for r in self.limb.recordings]
 
-    def replayed(self, **other: float) -> "Track":
-        """The same track beside another nominal world, see `shown_of`."""
-        return replace(self, shown=self.shown_of("position", **other))
+    def nominal(self, channel: str, paced: float = 1.0, damped: float = 1.0) -> list[Array]:
+        """A channel of the nominal world per episode, see `Replays.at`."""
+        row = CHANNELS.index(channel)
+        return [shown[:, row, self.index] for shown in self.replays.at(paced, damped)]
 
-    def shown_of(
-        self,
-        channel: str,
-        *,
-        started: float = 0.0,
-        paced: float = 1.0,
-        pushed: float = 1.0,
-        damped: float = 1.0,
-    ) -> list[Array]:
-        """A channel of the nominal world per episode.
+    def beside(self, limb: Limb, started: float = 0.0) -> "Track":
+        """The same track beside another limb, with its own start shifted."""
+        shift = started * np.eye(len(limb.joints))[self.index]
+        every = shown_by(limb, limb.nominal, shift)
+        return replace(self, shown=[shown[:, 0, self.index] for shown in every])
 
-        With its start shifted, or time, pushes or the derivative gains multiplied.
-        """
-        row, numbers = CHANNELS.index(channel), self.limb.nominal.copy()
-        numbers[:, KD] *= damped
-        shift = started * np.eye(len(numbers))[self.index]
-        limb = self.limb if paced == 1.0 else self.limb.paced(paced)
-        if pushed != 1.0:
-            more = np.where(np.arange(len(numbers)) == self.index, pushed, 1.0)
-            limb = limb.pushed([r.push * more for r in limb.recordings])
-        return [shown[:, row, self.index] for shown in _shown(limb, numbers, shift)]
+    def paced(self, paced: float = 1.0, damped: float = 1.0) -> "Track":
+        """The same track beside another nominal world, see `Replays.at`."""
+        return replace(self, shown=self.nominal("position", paced, damped))
+
+    def unpushed(self) -> "Track":
+        """The same track beside a nominal world that is not pushed."""
+        others = np.arange(len(self.limb.joints)) != self.index
+        return self.beside(self.limb.pushed([r.push * others for r in self.limb.recordings]))
 
 
 def tracks(limbs: Sequence[Limb]) -> list[Track]:
@@ -101,15 +117,16 @@ def tracks(limbs: Sequence[Limb]) -> list[Track]:
 
 def _of_limb(limb: Limb) -> Iterator[Track]:
     near = replace(limb, recordings=tuple(map(_within_reach, limb.recordings)))
-    shown = _shown(near, near.nominal, 0.0)
+    replays = Replays(near)
     for j in range(len(limb.joints)):
         yield Track(
             limb=near,
+            replays=replays,
             index=j,
             time_s=[r.time_s for r in limb.recordings],
             command=[r.command[:, j] for r in limb.recordings],
             position=[r.measured[:, 0, j] for r in limb.recordings],
-            shown=[s[:, 0, j] for s in shown],
+            shown=[s[:, 0, j] for s in replays.at(1.0, 1.0)],
         )
 
 
@@ -122,7 +139,7 @@ def _within_reach(recording: Recording) -> Recording:
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
 
 
-def _shown(limb: Limb, numbers: Array, shift: Array | float) -> list[Array]:
+def shown_by(limb: Limb, numbers: Array, shift: Array | float = 0.0) -> list[Array]:
     """What the sensors of a limb would read, sample by sample, (T, 3, K) by episode."""
     lengths = enumerate(len(r.time_s) for r in limb.recordings)
     return [limb.readings(n, np.arange(t + 1), numbers, shift=shift) for n, t in lengths]

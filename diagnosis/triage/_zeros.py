@@ -75,7 +75,7 @@ def zero(track: Track) -> Fault | None:
     border = _border(track)
     if not abs(offset) > border or border == 0.0:  # nor where the replay diverged
         return None
-    mended = track.replayed(started=-offset)
+    mended = track.beside(track.limb, started=-offset)
     offset = float(np.median(np.concatenate(less(track.position, mended.shown))))
     if not abs(offset) > border:
         return None
