@@ -1,5 +1,6 @@
 """`bench blind make`, `run`, `score` and more: the diagnosis tested on hidden effects."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -7,6 +8,9 @@ import typer
 
 from benchmark.cli.command import command
 from benchmark.cli.options import (
+    COUNT,
+    DIR,
+    FILE,
     Cases,
     HiddenEffects,
     NewFolder,
@@ -19,18 +23,18 @@ from benchmark.cli.options import (
     Workers,
 )
 from benchmark.errors import UsageError
-from benchmark.settings import quantities
-from benchmark.settings.kinds import Number, Setting
+from benchmark.settings.kinds import Number, Setting, Span, Switch, Text
 
-Folder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the set.")]
+Folder = Annotated[Path, Setting(kind=DIR, help="Folder of the set.", argument=True)]
 Answers = Annotated[
-    Path,
-    typer.Option(metavar="FILE", help="File of the sealed answers, outside the set's folder."),
+    Path, Setting(kind=FILE, help="File of the sealed answers, outside the set's folder.")
 ]
-Folders = Annotated[list[Path], typer.Argument(metavar="DIR", help="Folders of solved sets.")]
+Folders = Annotated[
+    tuple[Path, ...], Setting(kind=DIR, help="Folders of solved sets.", argument=True, many=True)
+]
 AnswersOfEach = Annotated[
-    list[Path],
-    typer.Option(metavar="FILE", help="Answers of each set, in the same order; repeatable."),
+    tuple[Path, ...],
+    Setting(kind=FILE, help="Answers of each set, in the same order; repeatable.", many=True),
 ]
 
 app = typer.Typer(
@@ -50,7 +54,7 @@ def make(
     real: Real = "all",
     rig: Rig = "finger",
     modes: Annotated[
-        str, typer.Option(metavar="NAMES", help="all, or some of single,pair,none,unknown.")
+        str, Setting(kind=Text("NAMES"), help="all, or some of single,pair,none,unknown.")
     ] = "all",
     hidden_effects: HiddenEffects = "all",
     protocol: Protocol = "all",
@@ -61,14 +65,15 @@ def make(
         ),
     ] = 0,
     times: Annotated[
-        str,
-        typer.Option(
-            metavar="LOW:HIGH",
+        tuple[float, float],
+        Setting(
+            kind=Span(),
             help="Of drawn arms: how many times what the robot leaves by itself its fault leaves.",
         ),
-    ] = "3:30",
+    ] = (3.0, 30.0),
     seed: Annotated[
-        int | None, typer.Option(metavar="N", help="Decides every random draw.")
+        int | None,
+        Setting(kind=Number(0, whole=True), help="Decides every random draw."),
     ] = None,
     workers: Workers = None,
 ) -> Any:
@@ -86,7 +91,7 @@ def make(
         hidden_effects,
         protocol,
         healthy=healthy_logs,
-        times=quantities.span(times, "--times"),
+        times=times,
     )
     return blind.make(wanted, seed, out, answers, workers)
 
@@ -97,7 +102,7 @@ def run(
     folder: Folder,
     anyway: Annotated[
         bool,
-        typer.Option("--anyway", help="Solve although the solver changed since the commitment."),
+        Setting(kind=Switch(), help="Solve although the solver changed since the commitment."),
     ] = False,
     workers: Workers = None,
 ) -> Any:
@@ -132,9 +137,7 @@ def detectable(
     protocol: Protocol = "all",
     draws: Annotated[
         int,
-        typer.Option(
-            metavar="N", help="Nominal errors and motions; half of them must show.", min=1
-        ),
+        Setting(kind=COUNT, help="Nominal errors and motions; half of them must show."),
     ] = 4,
     seed: Seed = 0,
     workers: Workers = None,
@@ -159,8 +162,9 @@ def score(
     out: Out = None,
     replay: Annotated[
         int,
-        typer.Option(
-            metavar="K", help="Solve so many cases of each at random again, and compare.", min=0
+        Setting(
+            kind=Number(0, whole=True),
+            help="Solve so many cases of each at random again, and compare.",
         ),
     ] = 0,
     workers: Workers = None,
@@ -177,7 +181,7 @@ def score(
     return blind.score(_pairs(folders, answers), out, workers, replay)
 
 
-def _pairs(folders: list[Path], answers: list[Path]) -> list[tuple[Path, Path]]:
+def _pairs(folders: Sequence[Path], answers: Sequence[Path]) -> list[tuple[Path, Path]]:
     if len(folders) != len(answers):
         raise UsageError(
             f"{len(folders)} sets and {len(answers)} --answers; give one for each, in order"
@@ -190,11 +194,11 @@ def _pairs(folders: list[Path], answers: list[Path]) -> list[tuple[Path, Path]]:
 def judge(
     out: NewFolder,
     sets: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="SET", help="Names of sets; all by default.", show_default=False),
-    ] = None,
+        tuple[str, ...],
+        Setting(kind=Text("SET"), help="Names of sets; all by default.", argument=True, many=True),
+    ] = (),
     stages: Annotated[
-        str, typer.Option(metavar="NAMES", help="Some of draw,solve,score.")
+        str, Setting(kind=Text("NAMES"), help="Some of draw,solve,score.")
     ] = "draw,solve,score",
     workers: Workers = None,
 ) -> Any:
@@ -206,7 +210,7 @@ def judge(
     """
     from benchmark.gap import blind_sets
 
-    return blind_sets.judge(sets or [], out, [s.strip() for s in stages.split(",")], workers)
+    return blind_sets.judge(sets, out, [s.strip() for s in stages.split(",")], workers)
 
 
 @app.command(context_settings=HELP)

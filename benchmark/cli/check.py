@@ -1,29 +1,29 @@
 """`bench speed`, `verify` and `list`: how fast it is, whether it holds, what there is."""
 
-from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends, Made, Out, Runs, Seed, Submission, Workers
+from benchmark.cli.options import COUNT, Backends, Made, Out, Runs, Seed, Submission, Workers
 from benchmark.errors import UsageError
 from benchmark.parts import registry
-from benchmark.settings.kinds import Number, Setting
+from benchmark.settings.kinds import Counts, Number, Setting, Switch, Text
+from benchmark.settings.run_spec import MOST_WORLDS
 
 
 @command(defaults={"backend": "all", "workers": "1, and 2 where there are", "out": "none"})
 def measure_speed(
     backend: Backends = "all",
     worlds: Annotated[
-        str, typer.Option(metavar="NUMBERS", help="Numbers of worlds at once, between commas.")
-    ] = "16,64,256",
-    workers: Annotated[
-        str | None,
-        typer.Option(
-            "--workers", "-j", metavar="NUMBERS", help="Numbers of cores, between commas."
+        tuple[int, ...],
+        Setting(
+            kind=Counts(Number(1, MOST_WORLDS, whole=True)),
+            help="Numbers of worlds at once, between commas.",
         ),
-    ] = None,
+    ] = (16, 64, 256),
+    workers: Annotated[
+        tuple[int, ...],
+        Setting(kind=Counts(COUNT), letter="j", help="Numbers of cores, between commas."),
+    ] = (),
     duration: Annotated[
         float,
         Setting(
@@ -50,13 +50,9 @@ def measure_speed(
     kept="rows that were verified are marked",
 )
 def verify(
-    runs: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="RUN", help="Folders of finished runs, or of many."),
-    ] = None,
+    runs: Runs = (),
     sample: Annotated[
-        int | None,
-        typer.Option(metavar="N", help="Replay so many of them, spread evenly.", min=1),
+        int | None, Setting(kind=COUNT, help="Replay so many of them, spread evenly.")
     ] = None,
     out: Out = None,
     workers: Workers = None,
@@ -69,7 +65,7 @@ def verify(
     """
     from benchmark.results.verify import verify
 
-    return verify(runs or [], sample, out, workers)
+    return verify(runs, sample, out, workers)
 
 
 @command(kept="nothing is written before all rows are replayed")
@@ -90,12 +86,14 @@ def submit(runs: Runs, out: Submission, workers: Workers = None) -> Any:
 def list_parts(
     kind: Annotated[
         str | None,
-        typer.Argument(
-            metavar="KIND", help="One kind: " + ", ".join((*registry.KINDS, "stick")) + "."
+        Setting(
+            kind=Text("KIND", ", ".join((*registry.KINDS, "stick"))),
+            help="One kind.",
+            argument=True,
         ),
     ] = None,
     support: Annotated[
-        bool, typer.Option("--support", help="How each engine supports every number.")
+        bool, Setting(kind=Switch(), help="How each engine supports every number.")
     ] = False,
 ) -> Any:
     """Name every backend, task, observation, algorithm, effect, importer and stick.

@@ -5,19 +5,18 @@ A command returns its result, alone or with a table; printing it and the exit co
 
 import inspect
 from collections.abc import Callable, Mapping, Sequence
-from copy import copy
 from dataclasses import is_dataclass, replace
 from functools import wraps
 from pathlib import Path
 from typing import Annotated, Any, get_args, get_type_hints
 
 import typer
-from typer.models import OptionInfo
 
 from benchmark import console
-from benchmark.cli.options import Json, Quiet, Verbose, completes
+from benchmark.cli.options import SHARED
 from benchmark.errors import Interrupted, UsageError, was_interrupt
-from benchmark.settings.kinds import File, Name, Setting, Switch, settings_of
+from benchmark.parts import registry
+from benchmark.settings.kinds import File, Setting, Switch, settings_of
 from benchmark.settings.run_spec import SETTINGS
 
 OF_RUN = "the run's"
@@ -34,29 +33,27 @@ def command(
 ) -> Callable[[Callable[..., Any]], Callable[..., None]]:
     """Make a command of a function.
 
-    Fields of a dataclass that it takes, and annotations that are a `Setting`, are its options.
-    `settings` of a run come as its argument `settings`, by name, None where not given; those that
-    are `required` must be, unless a `config` is. `default` is what the help says of settings that
-    are not given, `defaults` what it says of other options; `kept` is said after an interrupt.
+    Fields of a dataclass that it takes, and its parameters, each annotated with a `Setting`, are
+    its options. `settings` of a run come as its argument `settings`, by name, None where not given;
+    those that are `required` must be, unless a `config` is. `default` is what the help says of
+    settings that are not given, `defaults` what it says of other options; `kept` is said after an
+    interrupt.
     """
 
     def declare(function: Callable[..., Any]) -> Callable[..., None]:
         hints = get_type_hints(function, include_extras=True)
         grouped: dict[str, Any] = {n: hint for n, hint in hints.items() if is_dataclass(hint)}
-        single = {name: one for name, hint in hints.items() if (one := _declared(name, hint))}
+        single = _declared(function, hints)
 
         @wraps(function)
         def call(**given: Any) -> None:
-            as_json = given.pop("as_json")
-            console.set_level(verbose=given.pop("verbose"), quiet=given.pop("quiet"))
+            as_json, verbose, quiet = (bool(given.pop(one.name)) for one in SHARED)
+            console.set_level(verbose=verbose, quiet=quiet)
             if settings:
                 given["settings"] = {name: given.pop(_word(name)) for name in settings}
                 _refuse_missing(given, required)
             for name, one in single.items():
-                if given[name] is None:
-                    given[name] = inspect.signature(function).parameters[name].default
-                else:
-                    given[name] = one.read(given[name])
+                given[name] = one.default if given[name] is None else one.read(given[name])
             for name, kind in grouped.items():
                 asked = {one: given.pop(_word(one.name)) for one in settings_of(kind).values()}
                 read = {one.field: one.read(v) for one, v in asked.items() if v is not None}
@@ -68,7 +65,16 @@ def command(
                     raise
                 raise Interrupted(f"interrupted; {kept}") from error
 
-        parameters = _parameters(function, hints, settings, required, default, defaults or {})
+        run = [_of_run(SETTINGS[name], default) for name in SETTINGS if name in settings]
+        own = _parameters(function, single, grouped, defaults or {})
+        arguments = [p for p, one in own if one.argument]
+        options = [p for p, one in own if not one.argument]
+        parameters = [
+            *arguments,
+            *(_parameter(_word(one.name), one, one.name in required) for one in run),
+            *options,
+            *(_parameter(one.name, one) for one in SHARED),
+        ]
         call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
         call.__annotations__ = {p.name: p.annotation for p in parameters}
         del call.__wrapped__
@@ -91,96 +97,76 @@ def _refuse_missing(given: Mapping[str, Any], required: Sequence[str]) -> None:
             raise UsageError(f"Missing option '--{name}'. Allowed: {SETTINGS[name].kind.allowed}.")
 
 
+def _declared(function: Callable[..., Any], hints: Mapping[str, Any]) -> dict[str, Setting]:
+    """The options that annotate parameters, by parameter."""
+    found = {}
+    for p in inspect.signature(function).parameters.values():
+        for one in get_args(hints[p.name]):
+            if isinstance(one, Setting):
+                default = ... if p.default is inspect.Parameter.empty else p.default
+                name = one.name or p.name.replace("_", "-")
+                found[p.name] = replace(one, name=name, field=p.name, default=default)
+    return found
+
+
+def _of_run(one: Setting, shown: str | None) -> Setting:
+    """A setting of a run, which a file may give instead."""
+    default = None if one.default is ... else one.default
+    return replace(one, default=default, shown=shown or one.shown)
+
+
 def _parameters(
     function: Callable[..., Any],
-    hints: Mapping[str, Any],
-    settings: Sequence[str],
-    required: Sequence[str],
-    default: str | None,
-    defaults: Mapping[str, str],
-) -> list[inspect.Parameter]:
-    """The command's own parameters, with the settings after its arguments, and the shared ones."""
-    own = []
-    for p in inspect.signature(function).parameters.values():
-        said = defaults.get(p.name)
-        if is_dataclass(hints[p.name]):
-            own += [_of_setting(one, defaults) for one in settings_of(hints[p.name]).values()]
-        elif one := _declared(p.name, hints[p.name]):
-            own.append(_of_setting(replace(one, default=p.default, shown=said)))
-        elif p.name != "settings":
-            own.append(p.replace(annotation=_shown(hints[p.name], said)))
-    asked = [
-        _of_setting(replace(one, shown=default or one.shown), required=name in required)
-        for name, one in SETTINGS.items()
-        if name in settings
-    ]
-    shared = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=kind)
-        for name, kind in {"as_json": Json, "verbose": Verbose, "quiet": Quiet}.items()
-    ]
-    arguments = [p for p in own if not _is_option(p.annotation)]
-    options = [p for p in own if _is_option(p.annotation)]
-    keyword = inspect.Parameter.KEYWORD_ONLY
-    return [p.replace(kind=keyword) for p in (*arguments, *asked, *options, *shared)]
+    single: Mapping[str, Setting],
+    grouped: Mapping[str, Any],
+    shown: Mapping[str, str],
+) -> list[tuple[inspect.Parameter, Setting]]:
+    """The command's own parameters with what declares each, in order."""
+    declared: list[tuple[str, Setting]] = []
+    for name in inspect.signature(function).parameters:
+        if name in single:
+            declared.append((name, single[name]))
+        elif name in grouped:
+            declared += [(_word(one.name), one) for one in settings_of(grouped[name]).values()]
+    said = [(word, replace(one, shown=shown.get(word, one.shown))) for word, one in declared]
+    return [(_parameter(word, one), one) for word, one in said]
 
 
-def _declared(name: str, annotation: Any) -> Setting | None:
-    """The option that annotates a parameter, if one does."""
-    found = [part for part in get_args(annotation) if isinstance(part, Setting)]
-    return replace(found[0], name=found[0].name or name.replace("_", "-")) if found else None
-
-
-def _of_setting(
-    one: Setting, defaults: Mapping[str, str] | None = None, required: bool = False
-) -> inspect.Parameter:
+def _parameter(word: str, one: Setting, required: bool = False) -> inspect.Parameter:
     """The parameter of an option; None is passed where it is not given."""
-    word, kind = _word(one.name), one.kind
-    flags = [one.flag, *([f"--{one.alias}"] if one.alias else [])]
-    if isinstance(kind, Switch) and one.default is True:
-        flags = [f"{one.flag}/--no-{one.name}"]
-    text = one.said
-    said = (defaults or {}).get(word, one.shown)
-    default: Any = None
+    kind, text = one.kind, one.said
     value: Any = {Switch: bool, File: Path}.get(type(kind), str)
     value = list[value] | None if one.many else value | None
     if one.argument:
-        info = typer.Argument(help=text, metavar=kind.metavar, show_default=False)
-        return _parameter(word, value, info, ... if one.default is ... else None)
-    if required:
-        text += " [dim](required)[/dim]"
-    elif said is None and one.default is not False and one.shown_default is not None:
-        text += f" [dim]\\[default: {one.shown_default}][/dim]"
-    option = typer.Option(
-        *flags,
-        help=text,
-        metavar=kind.metavar or None,
-        show_default=said or False,
-        autocompletion=completes(kind.kind) if isinstance(kind, Name) else None,
-    )
-    return _parameter(word, value, option, default)
-
-
-def _parameter(name: str, value: Any, info: Any, default: Any) -> inspect.Parameter:
+        info: Any = typer.Argument(help=text, metavar=kind.metavar, show_default=one.shown or False)
+    else:
+        if required:
+            text += " [dim](required)[/dim]"
+        elif one.shown is None and one.default is not False and one.shown_default is not None:
+            text += f" [dim]\\[default: {one.shown_default}][/dim]"
+        info = typer.Option(
+            *one.flags,
+            help=text,
+            metavar=kind.metavar or None,
+            show_default=one.shown or False,
+            autocompletion=_completes(kind),
+        )
     return inspect.Parameter(
-        name,
+        word,
         inspect.Parameter.KEYWORD_ONLY,
-        default=default,
+        default=... if one.default is ... else None,
         annotation=Annotated[value, info],
     )
 
 
-def _shown(annotation: Any, default: str | None) -> Any:
-    """An option whose help says a default in words."""
-    if default is None:
-        return annotation
-    value, info = get_args(annotation)
-    info = copy(info)
-    info.show_default = default
-    return Annotated[value, info]
+def _completes(kind: object) -> Callable[[str], list[str]] | None:
+    """Completes the names of plug-ins in a shell."""
+    parts = getattr(kind, "completed_by", "")
 
+    def names(incomplete: str) -> list[str]:
+        return [name for name in registry.names(parts) if name.startswith(incomplete)]
 
-def _is_option(annotation: Any) -> bool:
-    return any(isinstance(part, OptionInfo) for part in get_args(annotation))
+    return names if parts else None
 
 
 def _word(name: str) -> str:

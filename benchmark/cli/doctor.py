@@ -7,8 +7,9 @@ import typer
 from typer.core import TyperGroup
 
 from benchmark.cli.command import command
-from benchmark.cli.options import Backends
+from benchmark.cli.options import FILE, Backends
 from benchmark.errors import UsageError
+from benchmark.settings.kinds import Setting
 
 
 class FirstUnlessNamed(TyperGroup):
@@ -53,9 +54,7 @@ def physics(
     backend: Backends = "all",
     out: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Markdown file for the tables, with the reason of every bound."
-        ),
+        Setting(kind=FILE, help="Markdown file for the tables, with the reason of every bound."),
     ] = None,
 ) -> Any:
     """Compare engines with closed forms and with the reference engine, in about a minute.

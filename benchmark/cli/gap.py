@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from benchmark.cli.command import command
 from benchmark.cli.options import Force, Out, Seed, Workers
 from benchmark.errors import UsageError
 from benchmark.gap.asked import Calibration, Diagnosis, Source
+from benchmark.settings.kinds import File, Setting, Text
 
 CAUSE, UNKNOWN = "cause", "unknown"
 
@@ -37,16 +36,15 @@ def diagnose(
     asked: Diagnosis,
     static: Annotated[
         Path | None,
-        typer.Option(
-            "--static",
-            metavar="TABLE",
+        Setting(
+            kind=File("TABLE"),
             help="Instead of a log: targets and readings at rest, and loads where known.",
         ),
     ] = None,
     fail_on: Annotated[
         str | None,
-        typer.Option(
-            metavar="VERDICTS",
+        Setting(
+            kind=Text("VERDICTS"),
             help="Exit with 1 at these verdicts, between commas: cause, unknown.",
         ),
     ] = None,

@@ -3,19 +3,19 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
 from benchmark.cli.command import command
 from benchmark.cli.options import (
+    FILE,
     Backends,
     DryRun,
-    Episodes,
     IncludeSmoke,
     Made,
     Out,
     Runs,
     Workers,
 )
+from benchmark.settings.kinds import File, Number, Setting, Switch, Text
+from leaderboard.identity import EPISODES
 
 GOES_ON = "what was written is kept; the same command goes on"
 
@@ -23,14 +23,15 @@ GOES_ON = "what was written is kept; the same command goes on"
 @command(defaults={"out": "runs", "partition": "the file's"}, kept=GOES_ON)
 def sweep(
     file: Annotated[
-        Path, typer.Argument(metavar="FILE", help="The grid, as YAML; see docs/guide/sweep.md.")
+        Path,
+        Setting(kind=FILE, help="The grid, as YAML; see docs/guide/sweep.md.", argument=True),
     ],
     out: Out = None,
     slurm: Annotated[
-        bool, typer.Option("--slurm", help="Submit the cells to a Slurm cluster and wait.")
+        bool, Setting(kind=Switch(), help="Submit the cells to a Slurm cluster and wait.")
     ] = False,
     partition: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Partition of the cluster.")
+        str | None, Setting(kind=Text("NAME"), help="Partition of the cluster.")
     ] = None,
     dry_run: DryRun = False,
     workers: Workers = None,
@@ -52,7 +53,6 @@ def sweep(
     defaults={
         "effects": "built and none, each alone",
         "setting": "the policies' own",
-        "episodes": "100",
         "out": "transfer",
     },
     kept=GOES_ON,
@@ -61,17 +61,25 @@ def transfer(
     runs: Runs,
     backend: Backends = "all",
     effects: Annotated[
-        list[str] | None,
-        typer.Option(metavar="SET", help="Effects to deploy with; repeatable, one set each time."),
-    ] = None,
-    setting: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="SETTINGS",
-            help="Deploy in these, too, such as radius=3cm or task=eight,pace=0.5; repeatable.",
+        tuple[str, ...],
+        Setting(
+            kind=Text("SET"),
+            help="Effects to deploy with; repeatable, one set each time.",
+            many=True,
         ),
-    ] = None,
-    episodes: Episodes = None,
+    ] = ("built", "none"),
+    setting: Annotated[
+        tuple[str, ...],
+        Setting(
+            kind=Text("SETTINGS"),
+            help="Deploy in these, too, such as radius=3cm or task=eight,pace=0.5; repeatable.",
+            many=True,
+        ),
+    ] = (),
+    episodes: Annotated[
+        int,
+        Setting(kind=Number(2, 10_000, whole=True), help="Episodes, the first of a fixed list."),
+    ] = EPISODES,
     include_smoke: IncludeSmoke = False,
     out: Made = None,
     workers: Workers = None,
@@ -83,15 +91,14 @@ def transfer(
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
     from benchmark.results import transfer as transfers
-    from leaderboard.identity import EPISODES
 
     return transfers.transfer(
         runs,
         backend,
-        effects or ["built", "none"],
-        setting or [],
+        effects,
+        setting,
         out or Path("transfer"),
-        EPISODES if episodes is None else episodes,
+        episodes,
         include_smoke,
         workers,
     )
@@ -100,18 +107,24 @@ def transfer(
 @command(defaults={"sources": "runs, or the kept rows", "out": "leaderboard"})
 def leaderboard(
     sources: Annotated[
-        list[Path] | None,
-        typer.Argument(metavar="RUN", help="Run folders, folders of them, or JSON rows."),
-    ] = None,
+        tuple[Path, ...],
+        Setting(
+            kind=File("RUN"),
+            help="Run folders, folders of them, or JSON rows.",
+            argument=True,
+            many=True,
+        ),
+    ] = (),
     add: Annotated[
-        bool, typer.Option("--add", help="Copy the rows into OUT/results, to keep them.")
+        bool, Setting(kind=Switch(), help="Copy the rows into OUT/results, to keep them.")
     ] = False,
     policies: Annotated[
         bool,
-        typer.Option("--policies", help="Copy policies with a model card each to OUT/policies."),
+        Setting(kind=Switch(), help="Copy policies with a model card each to OUT/policies."),
     ] = False,
     html: Annotated[
-        bool, typer.Option(help="Write leaderboard.html, too; it shows OUT/figures/*.png.")
+        bool,
+        Setting(kind=Switch(), help="Write leaderboard.html, too; it shows OUT/figures/*.png."),
     ] = True,
     include_smoke: IncludeSmoke = False,
     out: Made = None,
@@ -122,4 +135,4 @@ def leaderboard(
     """
     from benchmark.results import leaderboard as boards
 
-    return boards.leaderboard(sources or [], out, add, policies, html, include_smoke)
+    return boards.leaderboard(sources, out, add, policies, html, include_smoke)

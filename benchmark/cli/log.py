@@ -3,8 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
+from backends.spec import Timing
 from benchmark.cli.command import command
 from benchmark.cli.options import (
     Force,
@@ -13,17 +12,16 @@ from benchmark.cli.options import (
     OutFile,
     Policy,
     Protocol,
-    Rate,
     Seed,
     Workers,
 )
 from benchmark.gap.asked import Known
-from benchmark.parts import registry
-from benchmark.settings.kinds import Number, Setting
+from benchmark.settings.kinds import File, Name, Number, Setting, Switch, Text
 from benchmark.settings.run_spec import WORLD, settings_for
 
 NONE = "none"
 MANY = Number(1, 1000, whole=True)
+FASTEST_HZ = 1 / Timing.drive_s
 
 
 @command(
@@ -39,13 +37,15 @@ def record(
     policy: Policy = None,
     channels: Annotated[
         str,
-        typer.Option(
-            metavar="NAMES",
+        Setting(
+            kind=Text("NAMES"),
             help="all, or some of motor,torque,velocity,push,touch,stick, or contact for touch as "
             "yes or no; command and position are always there.",
         ),
     ] = "all",
-    rate: Rate = 200.0,
+    rate: Annotated[
+        float, Setting(kind=Number(1 / Timing.policy_s, FASTEST_HZ, "Hz"), help="Samples a second.")
+    ] = 200.0,
     variants: Annotated[
         int,
         Setting(help="Episodes per protocol, each with other phases and grips.", kind=MANY),
@@ -78,28 +78,30 @@ def excite(
     out: OutFile,
     protocol: Protocol = "all",
     joints: Annotated[
-        str | None, typer.Option(metavar="NAMES", help="Your joints, between commas.")
+        str | None, Setting(kind=Text("NAMES"), help="Your joints, between commas.")
     ] = None,
     ranges: Annotated[
         str | None,
-        typer.Option(
-            "--range",
-            metavar="RANGE",
+        Setting(
+            name="range",
+            kind=Text("RANGE"),
             help="Where they may move: -60:60deg, 0:0.2m; one, or one each between commas. "
             "Commands reach 45 % of the way from its centre to its ends.",
         ),
     ] = None,
     limit: Annotated[
         str | None,
-        typer.Option(
-            metavar="LOAD",
+        Setting(
+            kind=Text("LOAD"),
             help="Largest torque or force of the drives, such as 15Nm or 40N; one, or one each "
             "between commas. Pushes are 30 % of it.",
         ),
     ] = None,
-    rate: Rate = 200.0,
+    rate: Annotated[
+        float, Setting(kind=Number(20, FASTEST_HZ, "Hz"), help="Samples a second.")
+    ] = 200.0,
     one_at_a_time: Annotated[
-        bool, typer.Option("--one-at-a-time", help="An episode for each joint, the others held.")
+        bool, Setting(kind=Switch(), help="An episode for each joint, the others held.")
     ] = False,
     seed: Seed = 0,
     force: Force = False,
@@ -116,9 +118,11 @@ def excite(
 @command()
 def import_logs(
     kind: Annotated[
-        str, typer.Argument(metavar="|".join(registry.names("importer")), help="Kind of recording.")
+        str, Setting(kind=Name("importer", "KIND"), help="Kind of recording.", argument=True)
     ],
-    path: Annotated[Path, typer.Argument(metavar="PATH", help="Recorded file or folder of them.")],
+    path: Annotated[
+        Path, Setting(kind=File("PATH"), help="Recorded file or folder of them.", argument=True)
+    ],
     out: NewFolder,
     form: Format = "parquet",
     force: Force = False,

@@ -5,94 +5,92 @@ stick, effects, training) are declared by the fields of `RunSpec`; what is asked
 of `benchmark.gap.asked`.
 """
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
-import typer
+from benchmark.settings.kinds import File, Number, Setting, Switch, Text
+from leaderboard.identity import EPISODES
 
-from benchmark.parts import registry
-from benchmark.settings.kinds import Number, Setting
-
-
-def completes(kind: str) -> Callable[[str], list[str]]:
-    """Completes the name of a plug-in in a shell."""
-
-    def names(incomplete: str) -> list[str]:
-        return [name for name in registry.names(kind) if name.startswith(incomplete)]
-
-    return names
-
+DIR, FILE = File("DIR"), File("FILE")
+COUNT = Number(1, whole=True)
 
 # What is written, and what is in the way.
-Out = Annotated[Path | None, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
+Out = Annotated[Path | None, Setting(name="out", kind=DIR, help="Folder to write to.")]
 Made = Annotated[
     Path | None,
-    typer.Option(
-        "--out", metavar="DIR", help="Folder to write to; files of an earlier call are replaced."
+    Setting(
+        name="out",
+        kind=DIR,
+        help="Folder to write to; files of an earlier call are replaced.",
     ),
 ]
 """Where tables and pictures go that are made from runs."""
-NewFolder = Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")]
+NewFolder = Annotated[Path, Setting(name="out", kind=DIR, help="Folder to write to.")]
 Submission = Annotated[
     Path,
-    typer.Option(
-        "--out", metavar="DIR", help="Folder to write to; an earlier submission is replaced."
+    Setting(
+        name="out",
+        kind=DIR,
+        help="Folder to write to; an earlier submission is replaced.",
     ),
 ]
-OutFile = Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace what an earlier call wrote there.")]
-Resume = Annotated[bool, typer.Option("--resume", help="Continue a killed run.")]
+OutFile = Annotated[Path, Setting(name="out", kind=FILE, help="File to write.")]
+Force = Annotated[bool, Setting(kind=Switch(), help="Replace what an earlier call wrote there.")]
+Resume = Annotated[bool, Setting(kind=Switch(), help="Continue a killed run.")]
 DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Say what would be run and how long it takes.")
+    bool, Setting(kind=Switch(), help="Say what would be run and how long it takes.")
 ]
-IncludeSmoke = Annotated[bool, typer.Option("--include-smoke", help="Take smoke runs, too.")]
+IncludeSmoke = Annotated[bool, Setting(kind=Switch(), help="Take smoke runs, too.")]
 
 # What is given.
-Run = Annotated[Path, typer.Argument(metavar="RUN", help="Folder of a finished run.")]
+Run = Annotated[Path, Setting(kind=File("RUN"), help="Folder of a finished run.", argument=True)]
 Runs = Annotated[
-    list[Path], typer.Argument(metavar="RUN", help="Folders of finished runs, or of many.")
+    tuple[Path, ...],
+    Setting(
+        kind=File("RUN"), help="Folders of finished runs, or of many.", argument=True, many=True
+    ),
 ]
 Policy = Annotated[
     Path | None,
-    typer.Option(metavar="RUN", help="Finished run whose policy plays the protocol 'policy'."),
+    Setting(kind=File("RUN"), help="Finished run whose policy plays the protocol 'policy'."),
 ]
 
 # Worlds.
 Backends = Annotated[
     str,
-    typer.Option(
-        "--backend",
-        "--engine",
-        metavar="NAMES",
+    Setting(
+        name="backend",
+        alias="engine",
+        kind=Text("NAMES", completed_by="backend"),
         help="Engines that simulate, between commas.",
-        autocompletion=completes("backend"),
     ),
 ]
 HiddenEffects = Annotated[
     str,
-    typer.Option(
-        metavar="NAMES", help="Effects that may be hidden, between commas; all: those of the rig."
+    Setting(
+        kind=Text("NAMES"),
+        help="Effects that may be hidden, between commas; all: those of the rig.",
     ),
 ]
 Protocol = Annotated[
     str,
-    typer.Option(
-        metavar="NAMES", help="Excitation protocols between commas; all: every one that fits."
+    Setting(
+        kind=Text("NAMES"),
+        help="Excitation protocols between commas; all: every one that fits.",
     ),
 ]
 Real = Annotated[
     str,
-    typer.Option(
-        metavar="NAMES",
+    Setting(
+        kind=Text("NAMES"),
         help="What stands for reality: engines of `bench list backend`, or files of "
         "diagnosis/blind/engines and mechanics; between commas.",
     ),
 ]
 Rig = Annotated[
     str,
-    typer.Option(
-        metavar="NAMES",
+    Setting(
+        kind=Text("NAMES"),
         help="What is moved: some of finger,hand,joint; held, with the stick; or arm, drawn "
         "robots of 2, 3 and 6 joints (arm1, arm2, arm3, arm6 alone).",
     ),
@@ -101,37 +99,40 @@ Rig = Annotated[
 # How much, how fast, how it is drawn.
 Episodes = Annotated[
     int | None,
-    typer.Option(metavar="N", help="Episodes, the first of a fixed list."),
+    Setting(kind=Number(1, EPISODES, whole=True), help="Episodes, the first of a fixed list."),
 ]
-Cases = Annotated[int, Setting(help="Number of cases.", kind=Number(1, 999, whole=True))]
-Rate = Annotated[float, Setting(help="Samples a second.", kind=Number(1, 1000, "Hz"))]
+Cases = Annotated[int, Setting(kind=Number(1, 999, whole=True), help="Number of cases.")]
 Seed = Annotated[
-    int, Setting(help="Decides every random draw.", kind=Number(0, 2**32 - 1, whole=True))
+    int, Setting(kind=Number(0, 2**32 - 1, whole=True), help="Decides every random draw.")
 ]
 Workers = Annotated[
     int | None,
-    typer.Option(
-        "--workers",
-        "-j",
-        metavar="N",
-        min=1,
-        help="Cores to use; changes no result.",
-        show_default="all",
-    ),
+    Setting(kind=COUNT, letter="j", help="Cores to use; changes no result.", shown="all"),
 ]
 Format = Annotated[
-    str, typer.Option("--format", metavar="parquet|csv", help="Form of the log's samples.")
+    str, Setting(name="format", kind=Text("parquet|csv"), help="Form of the log's samples.")
 ]
 
 # What every command takes.
-Json = Annotated[
-    bool,
-    typer.Option(
-        "--json",
+SHARED = (
+    Setting(
+        name="json",
+        kind=Switch(),
         help="Print one JSON object on standard output, everything else on standard error.",
+        default=False,
     ),
-]
-Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Say more on standard error; show tracebacks.")
-]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="No progress on standard error.")]
+    Setting(
+        name="verbose",
+        letter="v",
+        kind=Switch(),
+        help="Say more on standard error; show tracebacks.",
+        default=False,
+    ),
+    Setting(
+        name="quiet",
+        letter="q",
+        kind=Switch(),
+        help="No progress on standard error.",
+        default=False,
+    ),
+)

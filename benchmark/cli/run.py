@@ -3,12 +3,14 @@
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
 from rich.console import Group
 from rich.table import Table
 
+from backends.spec import Timing
 from benchmark.cli.command import OF_RUN, command
 from benchmark.cli.options import (
+    DIR,
+    FILE,
     DryRun,
     Episodes,
     Force,
@@ -20,8 +22,9 @@ from benchmark.cli.options import (
 )
 from benchmark.console import listed, row_table
 from benchmark.errors import UsageError
-from benchmark.settings import quantities
+from benchmark.settings.kinds import Choice, File, Number, Setting, Switch, Text
 from benchmark.settings.run_spec import DEPLOYED, SETTINGS, RunSpec, read_settings
+from tasks.task import EPISODE_S
 
 LOG_FILE = "log.yaml"
 """A folder that has one is a log."""
@@ -45,26 +48,27 @@ def run(
     settings: dict[str, Any],
     calibration: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="A calibration.yaml: its world and its spread."),
+        Setting(kind=FILE, help="A calibration.yaml: its world and its spread."),
     ] = None,
     overrides: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="KEY=VALUE",
+        tuple[str, ...],
+        Setting(
+            name="set",
+            kind=Text("KEY=VALUE"),
             help="A hyperparameter of the learner, such as lr=3e-4; repeatable.",
+            many=True,
         ),
-    ] = None,
+    ] = (),
     config: Annotated[
         Path | None,
-        typer.Option(
-            metavar="FILE", help="Settings to begin with: a run's run.json, or YAML as in a sweep."
-        ),
+        Setting(kind=FILE, help="Settings to begin with: a run's run.json, or YAML as in a sweep."),
     ] = None,
     start: Annotated[
         Path | None,
-        typer.Option(
-            "--from", metavar="RUN", help="Run whose policy training starts from (fine-tuning)."
+        Setting(
+            name="from",
+            kind=File("RUN"),
+            help="Run whose policy training starts from (fine-tuning).",
         ),
     ] = None,
     out: Out = None,
@@ -73,7 +77,10 @@ def run(
     dry_run: DryRun = False,
     logger: Annotated[
         str | None,
-        typer.Option(metavar="NAME", help="Log the training in RUN/tensorboard, too: tensorboard."),
+        Setting(
+            kind=Choice("logger", ("tensorboard",)),
+            help="Log the training in RUN/tensorboard, too.",
+        ),
     ] = None,
     workers: Workers = None,
 ) -> Any:
@@ -84,7 +91,7 @@ def run(
     from benchmark.runs.run import row_of_run
     from benchmark.settings.request import read_pairs, requested
 
-    asked = requested(settings, calibration, read_pairs(overrides or []), config, start)
+    asked = requested(settings, calibration, read_pairs(overrides), config, start)
     if dry_run:
         from benchmark.runs.plan import plan
 
@@ -133,39 +140,46 @@ def evaluate(
 )
 def view(
     run_folders: Annotated[
-        list[Path], typer.Argument(metavar="RUN", help="Folder of a run; curve takes several.")
+        tuple[Path, ...],
+        Setting(
+            kind=File("RUN"),
+            help="Folder of a run; curve takes several.",
+            argument=True,
+            many=True,
+        ),
     ],
     settings: dict[str, Any],
-    out: Annotated[
-        Path | None, typer.Option("--out", metavar="FILE", help="File to write.")
-    ] = None,
+    out: Annotated[Path | None, Setting(kind=FILE, help="File to write.")] = None,
     live: Annotated[
         bool,
-        typer.Option(
-            "--live",
+        Setting(
+            kind=Switch(),
             help="Show the run in the browser instead, until Ctrl-C; or the folder of a log: the "
             "robot as measured, nominal and corrected.",
         ),
     ] = False,
     diagnosis: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="What `bench diagnose` wrote of the log."),
+        Setting(kind=DIR, help="What `bench diagnose` wrote of the log."),
     ] = None,
     port: Annotated[
-        int, typer.Option(metavar="N", help="Where --live serves.", min=0, max=65535)
+        int, Setting(kind=Number(0, 65535, whole=True), help="Where --live serves.")
     ] = 8080,
     kind: Annotated[
         str | None,
-        typer.Option(
-            metavar="figure|joints|touch|hand|curve",
+        Setting(
+            kind=Text("figure|joints|touch|hand|curve"),
             help="figure: drawn paths; joints: targets and positions over a lap; touch: contact "
             "positions and taxels; hand: the grasp; curve: learning.",
         ),
     ] = None,
     episodes: Episodes = None,
     time: Annotated[
-        str | None,
-        typer.Option(metavar="TIME", help="Moment of episode 0 that hand shows, up to 6s."),
+        float | None,
+        Setting(
+            kind=Number(Timing.policy_s, EPISODE_S, "s"),
+            help="Moment of episode 0 that hand shows.",
+        ),
     ] = None,
     workers: Workers = None,
 ) -> Any:
@@ -186,5 +200,4 @@ def view(
         return view_live(run_folders[0], changed, port, workers)
     if out is None:
         raise UsageError("where to? give --out FILE, or --live for the browser")
-    moment = None if time is None else quantities.quantity(time, "--time", "s")
-    return view(run_folders, out, kind, changed, episodes, moment, workers)
+    return view(run_folders, out, kind, changed, episodes, time, workers)

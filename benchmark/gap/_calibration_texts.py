@@ -1,15 +1,14 @@
 """The texts of a calibration: the calibrated world, its spread, and a table."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from backends.catalogue import catalogue
-from backends.effect import UNITS
+from backends.effect import UNITS, Effect
 from backends.spec import Spec
-from benchmark.settings.effects import BUILT, PAPER_SPREAD, effect_name
+from benchmark.settings.effects import PAPER_SPREAD, effect_name, effect_text
 from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
 from diagnosis.calibration.spread import Confusion
@@ -22,14 +21,9 @@ _SET = {
 _GAINS = ("kp-scale", "kd-scale")
 
 
-def effects_text(found: Calibration, ideal: Spec, nominal_effects: str) -> str:
-    """The calibrated world as effects on the ideal hand."""
-    kinds = catalogue()
-    kept = [
-        item
-        for item in _items(nominal_effects)
-        if not _SET.issuperset(kinds[item.split("=")[0]].spec_fields())
-    ]
+def effects_text(found: Calibration, ideal: Spec, known: Sequence[Effect]) -> str:
+    """The calibrated world as effects on the ideal hand; `known`: those of the nominal world."""
+    kept = [effect_text(e, ideal) for e in known if not _SET.issuperset(e.spec_fields())]
     joints = [item for name in ideal.hand.joint_names for item in _joint(found, ideal, name)]
     return ",".join([*kept, *joints, *_skin(found)]) or "none"
 
@@ -108,14 +102,6 @@ def _touch(content: CalibrationFile) -> Iterator[str]:
             f"readings without contact above it, fastest drift {skin.fastest_drift_s:.3g}/s, "
             f"{len(skin.dead)} of {skin.touched} touched taxels dead"
         )
-
-
-def _items(text: str) -> list[str]:
-    """The single effects of a text."""
-    if text in ("none", ""):
-        return []
-    items = [item.strip() for item in text.split(",")]
-    return [part for item in items for part in (BUILT if item == "built" else item).split(",")]
 
 
 def _joint(found: Calibration, ideal: Spec, name: str) -> Iterator[str]:

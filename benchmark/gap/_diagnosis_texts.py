@@ -6,32 +6,32 @@ from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from backends.effect import UNITS, Effect, NumberEffect
+from backends.effect import Effect, NumberEffect
 from backends.spec import Spec
-from benchmark.settings.effects import Kinds, effect_name, parse_effects
+from benchmark.settings.effects import EffectSet, Kinds, effect_text, parse_effects
 from diagnosis.answer import Diagnosis
 from diagnosis.report import wording
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Ranked
 
 SHOWN, SHOWN_OF_NONE = 4, 2
 """Candidates per limb in the summary: with an effect, and without one."""
+DIGITS = 4
+"""Of a size in the corrected world."""
 COLUMNS = "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
 """What the columns of the candidates mean."""
 
 
-def effects_text(known: str, found: Sequence[Cause], ideal: Spec, kinds: Kinds) -> str:
+def effects_text(known: EffectSet, found: Sequence[Cause], ideal: Spec, kinds: Kinds) -> str:
     """The corrected world as effects on the ideal hand: the known ones and those found.
 
     Raises UsageError where their sum is out of an effect's range.
     """
     fresh = [effect for one in found for effect in _effects(one, ideal, kinds[one.effect])]
-    have = parse_effects(known, ideal.hand, kinds)
-    places = {(type(e), e.joint) for e in have}
-    if not any((type(e), e.joint) in places for e in fresh):
-        items = [*([] if known == NONE else [known]), *(_item(one, ideal) for one in fresh)]
-        text = ",".join(items) or NONE
-    else:
-        text = ",".join(_item(one, ideal) for one in _together([*have, *fresh]))
+    places = {(type(e), e.joint) for e in known.effects}
+    first, rest = [known.text] if known.effects else [], fresh
+    if any((type(e), e.joint) in places for e in fresh):
+        first, rest = [], _together([*known.effects, *fresh])
+    text = ",".join([*first, *(effect_text(one, ideal, DIGITS) for one in rest)]) or NONE
     parse_effects(text, ideal.hand, kinds)
     return text
 
@@ -56,13 +56,6 @@ def _together(effects: Sequence[Effect]) -> list[Effect]:
         both = have * effect.magnitude if relative else 0.0
         sums[place] = type(effect)(magnitude=have + effect.magnitude + both, joint=effect.joint)
     return list(sums.values())
-
-
-def _item(effect: Effect, ideal: Spec) -> str:
-    at = f"@{effect.joint}" if effect.joint else ""
-    slide = {body.joint.name for body in ideal.hand.driven if body.joint.slides}
-    unit = effect.unit_of(effect.magnitude, set(effect.joints(ideal)) <= slide and bool(slide))
-    return f"{effect_name(effect)}={effect.magnitude / UNITS[unit][1]:.4g}{unit}{at}"
 
 
 def summary(found: Diagnosis, result: dict) -> RenderableType:

@@ -22,7 +22,6 @@ from benchmark.parts import registry
 from benchmark.parts.extras import install_command
 from benchmark.provenance import usable_cores
 from benchmark.runs.run_folder import write_atomically
-from benchmark.settings.quantities import within
 from diagnosis.blind import binding, draw, faults, files, frozen, motion, rigs, solving
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
@@ -116,8 +115,6 @@ def make(
     """
     part = out.resolve().with_name(f".{out.resolve().name}.part")
     _check_places(out, answers, part)
-    if seed is not None:
-        within("--seed", seed, 0, 2**SECRET_BITS)
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)

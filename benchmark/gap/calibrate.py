@@ -16,7 +16,13 @@ from benchmark.gap import _calibration_texts as texts
 from benchmark.gap.asked import Calibration as Asked
 from benchmark.parts import registry
 from benchmark.provenance import usable_cores
-from benchmark.settings.effects import parse_effects, parse_spread, refuse
+from benchmark.settings.effects import (
+    EffectSet,
+    parse_effects,
+    parse_spread,
+    read_effects,
+    refuse,
+)
 from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
@@ -58,18 +64,19 @@ def run(
 
     try:
         log = read_log(asked.log)
-        ideal, effects = _ideal(log, asked.nominal), _known_effects(log, asked)
-        nominal = _nominal(ideal, effects, asked.nominal)
+        ideal = _ideal(log, asked.nominal)
+        known = read_effects(_known_effects(log, asked), ideal.hand)
+        refuse(known.effects, engine.support, asked.nominal)
         with Bar(f"calibrate {asked.log.name}", TOTAL) as bar:
             found = calibrate(
                 start,
-                nominal,
+                with_effects(ideal, known.effects),
                 log,
                 asked.threshold_m,
                 np.random.default_rng(seed),
                 bar.update,
             )
-            content = _content(found, log, ideal, effects, asked, seed)
+            content = _content(found, log, ideal, known, asked, seed)
             folder.mkdir(parents=True, exist_ok=True)
             pictures = plot.draw(start, found, folder)
         write_calibration(folder / FILE, content)
@@ -131,15 +138,8 @@ def _known_effects(log: Log, asked: Asked) -> str:
     return mechanism.effects if isinstance(mechanism, HandMechanism) else "none"
 
 
-def _nominal(ideal: Spec, text: str, backend: str) -> Spec:
-    """The world that is calibrated: the ideal one with effects."""
-    effects = parse_effects(text, ideal.hand)
-    refuse(effects, registry.load("backend", backend).support, backend)
-    return with_effects(ideal, effects)
-
-
 def _content(
-    found: Calibration, log: Log, ideal: Spec, effects: str, asked: Asked, seed: int
+    found: Calibration, log: Log, ideal: Spec, known: EffectSet, asked: Asked, seed: int
 ) -> CalibrationFile:
     confounded = {
         name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
@@ -153,9 +153,9 @@ def _content(
         backend=asked.nominal,
         hand=ideal.hand.name,
         stick=ideal.stick.name,
-        nominal_effects=effects,
+        nominal_effects=known.text,
         seed=seed,
-        effects=texts.effects_text(found, ideal, effects),
+        effects=texts.effects_text(found, ideal, known.effects),
         spread=texts.spread_text(found),
         joints=joints_of(found, confounded),
         tactile=found.touch,

@@ -24,7 +24,7 @@ from benchmark.gap.take_home import ROBOT, URDF, TakeHome, take_home
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs.run_folder import write_atomically
-from benchmark.settings.effects import parse_effects
+from benchmark.settings.effects import EffectSet, read_effects
 from benchmark.settings.run_spec import ideal as world_of
 from diagnosis.answer import Diagnosis
 from diagnosis.evidence.evidence import FLOOR_RAD
@@ -53,7 +53,7 @@ class World:
     spec: Spec
     ideal: Spec
     """The same without its effects."""
-    known: str
+    known: EffectSet
     """Its effects."""
 
 
@@ -165,9 +165,9 @@ def nominal_world(log: Log, known_effects: str | None) -> World:
         named = mechanism.effects
     else:
         ideal, named = mjcf_world(log), NONE
-    known = named if known_effects is None else known_effects
-    effects = parse_effects(known, ideal.hand, own_catalogue(catalogue(), ideal))
-    spec = with_effects(ideal, effects)
+    given = named if known_effects is None else known_effects
+    known = read_effects(given, ideal.hand, own_catalogue(catalogue(), ideal))
+    spec = with_effects(ideal, known.effects)
     return World(spec=spec, ideal=ideal, known=known)
 
 
@@ -223,7 +223,7 @@ def _result(
         "nominal": {
             "backend": asked.nominal,
             "hand": world.spec.hand.name,
-            "effects": world.known,
+            "effects": world.known.text,
             "replay_apart_rad": apart_rad,
         },
         "healthy": list(map(str, asked.healthy)),

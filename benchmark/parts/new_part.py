@@ -49,8 +49,6 @@ def new(kind: str, name: str, folder: Path, package: str | None) -> dict:
 
     Raises UsageError for a name that is taken or is none, and where a file is in the way.
     """
-    if kind not in SUITES:
-        raise unknown("kind", kind, SUITES)
     if not _NAME.fullmatch(name):
         raise UsageError(f"the name is '{name}'; allowed: small letters, such as long-lever")
     if name in registry.names(kind):

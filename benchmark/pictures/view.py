@@ -22,10 +22,8 @@ from benchmark.pictures._render import Scene, render
 from benchmark.pictures._replay import Recording, replay
 from benchmark.provenance import usable_cores
 from benchmark.runs import run_folder
-from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import SETTINGS, RunSpec
-from leaderboard.identity import EPISODES
-from tasks.task import EPISODE_S, RADIUS_M
+from tasks.task import RADIUS_M
 
 SHOWN_EPISODES = 10
 SHOWN_S = 2.0
@@ -71,8 +69,6 @@ def view(
     (folder,) = folders
     trained = run_folder.run_spec(run_folder.finished_run(folder))
     run = dataclasses.replace(trained, **changed)
-    if time_s is not None:
-        within("--time", time_s, run.world().timing.policy_s, EPISODE_S, "s")
     count = episodes or (SHOWN_EPISODES if kind == "figure" else 1)
     recording = replay(run, folder, count, workers or usable_cores())
     title = _title(run, trained, recording)
@@ -246,5 +242,3 @@ def _check(
         raise UsageError(
             "--kind curve replays nothing; leave out --episodes and options that change the world"
         )
-    if episodes is not None:
-        within("--episodes", episodes, 1, EPISODES)

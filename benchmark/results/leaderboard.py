@@ -1,5 +1,6 @@
 """`bench leaderboard`: the tables of finished runs, and what is kept of them."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from benchmark.errors import CommandError
@@ -24,7 +25,7 @@ def _marks(out: Path) -> dict[str, dict]:
 
 
 def leaderboard(
-    sources: list[Path],
+    sources: Sequence[Path],
     out: Path | None,
     add: bool,
     policies: bool,
@@ -38,8 +39,8 @@ def leaderboard(
     out = out or LEADERBOARD
     results = out / "results"
     kept_rows = [results] if any(results.glob("*.json")) else []
-    given = sources or ([] if kept_rows and not (add or policies) else [RUNS])
-    sources = given + kept_rows
+    given = [*sources] or ([] if kept_rows and not (add or policies) else [RUNS])
+    sources = [*given, *kept_rows]
     rows, problems = read_rows(sources)
     smoke = [row for row in rows if row.spec.smoke]
     if not include_smoke:

@@ -19,7 +19,6 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
-from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import REFERENCE, RunSpec, read_settings
 from leaderboard.identity import EPISODES, SMOKE_EPISODES
 from tasks.batch import BatchEnv, NotFiniteActionError, SimulationDivergedError, Step
@@ -195,8 +194,6 @@ def evaluate_policy(
     workers: int | None,
 ) -> dict:
     """Evaluate a finished run's policy under changed settings; returns the row."""
-    if episodes is not None:
-        within("--episodes", episodes, 1, EPISODES)
     known, observation = ("algo", "observation"), None
     if is_foreign(folder):
         spec, observation = _foreign(folder, read_settings(given))

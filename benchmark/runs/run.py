@@ -125,14 +125,14 @@ def row_of_run(
     start: Path | None,
     logger: str | None,
 ) -> dict:
-    """Run or continue `spec` and return its row; `logger` names what logs the training, too."""
+    """Run or continue `spec` and return its row; `logger` has it log to TensorBoard, too."""
     path = path or RUNS / spec.name
     workers = workers or usable_cores()
     if logger is None:
         return row(run(spec, path, workers, resume, force, start), path)
-    from benchmark.runs.tensorboard import events_of
+    from benchmark.runs.tensorboard import Events
 
-    with contextlib.closing(events_of(logger, path)) as events:
+    with contextlib.closing(Events(path)) as events:
         return row(run(spec, path, workers, resume, force, start, events.add), path)
 
 

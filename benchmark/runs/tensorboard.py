@@ -4,10 +4,9 @@ import dataclasses
 from pathlib import Path
 
 from baselines.baseline import Progress
-from benchmark.errors import CommandError, unknown
+from benchmark.errors import CommandError
 from benchmark.parts.extras import install_command
 
-LOGGERS = ("tensorboard",)
 FOLDER = "tensorboard"
 """In the folder of a run."""
 
@@ -44,10 +43,3 @@ class Events:
         """Write what is left."""
         if self._writer is not None:
             self._writer.close()
-
-
-def events_of(name: str, run: Path) -> Events:
-    """What logs a run beside its own files; raises UsageError for an unknown name."""
-    if name not in LOGGERS:
-        raise unknown("logger", name, LOGGERS)
-    return Events(run)

@@ -3,9 +3,10 @@
 import math
 import re
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 
 from backends.effect import UNITS, Effect
-from backends.spec import Hand
+from backends.spec import Hand, Spec
 from benchmark.errors import UsageError, unknown
 from benchmark.parts import registry
 from files.plugins import name_of
@@ -24,6 +25,20 @@ other engines.
 Kinds = Mapping[str, type[Effect]]
 _ITEM = re.compile(r"([a-z-]+)=([-+0-9.eE]+)([A-Za-z%0-9/]*)(?:@(\w+))?")
 _FORM = "NAME=NUMBER[UNIT][@JOINT], for example backlash=1.2deg@J3"
+
+
+@dataclass(frozen=True, kw_only=True)
+class EffectSet:
+    """Effects, read once from what a user gave."""
+
+    text: str
+    """As they were given."""
+    effects: tuple[Effect, ...]
+
+
+def read_effects(text: str, hand: Hand, kinds: Kinds | None = None) -> EffectSet:
+    """See `parse_effects`."""
+    return EffectSet(text=text, effects=parse_effects(text, hand, kinds))
 
 
 def parse_effects(text: str, hand: Hand, kinds: Kinds | None = None) -> tuple[Effect, ...]:
@@ -65,6 +80,15 @@ def refuse(effects: Iterable[Effect], support: Mapping[str, str], backend: str) 
 def effect_name(effect: Effect) -> str:
     """An effect's name on the command line."""
     return name_of(type(effect).__module__)
+
+
+def effect_text(effect: Effect, spec: Spec, digits: int = 12) -> str:
+    """An effect in a world as it is typed, with so many digits."""
+    slides = {body.joint.name for body in spec.hand.driven if body.joint.slides}
+    on_slides = set(effect.joints(spec)) <= slides and bool(slides)
+    unit = effect.unit_of(effect.magnitude, on_slides)
+    at = f"@{effect.joint}" if effect.joint else ""
+    return f"{effect_name(effect)}={effect.magnitude / UNITS[unit][1]:.{digits}g}{unit}{at}"
 
 
 def _parse_one(item: str, hand: Hand, kinds: Kinds) -> Effect:

@@ -45,6 +45,11 @@ class Name:
     metavar: str = "NAME"
 
     @property
+    def completed_by(self) -> str:
+        """See `Text.completed_by`."""
+        return self.kind
+
+    @property
     def allowed(self) -> str:
         """See `Kind.allowed`."""
         return ", ".join(registry.names(self.kind))
@@ -88,6 +93,8 @@ class Text:
 
     metavar: str
     allowed: str = ""
+    completed_by: str = ""
+    """Kind of plug-ins whose names may stand in it."""
 
     def read(self, given: object, flag: str) -> str:
         """See `Kind.read`."""
@@ -119,7 +126,7 @@ class Number:
     """A number within bounds; a whole number may be written as 2e6."""
 
     low: float
-    high: float
+    high: float = math.inf
     unit: str = ""
     """Unit of the bounds and of the typed value; empty: a number without unit."""
     whole: bool = False
@@ -133,6 +140,8 @@ class Number:
     @property
     def allowed(self) -> str:
         """See `Kind.allowed`."""
+        if self.high == math.inf:
+            return f"from {_plain(self.low)}{self._unit}"
         return f"{_plain(self.low)} to {_plain(self.high)}{self._unit}"
 
     @property
@@ -163,6 +172,44 @@ class Number:
         """See `Kind.show`."""
         size = quantities.size(self.unit) if self.unit else 1.0
         return f"{_plain(value / size)}{self.unit}"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Whole numbers between commas, each once, the smallest first."""
+
+    each: Number
+    metavar: str = "NUMBERS"
+
+    @property
+    def allowed(self) -> str:
+        """See `Kind.allowed`."""
+        return self.each.allowed
+
+    def read(self, given: object, flag: str) -> tuple[int, ...]:
+        """See `Kind.read`."""
+        found = {int(self.each.read(part.strip(), flag)) for part in str(given).split(",")}
+        return tuple(sorted(found))
+
+    def show(self, value: tuple[int, ...]) -> str:
+        """See `Kind.show`."""
+        return ",".join(map(str, value))
+
+
+@dataclass(frozen=True)
+class Span:
+    """Two numbers above 0, the lower one first."""
+
+    metavar: str = "LOW:HIGH"
+    allowed: str = ""
+
+    def read(self, given: object, flag: str) -> tuple[float, float]:
+        """See `Kind.read`."""
+        return quantities.span(str(given), flag)
+
+    def show(self, value: tuple[float, float]) -> str:
+        """See `Kind.show`."""
+        return ":".join(map(_plain, value))
 
 
 def _plain(value: float) -> str:
@@ -196,13 +243,15 @@ class Setting:
     name: str = ""
     """Name on the command line, without its dashes; empty: that of the parameter."""
     field: str = ""
-    """Field of the dataclass."""
+    """Field of the dataclass, or parameter."""
     kind: Kind
     help: str
     default: Any = ...
     """An ellipsis if a value must be given."""
     alias: str | None = None
     """Another name on the command line."""
+    letter: str = ""
+    """Its short form, without its dash."""
     shown: str | None = None
     """The default in words."""
     of: str = ""
@@ -224,9 +273,17 @@ class Setting:
         return f"--{self.name}"
 
     @property
+    def flags(self) -> tuple[str, ...]:
+        """Every form on the command line."""
+        if isinstance(self.kind, Switch) and self.default is True:
+            return (f"{self.flag}/--no-{self.name}",)
+        alias = [f"--{self.alias}"] if self.alias else []
+        return (self.flag, *alias, *([f"-{self.letter}"] if self.letter else []))
+
+    @property
     def said(self) -> str:
         """What it is, and what is allowed."""
-        between = ", " if isinstance(self.kind, Number) else ": "
+        between = ", " if isinstance(self.kind, Number | Counts) else ": "
         return between.join(filter(None, [self.help.rstrip("."), self.kind.allowed])) + "."
 
     @property

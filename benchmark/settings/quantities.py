@@ -72,15 +72,11 @@ def span(text: str, flag: str) -> tuple[float, float]:
 
 def count(text: str, flag: str) -> int:
     """A whole number such as '2e6' or '2000000'; raises UsageError otherwise."""
+    plain = text.strip().replace("_", "")
     try:
-        value = float(text.replace("_", ""))
+        value = float(plain)
     except ValueError:
         value = math.nan
     if not math.isfinite(value) or value != int(value) or value < 0:
         raise UsageError(f"{flag} is '{text}'; allowed: a whole number from 0, such as 2e6")
-    return int(value)
-
-
-def counts(text: str, flag: str) -> tuple[int, ...]:
-    """Whole numbers such as '16,64,256'; raises UsageError otherwise."""
-    return tuple(count(part.strip(), flag) for part in text.split(","))
+    return int(plain) if plain.isdecimal() else int(value)

@@ -18,7 +18,6 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs.train import training_worlds
-from benchmark.settings import quantities
 from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec
 from benchmark.speed import _memory
@@ -26,7 +25,6 @@ from benchmark.speed._report import table, write
 from benchmark.speed._stopwatch import Timing, measure
 from tasks.batch import SimulationDivergedError
 
-MAX_WORLDS = 100_000
 PRESSING = 0.9
 """Smallest share of fingertips on the stick; below it, the two did not step the same grasp."""
 _ROOM = 0.9
@@ -52,29 +50,26 @@ class Plan:
                 yield from ((backend, cores, n) for n in self.worlds if n >= cores)
 
 
-def plan(backend: str, worlds: str, workers: str | None, duration_s: float, seed: int) -> Plan:
+def plan(
+    backend: str, worlds: tuple[int, ...], workers: tuple[int, ...], duration_s: float, seed: int
+) -> Plan:
     """The plan of these options; raises UsageError."""
     cores = usable_cores()
+    for count in workers:
+        within("--workers", count, 1, cores)
     made = Plan(
         backends=registry.chosen("backend", backend),
-        worlds=_counts(worlds, "--worlds", MAX_WORLDS),
-        workers=_counts(workers or f"1,{min(2, cores)}", "--workers", cores),
+        worlds=worlds,
+        workers=workers or tuple(sorted({1, min(2, cores)})),
         duration_s=duration_s,
         seed=seed,
     )
     if not list(made):
+        given = ",".join(map(str, worlds))
         raise UsageError(
-            f"--worlds is {worlds}, fewer than --workers; give each core at least one world"
+            f"--worlds is {given}, fewer than --workers; give each core at least one world"
         )
     return made
-
-
-def _counts(text: str, flag: str, most: int) -> tuple[int, ...]:
-    """Whole numbers from 1 between commas, sorted, each once."""
-    found = set(quantities.counts(text, flag))
-    for number in found:
-        within(flag, number, 1, most)
-    return tuple(sorted(found))
 
 
 def speed(asked: Plan, out: Path | None) -> tuple[dict, Table]:

@@ -94,15 +94,7 @@ def _option(param: Any) -> str:
     names = ", ".join(sorted(param.opts, key=len))
     if param.secondary_opts:
         names += " / " + ", ".join(param.secondary_opts)
-    return names if param.is_flag or param.count else f"{names} {_value(param)}"
-
-
-def _value(param: Any) -> str:
-    """What stands for an option's value."""
-    if param.metavar:
-        return param.metavar
-    kinds = {"int": "N", "float": "X", "Path": "PATH"}
-    return kinds.get(getattr(param.type_descriptor.annotation, "__name__", ""), "TEXT")
+    return names if param.is_flag or param.count else f"{names} {param.metavar}"
 
 
 def _entry(param: Any, term: str) -> str:
@@ -112,15 +104,8 @@ def _entry(param: Any, term: str) -> str:
     text = re.sub(r"\\\[default: (.*)\\\]$", r"*Default: \1.*", text)
     again = getattr(param, "multiple", False) and "repeatable" not in plain
     default = "" if "*Default:" in text else _default(param)
-    said = [text, _bounds(param), default, "May be given several times." if again else ""]
+    said = [text, default, "May be given several times." if again else ""]
     return f"`{term}`\n: {' '.join(' '.join(said).split())}\n"
-
-
-def _bounds(param: Any) -> str:
-    low, high = getattr(param, "min", None), getattr(param, "max", None)
-    if low is not None and high is not None:
-        return f"From {low} to {high}."
-    return f"From {low}." if low is not None else f"Up to {high}." if high is not None else ""
 
 
 def _default(param: Any) -> str:

@@ -627,7 +627,7 @@ def test_medians_lie_between_order_statistics():
         (["--modes", "double"], "no mode named 'double'"),
         (["--hidden-effects", "backlash"], "3 or more"),
         (["--hidden-effects", "taxel-drift,backlash,stiction"], "no effect named 'taxel-drift'"),
-        (["--seed", "-1"], "--seed is -1"),
+        (["--seed", "-1"], "--seed is '-1'"),
         (["--rig", "held", "--real", "mujoco,plant"], "have joints alone and no contacts"),
         (["--rig", "held,finger"], "make one set of finger, hand, joint, and another of held"),
         (["--rig", "held", "--protocol", "steps"], "has no 'grasp'"),

@@ -14,7 +14,7 @@ from benchmark.cli import app as cli
 from benchmark.gap import _calibration_texts as texts
 from benchmark.gap.calibrate import FILE
 from benchmark.parts import registry
-from benchmark.settings.effects import PAPER_SPREAD, parse_spread
+from benchmark.settings.effects import PAPER_SPREAD, parse_spread, read_effects
 from benchmark.settings.request import requested
 from benchmark.settings.run_spec import RunSpec
 from diagnosis.calibration import backlash, gains, refine, spread, tactile
@@ -330,9 +330,12 @@ def test_skin_without_a_rest_is_not_calibrated(pushed):
     assert tactile.calibrate_touch(pushed, (16, 8)) == tactile.NO_READINGS
 
 
+KNOWN = read_effects("built,link-mass=10%", world().hand)
+
+
 def made_up() -> Calibration:
     """A calibration of the hand as built, with numbers for J0 alone."""
-    nominal = world("built,link-mass=10%")
+    nominal = world(KNOWN.text)
     first = dataclasses.replace(
         nominal.drives[0], kp_nm_rad=6.6, kd_nms_rad=0.135, play_rad=np.radians(1.25)
     )
@@ -376,9 +379,9 @@ def written(path) -> CalibrationFile:
         backend="mujoco",
         hand="trx",
         stick="reference",
-        nominal_effects="built,link-mass=10%",
+        nominal_effects=KNOWN.text,
         seed=0,
-        effects=texts.effects_text(found, world(), "built,link-mass=10%"),
+        effects=texts.effects_text(found, world(), KNOWN.effects),
         spread=texts.spread_text(found),
         joints=joints_of(found, {"J0": ()}),
         tactile=found.touch,
@@ -390,12 +393,12 @@ def written(path) -> CalibrationFile:
 def test_the_effects_are_the_calibrated_world(tmp_path):
     """Write effects that give the calibrated world, and keep those that were not calibrated."""
     found = made_up()
-    text = texts.effects_text(found, world(), "built,link-mass=10%")
+    text = texts.effects_text(found, world(), KNOWN.effects)
     assert text.startswith("link-mass=10%,backlash=1.250deg@J0,self-lock=10Nm@J0,kp-scale=+10")
     given = world(text)
     for a, b in zip(given.drives, found.calibrated.drives, strict=True):
         assert dataclasses.astuple(a) == pytest.approx(dataclasses.astuple(b), rel=1e-9)
-    assert texts.effects_text(found, found.calibrated, "none") == (
+    assert texts.effects_text(found, found.calibrated, ()) == (
         "backlash=1.250deg@J0,self-lock=10Nm@J0,backlash=1.000deg@J3,self-lock=10Nm@J3,"
         "backlash=1.000deg@J6,self-lock=10Nm@J6"
     )

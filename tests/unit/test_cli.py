@@ -188,7 +188,7 @@ def test_an_interrupt_within_compiled_code_is_one(first, raised):
             raise SystemError("dispatcher returned a result with an exception set") from error
 
     with pytest.raises(raised) as stopped:
-        measure(as_json=False, verbose=False, quiet=False)
+        measure(json=False, verbose=False, quiet=False)
     if raised is Interrupted:
         assert str(stopped.value) == "interrupted; the rows are kept"
 
@@ -241,6 +241,36 @@ def test_help_and_version_answer(words, capfd):
     """Answer on standard output, with exit code 0."""
     assert cli.call(words) == 0
     assert capfd.readouterr().out.strip()
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "says", "wrong", "refused"),
+    [
+        ("excite", "--rate", "20 to 1000 Hz", "9Hz", "--rate is 9 Hz; allowed: 20 to 1000 Hz"),
+        ("record", "--rate", "50 to 1000 Hz", "9Hz", "--rate is 9 Hz; allowed: 50 to 1000 Hz"),
+        ("transfer", "--episodes", "2 to 10000", "1", "--episodes is 1; allowed: 2 to 10000"),
+        ("eval", "--episodes", "1 to 100", "0", "--episodes is 0; allowed: 1 to 100"),
+        ("view", "--port", "0 to 65535", "65536", "--port is 65536; allowed: 0 to 65535"),
+        ("run", "--workers", "from 1", "0", "--workers is 0; allowed: from 1"),
+        ("speed", "--worlds", "1 to 1e5", "4,0", "--worlds is 0; allowed: 1 to 1e5"),
+        ("blind make", "--times", "LOW:HIGH", "9", "--times is '9'; allowed: LOW:HIGH"),
+    ],
+)
+def test_the_help_says_the_range_that_is_checked(
+    command, option, says, wrong, refused, capfd, monkeypatch
+):
+    """Show what an option allows, and refuse everything else before any work."""
+    monkeypatch.setenv("COLUMNS", "300")
+    assert cli.call([*command.split(), "-h"]) == 0
+    lines = [line for line in capfd.readouterr().out.splitlines() if line.startswith("│")]
+    (line,) = [line for line in lines if f"{option} " in line]
+    assert says in line
+    needed = {"run": RUN[1:], "record": ["--backend", "mujoco"]}.get(command, [])
+    places = {"transfer": ["x"], "eval": ["x"], "view": ["x"], "blind make": ["--answers", "x"]}
+    where = [] if command == "eval" else ["--out", "new"]
+    words = [*command.split(), *places.get(command, []), *needed, *where]
+    assert cli.call([*words, option, wrong]) == 2
+    assert refused in capfd.readouterr().err
 
 
 def test_python_m_benchmark_is_bench():

@@ -20,7 +20,7 @@ from backends.sticks import STICKS
 from benchmark.cli import app as cli
 from benchmark.errors import UsageError
 from benchmark.gap._diagnosis_texts import effects_text
-from benchmark.settings.effects import parse_effects
+from benchmark.settings.effects import parse_effects, read_effects
 from diagnosis.logs.log import write_log
 from diagnosis.verdict.result import Cause
 
@@ -262,9 +262,10 @@ def finding(effect: str, value: float, unit: str, *joints: str) -> Cause:
 )
 def test_effects_are_added_to_those_known(known, found, text):
     """Write the world that has both: the known effects first, then what was found."""
-    assert effects_text(known, [found], IDEAL, catalogue()) == text
+    assert effects_text(read_effects(known, IDEAL.hand), [found], IDEAL, catalogue()) == text
     both = with_effects(known)
-    for item in effects_text("none", [found], IDEAL, catalogue()).split(","):
+    alone = effects_text(read_effects("none", IDEAL.hand), [found], IDEAL, catalogue())
+    for item in alone.split(","):
         for effect in parse_effects(item, IDEAL.hand):
             both = effect.on_spec(both)
     written = with_effects(text)
@@ -277,5 +278,6 @@ def test_effects_are_added_to_those_known(known, found, text):
 def test_a_sum_out_of_range_is_refused():
     """Refuse a corrected world that no effect can write."""
     found = finding("backlash", 6, "deg", "J0", "J3", "J6")
+    known = read_effects("backlash=6deg", IDEAL.hand)
     with pytest.raises(UsageError, match="out of range; allowed: 0 to 10 deg"):
-        effects_text("backlash=6deg", [found], IDEAL, catalogue())
+        effects_text(known, [found], IDEAL, catalogue())

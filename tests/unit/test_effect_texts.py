@@ -10,7 +10,7 @@ from backends.spec import Hand
 from backends.sticks import STICKS
 from benchmark.errors import UsageError
 from benchmark.parts import registry
-from benchmark.settings.effects import BUILT, effect_name, parse_effects
+from benchmark.settings.effects import BUILT, effect_name, effect_text, parse_effects
 from diagnosis.verdict.result import Cause
 from diagnosis.verdict.sentences import size as said_size
 from diagnosis.verdict.sizes import sized
@@ -77,6 +77,16 @@ def test_units_are_converted(kind: type[Effect]) -> None:
                 parse_effects(text, HAND)
     with pytest.raises(UsageError, match="no unit"):
         parse_effects(f"{name}=0.1", HAND)
+
+
+@each(KINDS)
+def test_what_is_written_is_read_again(kind: type[Effect]) -> None:
+    """Write an effect of all joints, or of one, as a text that gives the same effect."""
+    for joint in (None, HAND.joint_names[0])[: 1 + kind.per_joint]:
+        wanted = kind(magnitude=kind.bounds[1] / 3, joint=joint)
+        (effect,) = parse_effects(effect_text(wanted, trx.spec(STICKS["reference"])), HAND)
+        assert (type(effect), effect.joint) == (kind, joint)
+        assert effect.magnitude == pytest.approx(wanted.magnitude, rel=1e-11)
 
 
 @each(KINDS)

@@ -86,7 +86,7 @@ def states(found: dict) -> dict[str, str]:
 def test_cells_take_the_options_of_bench_run():
     """Offer every option of `bench run` that decides its result, and no other."""
     elsewhere = {"out", "resume", "force", "dry_run", "workers", "config", "start", "logger"}
-    shared = {"as_json", "verbose", "quiet"}
+    shared = {"json", "verbose", "quiet"}
     options = inspect.signature(cli.run).parameters.keys() - elsewhere - shared
     assert Settings.model_fields.keys() == options - {"overrides"} | {"set"}
 

@@ -42,7 +42,7 @@ def test_the_command_line_comes_first(holding, capfd):
     ("variable", "value", "words"),
     [
         ("BENCH_RUN_PACE", "99", "--pace is 99; allowed: 0.05 to 5"),
-        ("BENCH_RUN_WORKERS", "many", "valid integer"),
+        ("BENCH_RUN_WORKERS", "many", "--workers is 'many'; allowed: a whole number"),
         ("BENCH_RUN_SET", "lr=fast", "--set lr is 'fast'"),
     ],
 )

@@ -10,6 +10,7 @@ from backends.effect import NumberEffect
 from backends.shard import simulate
 from benchmark.gap._diagnosis_texts import effects_text
 from benchmark.parts import registry
+from benchmark.settings.effects import read_effects
 from benchmark.settings.run_spec import RunSpec
 from diagnosis import Diagnosis, diagnose, page
 from diagnosis.grasp.in_hand import stick_report
@@ -102,7 +103,7 @@ def test_play_that_is_known_and_rattles_hides_no_friction():
 
 def test_the_corrected_world_can_be_written(held):
     """Write effects for the command line that hold all three."""
-    text = effects_text("none", held.magnitudes, NOMINAL, CATALOGUE)
+    text = effects_text(read_effects("none", NOMINAL.hand), held.magnitudes, NOMINAL, CATALOGUE)
     assert {item.split("=")[0] for item in text.split(",")} == set(held.verdict)
 
 
