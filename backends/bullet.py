@@ -226,6 +226,7 @@ class Backend(Engine):
     """N Bullet worlds in one process; threads do not help: pybullet keeps the interpreter lock."""
 
     package = "pybullet"
+    own_yield = (0.0, 1e-5)  # a slop
     worlds_in_cache = 8
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},

@@ -5,9 +5,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from backends.effect import Effect
-from files.plugins import Kind, parts
-
-EFFECTS = Kind(home="backends.effects", attribute="Effect", group="effects")
+from files.plugins import KINDS, parts
 
 
 @cache
@@ -15,7 +13,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
     """All effect classes by their names on the command line."""
     return {
         name: getattr(importlib.import_module(part.module), part.attribute)
-        for name, part in parts(EFFECTS).items()
+        for name, part in parts(KINDS["effect"]).items()
     }
 
 

@@ -18,6 +18,7 @@ from backends.drive import DriveBank
 from backends.encoder import EncoderBank
 from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State, quat_z_axis
+from backends.touch import stick_shape
 
 EXACT = "exact"
 OUTRUN_M_S = 10.0
@@ -86,6 +87,16 @@ class Team:
         return np.where(age[:, None] < self._lifted[:, None], self.carry_n, 0.0)
 
 
+def _refuse_unbuildable(spec: Spec) -> None:
+    """Raise ValueError for a world that no engine can build."""
+    stick_shape(spec.stick)
+    known: list[str | None] = [None]
+    for body in spec.hand.bodies:
+        if body.parent not in known:
+            raise ValueError(f"'{body.name}' hangs on '{body.parent}', which is no body before it")
+        known.append(body.name)
+
+
 @numba.njit(cache=True)
 def _pool(contacts, point, force):
     point[:], force[:] = 0.0, 0.0
@@ -113,10 +124,14 @@ class Engine(ABC):
     """The installed package whose version `bench doctor` shows."""
     support: ClassVar[Mapping[str, str]]
     """Per spec field: 'exact', 'approximate: why' or 'refused: why'."""
+    no_contacts: ClassVar[str] = ""
+    """Why fingers and stick do not touch; empty: they do."""
     steps_in_threads: ClassVar[bool] = False
     """Whether the constructor takes `threads` (the engine frees the interpreter lock)."""
     only_by_name: ClassVar[bool] = False
     """Whether 'all' leaves the engine out: it is made for a GPU and slow without one."""
+    own_yield: ClassVar[tuple[float, float]] = (0.0, 0.0)
+    """What a contact yields by itself: per force [m/N], and beside it [m]."""
     worlds_in_cache: ClassVar[int] = sys.maxsize
     """How many worlds are stepped through a policy period together.
 
@@ -130,6 +145,8 @@ class Engine(ABC):
                 "the worlds of one batch are stepped together; give them the same rates"
             )
         self._refuse(specs)
+        for spec in specs:
+            _refuse_unbuildable(spec)
         self.specs = tuple(specs)
         self._timing = first.timing
         self.state = State.allocate(

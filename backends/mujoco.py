@@ -194,6 +194,8 @@ class Backend(Engine):
 
     package = "mujoco"
     steps_in_threads = True
+    # Light contacts: (1 - d) (d_max t / d)^2 / m with t = 4 ms and 1 / m = 40.2 / kg.
+    own_yield = (7.161e-5, 0.0)
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
         **SHARED_SUPPORT,

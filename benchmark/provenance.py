@@ -13,6 +13,8 @@ from benchmark.parts import registry
 
 _BESIDE = ("gymnasium", "torch", "numpy", "numba", "onnxruntime", "pandas")
 """Packages that can change a result, besides those of engines and learners."""
+_MADE_BY = ("backend", "algo")
+"""Kinds of parts whose packages decide a result."""
 _ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -40,7 +42,8 @@ def provenance() -> dict:
 
 def _packages() -> tuple[str, ...]:
     """Packages of every engine and learner, and those beside them."""
-    of_parts = [registry.distribution(k, n) for k in ("backend", "algo") for n in registry.names(k)]
+    parts = (registry.part(kind, name) for kind in _MADE_BY for name in registry.names(kind))
+    of_parts = [part.distribution for part in parts]
     return tuple(dict.fromkeys([*filter(None, of_parts), *_BESIDE]))
 
 

@@ -39,6 +39,21 @@ class Part:
         origin = found.origin if found else None
         return Path(origin).read_text() if origin and origin.endswith(".py") else ""
 
+    @property
+    def summary(self) -> str:
+        """First line of the docstring of its module."""
+        match = re.match(r'"""(.*?)(?:"""|\n)', self.text)
+        return match.group(1) if match else ""
+
+    @property
+    def distribution(self) -> str | None:
+        """The package whose version it depends on: `package = "..."` in its class, or its own.
+
+        None where it needs nothing else.
+        """
+        named = re.search(r'^    package(?:: .*)? = "(.+)"$', self.text, re.MULTILINE)
+        return named.group(1) if named else self.package
+
 
 @dataclass(frozen=True, kw_only=True)
 class Kind:
@@ -50,6 +65,18 @@ class Kind:
     """The class, or the function, that makes a file of the home a part of this kind."""
     group: str
     """Group of entry points, without its prefix."""
+
+
+KINDS = {
+    "backend": Kind(home="backends", attribute="Backend", group="backends"),
+    "task": Kind(home="tasks", attribute="Task", group="tasks"),
+    "observation": Kind(home="tasks.observations", attribute="Observation", group="observations"),
+    "algo": Kind(home="baselines", attribute="Baseline", group="algorithms"),
+    "effect": Kind(home="backends.effects", attribute="Effect", group="effects"),
+    "hand": Kind(home="backends", attribute="spec", group="hands"),
+    "importer": Kind(home="diagnosis.importers", attribute="Importer", group="importers"),
+}
+"""By the words of the command line."""
 
 
 @cache

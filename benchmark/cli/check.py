@@ -5,9 +5,9 @@ from typing import Annotated, Any
 from benchmark.cli.command import command
 from benchmark.cli.options import COUNT, Backends, Made, Out, Runs, Seed, Submission, Workers
 from benchmark.errors import UsageError
-from benchmark.parts import registry
 from benchmark.settings.kinds import Counts, Number, Setting, Switch, Text
 from benchmark.settings.run_spec import MOST_WORLDS
+from files.plugins import KINDS
 
 
 @command(defaults={"backend": "all", "workers": "1, and 2 where there are", "out": "none"})
@@ -87,7 +87,7 @@ def list_parts(
     kind: Annotated[
         str | None,
         Setting(
-            kind=Text("KIND", ", ".join((*registry.KINDS, "stick"))),
+            kind=Text("KIND", ", ".join((*KINDS, "stick"))),
             help="One kind.",
             argument=True,
         ),

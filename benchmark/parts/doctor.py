@@ -57,7 +57,7 @@ def examine_physics(backend: str, out: Path | None) -> tuple[dict, Group]:
 
 
 def _examine(kind: str, name: str) -> dict:
-    package = registry.distribution(kind, name)
+    package = registry.part(kind, name).distribution
     done = subprocess.run(
         [sys.executable, "-P", "-c", _PROBES[kind], name],
         capture_output=True,

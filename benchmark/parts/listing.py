@@ -7,6 +7,7 @@ from backends.spec import field_names
 from backends.sticks import STICKS
 from benchmark.errors import CommandError, unknown
 from benchmark.parts import registry
+from files.plugins import KINDS
 
 
 def parts(kind: str | None = None) -> tuple[dict, Table]:
@@ -15,15 +16,15 @@ def parts(kind: str | None = None) -> tuple[dict, Table]:
     `kind`, singular or plural, restricts the list to one kind; effects alone are listed with units
     and bounds. Raises UsageError for an unknown kind.
     """
-    kinds = (*registry.KINDS, "stick")
+    kinds = (*KINDS, "stick")
     if kind is not None and kind.removesuffix("s") not in kinds:
         raise unknown("kind", kind, kinds)
     kind = kind and kind.removesuffix("s")
     if kind == "effect":
         return _effects()
     found = {
-        kind: {name: registry.summary(kind, name) for name in registry.names(kind)}
-        for kind in registry.KINDS
+        kind: {name: registry.part(kind, name).summary for name in registry.names(kind)}
+        for kind in KINDS
     }
     found["stick"] = {
         s.name: f"{s.shape}, {2e3 * s.radius_m:g} mm, {1e3 * s.mass_kg:g} g, mu {s.friction:g}"
@@ -44,7 +45,7 @@ def _effects() -> tuple[dict, Table]:
     for name in registry.names("effect"):
         one: type[Effect] = registry.load("effect", name)
         low, high = (bound / UNITS[one.unit][1] for bound in one.bounds)
-        line = registry.summary("effect", name)
+        line = registry.part("effect", name).summary
         found[name] = {"unit": one.unit, "bounds": [low, high], "per_joint": one.per_joint}
         joints = "all, or @JOINT" if one.per_joint else "-"
         table.add_row(name, one.unit, f"{low:g} to {high:g}", joints, line)

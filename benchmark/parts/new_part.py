@@ -9,7 +9,7 @@ from pathlib import Path
 from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.parts import registry
 from benchmark.parts.extras import install_command
-from files.plugins import PREFIX
+from files.plugins import KINDS, PREFIX
 
 SUITES = {
     "backend": "test_backends.py",
@@ -81,7 +81,7 @@ def _register(project: Path, kind: str, name: str, module: str, package: str) ->
     """Add the entry point to a project file, which is made where there is none."""
     if not project.exists():
         project.write_text(_PROJECT.format(name=package.replace("_", "-"), package=package))
-    of = registry.kind_of(kind)
+    of = KINDS[kind]
     head = f'[project.entry-points."{PREFIX}{of.group}"]\n'
     line = f'{name} = "{module}:{of.attribute}"\n'
     text = project.read_text()
@@ -98,7 +98,7 @@ def check(name: str) -> dict:
     if importlib.util.find_spec("pytest") is None:
         raise CommandError(f"the checks need pytest; install it with: {install_command('test')}")
     suites = [str(_folder() / SUITES[kind]) for kind in kinds]
-    options = ["-q", "--only", name, "-p", "no:cacheprovider"]
+    options = ["-q", "-rs", "--only", name, "-p", "no:cacheprovider"]
     done = subprocess.run([sys.executable, "-m", "pytest", *options, *suites], stdout=sys.stderr)
     return {"ok": done.returncode == 0, "part": name, "kinds": kinds}
 

@@ -9,27 +9,16 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-from backends.catalogue import EFFECTS
 from benchmark.errors import CommandError, unknown
 from benchmark.parts.extras import install_command
-from files.plugins import Kind, Part, parts
+from files.plugins import KINDS, Part, parts
 
 ROOT = Path(__file__).resolve().parents[2]
-_KINDS = {
-    "backend": Kind(home="backends", attribute="Backend", group="backends"),
-    "task": Kind(home="tasks", attribute="Task", group="tasks"),
-    "observation": Kind(home="tasks.observations", attribute="Observation", group="observations"),
-    "algo": Kind(home="baselines", attribute="Baseline", group="algorithms"),
-    "effect": EFFECTS,
-    "hand": Kind(home="backends", attribute="spec", group="hands"),
-    "importer": Kind(home="diagnosis.importers", attribute="Importer", group="importers"),
-}
-KINDS = tuple(_KINDS)
 
 
 def names(kind: str) -> tuple[str, ...]:
     """Names of all plug-ins of a kind, as typed on the command line, sorted."""
-    return tuple(parts(_KINDS[kind]))
+    return tuple(parts(KINDS[kind]))
 
 
 def usual(kind: str) -> tuple[str, ...]:
@@ -38,30 +27,9 @@ def usual(kind: str) -> tuple[str, ...]:
     return tuple(name for name in names(kind) if not apart.search(part(kind, name).text))
 
 
-def kind_of(kind: str) -> Kind:
-    """Where plug-ins of a kind are found."""
-    return _KINDS[kind]
-
-
 def part(kind: str, name: str) -> Part:
     """Where a plug-in is; raises UsageError if it is unknown."""
-    return parts(_KINDS[kind])[check(kind, name)]
-
-
-def summary(kind: str, name: str) -> str:
-    """First line of the plug-in's module docstring."""
-    match = re.match(r'"""(.*?)(?:"""|\n)', part(kind, name).text)
-    return match.group(1) if match else ""
-
-
-def distribution(kind: str, name: str) -> str | None:
-    """The package whose version a plug-in depends on: `package = "..."` in its class, or its own.
-
-    None where it needs nothing else.
-    """
-    found = part(kind, name)
-    named = re.search(r'^    package(?:: .*)? = "(.+)"$', found.text, re.MULTILINE)
-    return named.group(1) if named else found.package
+    return parts(KINDS[kind])[check(kind, name)]
 
 
 def scripted() -> tuple[str, ...]:

@@ -24,6 +24,7 @@ def as_data(found: Sequence[Findings]) -> dict:
         "engines": {
             f.engine: {
                 "ok": f.passed,
+                "package": registry.part("backend", f.engine).distribution,
                 "trouble": f.trouble,
                 "checks": [_row(check) for check in f.checks],
             }
@@ -53,7 +54,7 @@ def _table(found: Findings) -> Table:
 def markdown(found: Sequence[Findings]) -> str:
     """The tables with the reasons of all bounds, and where the figures come from."""
     made = provenance()
-    engines = [registry.distribution("backend", name) for name in registry.usual("backend")]
+    engines = [registry.part("backend", name).distribution for name in registry.usual("backend")]
     behind = [name for name in (*engines, "numpy", "numba") if name in made["versions"]]
     versions = ", ".join(f"{name} {made['versions'][name]}" for name in behind)
     parts = [

@@ -36,7 +36,7 @@ def split(text: str) -> tuple[str, str]:
     """An engine and the version after an '@', empty for the installed one; raises UsageError."""
     name, _, version = text.strip().partition("@")
     registry.check("backend", name)
-    if version and registry.distribution("backend", name) is None:
+    if version and registry.part("backend", name).distribution is None:
         raise UsageError(f"{text}: this engine is no package that has versions; leave out '@'")
     return name, version
 
@@ -46,7 +46,7 @@ def environment(engine: str, version: str) -> Path:
 
     Raises CommandError where there is no such version.
     """
-    package = registry.distribution("backend", engine)
+    package = registry.part("backend", engine).distribution
     folder = home() / f"{package}-{version}"
     over = Path(sysconfig.get_path("purelib", vars={"base": str(folder)})) / OVER
     if over.exists():

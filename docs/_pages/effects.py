@@ -50,6 +50,6 @@ def _section(name: str, kind: type[Effect]) -> str:
     where = "of one joint or of all" if kind.per_joint else "of the whole world"
     lines = [f"- **{point}.** {text}" for point, text in points.items()]
     return (
-        f"## {name}\n\n{registry.summary('effect', name)} {meaning}\n\n"
+        f"## {name}\n\n{registry.part('effect', name).summary} {meaning}\n\n"
         f"*{magnitudes(kind)}; changes {fields}, {where}.*\n\n" + "\n".join(lines) + "\n"
     )

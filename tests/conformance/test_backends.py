@@ -97,7 +97,7 @@ def test_support_answers_every_field_and_no_other(engine: type[Engine]) -> None:
 
 
 def test_state_has_its_shapes(engine: type[Engine]) -> None:
-    """Report finite float64 arrays of the stated shapes, and touch where the fingers press."""
+    """Report finite float64 arrays of the stated shapes."""
     specs = varied()
     sim = engine(specs)
     states = run(sim, grasps(specs))
@@ -110,9 +110,20 @@ def test_state_has_its_shapes(engine: type[Engine]) -> None:
         assert state.first_bad_signal() is None
     last = states[-1]
     assert np.linalg.norm(last.stick_quat_wxyz, axis=1) == pytest.approx(1.0, abs=1e-6)
-    assert (np.linalg.norm(last.contact_force_n, axis=2) > 0).any(axis=1).all()
     assert np.abs(last.joint_rad_s).max() > 0
     sim.close()
+
+
+def test_contacts_are_as_declared(engine: type[Engine]) -> None:
+    """Report touch where the fingers press, and none where the engine says that it has none."""
+    specs = varied()
+    sim = engine(specs)
+    touched = run(sim, grasps(specs))[-1].contact_force_n.any(axis=(1, 2))
+    sim.close()
+    if engine.no_contacts:
+        assert not touched.any(), "it reports contacts: take `no_contacts` out of the class"
+        pytest.skip(f"no contacts: {engine.no_contacts}")
+    assert touched.all(), "no contact is reported where fingers press; write them in `_observe`"
 
 
 def test_reset_state_is_the_initial_state(engine: type[Engine]) -> None:

@@ -154,6 +154,8 @@ def skip_refused(engine: type[Engine], specs: list[Spec]) -> None:
 def run(engine: type[Engine], specs: list[Spec], excitation: str, seed: int = 7) -> Run:
     """Every signal of state and touch, shape (PERIODS, N, ...)."""
     skip_refused(engine, specs)
+    if engine.no_contacts and excitation not in ("free", "push"):
+        pytest.skip(f"no contacts: {engine.no_contacts}")
     worlds = len(specs)
     sim, skin = simulate(engine, specs, 1), Skin(specs)
     sim.reset(start(excitation, worlds, seed), np.ones(worlds, dtype=bool))

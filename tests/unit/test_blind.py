@@ -506,12 +506,12 @@ def test_plants_stick_until_friction_is_overcome(share, moves, name):
 def test_kept_real_sides_are_named_alone():
     """Deal `all` without the sides that no rule may be tuned on; they have no contacts either."""
     words = {"rig": "finger", "modes": "all", "effects": "all", "protocols": "all"}
-    engines = registry.usual("backend")
-    assert blind.settings(8, "all", **words).reals == (*engines, "plant")
+    reals = set(blind.settings(8, "all", **words).reals)
+    assert {*registry.usual("backend"), "plant"} <= reals and reals.isdisjoint(blind.KEPT_APART)
     assert blind.settings(8, "dart", **words).reals == ("dart",)
     assert set(blind.KEPT_APART) < set(sides.STICKLESS)
     for name in ("dart", "drake"):
-        with pytest.raises(UsageError, match="drake, exudyn have joints alone"):
+        with pytest.raises(UsageError, match="drake.* have joints alone"):
             blind.settings(8, name, **(words | {"rig": "held"}))
 
 

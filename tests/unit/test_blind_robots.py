@@ -225,8 +225,8 @@ def test_bins_of_confidence_have_equal_counts():
 def test_every_real_side_is_a_file():
     """Know plants and engines by the names of their files."""
     foreign = {"presliding", "cascade", "flexgear", "pwm", "filtered", "plain"}
-    assert foreign | {"dart", "bristle", "plant"} == set(sides.PLANTS)
-    assert set(sides.ENGINES) == {"drake", "exudyn"} and "drake" in blind.KEPT_APART
+    assert foreign | {"dart", "bristle", "plant"} <= set(sides.PLANTS)
+    assert {"drake", "exudyn"} <= set(sides.ENGINES) and "drake" in blind.KEPT_APART
 
 
 def test_the_solver_of_the_docs_is_scored(made, tmp_path, monkeypatch):

@@ -13,7 +13,8 @@ from benchmark.cli import app as cli
 from benchmark.parts.registry import ROOT
 
 PARTS = {"task": "clover", "effect": "magnet-askew", "observation": "touch-area", "algo": "my-a2c"}
-CHOOSY = "choosy"
+CHOOSY, BARE, SILENT = "choosy", "bare", "silent"
+DECLARED = '    no_contacts = "not written yet"\n'
 ENGINE = '''"""choosy: the reference's worlds, but no path of commands is built."""
 
 from backends import mujoco
@@ -55,9 +56,11 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a part of every kind."""
     folder = tmp_path_factory.mktemp("mine")
     with contextlib.chdir(folder):
-        for kind, name in (*PARTS.items(), ("backend", CHOOSY)):
+        for kind, name in (*PARTS.items(), *(("backend", name) for name in (CHOOSY, BARE, SILENT))):
             assert cli.call(["new", kind, name, "--package", "mine"]) == 0
     (folder / "mine/choosy.py").write_text(ENGINE)
+    silent = folder / "mine/silent.py"
+    silent.write_text(silent.read_text().replace(DECLARED, ""))
     return folder
 
 
@@ -162,10 +165,19 @@ def test_its_parts_are_made_from_python(places: Folders, tmp_path: Path) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [*PARTS.values(), CHOOSY])
+@pytest.mark.parametrize("name", [*PARTS.values(), CHOOSY, BARE])
 def test_its_parts_pass_their_checks(name: str, places: Folders, tmp_path: Path) -> None:
-    """Pass `bench test`, with nothing of Stickbench edited."""
-    assert bench(f"test {name}", tmp_path, places)["ok"]
+    """Pass `bench test`, with nothing of Stickbench edited; say what an engine has not yet."""
+    done = called(f"benchmark test {name} --json", tmp_path, places)
+    assert json.loads(done.stdout)["ok"]
+    assert ("no contacts: not written yet" in done.stderr) == (name == BARE)
+
+
+@pytest.mark.slow
+def test_what_is_declared_is_checked(places: Folders, tmp_path: Path) -> None:
+    """Fail an engine that neither reports contacts nor says so, and name what is to be written."""
+    with pytest.raises(AssertionError, match="where fingers press; write them in `_observe`"):
+        called(f"benchmark test {SILENT}", tmp_path, places)
 
 
 @pytest.mark.slow

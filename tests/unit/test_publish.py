@@ -9,7 +9,7 @@ import pytest
 
 from leaderboard._chart import Panel, Series, Ticks, chart
 from leaderboard.publish import figures
-from leaderboard.publish.blocks.learning import STEPS, compared
+from leaderboard.publish.blocks.learning import STEPS, compared, observed
 from leaderboard.publish.files import pages, stale
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.markers import MarkerError, bare, fill
@@ -45,6 +45,22 @@ def test_engines_and_learners_are_those_of_the_rows():
     engines, algos = compared(more)
     assert engines == sorted([*before[0], "newton"])
     assert algos[0] == line.cells["algo"] and set(algos) == {*before[1], "my-a2c"}
+
+
+def test_observations_are_those_of_the_kept_transfers():
+    """Show whatever observation policies are kept of, what it is, and where it was deployed."""
+    kept, more = Kept(ROOT), Kept(ROOT)
+    one = observed(kept)
+    one = one[one["observation"] == "pose"].assign(observation="my-own", tracked=0.99)
+    own = {"matrix.parquet": one.to_parquet(index=False)}
+    vars(more)["transfers"] = {**kept.transfers, "own": own}
+    before, after = (BLOCKS["observations"](each).splitlines() for each in (kept, more))
+    assert [line for line in after if line not in before] == [after[2]]
+    assert after[2].startswith("| `my-own` |  | 0.99 ") and after[2].count("|") == after[0].count(
+        "|"
+    )
+    known = BLOCKS["known-observation"](kept)
+    assert all(line.split("|")[2].strip() in known for line in before[2:])
 
 
 def test_every_edit_is_found_and_nothing_else(copy):

@@ -340,8 +340,11 @@ def test_a_world_that_cannot_be_leaves_a_gap(runs, tmp_path):
         (["absent"], "no run folder at absent"),
         (["RUNS"], "is a smoke run; --include-smoke includes it"),
         (["RUNS", "--backend", "mujoco,bulet"], "Did you mean 'bullet'?"),
-        (["RUNS", "--effects", "built,nome"], "Did you mean 'none'?"),
-        (["RUNS", "--effects", "none,backlash=1deg"], "has 'none' and other effects"),
+        (["RUNS", "--include-smoke", "--effects", "built,nome"], "Did you mean 'none'?"),
+        (
+            ["RUNS", "--include-smoke", "--effects", "none,backlash=1deg"],
+            "has 'none' and other effects",
+        ),
         (["RUNS", "--episodes", "1"], "--episodes is 1; allowed: 2 to 10000"),
     ],
 )

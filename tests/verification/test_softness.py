@@ -15,10 +15,6 @@ from tasks.initial_states import sample_initial_states
 
 IDEAL = trx.spec(sticks.STICKS["reference"])
 COMPLIANCES_M_N = (0.0, 2e-5, 1e-4, 3e-4, 1e-3)
-OWN = {"mujoco": (7.161e-5, 0.0), "bullet": (0.0, 1e-5), "sapien": (0.0, 0.0)}
-OWN["mujoco-warp"] = OWN["mujoco"]
-"""What a contact yields by itself, per force [m/N] and beside [m]: MuJoCo's light contacts have
-(1 - d) (d_max t / d)^2 / m with t = 4 ms and 1 / m = 40.2 / kg; Bullet has a slop."""
 
 
 @pytest.fixture(params=registry.names("backend"))
@@ -72,7 +68,7 @@ def test_contact_yields_in_proportion(engine: type[Engine], squeeze: float) -> N
     specs = [soft(c) for c in COMPLIANCES_M_N]
     state = hold(engine, specs, squeeze, 75)[-1]
     force_n = np.linalg.norm(state.contact_force_n, axis=2)
-    per_n, beside_m = OWN[engine.__module__.rsplit(".", 1)[-1]]
+    per_n, beside_m = engine.own_yield
     expected = (np.array(COMPLIANCES_M_N)[:, None] + per_n) * force_n + beside_m
     assert force_n.min() > 0.2
     assert yields(state)[1:] == pytest.approx(expected[1:], rel=1e-3, abs=1e-7)

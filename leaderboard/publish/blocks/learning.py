@@ -4,6 +4,7 @@ from typing import Any
 
 import pandas as pd
 
+from files.plugins import KINDS, parts
 from leaderboard._grid import grid
 from leaderboard._wording import with_interval
 from leaderboard.publish.kept import USUAL, Kept
@@ -11,21 +12,10 @@ from leaderboard.publish.registry import block
 from leaderboard.publish.words import listed, million, shown
 from leaderboard.statistics import improvement
 from leaderboard.tables import scores_of
+from leaderboard.transfer import IDENTITY
 from leaderboard.transfer_text import interval
 
 STEPS = 1_000_000
-OBSERVATIONS = {
-    "pose": ("circle-observations", "pose of the stick"),
-    "pose-and-touch": ("circle-observations", "and which fingertips touch"),
-    "pose-and-centers": ("circle-observations", "pose and contact centres"),
-    "contact-centers": ("circle-engines", "contact centres, the paper's"),
-    "raw-taxels": ("circle-observations", "every taxel"),
-    "centers-and-lead": (
-        "circle-lead",
-        "contact centres, and how far each drive's target leads its joint",
-    ),
-}
-"""By name: the transfer folder of its policies, and what it shows beside the joints."""
 TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("worlds around the nominal one, starts of the paper's Algorithm 1", {}),
     ("the nominal world alone (`--no-randomize`)", {"randomize": False}),
@@ -33,6 +23,7 @@ TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
 )
 """What was trained on, and the settings that say so."""
 REFERENCE = f"{USUAL['backend']} {USUAL['effects']}"
+AS_BUILT = [USUAL["effects"]]
 SCORES = ("tracked", "held", "p_err [cm]", "q_err [deg]")
 
 
@@ -98,12 +89,27 @@ def learners_elsewhere(kept: Kept) -> str:
 @block
 def observations(kept: Kept) -> str:
     """What a policy sees, what it reaches on the reference, and what it keeps elsewhere."""
-    rows = []
-    for name, (folder, words) in OBSERVATIONS.items():
-        matrix = kept.matrix(folder)
-        rows.append((f"`{name}`", words, *_scores(matrix[matrix["observation"] == name])))
-    head = ("observation", "shows, beside the joints", *SCORES, *_kept_in(matrix))
-    return grid(head, rows)
+    known, found = parts(KINDS["observation"]), observed(kept)
+    rows = [
+        (f"`{name}`", known[name].summary if name in known else "", *_scores(lines, found))
+        for name, lines in found.groupby("observation", sort=False)
+    ]
+    return grid(("observation", "what it is", *SCORES, *_kept_in(found)), rows)
+
+
+def observed(kept: Kept) -> pd.DataFrame:
+    """The usual policies of the circle: a line per observation and world, the best at home first.
+
+    What an observation shows is what its own file says.
+    """
+    lines = pd.concat([kept.matrix(folder) for folder in kept.transfers], ignore_index=True)
+    usual = {name: USUAL[name] for name in IDENTITY if name in USUAL and name != "observation"}
+    wanted = {**usual, "task": "circle", "steps": STEPS, "train": REFERENCE}
+    same = (lines[list(wanted)] == pd.Series(wanted)).all(axis=1)
+    lines = lines[same].drop_duplicates(["observation", "deploy"])
+    home = lines[lines["deploy"] == REFERENCE].set_index("observation")["tracked"]
+    order = lines["observation"].map(home).sort_values(ascending=False, kind="stable").index
+    return lines.loc[order]
 
 
 @block
@@ -114,22 +120,22 @@ def training(kept: Kept) -> str:
     for words, changes in TRAINING:
         wanted = {"randomize": True, "start_spread": 1.0, **changes}
         same = (matrix[list(wanted)] == pd.Series(wanted)).all(axis=1)
-        rows.append((words, *_scores(matrix[same])))
+        rows.append((words, *_scores(matrix[same], matrix)))
     return grid(("trained on", *SCORES, *_kept_in(matrix)), rows)
 
 
 def _elsewhere(matrix: pd.DataFrame) -> list[str]:
-    """The hand as built in other engines."""
-    worlds = sorted({name for name in matrix["deploy"] if name.split(" ")[1] == USUAL["effects"]})
-    return [name for name in worlds if name != REFERENCE]
+    """The hand as built in other engines, as installed."""
+    worlds = sorted({name for name in matrix["deploy"] if "@" not in name})
+    return [name for name in worlds if name != REFERENCE and name.split(" ")[1:] == AS_BUILT]
 
 
 def _kept_in(matrix: pd.DataFrame) -> list[str]:
     return [f"kept in {shown(name.split(' ')[0])}" for name in _elsewhere(matrix)]
 
 
-def _scores(lines: pd.DataFrame) -> list[str]:
-    """Scores of one kind of policy on the reference, and its retention in other engines."""
+def _scores(lines: pd.DataFrame, matrix: pd.DataFrame) -> list[str]:
+    """Scores of one kind of policy on the reference, and its retention in the matrix's engines."""
     lines = lines[lines["train"] == REFERENCE]
     by_world = {line["deploy"]: line for line in lines.to_dict("records")}
     home = by_world[REFERENCE]
@@ -138,5 +144,8 @@ def _scores(lines: pd.DataFrame) -> list[str]:
         f"{home['held']:.3f}",
         f"{home['p_err_cm']:.2f}",
         f"{home['q_err_deg']:.2f}",
-        *(interval(by_world[world], "retention", 2) for world in _elsewhere(lines)),
+        *(
+            interval(by_world[world], "retention", 2) if world in by_world else ""
+            for world in _elsewhere(matrix)
+        ),
     ]

@@ -55,7 +55,8 @@ def physics_said(kept: Kept) -> str:
         for name, found in ((name, engines[name]) for name in in_order(engines))
     ]
     made = kept.physics["provenance"]
-    versions = [f"{name} {made['versions'][name]}" for name in ("mujoco", "pybullet", "sapien")]
+    packages = [engines[name]["package"] for name in in_order(engines)]
+    versions = [f"{name} {made['versions'][name]}" for name in packages]
     return (
         f"{', '.join(parts)}. Found on {made['finished'][:10]} at commit {made['commit'][:9]} with "
         f"{', '.join(versions)} on {made['cpu']}."

@@ -7,7 +7,7 @@ from matplotlib.ticker import MaxNLocator
 
 from leaderboard._chart import Panel, Series, Ticks, chart, colors
 from leaderboard.curves import Band, band
-from leaderboard.publish.blocks.learning import OBSERVATIONS, STEPS, compared
+from leaderboard.publish.blocks.learning import STEPS, compared, observed
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.pictures.copies import IMAGES
 from leaderboard.publish.registry import picture
@@ -41,9 +41,10 @@ def learners(kept: Kept) -> bytes:
 @picture(f"{IMAGES}/observations.svg")
 def observations(kept: Kept) -> bytes:
     """All observations on the reference."""
-    lines = {name: kept.line("circle", observation=name, steps=STEPS) for name in OBSERVATIONS}
+    names = observed(kept)["observation"].unique()
+    lines = {name: kept.line("circle", observation=name, steps=STEPS) for name in names}
     drawn = {name: _Drawn(color=hue) for name, hue in colors(list(lines)).items()}
-    return _curves(lines, drawn, "Learning curves of six observations")
+    return _curves(lines, drawn, "Learning curves of the observations")
 
 
 @dataclass(frozen=True, kw_only=True)
