@@ -267,9 +267,8 @@ class Engine(ABC):
         table = np.array(contacts, dtype=np.float64).reshape(-1, 9)
         _pool(table, self.state.contact_point_m[rows], self.state.contact_force_n[rows])
 
-    @abstractmethod
-    def close(self) -> None:
-        """Free the engine; a second call is harmless."""
+    def close(self) -> None:  # noqa: B027 - an engine may hold nothing
+        """Free what the engine holds; a second call is harmless."""
 
     @abstractmethod
     def _place(self, ids: Array, initial: InitialState) -> None:

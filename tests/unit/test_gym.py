@@ -12,6 +12,7 @@ from gymnasium.wrappers.vector import NormalizeObservation
 
 import stickbench as sb
 from backends.state import Array
+from benchmark.parts import registry
 from benchmark.runs import gym as made
 from benchmark.settings import run_spec
 
@@ -131,17 +132,20 @@ def test_settings_are_shown(call) -> None:
             assert f"- `{one.names[0]}`: {one.said}" in call.__doc__
 
 
-def test_a_video_is_recorded(tmp_path, monkeypatch) -> None:
-    """Film with Gymnasium's RecordVideo; a child draws, and one is enough."""
+@pytest.mark.parametrize("engine", registry.usual("backend"))
+def test_a_video_is_recorded(engine, tmp_path, monkeypatch) -> None:
+    """Film any engine's worlds with Gymnasium's RecordVideo; a child draws, and one is enough."""
     pytest.importorskip("moviepy")
     monkeypatch.setattr(made, "SIZE", (64, 64))
-    env = RecordVideo(sb.make("Line", render_mode="rgb_array", max_episode_steps=4), str(tmp_path))
     try:
+        drawn = sb.make("Line", engine=engine, render_mode="rgb_array", max_episode_steps=4)
+        env = RecordVideo(drawn, str(tmp_path))
         env.reset(seed=0)
     except sb.CommandError as error:
         pytest.skip(str(error))
     for _ in range(4):
         env.step(np.zeros(6, np.float32))
+    assert np.ptp(env.render()) > 50
     env.close()
     assert [path.suffix for path in tmp_path.iterdir()] == [".mp4"]
 
