@@ -22,6 +22,8 @@ UNITS = {False: ("deg", float(np.degrees(1.0)), "Nm"), True: ("mm", 1e3, "N")}
 _CONFIG = {"displayModeBar": False, "responsive": True}
 _LAYOUT = {
     "template": "plotly_white",
+    "paper_bgcolor": "rgba(0,0,0,0)",
+    "plot_bgcolor": "rgba(0,0,0,0)",
     "font": {"family": "system-ui, sans-serif", "size": 13, "color": MEASURED},
     "margin": {"l": 60, "r": 16, "t": 46, "b": 44},
     "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},

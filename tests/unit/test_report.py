@@ -49,7 +49,7 @@ def test_the_page_says_what_was_found(html, found):
     for text in (*found.sentences, wording.gaps(found), "bench x --effects y"):
         assert text in html
     assert "coulomb-friction" in found.sentences[0]
-    assert html.count("plotly-graph-div") == len(found.joints) + 1
+    assert html.count('class="plotly-graph-div"') == len(found.joints) + 1
     assert "coulomb-friction on J1" in html
 
 
