@@ -3,9 +3,12 @@
 import json
 import logging
 import os
+import signal
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, TracebackType
 
@@ -153,6 +156,30 @@ def stop(number: int, frame: FrameType | None) -> None:
     global _stopping
     _stopping = True
     raise KeyboardInterrupt
+
+
+@contextmanager
+def patient() -> Iterator[Callable[[], bool]]:
+    """While something is worth keeping, a first Ctrl-C is only noted: gives whether there was one.
+
+    A second one stops the command as ever.
+    """
+    noted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal noted
+        if noted:
+            stop(number, frame)
+        noted = True
+
+    ours = signal.getsignal(signal.SIGINT) is stop
+    if ours:
+        signal.signal(signal.SIGINT, note)
+    try:
+        yield lambda: noted
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, stop)
 
 
 class Bar:

@@ -9,7 +9,7 @@
 
 `read_log` reads and checks a folder, `diagnose` gives a `Diagnosis`, which is plain data to JSON
 and back (`plain`, `of`), and `page` makes its report. `Cause` is what a diagnosis names; `LogError`
-says why a log cannot be read or judged.
+says why a log cannot be read or judged. A `progress` that raises `Stop` gets what is known so far.
 """
 
 import importlib
@@ -18,17 +18,19 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from diagnosis.answer import Diagnosis
     from diagnosis.logs.log import Log, LogError, read_log
+    from diagnosis.progress import Stop
     from diagnosis.report.report import page
     from diagnosis.verdict.result import Cause
     from diagnosis.walk import diagnose
 
-__all__ = ["Cause", "Diagnosis", "Log", "LogError", "diagnose", "page", "read_log"]
+__all__ = ["Cause", "Diagnosis", "Log", "LogError", "Stop", "diagnose", "page", "read_log"]
 
 _HOMES = {
     "Cause": "diagnosis.verdict.result",
     "Diagnosis": "diagnosis.answer",
     "Log": "diagnosis.logs.log",
     "LogError": "diagnosis.logs.log",
+    "Stop": "diagnosis.progress",
     "diagnose": "diagnosis.walk",
     "page": "diagnosis.report.report",
     "read_log": "diagnosis.logs.log",

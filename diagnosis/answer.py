@@ -62,6 +62,8 @@ class Diagnosis:
     """Excerpts of the joints that the verdict is about."""
     cpu_s: float
     """CPU time [s]."""
+    stopped: bool = False
+    """Whether it was stopped: the verdict is of the fits so far, and nothing is of touch."""
 
     @property
     def nominal(self) -> tuple[Nominal, ...]:

@@ -7,9 +7,8 @@ What a sound robot would leave decides, see `verdict.ordinary`.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 
@@ -27,6 +26,7 @@ from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.packets.losses import Losses, arrived, losses
+from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.robot import uncertainties
@@ -42,10 +42,10 @@ from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of
 from diagnosis.verdict.result import LimbResult, Result
 from diagnosis.verdict.sensors import loss_cause, sensor_causes
 
-Progress = Callable[[str, float], None]
-"""Is called with what is being done, and the share of all that is done."""
 TURNS = 3
 """Decodings of lost packets, each with the fit to the one before."""
+SEARCHED, FITTED = 0.6, 0.9
+"""Shares of a limb's work that are done after the search, and after the fits to the whole log."""
 RESTS = "rows are {:.0f} ms apart, so only rests are judged; record one every 50 ms or faster"
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
@@ -73,6 +73,8 @@ class Judged:
     """The nominal world as it stands, without parameters."""
     fitter: Fitter
     found: Found
+    stopped: bool = False
+    """Whether it, or a limb after it, could not be searched to the end."""
 
     @property
     def evidence(self) -> Evidence:
@@ -108,6 +110,8 @@ def judged(
 ) -> tuple[list[Judged], list[str]]:
     """All limbs of a log's mechanism, and notes on the log; raises LogError where it cannot say.
 
+    The last limb is `stopped` where `progress` raises Stop, which is raised where nothing is known.
+
     `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
     `origin`: what is ordinary where no healthy logs say so; by default robots' of a user's MJCF,
@@ -130,7 +134,7 @@ def judged(
     found, notes = list[Judged](), list[str]()
     still = list[StillError]()
     for number, part in enumerate(parts):
-        share = partial(_share, tell, number, len(parts))
+        share = within(tell, number / len(parts), (number + 1) / len(parts))
         try:
             said, more = _evidence(part, log, asked)
         except StillError as error:
@@ -139,8 +143,15 @@ def judged(
             notes.append(f"this log shows nothing of {names}: their targets stand still")
             continue
         sound = [_evidence(part, h, asked)[0] for h in healthy]
-        found.append(_limb(said, sound, asked, share))
+        try:
+            found.append(_limb(said, sound, asked, share))
+        except Stop:
+            if not found:
+                raise
+            found[-1] = replace(found[-1], stopped=True)
         notes.extend(more)
+        if found[-1].stopped:
+            break
     if not found:
         raise still[0]
     return found, notes
@@ -148,11 +159,6 @@ def judged(
 
 LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
-
-
-def _share(tell: Progress, number: int, count: int, text: str, done: float) -> None:
-    """Tell of one limb's share as a part of all."""
-    tell(text, (number + done) / count)
 
 
 def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: Progress) -> Judged:
@@ -164,6 +170,10 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
+    nominal = world(said, (), ordinary.exact)
+    if found.stopped:
+        result = decide(fitter, found, ordinary)
+        return Judged(result=result, nominal=nominal, fitter=fitter, found=found, stopped=True)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
@@ -176,7 +186,6 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    nominal = world(said, (), ordinary.exact)
     return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
 
 
@@ -186,11 +195,16 @@ def _searched(
     """What a search finds, on a part of a long log, then fitted to all of it."""
     part = _part(said, ordinary)
     fitter = Fitter(world(part, known, ordinary.exact), ordinary.exact)
-    found = Search(fitter, ordinary, progress).run()
-    if part is said:
-        return fitter, found
-    whole = Fitter(world(said, known, ordinary.exact), ordinary.exact)
-    return whole, on_whole(whole, found, ordinary)
+    found = Search(fitter, ordinary, within(progress, 0.0, SEARCHED)).run()
+    try:
+        if part is not said and not found.stopped:
+            whole = Fitter(world(said, known, ordinary.exact), ordinary.exact)
+            found = on_whole(whole, found, ordinary, within(progress, SEARCHED, FITTED))
+            fitter = whole
+        progress("what is left", FITTED)
+    except Stop:
+        found = replace(found, stopped=True)
+    return fitter, found
 
 
 def _part(said: Evidence, ordinary: Ordinary) -> Evidence:

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from math import prod
 
 from backends.catalogue import catalogue as every_effect
@@ -15,6 +16,7 @@ from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import changed
+from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import beside, gap_rad, model_text
@@ -30,8 +32,9 @@ from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
-LAST_SHARE = 0.95
-"""Of the work is done when all joints are judged."""
+STOPPED = "stopped before its end: the verdict is of the fits so far"
+CHECKED, JUDGED = 0.15, 0.9
+"""Shares of the work that are done when the log is checked, and when all joints are judged."""
 REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
 """Names of simulated signals."""
 
@@ -44,7 +47,7 @@ def diagnose(
     catalogue: Mapping[str, type[Effect]] | None = None,
     origin: Ordinary | None = None,
     simulate: Simulate | None = None,
-    progress: solver.Progress | None = None,
+    progress: Progress | None = None,
 ) -> Diagnosis:
     """What is wrong with the mechanism of a log; raises LogError where the log cannot say.
 
@@ -52,7 +55,8 @@ def diagnose(
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
     `origin`: what is ordinary, see `solver.judged`. `simulate` puts worlds on the nominal engine;
     without it stick and contact are left out.
-    `progress` is called with what is being done, and the share of all that is done.
+    `progress` is called with what is being done, and the share of all that is done; where it
+    raises Stop, what is known so far is the answer, and Stop is raised where that is nothing.
     """
     began_s = _cpu_s()
     known = every_effect() if catalogue is None else catalogue
@@ -61,15 +65,21 @@ def diagnose(
     tell(FIRST, 0.0)
     for one in (log, *healthy):
         triage(one, world)
+    part = within(tell, CHECKED, JUDGED)
     limbs, notes = solver.judged(
-        log, healthy, nominal=world, catalogue=known, origin=origin, progress=tell
+        log, healthy, nominal=world, catalogue=known, origin=origin, progress=part
     )
     notes = [*remarks(log, world), *notes]
-    if log.fingers:
-        tell("touch and stick", LAST_SHARE)
+    stopped = limbs[-1].stopped
+    try:
+        tell("touch and stick" if log.fingers else "the gap, by place and time", JUDGED)
+    except Stop:
+        stopped = True
+    if stopped:
+        notes.insert(0, STOPPED)
     result = combine([one.result for one in limbs], 0.0, notes)
     corrected = _corrected(world, limbs)
-    held = in_hand(log, corrected, known, simulate)
+    held = Report() if stopped else in_hand(log, corrected, known, simulate)
     causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
     unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
     accused = {joint for cause in causes for joint in cause.joints}
@@ -78,7 +88,8 @@ def diagnose(
         accused.add(max(worst.result.gaps, key=worst.result.gaps.__getitem__))
     parts = [_by_second(one) for one in limbs]
     gaps, gone, gone_nominal = gaps_and_shares(parts)
-    tell("done", 1.0)
+    with suppress(Stop):
+        tell("done", 1.0)
     places = tuple(locate([one.nominal for one in limbs]))
     return Diagnosis(
         verdict=(UNKNOWN,) if unknown else _names(causes) or (NONE,),
@@ -99,12 +110,13 @@ def diagnose(
         spots=held.spots,
         missing=(*not_looked_for(known), *held.missing),
         notes=tuple(notes),
+        stopped=stopped,
         signals=tuple(_signals(limbs, accused or {places[0].joint})),
         cpu_s=_cpu_s() - began_s,
     )
 
 
-def _forward(progress: solver.Progress) -> solver.Progress:
+def _forward(progress: Progress) -> Progress:
     """Progress that never falls back: a search that begins again does."""
     done = 0.0
 

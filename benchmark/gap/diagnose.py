@@ -14,8 +14,8 @@ from backends.effect import with_effects
 from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
-from benchmark.console import Bar, say
-from benchmark.errors import CommandError, UsageError
+from benchmark.console import Bar, patient, say
+from benchmark.errors import CommandError, Interrupted, UsageError
 from benchmark.gap import robot_log
 from benchmark.gap._diagnosis_texts import effects_text, summary
 from benchmark.gap.asked import Diagnosis as Asked
@@ -31,6 +31,7 @@ from diagnosis.evidence.evidence import FLOOR_RAD
 from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, require_joints
+from diagnosis.progress import Stop
 from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
 from diagnosis.replay.plain import plain_apart
@@ -76,15 +77,23 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
         world = nominal_world(log, asked.known_effects)
         healthy = _healthy(asked, path, log, world)
         apart = _apart_rad(log, world, asked.nominal, engine)
-        with Bar(f"diagnose {asked.name}", 100) as bar:
+        with Bar(f"diagnose {asked.name}", 100) as bar, patient() as is_stopped:
+
+            def tell(text: str, share: float) -> None:
+                bar.update(round(100 * share), text)
+                if is_stopped():
+                    raise Stop
+
             found = diagnose(
                 log,
                 healthy,
                 nominal=world.spec,
                 catalogue=own_catalogue(catalogue(), world.spec),
                 simulate=_on(engine),
-                progress=lambda text, share: bar.update(round(100 * share), text),
+                progress=tell,
             )
+    except Stop:
+        raise KeyboardInterrupt from None
     except LogError as error:
         raise UsageError(str(error)) from error
     except WorkerError as error:
@@ -99,6 +108,11 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
     write_atomically(folder / REPORT, text)
     whole = result | {"provenance": provenance()}
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
+    if found.stopped:
+        raise Interrupted(
+            f"stopped; known so far: {found.sentences[0]} The rest is in {folder / REPORT} and "
+            f"{folder / FILE}"
+        )
     return result, summary(found, result)
 
 

@@ -4,8 +4,8 @@ From the fit of the tolerances alone, effects are added one at a time to the bes
 all are screened by one linear step, the best are fitted. What a set leaves decides (`excess`).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -13,6 +13,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.models.parameters import Parameter
 from diagnosis.motion.columns import MASS
+from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.screening import Screened, Screening
@@ -25,6 +26,8 @@ MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
 MIXED = 2
 """From so many causes on, only the best set is added to: the first two may have been mixed up."""
+NOMINAL = 0.3
+"""Share of the work that is done when the tolerances are fitted; each round halves what remains."""
 FAR, MORE = 2.0, 3
 """Beyond so many ordinary gaps tolerances are far off, for they take what a fault does; so many
 candidates beside the screening's."""
@@ -68,6 +71,8 @@ class Found:
     """Sets of the same size that this log cannot tell from the chosen one."""
     is_likely: bool
     """Whether the law is exact and the chosen set by far the likeliest."""
+    stopped: bool = False
+    """Whether the search was stopped before its end."""
 
     def share(self, fit: Fit) -> float:
         """The share of the excess that a set takes."""
@@ -77,41 +82,63 @@ class Found:
 class Search:
     """One limb's search."""
 
-    def __init__(
-        self, fitter: Fitter, ordinary: Ordinary, progress: Callable[[str, float], None]
-    ) -> None:
+    def __init__(self, fitter: Fitter, ordinary: Ordinary, progress: Progress) -> None:
         self.fitter, self.ordinary, self.progress = fitter, ordinary, progress
         self.parameters: Sequence[Parameter] = fitter.parameters
         self.tried: dict[frozenset[int], Fit] = {}
         self.thinned: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
+        self.now: Fit | None = None
+        self.singles: tuple[Fit, ...] = ()
 
     @cached_property
     def plain(self) -> Fit:
         """The nominal numbers as they stand."""
         return self.fitter.unfitted()
 
+    @cached_property
+    def nominal(self) -> Fit:
+        """The tolerances alone."""
+        exact = int(self.ordinary.exact)
+        return self.fitter.settled(again=exact, slopes=self.plain.slopes)
+
     def run(self) -> Found:
-        """From the tolerances to the smallest convincing set."""
+        """From the tolerances to the smallest convincing set.
+
+        Stopped, it gives the best of what it has tried; raises Stop where that is nothing.
+        """
+        try:
+            self._seek()
+        except Stop:
+            if self.now is None:
+                raise
+            return replace(self._found(self.now), stopped=True)
+        return self._found(self.now or self.nominal)
+
+    def _seek(self) -> None:
+        """Fit sets of ever more causes, until nothing more is worth it."""
         self.progress(
             f"fit of the nominal numbers of {', '.join(self.fitter.evidence.joints)}", 0.0
         )
-        exact = int(self.ordinary.exact)
-        nominal = self.fitter.settled(again=exact, slopes=self.plain.slopes)
-        singles: tuple[Fit, ...] = ()
-        now, beam = nominal, [nominal]
+        nominal = self.now = now = self.nominal
+        beam = [nominal]
         for causes in range(1, MOST + 1):
             if now.worst < QUIET and not self.ordinary.exact:
                 break
             for number, one in enumerate(beam):
                 self._add(one, causes - 1 + number / len(beam), 1.0 / len(beam))
             fresh = self._polished([f for f in self._sets() if len(f.freed) == causes])
-            if causes == 1:
-                singles = tuple(fresh)
+            self.singles = self.singles or tuple(fresh)
             if not fresh or not self._is_worth(fresh[0], now, nominal):
                 break
-            now = self._rattling(fresh[0])
+            self.now = now = self._rattling(fresh[0])
             width = BEAM if causes < MIXED else 1
             beam = [f for f in fresh[:width] if f.excess < NEAR * fresh[0].excess + NEAR_MORE]
+
+    def _found(self, now: Fit) -> Found:
+        """The best of the sets tried, of as many causes as `now` has."""
+        nominal, singles = self.nominal, self.singles
+        if not singles:
+            singles = tuple(self._ranked([f for f in self._sets() if len(f.freed) == 1]))
         if not now.freed:
             return Found(nominal=nominal, chosen=now, singles=singles, tied=(), is_likely=False)
         same = self._ranked([f for f in self._sets() if len(f.freed) == len(now.freed)])
@@ -204,7 +231,8 @@ class Search:
         """Fit the most promising sets with one more effect: so many `rounds` after `begun`."""
         promising, slopes = self._promising(fit)
         for number, one in enumerate(promising):
-            done = 1.0 - 0.5 ** (begun + rounds * number / len(promising))
+            rounds_done = begun + rounds * number / len(promising)
+            done = 1.0 - (1.0 - NOMINAL) * 0.5**rounds_done
             self.progress(
                 f"fit of {self._name(one.number)}, {number + 1} of {len(promising)}", done
             )

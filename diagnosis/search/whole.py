@@ -1,5 +1,6 @@
 """From a part of a long log to all of it: what a search found, fitted on."""
 
+from diagnosis.progress import Progress
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found, rank
@@ -11,14 +12,17 @@ STEPS = 4
 """Steps of each such fit: it begins where the part's ended."""
 
 
-def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary) -> Found:
+def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progress) -> Found:
     """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
+    fits = 2 + len(found.tied) + len(found.singles[:SINGLES])
+    progress("the nominal numbers, fitted to the whole log", 0.0)
     nominal = fitter.fit(near=found.nominal.u)
     known = {found.nominal.freed: nominal}
     least = [one.least for one in fitter.parameters]
 
     def again(fit: Fit, anew: bool = True) -> Fit:
         if fit.freed not in known:
+            progress(f"fit {len(known) + 1} of {fits} to the whole log", len(known) / fits)
             known[fit.freed] = fitter.fit(
                 fit.freed, near=fit.u, slopes=nominal.slopes, steps=STEPS, again=anew
             )

@@ -4,6 +4,7 @@ import json
 import os
 import shlex
 import shutil
+import signal
 from contextlib import redirect_stderr
 from io import StringIO
 from pathlib import Path
@@ -17,7 +18,9 @@ from diagnosis_logs import arm_log, hand_log
 from backends import trx
 from backends.catalogue import catalogue
 from backends.sticks import STICKS
+from benchmark import console
 from benchmark.cli import app as cli
+from benchmark.console import Bar
 from benchmark.errors import UsageError
 from benchmark.gap._diagnosis_texts import effects_text
 from benchmark.settings.effects import parse_effects, read_effects
@@ -139,6 +142,29 @@ def test_a_users_own_arm(tmp_path, capfd):
     assert found["magnitudes"][0]["value"] == pytest.approx(100, abs=max(high - low, 0.3))
     (command,) = found["next"]
     assert shlex.split(command)[1:3] == words[:2]
+
+
+def test_ctrl_c_keeps_what_is_known(tmp_path, monkeypatch, capfd):
+    """Write what was found by the first Ctrl-C, say so, and end as interrupted."""
+    write_log(arm_log("coulomb-friction=100mNm@elbow"), tmp_path / "log", "csv")
+    update = Bar.update
+
+    def pressed(bar: Bar, done: int, note: str = "") -> None:
+        if note == "what is left":
+            signal.raise_signal(signal.SIGINT)
+        update(bar, done, note)
+
+    monkeypatch.setattr(Bar, "update", pressed)
+    before = signal.signal(signal.SIGINT, console.stop)
+    try:
+        words = ["diagnose", str(tmp_path / "log"), "--out", str(tmp_path / "out")]
+        assert cli.call(words) == 130
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert "stopped; known so far: coulomb-friction" in capfd.readouterr().err
+    kept = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert kept["stopped"] and kept["verdict"] == ["coulomb-friction"]
+    assert "stopped before its end" in (tmp_path / "out" / "report.html").read_text()
 
 
 def changed(source: Path, target: Path, meta=None, samples=None) -> Path:

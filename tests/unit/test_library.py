@@ -6,7 +6,7 @@ import pytest
 from arms import Real, log_of
 
 import diagnosis
-from diagnosis import Cause, Diagnosis, LogError, diagnose, page, read_log
+from diagnosis import Cause, Diagnosis, LogError, Stop, diagnose, page, read_log
 
 
 @pytest.fixture(scope="module")
@@ -36,6 +36,32 @@ def test_a_cause_has_a_size_and_a_place(found):
     assert found.verdict == ("kp-scale",) and found.joints == ("J1",)
     assert found.gaps.after.value < found.gaps.nominal.value <= found.gaps.before.value
     assert 0.0 < found.probability < 1.0
+
+
+@pytest.mark.parametrize(
+    ("at", "known"), [("fit of kp-scale on J1", False), ("what is left", True)]
+)
+def test_what_is_known_is_kept_where_it_is_stopped(log, at, known):
+    """Say that it was stopped, with the fits so far, and name what was found by then."""
+
+    def progress(text: str, share: float) -> None:
+        if text.startswith(at):
+            raise Stop
+
+    found = diagnose(log, progress=progress)
+    assert found.stopped and "stopped before its end" in found.notes[0]
+    assert found.verdict == (("kp-scale",) if known else ("unknown",))
+    assert Diagnosis.of(json.loads(json.dumps(found.plain()))) == found and page(found, log)
+
+
+def test_there_is_nothing_to_keep_at_first(log):
+    """Pass Stop on where nothing has been fitted."""
+
+    def progress(text: str, share: float) -> None:
+        raise Stop
+
+    with pytest.raises(Stop):
+        diagnose(log, progress=progress)
 
 
 def test_a_diagnosis_goes_to_json_and_back(found):

@@ -49,5 +49,5 @@ def test_the_whole_log_may_choose_otherwise_than_a_part(fitter):
     found = Found(
         nominal=fitter.settled(), chosen=wrong, singles=(right, wrong), tied=(), is_likely=True
     )
-    again = on_whole(fitter, found, ROBOTS)
+    again = on_whole(fitter, found, ROBOTS, lambda text, done: None)
     assert again.chosen.freed == (gain,) and not again.is_likely
