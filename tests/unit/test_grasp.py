@@ -10,13 +10,14 @@ from backends.effect import NumberEffect
 from backends.shard import simulate
 from benchmark.parts import registry
 from benchmark.settings.run_spec import RunSpec
-from diagnosis.grasp.forward_model import RADIUS
+from diagnosis.grasp.forward_model import RADIUS, SOFTNESS
 from diagnosis.grasp.in_hand import in_hand, stick_report
 from diagnosis.grasp.motion_fit import motions
-from diagnosis.grasp.shape import shape
+from diagnosis.grasp.shape import Shape, shape
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import gaps_m, held
 from diagnosis.recording.record import Plan, record
+from diagnosis.verdict.in_hand import Report
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 SHAPES = ("stick-radius", "contact-softness")
@@ -49,8 +50,12 @@ def log(
 
 
 @cache
-def shapes_of(effects: str, backend: str = "mujoco"):
-    return stick_report(log(effects, backend), NOMINAL, some(*SHAPES), on_mujoco)
+def shape_of(effects: str, backend: str = "mujoco") -> Shape:
+    return shape(NOMINAL, held(log(effects, backend), NOMINAL), on_mujoco)
+
+
+def shapes_of(effects: str, backend: str = "mujoco") -> Report:
+    return shape_of(effects, backend).report(NOMINAL, some(*SHAPES))
 
 
 def test_gaps_are_what_the_radius_says():
@@ -85,7 +90,7 @@ def test_a_soft_contact_is_no_light_stick():
 @pytest.mark.parametrize("backend", ENGINES)
 def test_nominal_grasps_show_no_shape(backend):
     """Find neither radius nor softness in nominal grasps of any engine."""
-    report = shapes_of("none", backend)
+    report = stick_report(log("none", backend), NOMINAL, some(*SHAPES), on_mujoco)
     assert report.causes == ()
 
 
@@ -96,11 +101,17 @@ def test_a_softness_is_named_beside_what_soft_contacts_yield(soft_mm_n):
     assert one.sizes[0] == pytest.approx(1e-3 * soft_mm_n, abs=4e-6)
 
 
-@pytest.mark.parametrize(("backend", "rigid"), [("mujoco", False), ("bullet", True)])
-def test_contacts_are_of_the_engine_that_a_log_is_from(backend, rigid):
+@pytest.mark.parametrize(
+    ("effects", "backend", "number", "rigid"),
+    [
+        ("contact-softness=0.04mm/N", "mujoco", SOFTNESS, False),
+        ("stick-radius=-10%", "bullet", RADIUS, True),
+    ],
+)
+def test_contacts_are_of_the_engine_that_a_log_is_from(effects, backend, number, rigid):
     """Choose the nominal engine's contacts for its own log alone, and leave no gap beside them."""
-    found = shape(NOMINAL, held(log("stick-radius=-10%", backend), NOMINAL), on_mujoco)
-    assert found.chosen.numbers == (RADIUS,) and found.chosen.rigid is rigid
+    found = shape_of(effects, backend)
+    assert found.chosen.numbers == (number,) and found.chosen.rigid is rigid
     assert found.chosen.worst < 1.0 < found.nominal.worst
 
 
@@ -135,7 +146,8 @@ def test_softness_on_any_engine(backend, soft_mm_n):
 
 def test_a_wrong_joint_zero_is_no_radius():
     """Say that fingers disagree where one joint's zero is wrong."""
-    report = shapes_of("encoder-bias=1deg@J3")
+    wrong = log("encoder-bias=1deg@J3")
+    report = stick_report(wrong, NOMINAL, some(*SHAPES), on_mujoco)
     assert report.causes == ()
     assert "fingers and stick disagree" in report.missing[0]
     assert "joint zeros" in report.missing[0]

@@ -104,6 +104,7 @@ def test_a_slippery_stick_is_named():
     assert found["contact-friction"].sizes[0] < -0.6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ENGINES)
 def test_a_heavy_stick_is_named_on_every_engine(backend):
     """Name a stick of thrice the mass, and nothing else."""
@@ -129,6 +130,7 @@ def test_a_soft_contact_is_not_a_light_stick(soft_mm_n):
     assert softness.sizes[1] <= soft_mm_n / 1e3 <= softness.sizes[2]
 
 
+@pytest.mark.slow
 def test_friction_outside_of_the_catalogue_is_unknown():
     """Call a slip `unknown` that only friction could explain, which nobody may name."""
     kinds = {n: k for n, k in CATALOGUE.items() if n != "contact-friction"}
@@ -145,6 +147,7 @@ def test_a_stick_that_does_not_slip_says_nothing():
     assert slip_model.slip(early, NOMINAL.gravity_m_s2) is None
 
 
+@pytest.mark.slow
 def test_a_vague_mass_says_what_would_tell():
     """Say how near the nominal mass is known to be, and what would tell more."""
     report = stick_report(log("none", "bullet"), NOMINAL, CATALOGUE, on_mujoco)
@@ -172,6 +175,7 @@ def test_friction_is_named_where_contacts_are_soft(backend):
     assert found["contact-friction"].sizes[0] == pytest.approx(0.16, abs=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backend", ENGINES)
 def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend):
     """Name a softness as small as what the nominal engine's own contacts yield, and a radius."""
@@ -180,18 +184,31 @@ def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend)
     assert found["contact-softness"].sizes[0] == pytest.approx(4.2e-5, rel=0.3)
 
 
+SEEN = pull_test.PullFit(
+    friction=0.0,
+    friction_std=0.03,
+    mass=-0.02,
+    mass_std=0.15,
+    left=1.0,
+    episodes=2,
+    gives_way=True,
+)
+
+
 def test_a_mass_is_as_sure_in_the_world_that_has_it():
     """Doubt a light stick, not a heavy one of which a world has more already."""
-    seen = pull_test.PullFit(
-        friction=0.0,
-        friction_std=0.03,
-        mass=-0.02,
-        mass_std=0.15,
-        left=1.0,
-        episodes=2,
-        gives_way=True,
-    )
-    heavy = dataclasses.replace(seen, mass=0.6)
-    light = dataclasses.replace(seen, mass=-0.6)
-    assert heavy.sure == (False, True) and seen.beside(heavy).sure == (False, True)
+    heavy = dataclasses.replace(SEEN, mass=0.6)
+    light = dataclasses.replace(SEEN, mass=-0.6)
+    assert heavy.sure == (False, True) and SEEN.beside(heavy).sure == (False, True)
     assert light.sure == (False, False) and light.spread > heavy.spread
+
+
+def test_what_pulls_tell_is_named_by_the_catalogue():
+    """Name a heavy stick with its size; call `unknown` what nobody may name; say what is vague."""
+    (heavy,) = dataclasses.replace(SEEN, mass=np.log(3.0)).report(CATALOGUE).causes
+    assert (heavy.effect, heavy.sizes[0]) == ("stick-mass", pytest.approx(2.0))
+    slippery = dataclasses.replace(SEEN, friction=np.log(0.7))
+    for kinds, name in ((CATALOGUE, "contact-friction"), ({}, "unknown")):
+        assert [one.effect for one in slippery.report(kinds).causes] == [name]
+    vague = SEEN.report(CATALOGUE)
+    assert not vague.causes and "weigh the stick" in vague.missing[0]
