@@ -10,7 +10,6 @@ from diagnosis.blind import faults, motion, rigs, sides, sizing, strange
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import robot
-from diagnosis.blind.mechanics import _strange, _two_mass, cascade, presliding
 from diagnosis.blind.plant import STRANGE, Plant
 
 FOREIGN = ("presliding", "cascade", "flexgear", "pwm", "filtered")
@@ -119,6 +118,8 @@ def test_faults_are_as_large_as_they_are_wanted():
 @pytest.mark.parametrize("speed", [-0.7, 0.02])
 def test_bristles_at_constant_speed_are_coulomb_friction(speed, slips):
     """Reach the sign of the speed, the whole level, once every bristle slides."""
+    from diagnosis.blind.mechanics import _two_mass, presliding
+
     state, own = np.zeros(_two_mass.STATES), np.array([1e-3, slips])
     for _ in range(round(0.05 * 20 / abs(speed) / _two_mass.TICK_S / 50)):
         share = presliding.friction(speed, own, state)
@@ -127,6 +128,8 @@ def test_bristles_at_constant_speed_are_coulomb_friction(speed, slips):
 
 def test_bristles_give_way_before_they_slide():
     """Start as a spring: after a small way x a bristle of bend d holds with x / d."""
+    from diagnosis.blind.mechanics import _two_mass
+
     bend = 0.0
     for _ in range(10):
         bend = _two_mass.bristle(1e-3, 1e-3, bend)
@@ -136,6 +139,8 @@ def test_bristles_give_way_before_they_slide():
 
 def test_a_cascade_holds_a_few_percent_more_than_kp():
     """Come to rest at (1 + leak) kp times the error, as the integral's gain at rest says."""
+    from diagnosis.blind.mechanics import _two_mass, cascade
+
     own = np.array([0.04, 0.0, 4e-4])
     drive = np.zeros(17)
     drive[0], drive[2] = 10.0, 100.0
@@ -147,6 +152,8 @@ def test_a_cascade_holds_a_few_percent_more_than_kp():
 
 def test_heat_and_stops_have_closed_forms():
     """Warm as 1 - exp(-t / T) under full torque; push as a spring does, and only inwards."""
+    from diagnosis.blind.mechanics import _strange
+
     heat = 0.0
     for _ in range(3000):
         heat = _strange.warmed(heat, 1.0, 1e-3)

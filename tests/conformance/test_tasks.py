@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env as check_gymnasium
 from gymnasium.vector import AutoresetMode
-from stable_baselines3.common.env_checker import check_env as check_sb3
 
 from backends.state import Array, State, quat_to_matrix
 from benchmark.parts import registry
@@ -243,6 +242,8 @@ def test_reference_points_from_figure_to_grip(task: str, make: MakeEnv) -> None:
 
 def test_gymnasium_accepts_the_environment(backend: str) -> None:
     """Pass the environment checkers of Gymnasium and Stable-Baselines3 on every engine."""
+    from stable_baselines3.common.env_checker import check_env as check_sb3
+
     env = gymnasium.make(name_of("eight"), backend=backend).unwrapped
     with warnings.catch_warnings():
         warnings.simplefilter("error")

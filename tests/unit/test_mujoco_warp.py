@@ -4,6 +4,7 @@ The suites that every engine goes through hold it as well, among the slow tests.
 """
 
 from dataclasses import astuple, fields, replace
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -15,9 +16,9 @@ from benchmark.parts import registry
 from benchmark.settings.run_spec import RunSpec
 from tasks.initial_states import sample_initial_states
 
-wp = pytest.importorskip("warp", reason="install it with the extra 'warp'")
-pytest.importorskip("mujoco_warp", reason="install it with the extra 'warp'")
-
+pytestmark = pytest.mark.skipif(
+    find_spec("mujoco_warp") is None, reason="install it with the extra 'warp'"
+)
 WORLDS, JOINTS, DT_S = 200, 6, 1e-3
 LARGEST = Drive(
     kp_nm_rad=20.0,
@@ -54,6 +55,8 @@ def drives(rng: np.random.Generator) -> Array:
 
 def test_the_drive_law_is_the_same_to_1e_6():
     """Step random drives as the compiled law of all engines does."""
+    import warp as wp
+
     from backends._warp_drive import drive_tick
 
     rng = np.random.default_rng(0)
