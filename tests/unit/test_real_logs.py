@@ -42,6 +42,7 @@ def emps() -> Diagnosis:
     return diagnose(log)
 
 
+@pytest.mark.slow
 def test_emps_is_friction(emps):
     """Name Coulomb friction of the axis as the authors identified it, within a twentieth."""
     (found,) = emps.magnitudes
@@ -71,12 +72,13 @@ def played(log: Log) -> list[Play]:
     return [play for play in plays if isinstance(play, Play)]
 
 
-def test_play_tests_show_play():
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (k > 0)) for k, n in enumerate(PLAY_COUNTS)]
+)
+def test_play_tests_show_play(name):
     """Find play by the push test, within a count of between the authors' unloaded and loaded."""
-    found = logs("play-test")
-    for name in PLAY_COUNTS:
-        plays = played(found[name])
-        assert all(play.has_play for play in plays)
-        worst = max(2 * play.mean_rad for play in plays) / COUNT_RAD
-        unloaded, loaded = PLAY_COUNTS[name]
-        assert unloaded - 1 < worst < loaded + 1
+    plays = played(logs("play-test")[name])
+    assert all(play.has_play for play in plays)
+    worst = max(2 * play.mean_rad for play in plays) / COUNT_RAD
+    unloaded, loaded = PLAY_COUNTS[name]
+    assert unloaded - 1 < worst < loaded + 1

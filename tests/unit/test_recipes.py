@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "contribute"
 PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests")
 KINDS = ("effect", "task", "observation", "learner", "backend")
-QUICK = ("effect", "task")
+QUICK = ("task",)
 """Those whose commands are no slow test."""
 MOST_LINES = 10
 """Of code, without docstrings and comments."""

@@ -61,7 +61,8 @@ def found(effects: str, kind: str) -> dict:
     return {one.effect: one for one in skin_report(effects, kind).causes}
 
 
-@pytest.mark.parametrize("shift_mm", [pytest.param(-0.1, marks=pytest.mark.slow), 0.3])
+@pytest.mark.slow
+@pytest.mark.parametrize("shift_mm", [-0.1, 0.3])
 def test_threshold(shift_mm):
     """Measure a threshold from yes and no within a finer step of the search."""
     (one,) = skin_report(f"taxel-threshold={shift_mm}mm", "contact").causes
@@ -223,7 +224,7 @@ def test_other_effects_are_not_the_skin(effects, kind):
     assert skin_report(effects, kind).causes == ()
 
 
-@pytest.mark.parametrize("kind", [pytest.param("touch", marks=pytest.mark.slow), "contact"])
+@pytest.mark.parametrize("kind", ["touch", pytest.param("contact", marks=pytest.mark.slow)])
 def test_a_misplaced_finger_tells_nothing(kind):
     """Ask for the joint's zero to be mended before its taxels are judged."""
     report = skin_report("encoder-bias=1deg@J3", kind)
@@ -322,7 +323,8 @@ def test_a_fault_that_no_model_has_is_not_ignored():
 
 
 def test_a_fault_is_known_by_the_number_that_it_changes():
-    """Name an effect by the name that the catalogue gives it, whatever that is."""
+    """Name a threshold by the name that the catalogue gives it, whatever that is, and its size."""
     other = {"deaf-skin": CATALOGUE["taxel-threshold"]}
     (one,) = identify_skin_faults(log("taxel-threshold=0.3mm", "contact"), NOMINAL, other).causes
     assert one.effect == "deaf-skin"
+    assert one.sizes[0] == pytest.approx(0.3 * MM, abs=0.012 * MM)

@@ -194,20 +194,24 @@ def crashed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict]:
     return folder, result(process, 1)
 
 
-def test_a_sweep_of_one_cell_at_a_time_stops_when_asked(tmp_path):
+@pytest.mark.parametrize(
+    ("jobs", "cells", "stop"),
+    [("1", [ENDLESS, STILL], signal.SIGTERM), ("2", [ENDLESS], signal.SIGINT)],
+)
+def test_a_sweep_stops_when_asked(jobs, cells, stop, tmp_path):
     """End with 130 on a signal, leave no cell running, and say how to go on with each."""
-    file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{ENDLESS}, {STILL}]")
-    process = start("sweep", str(file), "--out", str(tmp_path / "runs"), "--json", "-j", "1")
+    file = write(tmp_path, f"defaults: {{backend: mujoco}}\ncells: [{', '.join(cells)}]")
+    process = start("sweep", str(file), "--out", str(tmp_path / "runs"), "--json", "-j", jobs)
     wait_for(lambda: list((tmp_path / "runs").glob("*/run.json")))
-    cells = children(process.pid)
-    process.send_signal(signal.SIGTERM)
+    running = children(process.pid)
+    process.send_signal(stop)
     found = result(process, 130)
     assert found["status"] == "interrupted"
     assert "the same command goes on" in found["error"]
-    assert not [pid for pid in cells if Path(f"/proc/{pid}").exists()]
+    assert running and not [pid for pid in running if Path(f"/proc/{pid}").exists()]
     with (tmp_path / "runs/sweep.csv").open(newline="") as table:
         listed = [(row["state"], row["reason"]) for row in csv.DictReader(table)]
-    assert listed == [("interrupted", _cell.STOPPED), ("waiting", "")]
+    assert listed == [("interrupted", _cell.STOPPED), ("waiting", "")][: len(cells)]
 
 
 def test_a_crash_leaves_the_other_cells_alone(crashed):
@@ -316,6 +320,7 @@ def test_an_unwritable_folder_fails_the_cell_alone():
     assert outcome.state == "failed" and "/proc/stickbench" in outcome.reason
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on_where_it_stopped(tmp_path):
     """Stop every cell at Ctrl-C with exit code 130, and finish them when called again."""
     text = "cells: [{backend: mujoco, task: line, smoke: true}]"
