@@ -50,10 +50,9 @@ def test_nothing_breaks(words):
 @pytest.mark.parametrize(
     "call",
     [
-        lambda: exec(SPINS),
-        lambda: subprocess.call([sys.executable, "-c", SPINS]),
+        pytest.param(lambda: exec(SPINS), marks=pytest.mark.slow, id="itself"),
+        pytest.param(lambda: subprocess.call([sys.executable, "-c", SPINS]), id="what it started"),
     ],
-    ids=["itself", "what it started"],
 )
 def test_what_computes_for_ever_hangs(call, tmp_path):
     """Count the CPU time of a call and of what it started."""

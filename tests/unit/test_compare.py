@@ -61,6 +61,12 @@ def screws() -> list[Log]:
     return [screw(seed) for seed in range(HEALTHY)]
 
 
+@pytest.fixture(scope="module")
+def arms() -> list[Log]:
+    """Healthy arms."""
+    return [log_of(Real(joints=2), seed=seed) for seed in range(HEALTHY)]
+
+
 @pytest.mark.parametrize(
     ("fault", "group"),
     [
@@ -92,9 +98,9 @@ def test_a_screw_says_what_changed(fault, group, screws):
         (Real(joints=2, spring_nm_rad3=30.0), (UNKNOWN, None)),
     ],
 )
-def test_an_arm_says_what_changed(real, groups):
+def test_an_arm_says_what_changed(real, groups, arms):
     """Name delay, gain, friction and noise at their joints; what only pulls at another is said."""
-    found = compare(log_of(real, seed=50), [log_of(Real(joints=2), seed=n) for n in range(HEALTHY)])
+    found = compare(log_of(real, seed=50), arms)
     for one, group in zip(found, groups, strict=True):
         assert one.group == group if group else one.group == NONE or one.pulled
 

@@ -14,7 +14,7 @@ def test_closed_streams_are_no_trouble(tmp_path, closed):
     """Run with standard streams closed, and write no word into a file that is opened later."""
     close = "; ".join(f"os.close({number})" for number in closed)
     code = f"import os, sys; {close}; os.execv(sys.executable, sys.argv[1:])"
-    words = ["excite", "--out", str(tmp_path / "commands.csv")]
+    words = ["excite", "--out", str(tmp_path / "commands.csv"), "--protocol", "steps"]
     done = subprocess.run(
         [sys.executable, "-c", code, *BENCH, *words], capture_output=True, text=True, check=False
     )

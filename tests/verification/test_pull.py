@@ -57,7 +57,13 @@ def test_a_pulled_stick_slips_at_the_cone(backend, effects):
     assert pull[slips - 1] + weight_n == pytest.approx(cone_n, rel=SLIPS_AT)
 
 
-@pytest.mark.parametrize("backend", registry.usual("backend"))
+@pytest.mark.parametrize(
+    "backend",
+    [
+        pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
+        for name in registry.usual("backend")
+    ],
+)
 def test_processes_pull_alike(backend):
     """Pull worlds over two processes as in one."""
     spec = world(backend)
