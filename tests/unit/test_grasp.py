@@ -4,7 +4,7 @@ import dataclasses
 from functools import cache
 
 import pytest
-from diagnosis_logs import ENGINES
+from diagnosis_logs import ENGINES, with_short_grasps
 
 from backends.effect import NumberEffect
 from backends.shard import simulate
@@ -37,7 +37,7 @@ def on_mujoco(specs):
 def log(
     effects: str, backend: str = "mujoco", variants: int = 2, channels: str = "stick,torque"
 ) -> Log:
-    """Grasps of the reference hand with effects."""
+    """Short grasps of the reference hand with effects."""
     engine = registry.load("backend", backend)
     spec = RunSpec(backend=backend, task="circle", effects=effects).world()
     plan = Plan(
@@ -46,7 +46,7 @@ def log(
         variants=variants,
         seed=7,
     )
-    return record(lambda specs: simulate(engine, specs, 1), spec, plan, "test")
+    return with_short_grasps(record(lambda specs: simulate(engine, specs, 1), spec, plan, "test"))
 
 
 @cache

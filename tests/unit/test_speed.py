@@ -23,6 +23,11 @@ from benchmark.speed import _stopwatch, speed
 from tasks.initial_states import sample_initial_states
 
 SIGNALS = tuple(f.name for f in dataclasses.fields(State))
+ONE_WITH_PROCESSES = [
+    pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
+    for name in registry.names("backend")
+]
+"""Of engines that take two processes for two cores, one is quick."""
 HEADLINE = (
     "backend",
     "envs",
@@ -78,12 +83,19 @@ def test_compiled_drives_equal_plain_ones(engine: type[Engine]) -> None:
 
 
 def test_coasting_holds_the_last_torques(engine: type[Engine]) -> None:
-    """Coast 3 drive periods at once as one by one, on one core as on two, and move by it."""
+    """Coast 3 drive periods at once as one by one, and move by it."""
     specs = drawn(9)
     at_once = play(engine(specs), 7, coasts=(3,))
     assert same(play(engine(specs), 7, coasts=(1, 1, 1)), at_once)
-    assert same(play(simulate(engine, specs, 2), 7, coasts=(3,)), at_once)
     assert not same(play(engine(specs), 7), at_once)
+
+
+@pytest.mark.parametrize("name", ONE_WITH_PROCESSES)
+def test_two_cores_coast_alike(name: str) -> None:
+    """Coast worlds that two cores share as those of one."""
+    engine, specs = registry.load("backend", name), drawn(9)
+    at_once = play(engine(specs), 7, coasts=(3,))
+    assert same(play(simulate(engine, specs, 2), 7, coasts=(3,)), at_once)
 
 
 def test_many_drives_at_a_time_equal_one_by_one() -> None:
@@ -148,12 +160,13 @@ def test_state_bits_are_those_of_the_engine() -> None:
         assert bit == getattr(mujoco.mjtState, f"mjSTATE_{name}").value
 
 
-def test_two_cores_need_no_guarded_script(engine: type[Engine], tmp_path) -> None:
+@pytest.mark.parametrize("name", ONE_WITH_PROCESSES)
+def test_two_cores_need_no_guarded_script(name: str, tmp_path) -> None:
     """Start processes from a script without a main guard, and run the script once."""
     script = tmp_path / "script.py"
     script.write_text(
         "from benchmark.settings.run_spec import RunSpec\n"
-        f"run = RunSpec(backend='{engine.__module__.split('.')[-1]}', task='line', worlds=2)\n"
+        f"run = RunSpec(backend='{name}', task='line', worlds=2)\n"
         "env = run.make_env([run.world()] * 2, 0, 2)\n"
         "print(len(env.reset())); env.close()\n"
     )

@@ -253,22 +253,26 @@ EFFECTS = (
     "none",
     "backlash=5deg@J0,self-lock=10Nm@J0",
     "command-delay=150ms@J0,sensor-delay=50ms@J4",
-    "command-rate-limit=5s/rad@J1,command-rate-limit=1s/rad@J3",
-    "coulomb-friction=0.5Nm@J0,stiction=0.3Nm@J3",
-    "dead-zone=5deg@J0,series-elasticity=-50%@J3",
     "encoder-bias=12deg@J1,encoder-bias=-5deg@J0",
     "encoder-scale=-40%,encoder-resolution=1deg",
     "gravity-tilt=60deg,link-mass=500%",
-    "kd-scale=100%",
     "kp-scale=-70%@J0,kp-scale=200%@J3,kd-scale=-80%@J6",
+    "viscous-friction=0.14Nms",
+)
+MORE_EFFECTS = (
+    "command-rate-limit=5s/rad@J1,command-rate-limit=1s/rad@J3",
+    "coulomb-friction=0.5Nm@J0,stiction=0.3Nm@J3",
+    "dead-zone=5deg@J0,series-elasticity=-50%@J3",
+    "kd-scale=100%",
     "load-friction=80%@J0,rotor-inertia=0.002kgm2@J3",
     "torque-limit=-80%@J1",
-    "viscous-friction=0.14Nms",
 )
 """Far more than a working mechanism has of each."""
 
 
-@pytest.mark.parametrize("effects", EFFECTS)
+@pytest.mark.parametrize(
+    "effects", [*EFFECTS, *(pytest.param(text, marks=pytest.mark.slow) for text in MORE_EFFECTS)]
+)
 def test_effects_are_no_bugs(effects):
     """Find no bug in what physics alone does, however large."""
     assert found(noisy(recorded(effects, SHORT))) == ()

@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 from arms import Real, log_of
+from diagnosis_logs import with_short_grasps
 
 from backends.effect import NumberEffect
 from backends.shard import simulate
@@ -50,7 +51,7 @@ def log(
         seed=4,
     )
     spec = RunSpec(backend=backend, task="circle", effects=effects).world()
-    return record(on(backend), spec, plan, "test")
+    return with_short_grasps(record(on(backend), spec, plan, "test"))
 
 
 @cache
