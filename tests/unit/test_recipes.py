@@ -16,6 +16,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from benchmark.cli import app as cli
+
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = ROOT / "docs" / "contribute"
 PACKAGES = ("backends", "baselines", "diagnosis", "leaderboard", "tasks", "tests")
@@ -112,15 +114,18 @@ def test_recipe_does_what_its_page_says(kind: str, tmp_path: Path) -> None:
     assert f'"{Path(path).stem.replace("_", "-")}"' in listed.splitlines()[0]
 
 
-def test_robot_is_diagnosed_from_the_files_of_its_page(tmp_path: Path) -> None:
+def test_robot_is_diagnosed_from_the_files_of_its_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Excite a robot, log what a sound one does, and diagnose it, as the page says."""
     for path, text in files("robot").items():
         (tmp_path / path).parent.mkdir(exist_ok=True)
         (tmp_path / path).write_text(text)
-    excite, diagnose = _COMMAND.findall(page("robot"))
-    call([excite], tmp_path)
+    monkeypatch.chdir(tmp_path)
+    excite, diagnose = (line.split()[1:] for line in _COMMAND.findall(page("robot")))
+    assert cli.call(excite) == 0
     played(tmp_path)
-    call([diagnose], tmp_path)
+    assert cli.call(diagnose) == 0
     assert (tmp_path / "answer" / "diagnosis.json").exists()
 
 
