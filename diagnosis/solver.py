@@ -22,9 +22,9 @@ from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
-from diagnosis.motion.excerpt import excerpt
+from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import recordings
+from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.nominal import mjcf_world
@@ -47,6 +47,7 @@ TURNS = 3
 SEARCHED, FITTED = 0.6, 0.9
 """Shares of a limb's work that are done after the search, and after the fits to the whole log."""
 RESTS = "rows are {:.0f} ms apart, so only rests are judged; record one every 50 ms or faster"
+LONG = "fitted to the {:.0f} s of {:.0f} s that say most"
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
 
@@ -210,7 +211,7 @@ def _searched(
 def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
     """The evidence, or that of a part that is long enough to search on."""
     limb = said.limb
-    some = excerpt(limb.recordings)
+    some = excerpt(limb.recordings, SEARCHED_S)
     if some == limb.recordings:
         return said
     return spreading(world(evidence(replace(limb, recordings=some)), (), ordinary.exact))
@@ -241,12 +242,19 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:
     """What a log says of a limb, and notes on what of it cannot be used."""
-    limb = Limb(spec=part, recordings=recordings(log, part), rigid=asked.rigid)
-    limb, notes = checked(limb)
+    whole = recordings(log, part)
+    some = excerpt(whole, FITTED_S)
+    limb, notes = checked(Limb(spec=part, recordings=some, rigid=asked.rigid))
+    if some != whole:
+        notes = (*notes, LONG.format(_lasts_s(some), _lasts_s(whole)))
     said = evidence(limb)
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
     return spreading(world(said, (), asked.origin.exact)), notes
+
+
+def _lasts_s(every: Sequence[Recording]) -> float:
+    return sum(float(one.time_s[-1]) for one in every)
 
 
 def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:

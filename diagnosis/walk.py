@@ -23,7 +23,7 @@ from diagnosis.replay.plain import beside, gap_rad, model_text
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
-from diagnosis.triage.triage import remarks, triage
+from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.in_hand import Report
@@ -63,13 +63,12 @@ def diagnose(
     world = nominal or mjcf_world(log)
     tell = _forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
-    for one in (log, *healthy):
-        triage(one, world)
+    said, *_ = [triage(one, world) for one in (log, *healthy)]
     part = within(tell, CHECKED, JUDGED)
     limbs, notes = solver.judged(
         log, healthy, nominal=world, catalogue=known, origin=origin, progress=part
     )
-    notes = [*remarks(log, world), *notes]
+    notes = [*said, *notes]
     stopped = limbs[-1].stopped
     try:
         tell("touch and stick" if log.fingers else "the gap, by place and time", JUDGED)

@@ -11,7 +11,7 @@ from benchmark.gap.asked import Source
 from diagnosis.logs.log import HandMechanism, Log, LogError
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.motion_picture import draw
-from diagnosis.triage.triage import FaultError, remarks, triage
+from diagnosis.triage.triage import FaultError, triage
 
 OUT, PICTURE = Path("checks"), "motion.png"
 
@@ -52,8 +52,7 @@ def _faults(log: Log) -> list[str]:
         return []
     try:
         world = mjcf_world(log)
-        triage(log, world)
-        return list(remarks(log, world))
+        return list(triage(log, world))
     except FaultError as error:
         return [str(fault) for fault in error.faults]
     except LogError as error:

@@ -44,7 +44,7 @@ from diagnosis.walk import diagnose
 
 FILE, REPORT = "diagnosis.json", "report.html"
 OUT = Path("diagnoses")
-GAPS = "from {} to {} over the whole log"
+GAPS = "from {} to {} over the log"
 
 
 @dataclass(frozen=True, kw_only=True)

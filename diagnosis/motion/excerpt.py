@@ -1,4 +1,4 @@
-"""A part of a long log that says nearly as much as the whole: what a search is quick on.
+"""A part of a long log that says nearly as much as the whole: what a search or a fit is quick on.
 
 Pieces begin where all joints rest, for a replay begins at rest, and are taken by how much motion a
 second of them adds, most for joints that have moved least so far.
@@ -8,27 +8,31 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from backends.state import Array
 from diagnosis.motion.recordings import LEAST_SAMPLES, Recording
 
-ENOUGH_S, LEAST_S = 120.0, 20.0
-"""Joint-seconds that a search is made on, and the least time of it."""
-PIECE_S, LONGEST_S = 4.0, 20.0
-"""Pieces last so long, and never longer."""
+SEARCHED_S, FITTED_S = 120.0, 1200.0
+"""Joint-seconds that a search is made on, and that all is fitted to."""
+LEAST = 1 / 6
+"""An excerpt has at least this share of its joint-seconds as seconds; no piece is longer."""
+PIECE_S = 4.0
+"""Pieces last at least so long."""
 REST_S, STILL_RAD = 0.3, 4e-3
 """A joint rests whose target stood still for so long, and whose reading kept within this [rad]."""
 FIRST = 0.1
 """Of a joint's whole motion: so much is taken to be known before any piece of it is."""
 
 
-def excerpt(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-    """The recordings, or pieces of them where they are longer than a search needs."""
+def excerpt(recordings: Sequence[Recording], enough_s: float) -> tuple[Recording, ...]:
+    """The recordings, or pieces of them where they are longer than `enough_s` joint-seconds."""
     joints = recordings[0].command.shape[1]
-    budget_s = max(ENOUGH_S / joints, LEAST_S)
+    budget_s = max(1.0 / joints, LEAST) * enough_s
     if sum(float(r.time_s[-1]) for r in recordings) <= 1.5 * budget_s:
         return tuple(recordings)
-    pieces = [piece for recording in recordings for piece in _pieces(recording)]
+    longest_s = LEAST * enough_s
+    pieces = [piece for recording in recordings for piece in _pieces(recording, longest_s)]
     moved = np.array([np.abs(np.diff(p.command, axis=0)).sum(axis=0) for p in pieces])
     moved /= np.maximum(moved.sum(axis=0), 1e-12)
     lasts_s = np.array([max(float(p.time_s[-1]), 1e-3) for p in pieces])
@@ -43,14 +47,14 @@ def excerpt(recordings: Sequence[Recording]) -> tuple[Recording, ...]:
     return tuple(pieces[k] for k in sorted(taken))
 
 
-def _pieces(recording: Recording) -> Iterator[Recording]:
+def _pieces(recording: Recording, longest_s: float) -> Iterator[Recording]:
     """The recording cut at rests."""
     starts = [0]
     for k in np.flatnonzero(_rests(recording)):
         if recording.time_s[k] - recording.time_s[starts[-1]] >= PIECE_S:
             starts.append(int(k))
     for begin, end in zip(starts, [*starts[1:], len(recording.time_s)], strict=True):
-        end = min(end, int(np.searchsorted(recording.time_s, recording.time_s[begin] + LONGEST_S)))
+        end = min(end, int(np.searchsorted(recording.time_s, recording.time_s[begin] + longest_s)))
         if end - begin >= LEAST_SAMPLES:
             yield _piece(recording, begin, end)
 
@@ -74,11 +78,14 @@ def _rests(recording: Recording) -> Array:
     """Where all joints have rested, (T,)."""
     window = int(np.searchsorted(recording.time_s, REST_S)) + 1
     position, travel = recording.measured[:, 0], np.ptp(recording.measured[:, 0], axis=0)
-    still = np.minimum(STILL_RAD, 0.02 * travel)
-    found = np.zeros(len(recording.time_s), dtype=bool)
-    for k in range(window, len(found)):
-        part = slice(k - window, k + 1)
-        quiet = not np.any(np.ptp(recording.command[part], axis=0))
-        quiet = quiet and not np.any(recording.push[part] != recording.push[k])
-        found[k] = quiet and bool(np.all(np.ptp(position[part], axis=0) <= still))
-    return found
+    moves = np.ptp(recording.command, axis=0) > 0.0
+    still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
+    asked = np.concatenate([recording.command, recording.push], axis=1)
+    row = np.arange(len(asked))
+    fresh = np.append(True, np.any(np.diff(asked, axis=0) != 0.0, axis=1))
+    steady = row - np.maximum.accumulate(np.where(fresh, row, 0)) >= window
+    size, known = window + 1, np.isfinite(position)
+    trailing = {"size": size, "axis": 0, "origin": window // 2}
+    top = maximum_filter1d(np.where(known, position, np.inf), **trailing)
+    bottom = minimum_filter1d(np.where(known, position, -np.inf), **trailing)
+    return steady & np.all(top - bottom <= still, axis=1)

@@ -10,6 +10,7 @@ from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import COLUMNS, table
+from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording, recordings
 from diagnosis.replay.parts import limbs
@@ -138,11 +139,12 @@ def beside(world: Spec) -> dict[str, dict[str, float]]:
 def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, float]]) -> float:
     """Root mean square distance of a model's positions from the log's, in plain MuJoCo.
 
+    Of a long log, from the part of it that is fitted to.
     `signals`: what stands beside the model, see `beside`.
     """
     squares, count = 0.0, 0
     for part in limbs(nominal):
-        episodes = recordings(log, part)
+        episodes = excerpt(recordings(log, part), FITTED_S)
         step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
         world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR, signals)
         for recording in episodes:

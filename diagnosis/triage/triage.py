@@ -12,12 +12,14 @@ the catalogue causes in a working mechanism:
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
@@ -50,28 +52,48 @@ class FaultError(LogError):
         self.faults = tuple(faults)
 
 
-def triage(log: Log, nominal: Spec) -> None:
-    """Raise FaultError if the data of a log is faulty."""
-    if found := faults(log, nominal):
+def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
+    """What is remarkable in a log, see `remarks`; raises FaultError if its data is faulty."""
+    whole = _limbs(log, nominal)
+    some = _excerpts(whole)
+    every = tracks(some)
+    if found := _faults(every):
         raise FaultError(found)
-
-
-def remarks(log: Log, nominal: Spec) -> tuple[str, ...]:
-    """When joints did not follow for a while, and stamps that are too regular, in words."""
-    every = _tracks(log, nominal)
-    stamps = [said for track in every if (said := made_up(track))]
-    return (*(text for track in every for text in pauses(track)), *stamps)
-
-
-def _tracks(log: Log, nominal: Spec) -> list[Track]:
-    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
-    parts = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
-    return tracks(parts)
+    if some != whole:
+        del every  # a long log's replays take memory
+        every = tracks(whole)
+    return _remarks(every)
 
 
 def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
     """The faults in the data of a log, by joint; empty if there are none."""
-    every = _tracks(log, nominal)
+    return _faults(tracks(_excerpts(_limbs(log, nominal))))
+
+
+def remarks(log: Log, nominal: Spec) -> tuple[str, ...]:
+    """When joints did not follow for a while, and stamps that are too regular, in words."""
+    return _remarks(tracks(_limbs(log, nominal)))
+
+
+def _limbs(log: Log, nominal: Spec) -> list[Limb]:
+    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
+    return [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
+
+
+def _excerpts(whole: Sequence[Limb]) -> list[Limb]:
+    """The limbs, with less of what they did where a log is long."""
+    parts = [(limb, excerpt(limb.recordings, FITTED_S)) for limb in whole]
+    return [
+        limb if limb.recordings == part else replace(limb, recordings=part) for limb, part in parts
+    ]
+
+
+def _remarks(every: Sequence[Track]) -> tuple[str, ...]:
+    stamps = [said for track in every if (said := made_up(track))]
+    return (*(text for track in every for text in pauses(track)), *stamps)
+
+
+def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
     first = _order(every) or tuple(f for track in every if (f := _scales.push_size(track)))
     if first:
         return first

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.motion.excerpt import excerpt
+from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt
 from diagnosis.motion.recordings import Recording
 
 HZ = 100
@@ -34,12 +34,12 @@ def lasts_s(recordings):
 def test_a_short_log_stays_whole():
     """Give the recordings as they are where a search is quick on all."""
     whole = (recording(20.0, [1, 1]), recording(20.0, [1, 1]))
-    assert excerpt(whole) == whole
+    assert excerpt(whole, SEARCHED_S) == whole
 
 
 def test_a_part_of_a_long_log_moves_every_joint():
     """Take a minute of ten, from both of two episodes that move one joint each."""
-    part = excerpt((recording(400.0, [1, 0]), recording(200.0, [0, 1])))
+    part = excerpt((recording(400.0, [1, 0]), recording(200.0, [0, 1])), SEARCHED_S)
     assert 55.0 < lasts_s(part) < 80.0
     moved = sum(np.abs(np.diff(r.command, axis=0)).sum(axis=0) for r in part)
     assert moved.min() > 0.3 * moved.max()
@@ -47,7 +47,20 @@ def test_a_part_of_a_long_log_moves_every_joint():
 
 def test_pieces_begin_at_rest():
     """Begin where the reading is at its target and stays there."""
-    part = excerpt((recording(600.0, [1, 1]),))
+    part = excerpt((recording(600.0, [1, 1]),), SEARCHED_S)
     for one in part:
         assert np.allclose(one.start, one.command[0], atol=5e-3)
         assert one.time_s[0] == 0.0
+
+
+def test_a_joint_that_is_held_rests():
+    """Cut a log in which one joint only scatters about its target."""
+    held = recording(600.0, [1, 0])
+    held.measured[:, 0, 1] += np.random.default_rng(0).normal(0.0, 4e-4, len(held.time_s))
+    assert 55.0 < lasts_s(excerpt((held,), SEARCHED_S)) < 80.0
+
+
+def test_fits_take_more_than_a_search():
+    """Take ten times as much of a very long log."""
+    part = excerpt((recording(3000.0, [1, 1]),), FITTED_S)
+    assert 590.0 < lasts_s(part) < 650.0
