@@ -65,18 +65,13 @@ def command(
                     raise
                 raise Interrupted(f"interrupted; {kept}") from error
 
-        run = [_of_run(SETTINGS[name], default) for name in SETTINGS if name in settings]
-        own = _parameters(function, single, grouped, defaults or {})
-        arguments = [p for p, one in own if one.argument]
-        options = [p for p, one in own if not one.argument]
-        parameters = [
-            *arguments,
-            *(_parameter(_word(one.name), one, one.name in required) for one in run),
-            *options,
-            *(_parameter(one.name, one) for one in SHARED),
-        ]
-        call.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined]
-        call.__annotations__ = {p.name: p.annotation for p in parameters}
+        run = {name: _of_run(one, default) for name, one in SETTINGS.items() if name in settings}
+        signature = _signature(
+            _own(function, single, grouped, defaults or {}),
+            [_parameter(_word(name), one, name in required) for name, one in run.items()],
+        )
+        call.__signature__ = signature  # type: ignore[attr-defined]
+        call.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
         del call.__wrapped__
         return call
 
@@ -115,21 +110,29 @@ def _of_run(one: Setting, shown: str | None) -> Setting:
     return replace(one, default=default, shown=shown or one.shown)
 
 
-def _parameters(
+def _own(
     function: Callable[..., Any],
     single: Mapping[str, Setting],
     grouped: Mapping[str, Any],
     shown: Mapping[str, str],
-) -> list[tuple[inspect.Parameter, Setting]]:
-    """The command's own parameters with what declares each, in order."""
-    declared: list[tuple[str, Setting]] = []
+) -> dict[str, Setting]:
+    """What declares the command's own parameters, by parameter, in order."""
+    found: dict[str, Setting] = {}
     for name in inspect.signature(function).parameters:
         if name in single:
-            declared.append((name, single[name]))
+            found[name] = single[name]
         elif name in grouped:
-            declared += [(_word(one.name), one) for one in settings_of(grouped[name]).values()]
-    said = [(word, replace(one, shown=shown.get(word, one.shown))) for word, one in declared]
-    return [(_parameter(word, one), one) for word, one in said]
+            found |= {_word(one.name): one for one in settings_of(grouped[name]).values()}
+    return {word: replace(one, shown=shown.get(word, one.shown)) for word, one in found.items()}
+
+
+def _signature(own: Mapping[str, Setting], run: Sequence[inspect.Parameter]) -> inspect.Signature:
+    """Arguments, settings of a run, other options, and those that every command takes."""
+    made = {word: _parameter(word, one) for word, one in own.items()}
+    arguments = [made[word] for word, one in own.items() if one.argument]
+    options = [made[word] for word, one in own.items() if not one.argument]
+    shared = [_parameter(one.name, one) for one in SHARED]
+    return inspect.Signature([*arguments, *run, *options, *shared])
 
 
 def _parameter(word: str, one: Setting, required: bool = False) -> inspect.Parameter:

@@ -17,7 +17,7 @@ class Source:
     """A folder, or two files and what is asked of them."""
 
     folder: Path | None = setting(
-        "Folder of the log.", File("[LOG]"), None, option="log-folder", argument=True
+        "Folder of the log.", File("LOG"), None, option="log-folder", argument=True
     )
     robot: Path | None = setting("MJCF or URDF of the robot.", File("MODEL"), None, shown="none")
     table: Path | None = setting(

@@ -39,9 +39,12 @@ HOMES = {
     "rsl_rl": {"baselines/"},
     "tensordict": {"baselines/"},
     "torch": {"baselines/"},
-    "typer": {"benchmark/cli/"},
+    "typer": {f"benchmark/cli/{name}.py" for name in ("app", "command", "blind", "doctor")},
 }
-"""Where a library may be imported; the picture of the hand is drawn by one engine's renderer."""
+"""Where a library may be imported; the picture of the hand is drawn by one engine's renderer.
+
+A command declares its options, and leaves it to `command` to make them.
+"""
 
 
 @cache
