@@ -6,7 +6,7 @@ them stands in `docs/_texts`.
 
 from pathlib import Path
 
-from _pages import commands, effects, faults, python, results
+from _pages import commands, effects, faults, parts, python, results
 
 LIMIT_BYTES = 12_000
 """No page is longer."""
@@ -17,7 +17,7 @@ def write(docs: Path) -> None:
 
     Beside the pages of a folder under `reference` nothing else may lie.
     """
-    made = [part.pages() for part in (commands, effects, faults, python, results)]
+    made = [one.pages() for one in (commands, effects, faults, parts, python, results)]
     texts = {path: text for pages in made for path, text in pages.items()}
     for path, text in texts.items():
         if len(text.encode()) > LIMIT_BYTES:

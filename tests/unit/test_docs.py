@@ -6,7 +6,7 @@ from pathlib import Path
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 LIMIT_BYTES = 12_000
 MADE = ("reference/commands/", "reference/effects/", "reference/results")
-MADE += ("reference/diagnosis-files", "reference/python", "reference/faults")
+MADE += ("reference/diagnosis-files", "reference/parts", "reference/python", "reference/faults")
 """Pages that are made when the site is built; that holds their size."""
 
 

@@ -140,9 +140,10 @@ def test_its_engine_is_one_of_the_engines(places: Folders, tmp_path: Path) -> No
 def test_the_docs_have_a_page_with_each(places: Folders, tmp_path: Path) -> None:
     """Make pages of commands and effects that name the parts, from the program as installed."""
     (tmp_path / "pages.py").write_text(
-        "from _pages import commands, effects\n"
-        "made = commands.pages() | effects.pages()\n"
-        "print(made['reference/commands/run.md'], made['reference/effects/index.md'])\n"
+        "from _pages import commands, effects, parts\n"
+        "made = commands.pages() | effects.pages() | parts.pages()\n"
+        "print(made['reference/parts.md'], made['reference/effects/index.md'])\n"
+        "print(made['reference/commands/run.md'])\n"
     )
     shown = called("pages", tmp_path, (*places, tmp_path, ROOT / "docs")).stdout
     assert all(name in shown for name in (*PARTS.values(), CHOOSY))

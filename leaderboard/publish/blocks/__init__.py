@@ -4,11 +4,10 @@ from leaderboard.publish.blocks import (
     blind,
     learning,
     paper,
-    parts,
     physics,
     settings,
     speed,
     transfer,
 )
 
-__all__ = ["blind", "learning", "paper", "parts", "physics", "settings", "speed", "transfer"]
+__all__ = ["blind", "learning", "paper", "physics", "settings", "speed", "transfer"]
