@@ -7,7 +7,12 @@ from typing import Any
 
 EPISODES, SMOKE_EPISODES = 100, 8
 """Fixed episodes that the scores of a row are means of; those of a smoke run."""
-LATER: dict[str, Any] = {"start_spread": 1.0, "overrides": {}, "start_sha256": None}
+BUDGET, CONVERGED = ENDS = "budget", "converged"
+"""When a training ends: at its budget, or where its learning curve rises no more before that."""
+LATER: dict[str, Any] = {
+    **{"start_spread": 1.0, "overrides": {}, "start_sha256": None},
+    "until": BUDGET,
+}
 """Fields that older runs do not have, and what they were run with."""
 
 
@@ -20,11 +25,14 @@ def run_digest(fields: Mapping[str, Any], world_digest: str) -> str:
     return _sha256([counted, world_digest])[:12]
 
 
-def learner_name(algo: str, overrides: Mapping[str, Any], start_sha256: str | None) -> str:
-    """The algorithm with its changed hyperparameters and its start, such as 'sb3-ppo lr=0.0003'."""
+def learner_name(
+    algo: str, overrides: Mapping[str, Any], start_sha256: str | None, until: str
+) -> str:
+    """The algorithm with its changed hyperparameters, start and end: 'sb3-ppo lr=0.0003'."""
     changed = [f"{name}={value}" for name, value in overrides.items()]
     start = [] if start_sha256 is None else [f"from {start_sha256[:8]}"]
-    return " ".join([algo, *changed, *start])
+    end = [] if until == BUDGET else [f"until {until}"]
+    return " ".join([algo, *changed, *start, *end])
 
 
 def row_key(digest: str, policy_sha256: str | None, scores: Mapping[str, Any]) -> str:

@@ -19,7 +19,14 @@ from pydantic import (
 )
 
 from leaderboard.details import SCORES
-from leaderboard.identity import EPISODES, SMOKE_EPISODES, learner_name, row_key, run_digest
+from leaderboard.identity import (
+    BUDGET,
+    EPISODES,
+    SMOKE_EPISODES,
+    learner_name,
+    row_key,
+    run_digest,
+)
 
 Fraction = Annotated[float, Field(ge=0, le=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -61,6 +68,8 @@ class RunIdentity(_Part):
     algo: Name
     steps: Count
     """Training budget in environment steps."""
+    until: Name = BUDGET
+    """When training ends, see `identity.ENDS`."""
     seed: Count
     randomize: bool
     spread: str = "paper"
@@ -77,7 +86,7 @@ class RunIdentity(_Part):
     @property
     def learner(self) -> str:
         """The algorithm with what is not its default, such as 'sb3-ppo lr=0.0003'."""
-        return learner_name(self.algo, self.overrides, self.start_sha256)
+        return learner_name(self.algo, self.overrides, self.start_sha256, self.until)
 
 
 class Scores(_Part):
@@ -188,7 +197,7 @@ class Row(_Part):
 
     def _was_run(self) -> None:
         """Raise ValueError for numbers that no finished run of this spec can have."""
-        if self.steps < self.spec.steps:
+        if self.steps < self.spec.steps and self.spec.until == BUDGET:
             raise ValueError(f"steps is {self.steps}; allowed: the run's {self.spec.steps} or more")
         count = SMOKE_EPISODES if self.spec.smoke else EPISODES
         if self.scores is not None and self.scores.episodes != count:

@@ -257,5 +257,6 @@ class RunFolder:
 
 
 def progress_row(progress: Progress, steps: int, wall_s: float) -> dict:
-    """A row of progress.csv."""
-    return {**dataclasses.asdict(progress), "steps": steps, "wall_s": wall_s}
+    """A row of progress.csv, rounded as it is read again."""
+    row = {**dataclasses.asdict(progress), "wall_s": wall_s}
+    return {name: float(f"{value:.6g}") for name, value in row.items()} | {"steps": steps}

@@ -3,7 +3,7 @@
 import math
 import os
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,25 @@ from baselines.saved import POLICY_FILE, write_contract
 from benchmark.errors import CommandError
 from benchmark.runs.run_folder import START_FILE, RunFolder, progress_row
 from benchmark.settings.run_spec import RunSpec
+from leaderboard.identity import CONVERGED
 from tasks.batch import BatchEnv
 
 SEGMENT_ITERATIONS, SMOKE_SEGMENT_ITERATIONS = 20, 1
 """Iterations between two checkpoints."""
+
+
+WINDOW, LEAST, FIRST, RISE = 0.2, 20, 10, 0.02
+"""A curve has converged whose last share of iterations, at least so many, is above those before by
+less than the share RISE of what it has risen since its first iterations."""
+
+
+def converged(rewards: Sequence[float]) -> bool:
+    """Whether a learning curve, a reward per iteration, rises no more."""
+    width = max(LEAST, int(WINDOW * len(rewards)))
+    if len(rewards) < FIRST + 2 * width:
+        return False
+    late, before = np.mean(rewards[-width:]), np.mean(rewards[-2 * width : -width])
+    return bool(late - before < RISE * (late - np.mean(rewards[:FIRST])))
 
 
 def segment_seed(run: RunSpec, segment: int) -> int:
@@ -72,17 +87,28 @@ class Training:
 
         Writes a checkpoint and the learning curve after each segment.
         """
-        total = max(1, math.ceil(self._run.steps / self._per_iteration))
-        while self._iterations < total:
-            iterations = min(self._per_segment, total - self._iterations)
+        while not self._is_over:
+            iterations = min(self._per_segment, self._total - self._iterations)
             with self._learner() as (learner, env):
                 learner.learn(iterations, self._note)
                 self._save(learner, self._iterations + iterations)
-                if self._iterations >= total:
+                if self._is_over:
                     self._export(learner, env)
         if not (self._folder.path / POLICY_FILE).exists():  # killed after the last checkpoint
             with self._learner() as (learner, env):
                 self._export(learner, env)
+
+    @property
+    def _total(self) -> int:
+        """Iterations of the budget."""
+        return max(1, math.ceil(self._run.steps / self._per_iteration))
+
+    @property
+    def _is_over(self) -> bool:
+        """Whether the budget is spent, or the curve has converged and that is the end."""
+        if self._run.until == CONVERGED and converged([row["reward"] for row in self._rows]):
+            return True
+        return self._iterations >= self._total
 
     @contextmanager
     def _learner(self) -> Iterator[tuple[Learner, BatchEnv]]:

@@ -25,7 +25,7 @@ from benchmark.settings.kinds import (
     setting,
     settings_of,
 )
-from leaderboard.identity import learner_name, run_digest
+from leaderboard.identity import BUDGET, ENDS, learner_name, run_digest
 from tasks.task import RADIUS_M
 
 if TYPE_CHECKING:
@@ -76,6 +76,12 @@ class RunSpec:
     )
     steps: int = setting(
         "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000, of=TRAINING
+    )
+    until: str = setting(
+        "When training ends: at its 'budget', or before that once it has 'converged'.",
+        Choice("end of training", ENDS),
+        BUDGET,
+        of=TRAINING,
     )
     seed: int = setting(
         "Decides every random draw of the training.",
@@ -139,7 +145,7 @@ class RunSpec:
     @property
     def learner(self) -> str:
         """The algorithm with its changed hyperparameters, such as 'sb3-ppo lr=0.0003'."""
-        return learner_name(self.algo, self.overrides, self.start_sha256)
+        return learner_name(self.algo, self.overrides, self.start_sha256, self.until)
 
     def world(self) -> Spec:
         """The nominal world: hand and stick with the effects applied in order."""

@@ -22,9 +22,12 @@ from baselines.saved import PolicyError, SavedPolicy
 from benchmark.cli import app as cli
 from benchmark.parts import registry
 from benchmark.parts.registry import ROOT
+from benchmark.runs.run import run
 from benchmark.runs.run_folder import RunFolder
+from benchmark.runs.train import converged
 from benchmark.settings.run_spec import RunSpec
 from leaderboard.identity import EPISODES
+from leaderboard.row import Row
 
 SCORES = ("p_err_cm", "q_err_deg", "held", "tracked")
 CIRCLE = "mujoco-circle-sb3-ppo-contact-centers-s0-43bbd86c"
@@ -105,6 +108,28 @@ def test_a_kill_within_force_leaves_a_run_that_resumes(run_copy, monkeypatch, ca
     assert cli.call([*words, "--resume"]) == 0
     capfd.readouterr()
     assert {file.name for file in run_copy.iterdir()} == {"run.json", "episodes.parquet"}
+
+
+def test_a_curve_converges_when_it_rises_no_more():
+    """Go on while it rises, and end on a plateau, noisy or not."""
+    step, noise = np.arange(300), np.random.default_rng(0).normal(0.0, 0.02, 300)
+    rising, plateau = step / 300, np.minimum(step / 60, 1.0)
+    assert not any(converged((rising + noise)[:k]) for k in range(1, 301))
+    assert not converged(plateau[:60]) and converged(plateau) and converged(plateau + noise)
+
+
+def test_training_ends_where_its_curve_has_converged(tmp_path):
+    """Train for less than the budget, to the first checkpoint whose curve has, as a valid row."""
+    short = {"rollout_steps": 2, "epochs": 1, "minibatches": 1}
+    spec = RunSpec(
+        **{"backend": "mujoco", "task": "line", "worlds": 8, "steps": 16_000},
+        **{"smoke": True, "until": "converged", "overrides": short},
+    )
+    row = Row.model_validate(run(spec, tmp_path / "run", workers=1))
+    rewards = list(pd.read_csv(tmp_path / "run" / "progress.csv")["reward"])
+    assert row.steps == 16 * len(rewards) < spec.steps
+    assert converged(rewards) and not any(converged(rewards[:k]) for k in range(len(rewards)))
+    assert row.spec.learner.endswith("until converged")
 
 
 def test_a_second_run_in_a_folder_is_refused(tmp_path, capfd):
