@@ -23,7 +23,7 @@ from benchmark.settings.effects import (
     read_effects,
     refuse,
 )
-from benchmark.settings.run_spec import RunSpec, ideal
+from benchmark.settings.run_spec import ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
 from diagnosis.calibration.result import (
@@ -100,9 +100,6 @@ def world_of(path: Path, hand: str) -> dict[str, str]:
         found = read_calibration(path)
         if found.hand != hand:
             raise UsageError(f"it is a calibration of '{found.hand}', not of '{hand}'")
-        joints = ideal(hand, RunSpec.stick).hand
-        parse_effects(found.effects, joints)
-        parse_spread(found.spread, joints)
     except (CalibrationError, UsageError) as error:
         raise UsageError(f"--calibration {path}: {error}") from error
     return {"effects": found.effects, "spread": found.spread}

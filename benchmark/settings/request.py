@@ -50,7 +50,12 @@ def requested(
         raise UsageError(f"the run of {config} started from a policy; give that run as --from RUN")
     if start is not None:
         fields["start_sha256"] = _policy_sha256(start, algo)
-    return RunSpec(**fields)
+    try:
+        return RunSpec(**fields)
+    except UsageError as error:
+        if calibration is None:
+            raise
+        raise UsageError(f"--calibration {calibration}: {error}") from error
 
 
 def read_pairs(pairs: Sequence[str]) -> dict[str, Any]:
