@@ -12,7 +12,7 @@ from backends._mujoco_drive import USER_NUMBERS, CallbackArgs, control
 from backends._mujoco_worlds import HAS_SENSOR, SLOT, Touching, pool
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
-from backends.state import Array, InitialState, quat_to_matrix
+from backends.state import Array, InitialState, matrices
 
 IMPRATIO = 100.0
 """impratio: ratio of friction to normal impedance. At 10 the stick creeps by 0.09 mm/s, at 1 it
@@ -189,6 +189,34 @@ def _read(values, at, out):
             out[n, j] = values[n, at[j]]
 
 
+@numba.njit(cache=True)
+def _observed(qpos, qvel, sensors, stick, twist, pos, quat, vel, omega, point, force):
+    """Read the stick, its twist, and of each tip the mean contact point by load, and the force."""
+    turn = np.empty((1, 3, 3))
+    for n in range(len(pos)):
+        for i in range(3):
+            pos[n, i], vel[n, i] = qpos[n, stick + i], qvel[n, twist + i]
+        for i in range(4):
+            quat[n, i] = qpos[n, stick + 3 + i]
+        matrices(quat[n : n + 1], turn)
+        for i in range(3):
+            omega[n, i] = 0.0
+            for j in range(3):
+                omega[n, i] += turn[0, i, j] * qvel[n, twist + 3 + j]
+        for tip in range(point.shape[1]):
+            total = 0.0
+            point[n, tip], force[n, tip] = 0.0, 0.0
+            for k in range(CONTACTS_PER_TIP):
+                at = (tip * CONTACTS_PER_TIP + k) * SLOT
+                press = max(sensors[n, at + 1], 0.0) if sensors[n, at] > 0 else 0.0
+                total += press
+                for i in range(3):
+                    point[n, tip, i] += press * sensors[n, at + 4 + i]
+                    force[n, tip, i] -= press * sensors[n, at + 7 + i]
+            for i in range(3):
+                point[n, tip, i] /= max(total, 1e-12)
+
+
 class Backend(Engine):
     """N MuJoCo worlds that share one model; fields in which they differ are kept per world."""
 
@@ -282,17 +310,9 @@ class Backend(Engine):
         _read(self._qvel, self._qvel_at, self.state.joint_rad_s)
 
     def _observe(self, rows: slice) -> None:
-        state = self.state
-        stick, twist = self._qpos[:, self._stick_qpos], self._qvel[:, self._stick_qvel]
-        state.stick_pos_m[:] = stick[:, :3]
-        state.stick_quat_wxyz[:] = stick[:, 3:]
-        state.stick_vel_m_s[:] = twist[:, :3]
-        rotation = quat_to_matrix(stick[:, 3:])
-        state.stick_omega_rad_s[:] = np.einsum("nij,nj->ni", rotation, twist[:, 3:])
-        n, tips = state.contact_force_n.shape[:2]
-        slots = self._sensors.reshape(n, tips, CONTACTS_PER_TIP, SLOT)
-        press = np.where(slots[..., 0] > 0, np.maximum(slots[..., 1], 0), 0)
-        total = press.sum(axis=2)
-        point = np.einsum("nfk,nfki->nfi", press, slots[..., 4:7])
-        state.contact_point_m[:] = point / np.maximum(total, 1e-12)[..., None]
-        state.contact_force_n[:] = -np.einsum("nfk,nfki->nfi", press, slots[..., 7:10])
+        state, stick, twist = self.state, self._stick_qpos.start, self._stick_qvel.start
+        pose = state.stick_pos_m, state.stick_quat_wxyz
+        moves = state.stick_vel_m_s, state.stick_omega_rad_s
+        contacts = state.contact_point_m, state.contact_force_n
+        read = self._qpos, self._qvel, self._sensors
+        _observed(*read, stick, twist, *pose, *moves, *contacts)

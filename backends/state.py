@@ -84,10 +84,11 @@ class State:
 
     def first_bad_signal(self) -> str | None:
         """Name of the first signal that is NaN or infinite, else None."""
-        for f in fields(self):
-            if not is_finite(getattr(self, f.name)):
-                return f.name
-        return None
+        return next((name for name in SIGNALS if not is_finite(getattr(self, name))), None)
+
+
+SIGNALS = tuple(field.name for field in fields(State))
+"""Names of the signals of a state."""
 
 
 @numba.njit(cache=True)
@@ -97,7 +98,7 @@ def _is_finite(values):
 
 def is_finite(values: Array) -> bool:
     """Whether no value is NaN or infinite; quick for small arrays."""
-    return _is_finite(np.ravel(values))
+    return _is_finite(values.ravel())
 
 
 def quat_z_axis(quat_wxyz: Array) -> Array:
@@ -119,12 +120,13 @@ def _z_axes(quat, out):
 def quat_to_matrix(quat_wxyz: Array) -> Array:
     """Rotation matrices, shape (..., 3, 3), from unit quaternions (..., 4)."""
     matrix = np.empty((*quat_wxyz.shape[:-1], 3, 3))
-    _matrices(quat_wxyz.reshape(-1, 4), matrix.reshape(-1, 3, 3))
+    matrices(quat_wxyz.reshape(-1, 4), matrix.reshape(-1, 3, 3))
     return matrix
 
 
 @numba.njit(cache=True)
-def _matrices(quat, out):
+def matrices(quat, out):
+    """Write rotation matrices (N, 3, 3) from unit quaternions (N, 4)."""
     for n in range(len(quat)):
         w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
         out[n, 0, 0], out[n, 1, 1] = 1 - 2 * (y * y + z * z), 1 - 2 * (x * x + z * z)

@@ -15,6 +15,7 @@ _COLUMNS = {
     "physics steps/s": "{physics_steps_per_s:,.0f}",
     "bare engine's": "{raw_physics_steps_per_s:,.0f}",
     "overhead": "{overhead:.1%}",
+    "its quartiles": "{overhead_quartiles[0]:.1%} to {overhead_quartiles[1]:.1%}",
     "over fewest cores": "x {gain:.2f}",
     "MB": "{memory_mb:,.0f}",
 }
@@ -69,6 +70,7 @@ def table(result: dict) -> Table:
             shown.add_row(engine, *(text.format(**row) for text in _COLUMNS.values()))
         shown.add_section()
     notes = [_note(engine) for engine in result["engines"].values()]
+    notes.append(f"the machine's load was {result['machine']['load_before']:g} before")
     notes += [f"{cell['cell']}: skipped, {cell['reason']}" for cell in result["skipped"]]
     shown.caption = "\n".join(notes)
     return shown

@@ -1,48 +1,47 @@
-"""Time a step of an environment and a step of its bare engine, in alternating blocks.
+"""Time an environment as training steps it, and its bare engine, in alternating blocks.
 
-Both step the same worlds with the stick in the same grasp. A block depends on how fast the machine
-was at that moment, but the ratio within a block does not.
+Worlds are at all phases of their episodes, and actions are those of an untrained policy. Both step
+the same worlds with the stick in the same grasp. A block depends on how fast the machine was at
+that moment, but the ratio of the two does not.
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
 
 import numpy as np
 
+from backends.state import Array
 from tasks.batch import BatchEnv
 
+ACTION_STD = 0.4
+"""Standard deviation of the actions, as learners begin with."""
 SETTLE_STEPS = 20
-"""Environment steps from the start of an episode until the grasp is at rest: 0.4 s."""
+"""Steps before the first block, in which all worlds close their first grasp."""
 ENV_STEPS = 4
-"""Environment steps in a block. They also restore the grasp, which slips within 0.1 s under
-constant torques. The single period with constant torques in a block moves joints by 0.1 mrad."""
-EPISODE_BLOCKS = 45
-"""Blocks until new episodes begin, each of six periods: 290 of 300 steps."""
-MIN_BLOCKS = 6
-RESTARTS = 3
-"""Number of restarts that are timed after each episode."""
+"""Environment steps in a block, beside one period of drives and engine, and one of the engine."""
+CHUNK = 6
+"""Blocks over which a ratio is taken: new episodes come in some of them only."""
 Clock = Callable[[], float]
 """A clock in seconds: CPU time or wall time."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Timing:
-    """Times for one policy period of all worlds [s], medians over the blocks."""
+    """Times for one policy period of all worlds [s], means over the blocks."""
 
     step_s: float
     """An environment step: drives, engine, touch, observation, reward."""
+    restart_s: float
+    """New episodes, per step."""
     wall_s: float
-    """The same in wall time, whichever clock the others use."""
+    """Both, in wall time, whichever clock the others use."""
     advance_s: float
     """The part of drives and engine, with reading joints, stick and contacts."""
     raw_s: float
     """The bare engine under constant torques."""
-    restart_s: float
-    """Restarts, per step, if each world begins an episode every 300 steps."""
     overhead: tuple[float, float, float]
-    """Quartiles over the blocks of (step + restart) / raw - 1, the median in the middle."""
+    """Quartiles over the chunks of (step + restart) / raw - 1, the median in the middle."""
     pressing: float
     """Share of fingertips that pressed the stick, checked in every block."""
     blocks: int
@@ -53,10 +52,10 @@ class _Blocks:
     """The measurements, block by block [s]."""
 
     step_s: list[float] = field(default_factory=list)
+    restart_s: list[float] = field(default_factory=list)
     wall_s: list[float] = field(default_factory=list)
     advance_s: list[float] = field(default_factory=list)
     raw_s: list[float] = field(default_factory=list)
-    restart_s: list[float] = field(default_factory=list)
     pressing: list[float] = field(default_factory=list)
 
 
@@ -64,32 +63,43 @@ def measure(
     env: BatchEnv, coast: Callable[[int], None], seconds: float, clock: Clock = time.perf_counter
 ) -> Timing:
     """Time an environment and, with `coast`, its bare engine, for about `seconds`."""
-    blocks, still = _Blocks(), np.zeros((env.worlds, env.action_width))
+    blocks, actions = _Blocks(), _actions(env)
+    env.reset(stagger=True)
+    for _ in range(SETTLE_STEPS):
+        env.step_and_restart(next(actions))
     began = time.perf_counter()
-    while not blocks.raw_s or time.perf_counter() - began < seconds:
-        env.reset()
-        for _ in range(SETTLE_STEPS):
-            env.step(still)
-        for _ in range(EPISODE_BLOCKS):
-            _block(env, coast, still, blocks, clock)
-            if len(blocks.raw_s) >= MIN_BLOCKS and time.perf_counter() - began > seconds:
-                break
-        _restarts(env, blocks, clock)
+    while len(blocks.raw_s) < CHUNK or time.perf_counter() - began < seconds:
+        _block(env, coast, actions, blocks, clock)
     return _summary(blocks)
+
+
+def _actions(env: BatchEnv) -> Iterator[Array]:
+    rng = np.random.default_rng(0)
+    while True:
+        drawn = rng.normal(0.0, ACTION_STD, (env.worlds, env.action_width))
+        yield np.clip(drawn, -1.0, 1.0)
 
 
 def _block(
     env: BatchEnv,
     coast: Callable[[int], None],
-    still: np.ndarray,
+    actions: Iterator[Array],
     blocks: _Blocks,
     clock: Clock,
 ) -> None:
-    """Time single periods, because longer ones are interrupted more often on a shared machine."""
-    began = time.perf_counter()
-    steps = [_seconds(lambda: env.step(still), clock) for _ in range(ENV_STEPS)]
-    blocks.wall_s.append((time.perf_counter() - began) / ENV_STEPS)
-    blocks.step_s.append(float(np.median(steps)))
+    """Time some steps as `BatchEnv.step_and_restart` takes them, then single periods."""
+    step_s, restart_s, wall_s = 0.0, 0.0, 0.0
+    for _ in range(ENV_STEPS):
+        action, began_s, began = next(actions), time.perf_counter(), clock()
+        step = env.step(action)
+        stepped = clock()
+        if step.done.any():
+            env.reset(step.done)
+        step_s, restart_s = step_s + stepped - began, restart_s + clock() - stepped
+        wall_s += time.perf_counter() - began_s
+    blocks.step_s.append(step_s / ENV_STEPS)
+    blocks.restart_s.append(restart_s / ENV_STEPS)
+    blocks.wall_s.append(wall_s / ENV_STEPS)
     blocks.pressing.append(float((env.state.contact_force_n != 0).any(axis=2).mean()))
     blocks.advance_s.append(_seconds(lambda: env.simulator.advance(env.target_rad), clock))
     substeps = env.simulator.specs[0].timing.substeps
@@ -102,26 +112,18 @@ def _seconds(action: Callable[[], object], clock: Clock) -> float:
     return clock() - began
 
 
-def _restarts(env: BatchEnv, blocks: _Blocks, clock: Clock) -> None:
-    """Begin new episodes in as many worlds as end at a time, at least one."""
-    at_once = max(1, round(env.worlds / env.horizon))
-    for k in range(RESTARTS):
-        mask = np.roll(np.arange(env.worlds) < at_once, k * at_once)
-        share = env.worlds / env.horizon / at_once
-        blocks.restart_s.append(share * _seconds(partial(env.reset, mask), clock))
-
-
 def _summary(blocks: _Blocks) -> Timing:
-    restart_s = float(np.median(blocks.restart_s))
-    ratios = (np.array(blocks.step_s) + restart_s) / np.array(blocks.raw_s) - 1
+    whole = np.add(blocks.step_s, blocks.restart_s)
+    chunks = np.array_split(np.arange(len(whole)), max(len(whole) // CHUNK, 1))
+    ratios = [whole[c].sum() / np.take(blocks.raw_s, c).sum() - 1.0 for c in chunks]
     low, middle, high = np.percentile(ratios, [25, 50, 75]).tolist()
     return Timing(
-        step_s=float(np.median(blocks.step_s)),
-        wall_s=float(np.median(blocks.wall_s)),
-        advance_s=float(np.median(blocks.advance_s)),
-        raw_s=float(np.median(blocks.raw_s)),
-        restart_s=restart_s,
+        step_s=float(np.mean(blocks.step_s)),
+        restart_s=float(np.mean(blocks.restart_s)),
+        wall_s=float(np.mean(blocks.wall_s)),
+        advance_s=float(np.mean(blocks.advance_s)),
+        raw_s=float(np.mean(blocks.raw_s)),
         overhead=(low, middle, high),
         pressing=float(np.mean(blocks.pressing)),
-        blocks=len(blocks.raw_s),
+        blocks=len(whole),
     )

@@ -275,19 +275,20 @@ def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
     assert (tmp_path / "speed.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_overhead_is_the_median_of_the_blocks_ratios() -> None:
-    """Compare a step and its share of restarts with the bare engine of the same block."""
+def test_overhead_is_the_median_of_the_chunks_ratios() -> None:
+    """Compare steps and new episodes with the bare engine of the same blocks."""
+    each = _stopwatch.CHUNK
     blocks = _stopwatch._Blocks(
-        step_s=[1.0, 2.0, 30.0],
-        wall_s=[4.0, 5.0, 90.0],
-        advance_s=[0.9, 1.8, 27.0],
-        raw_s=[1.0, 2.0, 10.0],
-        restart_s=[0.1, 0.1, 0.1],
-        pressing=[1.0, 1.0, 0.0],
+        step_s=np.repeat([1.0, 2.0, 30.0], each).tolist(),
+        restart_s=[0.6, *[0.0] * (each - 1)] * 3,
+        wall_s=np.repeat([4.0, 5.0, 90.0], each).tolist(),
+        advance_s=np.repeat([0.9, 1.8, 27.0], each).tolist(),
+        raw_s=np.repeat([1.0, 2.0, 10.0], each).tolist(),
+        pressing=np.repeat([1.0, 1.0, 0.0], each).tolist(),
     )
     timing = _stopwatch._summary(blocks)
-    assert timing.overhead[1] == pytest.approx(0.1)
-    assert (timing.step_s, timing.wall_s, timing.raw_s, timing.blocks) == (2.0, 5.0, 2.0, 3)
+    assert timing.overhead[1] == pytest.approx(0.6 / each)
+    assert (timing.step_s, timing.wall_s, timing.blocks) == (11.0, 33.0, 3 * each)
     assert timing.pressing == pytest.approx(2 / 3)
 
 

@@ -35,8 +35,9 @@ def speed_best(kept: Kept) -> str:
     machine = kept.speed["machine"]
     return (
         f"{'. '.join(parts)}. Two cores give {min(gains):.2f} to {max(gains):.2f} times as much as "
-        f"one. Measured on {machine['cores']} cores of {machine['cpu']} on "
-        f"{machine['finished'][:10]} at commit {machine['commit'][:9]}."
+        f"one. Measured on {machine['cores']} cores of {machine['cpu']} with a load of "
+        f"{machine['load_before']:g} before, on {machine['finished'][:10]} at commit "
+        f"{machine['commit'][:9]}."
     )
 
 
@@ -46,7 +47,7 @@ def _row(few: dict[str, Any], two: dict[str, Any] | None) -> list[str]:
         str(few["envs"]),
         f"{few['env_steps_per_s']:,.0f}",
         f"{few['raw_physics_steps_per_s']:,.0f}",
-        percent(few["overhead"]),
+        _overhead(few),
     ]
     if two is None:
         return [*cells, "", "", ""]
@@ -54,8 +55,14 @@ def _row(few: dict[str, Any], two: dict[str, Any] | None) -> list[str]:
         *cells,
         f"{two['env_steps_per_s']:,.0f}",
         f"{two['gain']:.2f}",
-        percent(two["overhead"]),
+        _overhead(two),
     ]
+
+
+def _overhead(row: dict[str, Any]) -> str:
+    """The median and its quartiles."""
+    low, high = (f"{100 * x:.1f}" for x in row["overhead_quartiles"])
+    return f"{percent(row['overhead'])} ({low} to {high})"
 
 
 def _on_two(few: dict[str, Any], rows: list[dict[str, Any]]) -> dict[str, Any] | None:
