@@ -18,7 +18,7 @@ from backends.state import Array
 _CLIENTS = "sPhysicsClients1"
 """pybullet's table of clients, indexed by client number (examples/pybullet/pybullet.c)."""
 _SUBMIT = "b3SubmitClientCommandAndWaitStatus"
-_TORQUE_CONTROL = 1
+_TORQUE_CONTROL, _BASE, _WORLD_FRAME = 1, -1, 2
 _MOST_NUMBERS = 128
 """Bullet's own limit on coordinates; a hand has fewer."""
 _MOST_CONTACTS = 32
@@ -48,6 +48,8 @@ _control = function(_library, "b3JointControlCommandInit2", _at, _at, _int, _int
 _set_torque = function(
     _library, "b3JointControlSetDesiredForceTorque", _int, _at, _int, types.double
 )
+_force = function(_library, "b3ApplyExternalForceCommandInit", _at, _at)
+_set_force = function(_library, "b3ApplyExternalForce", types.void, _at, _int, _int, _at, _at, _int)
 _step = function(_library, "b3InitStepSimulationCommand", _at, _at)
 _ask = function(_library, "b3RequestActualStateCommandInit", _at, _at, _int)
 _answer = function(_library, "b3GetStatusActualState", _int, *[_at] * 8)
@@ -101,10 +103,25 @@ def coast(clients, hands, places, torque, ticks, angle, speed):
 
 
 @numba.njit(cache=True)
-def drive(clients, hands, places, args, ticks, angle, speed):
-    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`."""
+def _carry(client, stick, force):
+    """Apply a force (3,) at the stick's centre during the next step."""
+    q, _ = _read(client, stick)
+    center, command = q[:3].copy(), _force(client)
+    place = command, stick, _BASE, force.ctypes.data, center.ctypes.data, _WORLD_FRAME
+    _set_force(*place)
+    _submit(client, command)
+
+
+@numba.njit(cache=True)
+def drive(clients, hands, places, args, ticks, angle, speed, sticks, carried, force):
+    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`.
+
+    Of these, forces (N, 3) act on the sticks during the first `carried` (N,).
+    """
     for n in range(len(clients)):
-        for _ in range(ticks):
+        for tick in range(ticks):
+            if tick < carried[n]:
+                _carry(clients[n], sticks[n], force[n])
             torque = motor_step(args, n, angle[n], speed[n])
             _step_world(clients[n], hands[n], places[n], torque)
             _read_world(clients[n], hands[n], places[n], angle[n], speed[n])

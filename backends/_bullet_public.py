@@ -29,12 +29,23 @@ def coast(
 
 
 def drive(
-    clients: Array, hands: Array, places: Array, args: int, ticks: int, angle: Array, speed: Array
+    clients: Array,
+    hands: Array,
+    places: Array,
+    args: int,
+    ticks: int,
+    angle: Array,
+    speed: Array,
+    sticks: Array,
+    carried: Array,
+    force: Array,
 ) -> None:
     """See `_bullet_calls.drive`."""
     for n, (client, hand) in enumerate(zip(clients.tolist(), hands.tolist(), strict=True)):
-        joints = places[n, 2].tolist()
-        for _ in range(ticks):
+        joints, stick = places[n, 2].tolist(), int(sticks[n])
+        for tick in range(ticks):
+            if tick < carried[n]:
+                push(client, stick, force[n].tolist())
             _step(client, hand, joints, motor_step(args, n, angle[n], speed[n]))
             _read(client, hand, joints, angle[n], speed[n])
 
@@ -58,6 +69,12 @@ def read_contacts(clients: Array, hands: Array, sticks: Array, tip_of_link: Arra
             moment = (load * (a + b) / 2 for a, b in zip(first, second, strict=True))
             rows.append((n, tip_of_link[link], load, *moment, *(load * i for i in normal)))
     return rows
+
+
+def push(client: int, stick: int, force_n: list[float]) -> None:
+    """Apply a force, world frame, at the stick's centre during the next step."""
+    center, _ = p.getBasePositionAndOrientation(stick, client)
+    p.applyExternalForce(stick, -1, force_n, center, p.WORLD_FRAME, client)
 
 
 def _step(client: int, hand: int, joints: list[int], torque: Array) -> None:

@@ -35,6 +35,16 @@ _set_qf = function(
 )
 _get_qpos = function(_library, _ARTICULATION + "7getQposEv", _nothing, _at, _at)
 _get_qvel = function(_library, _ARTICULATION + "7getQvelEv", _nothing, _at, _at)
+_BODY = "_ZN6sapien5physx23PhysxRigidBodyComponent"
+_force = function(
+    _library,
+    _BODY + "14addForceTorqueERKNS_4Vec3ES4_N5physx11PxForceMode4EnumE",
+    _nothing,
+    _at,
+    _at,
+    _at,
+    types.intc,
+)
 _free = function(_library, "free", _nothing, _at)
 
 
@@ -105,10 +115,16 @@ def coast(systems, hands, place, torque, ticks, angle, speed):
 
 
 @numba.njit(cache=True)
-def drive(systems, hands, place, args, ticks, angle, speed):
-    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`."""
+def drive(systems, hands, place, args, ticks, angle, speed, sticks, carried, force):
+    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`.
+
+    Of these, forces (N, 3) act on the sticks during the first `carried` (N,).
+    """
+    acting, none = force.astype(np.float32), np.zeros(3, dtype=np.float32)
     for n in range(len(systems)):
-        for _ in range(ticks):
+        for tick in range(ticks):
+            if tick < carried[n]:
+                _force(sticks[n], acting[n].ctypes.data, none.ctypes.data, 0)
             _push(hands[n], place, motor_step(args, n, angle[n], speed[n]))
             _step(systems[n])
             _read(hands[n], place, angle[n], speed[n])

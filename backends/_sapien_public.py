@@ -34,11 +34,23 @@ def coast(
 
 
 def drive(
-    systems: Array, hands: Array, place: Array, args: int, ticks: int, angle: Array, speed: Array
+    systems: Array,
+    hands: Array,
+    place: Array,
+    args: int,
+    ticks: int,
+    angle: Array,
+    speed: Array,
+    sticks: Array,
+    carried: Array,
+    force: Array,
 ) -> None:
     """See `_sapien_calls.drive`."""
+    none = np.zeros(3, dtype=np.float32)
     for n, (system, hand) in enumerate(zip(systems, hands, strict=True)):
-        for _ in range(ticks):
+        for tick in range(ticks):
+            if tick < carried[n]:
+                sticks[n].add_force_torque(force[n].astype(np.float32), none)
             _push(hand, place, motor_step(args, n, angle[n], speed[n]))
             system.step()
             _read(hand, place, angle[n], speed[n])

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
+from backends._bullet_public import push
 from backends._calls import DriveCallArgs, chosen
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
@@ -216,11 +217,6 @@ class _World:
         p.resetBaseVelocity(self.stick, (0, 0, 0), (0, 0, 0), self.client)
         self._reset_pairs()
 
-    def push(self, force_n: list[float]) -> None:
-        """Apply a force, world frame, at the stick's centre during the next step."""
-        center, _ = p.getBasePositionAndOrientation(self.stick, self.client)
-        p.applyExternalForce(self.stick, -1, force_n, center, p.WORLD_FRAME, self.client)
-
 
 class Backend(Engine):
     """N Bullet worlds in one process; threads do not help: pybullet keeps the interpreter lock."""
@@ -290,21 +286,21 @@ class Backend(Engine):
     def _push(self, rows: slice, stick_force_n: Array) -> None:
         for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
             if any(force):
-                world.push(force)
+                push(world.client, world.stick, force)
 
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
     ) -> None:
         rows, ticks, args = team.rows, self._timing.substeps, self._args[team]
         age = self._age_steps[rows]
-        acted = load_nm is not None or pull_n is not None or team.lifted_ticks(age).any()
-        if acted or not team.plain:
+        if load_nm is not None or pull_n is not None or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
         args.target_rad[:] = target_rad
-        pointers, hands, places = self._addresses
-        calls.drive(pointers[rows], hands[rows], places[rows], args.address, ticks, angle, speed)
+        worlds = (numbers[rows] for numbers in self._addresses)
+        carry = self._sticks[rows], team.lifted_ticks(age), team.carry_n
+        calls.drive(*worlds, args.address, ticks, angle, speed, *carry)
         age += ticks
 
     def _observe(self, rows: slice) -> None:

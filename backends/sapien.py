@@ -179,16 +179,17 @@ class Backend(Engine):
         active = [joint.name for joint in self._worlds[0].hand.active_joints]
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
-        self._pointers = np.empty((2, len(specs)), dtype=calls.POINTER)
+        self._pointers = np.empty((3, len(specs)), dtype=calls.POINTER)
         for n, world in enumerate(self._worlds):
             self._locate(n, world)
         self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
     def _locate(self, n: int, world: _World) -> None:
-        """Store where the step and the hand of a world are."""
+        """Store where the step, the hand and the stick of a world are."""
         self._pointers[0, n] = calls.pointer(world.system)
         self._pointers[1, n] = calls.pointer(world.hand)
+        self._pointers[2, n] = calls.pointer(world.stick)
 
     def close(self) -> None:
         """Free the scenes."""
@@ -213,21 +214,21 @@ class Backend(Engine):
     ) -> None:
         rows, args = team.rows, self._args[team]
         age = self._age_steps[rows]
-        acted = load_nm is not None or pull_n is not None or team.lifted_ticks(age).any()
-        if acted or not team.plain:
+        if load_nm is not None or pull_n is not None or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
         args.target_rad[:] = target_rad
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        (systems, hands), ticks = self._pointers[:, rows], self._timing.substeps
-        calls.drive(systems, hands, self._to_spec, args.address, ticks, angle, speed)
+        (systems, hands, sticks), ticks = self._pointers[:, rows], self._timing.substeps
+        carry = sticks, team.lifted_ticks(age), team.carry_n
+        calls.drive(systems, hands, self._to_spec, args.address, ticks, angle, speed, *carry)
         age += ticks
 
     def _tick(
         self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
     ) -> None:
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        systems, hands = self._pointers[:, rows]
+        systems, hands, _ = self._pointers[:, rows]
         if stick_force_n is None:
             calls.coast(systems, hands, self._to_spec, torque_nm, ticks, angle, speed)
             return
