@@ -28,7 +28,7 @@ _SINGLE = "approximate: 32-bit floats, relative error 6e-8"
 _ONE_PER_BATCH = ("geom_type", "geom_priority")
 """What MuJoCo Warp keeps once for all worlds that are stepped together."""
 
-wp.config.quiet = True
+wp.config.log_level = wp.LOG_WARNING  # the rest goes to standard output
 if not wp.is_cuda_available():
     wp.config.optimization_level = 0  # half as fast, compiled in a third of the time
 
