@@ -28,7 +28,7 @@ def speed_best(kept: Kept) -> str:
     parts = [
         f"{shown(name)} is fastest with {row['envs']} worlds: everything around the engine costs "
         f"{percent(row['overhead'])} there, and one more world takes "
-        f"{row['memory_mb_per_world']:g} MB"
+        f"{row['memory_mb_per_world']:.2g} MB"
         for name, row in ((name, best[name]) for name in in_order(best))
     ]
     gains = [row["gain"] for name in best if (row := _on_two(best[name], kept.speed["rows"]))]
