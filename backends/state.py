@@ -98,7 +98,7 @@ def _is_finite(values):
 
 def is_finite(values: Array) -> bool:
     """Whether no value is NaN or infinite; quick for small arrays."""
-    return _is_finite(values.ravel())
+    return _is_finite(np.ravel(values))
 
 
 def quat_z_axis(quat_wxyz: Array) -> Array:
