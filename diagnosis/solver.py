@@ -171,9 +171,11 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
-    nominal = world(said, (), ordinary.exact)
     if found.stopped:
-        result = decide(fitter, found, ordinary)
+        result, nominal = (
+            decide(fitter, found, ordinary),
+            world(fitter.evidence, (), ordinary.exact),
+        )
         return Judged(result=result, nominal=nominal, fitter=fitter, found=found, stopped=True)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
@@ -187,6 +189,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
+    nominal = world(said, (), ordinary.exact)
     return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
 
 

@@ -32,7 +32,7 @@ from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
 from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
-STOPPED = "stopped before its end: the verdict is of the fits so far"
+STOPPED = "Stopped before its end; this is what the fits so far say:"
 CHECKED, JUDGED = 0.15, 0.9
 """Shares of the work that are done when the log is checked, and when all joints are judged."""
 REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
@@ -74,8 +74,6 @@ def diagnose(
         tell("touch and stick" if log.fingers else "the gap, by place and time", JUDGED)
     except Stop:
         stopped = True
-    if stopped:
-        notes.insert(0, STOPPED)
     result = combine([one.result for one in limbs], 0.0, notes)
     corrected = _corrected(world, limbs)
     held = Report() if stopped else in_hand(log, corrected, known, simulate)
@@ -95,7 +93,7 @@ def diagnose(
         joints=tuple(j for one in limbs for j in one.evidence.joints if j in accused),
         magnitudes=causes,
         probability=_probability(result, held),
-        sentences=tuple(_sentences(result, held, places)),
+        sentences=(*([STOPPED] if stopped else []), *_sentences(result, held, places)),
         share=result.share,
         left=result.left,
         ordinary=result.ordinary,

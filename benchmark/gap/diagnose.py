@@ -110,8 +110,8 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
     write_atomically(folder / FILE, json.dumps(whole, indent=1, allow_nan=False) + "\n")
     if found.stopped:
         raise Interrupted(
-            f"stopped; known so far: {found.sentences[0]} The rest is in {folder / REPORT} and "
-            f"{folder / FILE}"
+            f"stopped; known so far: {' '.join(found.sentences[1:3])} The rest is in "
+            f"{folder / REPORT} and {folder / FILE}"
         )
     return result, summary(found, result)
 
@@ -214,8 +214,16 @@ def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:
         yield (
             f"the engine and the compiled replay of the nominal world differ by up to "
             f"{distance(apart_rad, world.spec)}; the diagnosis counts up to "
-            f"{distance(FLOOR_RAD, world.spec)} as no difference"
+            f"{distance(FLOOR_RAD, world.spec)} as no difference{_why_apart(log, world)}"
         )
+
+
+def _why_apart(log: Log, world: World) -> str:
+    """Why MuJoCo shows something else than the replay; empty where no reason is known."""
+    rubs = any(drive.coulomb_nm > 0.0 for drive in world.spec.drives)
+    if isinstance(log.meta.mechanism, HandMechanism) or not rubs:
+        return ""
+    return ": in MuJoCo a joint that its frictionloss holds creeps, here it stands"
 
 
 def _result(
@@ -230,7 +238,7 @@ def _result(
     """The JSON object."""
     row, effects = found.plain(), _corrected(found, world)
     return {
-        "status": "done",
+        "status": "stopped" if found.stopped else "done",
         "dir": str(folder),
         "written": [str(folder / FILE), str(folder / REPORT)],
         "log": _words(asked, path),

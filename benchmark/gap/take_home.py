@@ -13,7 +13,7 @@ from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, changed, table
 from diagnosis.replay.plain import BESIDE, beside, gap_rad, model_text, urdf_text
-from diagnosis.verdict.result import UNKNOWN, Cause, Nominal
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal
 from diagnosis.verdict.sentences import size
 from diagnosis.verdict.sizes import distance, in_other_words
 
@@ -102,7 +102,7 @@ def take_home(
     log: Log, nominal: Spec, found: Diagnosis, catalogue: Mapping[str, type[Effect]]
 ) -> TakeHome | None:
     """The corrected model of a user's robot; None where the verdict changes nothing in it."""
-    if found.verdict == (UNKNOWN,):
+    if found.verdict in ((UNKNOWN,), (NONE,)):
         return None
     world, changes = nominal, list[Change]()
     every: tuple[Cause | Nominal, ...] = (*found.magnitudes, *found.nominal)

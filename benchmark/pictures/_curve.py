@@ -49,7 +49,8 @@ def draw_curves(curves: dict[RunSpec, list[dict[str, np.ndarray]]], title: str) 
         axes.grid(alpha=0.25)
         if signal != "reward":
             axes.set_ylim(bottom=0)
-    figure.axes[0].legend(fontsize=8)
+    shown = figure.axes[0].get_legend_handles_labels()
+    figure.legend(*shown, fontsize=8, loc="outside lower center", ncols=3)
     figure.suptitle(title, fontsize=10)
     return figure
 

@@ -40,7 +40,10 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
     """Meta, samples, the MJCF's text and warnings; raises LogError."""
     if not folder.is_dir():
         if folder.is_file():
-            raise LogError(f"{folder} is a file; give its folder, which holds {META_FILE}, too")
+            raise LogError(
+                f"{folder} is a file; give its folder, which holds {META_FILE}, too, or "
+                "with a table its robot's model"
+            )
         raise LogError(f"no log folder at {folder}; give a folder that holds {META_FILE}")
     meta = parse_meta(_yaml(folder / META_FILE))
     found = [folder / name for name in (PARQUET_FILE, CSV_FILE) if (folder / name).is_file()]
@@ -167,7 +170,7 @@ def read_model(path: Path) -> str:
     except MjcfError as error:
         raise LogError(f"{path.name}: {error}") from None
     except FileNotFoundError:
-        raise LogError(f"the mechanism's file {path} is missing; copy the MJCF there") from None
+        raise LogError(f"no model at {path}; give its own path, or copy it there") from None
     except FileError as error:
         raise LogError(f"the mechanism's file {error}") from None
 

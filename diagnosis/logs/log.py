@@ -154,8 +154,15 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
     return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
 
 
-def read_log(path: Path | str) -> Log:
-    """Read and check the log in a folder; raises LogError with the fault and what to do."""
+def read_log(path: Path | str, robot: Path | str | None = None) -> Log:
+    """Read and check the log in a folder; raises LogError with the fault and what to do.
+
+    With a robot's MJCF or URDF, `path` is the table that it recorded: CSV, parquet or a ROS bag.
+    """
+    if robot is not None:
+        from diagnosis.logs.two_files import Asked, pair
+
+        return pair(Path(robot), Path(path), Asked()).log
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)
     _loads.check(log.meta, log.samples)

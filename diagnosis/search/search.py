@@ -111,8 +111,13 @@ class Search:
         except Stop:
             if self.now is None:
                 raise
-            return replace(self._found(self.now), stopped=True)
+            return replace(self._found(self._best_tried(self.now)), stopped=True)
         return self._found(self.now or self.nominal)
+
+    def _best_tried(self, now: Fit) -> Fit:
+        """The best set with one cause more, where it is worth it already."""
+        more = self._ranked([f for f in self._sets() if len(f.freed) == len(now.freed) + 1])
+        return more[0] if more and self._is_worth(more[0], now, self.nominal) else now
 
     def _seek(self) -> None:
         """Fit sets of ever more causes, until nothing more is worth it."""

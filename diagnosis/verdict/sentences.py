@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import replace
 
-from diagnosis.verdict.ordinary import ABSURD
+from diagnosis.verdict.ordinary import ABSURD, SHARE
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult
 
 BORDER = 0.7
@@ -37,6 +37,8 @@ def _sentences(result: LimbResult) -> Iterator[str]:
                 f"As they stand, the nominal numbers leave {_floors(result.gap_before)}: no fault "
                 "is needed only if they are as uncertain as the log says (nominal_uncertainty)."
             )
+            if result.leading and result.leading[0].share >= SHARE:
+                yield f"If they are better known, {_cause(result.leading[0])} is likely instead."
         if result.gap_after > BORDER * result.ordinary:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):

@@ -164,7 +164,7 @@ def test_ctrl_c_keeps_what_is_known(tmp_path, monkeypatch, capfd):
     assert "stopped; known so far: coulomb-friction" in capfd.readouterr().err
     kept = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
     assert kept["stopped"] and kept["verdict"] == ["coulomb-friction"]
-    assert "stopped before its end" in (tmp_path / "out" / "report.html").read_text()
+    assert "Stopped before its end" in (tmp_path / "out" / "report.html").read_text()
 
 
 def changed(source: Path, target: Path, meta=None, samples=None) -> Path:

@@ -6,7 +6,7 @@ import pytest
 from arms import Real, log_of
 
 import diagnosis
-from diagnosis import Cause, Diagnosis, LogError, Stop, diagnose, page, read_log
+from diagnosis import Cause, Diagnosis, LogError, Stop, diagnose, page, read_log, solver
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +49,32 @@ def test_what_is_known_is_kept_where_it_is_stopped(log, at, known):
             raise Stop
 
     found = diagnose(log, progress=progress)
-    assert found.stopped and "stopped before its end" in found.notes[0]
+    assert found.stopped and found.sentences[0].startswith("Stopped before its end")
     assert found.verdict == (("kp-scale",) if known else ("unknown",))
     assert Diagnosis.of(json.loads(json.dumps(found.plain()))) == found and page(found, log)
+
+
+def test_a_stopped_search_on_a_part_of_a_log_is_kept(log, monkeypatch):
+    """Say what the part says, where a log is longer than a search needs."""
+    monkeypatch.setattr(solver, "SEARCHED_S", 12.0)
+
+    def progress(text: str, share: float) -> None:
+        if "whole log" in text:
+            raise Stop
+
+    found = diagnose(log, progress=progress)
+    assert found.stopped and found.verdict == ("kp-scale",)
+    assert page(found, log)
+
+
+def test_two_files_are_a_log(log, tmp_path):
+    """Read a robot's model and its table as the log that they are."""
+    (tmp_path / "arm.xml").write_text(log.mjcf_xml)
+    log.samples.to_csv(tmp_path / "run.csv", index=False)
+    again = read_log(tmp_path / "run.csv", robot=tmp_path / "arm.xml")
+    assert again.joints == log.joints and len(again.samples) == len(log.samples)
+    with pytest.raises(LogError, match="with a table its robot's model"):
+        read_log(tmp_path / "run.csv")
 
 
 def test_there_is_nothing_to_keep_at_first(log):

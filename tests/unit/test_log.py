@@ -250,7 +250,7 @@ def test_a_push_that_nobody_knows_is_refused(write):
             {"mechanism": {"mjcf": "a.xml", "joints": {1.5: {"kp": 1, "kd": 0}}}},
             "joints.1.5: a name must",
         ),
-        ({"mechanism": {"mjcf": "a.xml", "joints": {"J0": {"kp": 1, "kd": 0}}}}, "copy the MJCF"),
+        ({"mechanism": {"mjcf": "a.xml", "joints": {"J0": {"kp": 1, "kd": 0}}}}, "no model at"),
         ({"souce": "x"}, "souce: unknown field; correct or remove it"),
         ({"channels": {"position_rad": {"unit": "deg"}}}, "declared in deg; allowed: rad"),
         ({"channels": {"command_rad": {"unit": "V"}}}, "declared in V; allowed: rad; convert"),
