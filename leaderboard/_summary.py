@@ -66,6 +66,7 @@ def _away(transfers: Iterable[Path]) -> pd.DataFrame:
     for folder in transfers:
         try:
             matrix = read_csv(folder / MATRIX_FILE)
+            matrix["retention"] = matrix["retention"].astype(float)
             away = matrix[matrix["train"] != matrix["deploy"]]
             found.append(away.dropna(subset=["retention_high", "floor_low"]))
         except (OSError, KeyError, ValueError):

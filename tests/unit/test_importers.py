@@ -172,6 +172,16 @@ def test_other_files_are_refused(tmp_path, kind, name, text, words):
         load(kind, tmp_path)
 
 
+def test_a_file_that_ends_its_reader_is_refused(tmp_path):
+    """Survive a damaged array of which SciPy's reader dies, and name the file."""
+    path = emps(tmp_path)
+    data = bytearray(path.read_bytes())
+    data[data.index(b"vir") - 27] = 255  # flags of the array
+    path.write_bytes(data)
+    with pytest.raises(LogError, match="cannot be read as a MATLAB file: it ends its reader"):
+        load("emps", tmp_path)
+
+
 def test_garbled_entries_are_refused(tmp_path):
     """Refuse entries without their fields, and gains recorded on different pendulums."""
     with pytest.raises(LogError, match="lack 'torque_enable', or it is invalid"):
