@@ -180,7 +180,8 @@ def test_the_page_shows_the_matrix_and_says_what_it_cannot_read(tmp_path):
     odd = tmp_path / TRANSFERS / "odd"
     write_transfer(pd.concat(tables), HOME, [], odd)
     written = pd.read_csv(odd / "matrix.csv", dtype=str)
-    written.assign(retention="much").to_csv(odd / "matrix.csv", index=False)
+    words = {"retention": "much", "retention_high": "1", "floor_low": "1"}
+    written.assign(**words).to_csv(odd / "matrix.csv", index=False)
     write(board([]), tmp_path)
     page = (tmp_path / "leaderboard.html").read_text()
     assert "circle engines" in page and "x 0.75 [" in page and "data:image/png;base64" in page
