@@ -55,8 +55,8 @@ def diagnose(
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
     `origin`: what is ordinary, see `solver.judged`. `simulate` puts worlds on the nominal engine;
     without it stick and contact are left out.
-    `progress` is called with what is being done, and the share of all that is done; where it
-    raises Stop, what is known so far is the answer, and Stop is raised where that is nothing.
+    `progress` is called with what is being done, and the share done; where it raises Stop, what is
+    known so far is the answer.
     """
     began_s = _cpu_s()
     known = every_effect() if catalogue is None else catalogue

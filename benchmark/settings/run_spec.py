@@ -78,7 +78,7 @@ class RunSpec:
         "Training budget in environment steps.", Number(0, 1e10, whole=True), 1_000_000, of=TRAINING
     )
     until: str = setting(
-        "When training ends: at its 'budget', or before that once it has 'converged'.",
+        "When training ends, at the latest with its budget.",
         Choice("end of training", ENDS),
         BUDGET,
         of=TRAINING,

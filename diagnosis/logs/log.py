@@ -157,7 +157,7 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
 def read_log(path: Path | str, robot: Path | str | None = None) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do.
 
-    With a robot's MJCF or URDF, `path` is the table that it recorded: CSV, parquet or a ROS bag.
+    With a robot's MJCF or URDF, `path` is the table that it recorded.
     """
     if robot is not None:
         from diagnosis.logs.two_files import Asked, pair

@@ -28,11 +28,11 @@ def _settings() -> str:
     """Fields of a run's spec: what they mean, and their defaults as they are typed."""
     from benchmark.settings.run_spec import SETTINGS, RunSpec
 
-    declared = {one.field: one for one in SETTINGS.values()}
+    declared = {name: one for one in SETTINGS.values() for name in (one.field, one.alias)}
     lines = []
     for name, _, said in fields(RunSpec):
         if one := declared.get(name):
-            said = one.said
+            name, said = one.field, one.said
         lines.append((name, (one and one.shown_default) or "", said))
     return to_table(lines, "default")
 
