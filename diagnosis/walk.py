@@ -53,7 +53,7 @@ def diagnose(
 
     `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
     should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
-    `origin`: what is ordinary, see `solver.judged`. `simulate` puts worlds on the nominal engine;
+    `origin`: what is ordinary. `simulate` puts worlds on the nominal engine;
     without it stick and contact are left out.
     `progress` is called with what is being done, and the share done; where it raises Stop, what is
     known so far is the answer.
