@@ -22,6 +22,7 @@ from leaderboard.files import PICTURES, TRANSFERS, write
 from leaderboard.paper import PAPER
 from leaderboard.rows import read_rows
 from leaderboard.tables import board
+from leaderboard.verified import read_verified
 
 
 def test_means_and_spread_over_seeds():
@@ -288,7 +289,7 @@ def test_shipped_files_come_from_the_shipped_rows(tmp_path: Path) -> None:
     for name in (PICTURES, TRANSFERS):
         if (home / name).is_dir():
             shutil.copytree(home / name, tmp_path / name)
-    for file in write(board(read, problems), tmp_path):
+    for file in write(board(read, problems, verified=read_verified(home)), tmp_path):
         assert file.read_bytes() == (home / file.name).read_bytes()
         assert file.stat().st_size < 4_000_000
 
