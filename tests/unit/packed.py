@@ -10,6 +10,7 @@ from benchmark.parts.registry import ROOT
 BESIDE = ("leaderboard/leaderboard.", "leaderboard/policies", "leaderboard/results")
 BESIDE += ("leaderboard/figures", "leaderboard/transfer", "leaderboard/blind/history.csv")
 BESIDE += ("leaderboard/blind/scores", "leaderboard/physics.json", "leaderboard/speed.json")
+BESIDE += ("leaderboard/verified.json",)
 """Results, which the package does not need."""
 
 
