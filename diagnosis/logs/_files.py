@@ -107,7 +107,7 @@ def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.D
         return meta, samples.drop(columns="protocol")
     declared = {one.episode: one for one in meta.episodes}
     for number, names in samples["protocol"].groupby(numbers.astype(int)):
-        said = {one_line(str(name), 40) or "free" for name in names.unique()}
+        said = {one_line(name, 40) or "free" for name in names.map(str).unique()}
         given = declared.get(number)
         if given is not None and given.protocol != "free":
             said.add(given.protocol)

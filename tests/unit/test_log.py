@@ -104,6 +104,15 @@ def test_the_protocol_may_stand_in_the_samples(write):
     assert "protocol" not in log.samples
 
 
+def test_a_protocol_is_a_name_whatever_stands_there(write):
+    """Take lists in the cells of a parquet file as names, or refuse them, without a trace."""
+    folder = write(table())
+    cells = [[1.0, 2.0]] * len(table())
+    table().assign(protocol=cells).to_parquet(folder / "samples.parquet")
+    (folder / "samples.csv").unlink(missing_ok=True)
+    assert len(read_log(folder).episodes) == 1
+
+
 def test_an_episode_has_one_protocol(write):
     """Refuse an episode whose samples name another protocol than log.yaml does."""
     samples = table().assign(protocol="steps")
