@@ -11,6 +11,9 @@ from leaderboard._matrices import MATRIX_FILE
 from leaderboard._wording import policy_name
 from leaderboard.tables import Board
 
+NAMES = ("task", "train", "deploy", "algo", "observation")
+NUMBERS = ("retention", "retention_high", "floor_low")
+"""Columns of a matrix that the summary reads."""
 SHOWN = 3
 """Transfers that are named in a line."""
 ADD = "bench leaderboard runs --add --out leaderboard"
@@ -66,7 +69,7 @@ def _away(transfers: Iterable[Path]) -> pd.DataFrame:
     for folder in transfers:
         try:
             matrix = read_csv(folder / MATRIX_FILE)
-            matrix["retention"] = matrix["retention"].astype(float)
+            matrix = matrix.astype(dict.fromkeys(NAMES, str) | dict.fromkeys(NUMBERS, float))
             away = matrix[matrix["train"] != matrix["deploy"]]
             found.append(away.dropna(subset=["retention_high", "floor_low"]))
         except (OSError, KeyError, ValueError):

@@ -16,12 +16,12 @@ import pandas as pd
 
 from diagnosis.logs import importer
 from diagnosis.logs.log import (
-    DriveSettings,
     EpisodeMeta,
     Log,
     LogError,
     LogMeta,
     MjcfMechanism,
+    drive_of,
     make_log,
     name_of,
 )
@@ -64,7 +64,8 @@ class Importer(importer.Importer):
 def _log(path: Path) -> Log:
     data = _load(path)
     gtau, kp, kv = (float(data[name][0]) for name in ("gtau", "kp", "kv"))
-    drive = DriveSettings(position_gain=kp, kd=gtau * kv, limit=gtau * VOLTAGE_V, sensor="motor")
+    numbers = {"position_gain": kp, "kd": gtau * kv, "limit": gtau * VOLTAGE_V}
+    drive = drive_of(path, sensor="motor", **numbers)
     samples = pd.DataFrame(
         {
             "t_s": data["t"],

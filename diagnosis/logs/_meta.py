@@ -233,6 +233,14 @@ def parse_meta(data: object) -> LogMeta:
         raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/reference/log-format.md") from None
 
 
+def drive_of(source: object, **numbers: object) -> DriveSettings:
+    """A drive of numbers that a recording gives; raises LogError for those that no drive has."""
+    try:
+        return DriveSettings.model_validate(numbers)
+    except ValidationError as error:
+        raise LogError(f"{source}: {'; '.join(map(_problem, error.errors()))}") from None
+
+
 def _problem(error: ErrorDetails) -> str:
     place = [str(part) for part in error["loc"] if not str(part).endswith("Mechanism")]
     given = "" if error["type"] == "missing" else f" (given: {reprlib.repr(error['input'])})"

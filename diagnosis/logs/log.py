@@ -27,6 +27,7 @@ from diagnosis.logs._meta import (
     LogError,
     LogMeta,
     MjcfMechanism,
+    drive_of,
 )
 
 __all__ = [
@@ -38,6 +39,7 @@ __all__ = [
     "LogError",
     "LogMeta",
     "MjcfMechanism",
+    "drive_of",
     "make_log",
     "name_of",
     "read_log",

@@ -47,7 +47,7 @@ class Killed:
     """How often it has its turn: the quicker, the more often."""
 
 
-BACKENDS = registry.names("backend")
+BACKENDS = registry.usual("backend")
 RUN = ["run", "--task", "line", "--smoke", "--steps", "512"]
 SMALL = {"rollout_steps": 32, "updates": 2, "batch": 32}
 """Hyperparameters that keep a training short, of the learners that have them."""

@@ -182,6 +182,14 @@ def test_a_file_that_ends_its_reader_is_refused(tmp_path):
         load("emps", tmp_path)
 
 
+def test_gains_that_no_drive_has_are_refused(tmp_path):
+    """Name the number of a recording that cannot be."""
+    data = {name: np.arange(500.0) / 1000 for name in ("t", "qg", "qm", "vir")}
+    savemat(tmp_path / "emps.mat", {**data, "gtau": 35.0, "kp": -160.0, "kv": 240.0})
+    with pytest.raises(LogError, match="position_gain: input should be greater than"):
+        load("emps", tmp_path)
+
+
 def test_garbled_entries_are_refused(tmp_path):
     """Refuse entries without their fields, and gains recorded on different pendulums."""
     with pytest.raises(LogError, match="lack 'torque_enable', or it is invalid"):
