@@ -12,6 +12,8 @@ from benchmark.settings.kinds import File, Number, Setting, Switch, Text
 from leaderboard.identity import EPISODES
 
 DIR, FILE = File("DIR"), File("FILE")
+MOST_WORKERS = 10_000
+"""More cores than any machine has."""
 COUNT = Number(1, whole=True)
 
 # What is written, and what is in the way.
@@ -107,7 +109,12 @@ Seed = Annotated[
 ]
 Workers = Annotated[
     int | None,
-    Setting(kind=COUNT, letter="j", help="Cores to use; changes no result.", shown="all"),
+    Setting(
+        kind=Number(1, MOST_WORKERS, whole=True),
+        letter="j",
+        help="Cores to use; changes no result.",
+        shown="all",
+    ),
 ]
 Format = Annotated[
     str, Setting(name="format", kind=Text("parquet|csv"), help="Form of the log's samples.")

@@ -34,6 +34,8 @@ MODELS = (".xml", ".mjcf", ".urdf")
 """Ends of a model's file name."""
 MOST_MJCF_BYTES = 1_000_000
 """Largest MJCF file that is read."""
+MOST_EPISODES = 2**31
+"""Larger numbers name no episode."""
 
 
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
@@ -103,7 +105,7 @@ def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.D
         return meta, samples
     numbers = samples["episode"] if "episode" in samples.columns else pd.Series(0, samples.index)
     numbers = pd.to_numeric(numbers, errors="coerce")
-    if not ((numbers % 1 == 0) & (numbers >= 0)).all():  # no episodes, as will be said
+    if not (numbers.between(0, MOST_EPISODES) & (numbers % 1 == 0)).all():  # as will be said
         return meta, samples.drop(columns="protocol")
     declared = {one.episode: one for one in meta.episodes}
     for number, names in samples["protocol"].groupby(numbers.astype(int)):

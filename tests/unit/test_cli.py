@@ -254,7 +254,7 @@ def test_help_and_version_answer(words, capfd):
         ("transfer", "--episodes", "2 to 10000", "1", "--episodes is 1; allowed: 2 to 10000"),
         ("eval", "--episodes", "1 to 100", "0", "--episodes is 0; allowed: 1 to 100"),
         ("view", "--port", "0 to 65535", "65536", "--port is 65536; allowed: 0 to 65535"),
-        ("run", "--workers", "from 1", "0", "--workers is 0; allowed: from 1"),
+        ("run", "--workers", "1 to 10000", "0", "--workers is 0; allowed: 1 to 10000"),
         ("speed", "--worlds", "1 to 100000", "4,0", "--worlds is 0; allowed: 1 to 100000"),
         ("blind make", "--times", "LOW:HIGH", "9", "--times is '9'; allowed: LOW:HIGH"),
     ],

@@ -113,6 +113,12 @@ def test_a_protocol_is_a_name_whatever_stands_there(write):
     assert len(read_log(folder).episodes) == 1
 
 
+def test_an_episode_beyond_any_integer_is_refused(write):
+    """Say what a number of an episode is, also where protocols stand beside it."""
+    with pytest.raises(LogError, match="'episode' must be a whole number"):
+        read_log(write(table().assign(episode=1e300, protocol="steps")))
+
+
 def test_an_episode_has_one_protocol(write):
     """Refuse an episode whose samples name another protocol than log.yaml does."""
     samples = table().assign(protocol="steps")
