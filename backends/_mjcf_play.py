@@ -11,6 +11,7 @@ from mujoco import rollout
 from backends._mjcf_followers import followers
 from backends._mjcf_model import compiled
 from backends._mjcf_robot import Signals
+from backends.encoder import angles
 from backends.state import Array
 
 IMMOVABLE_KGM2 = 1e12
@@ -92,10 +93,9 @@ class Plain:
                 control[:, place] = gear * target
         for dof, name in self._pushed:
             applied[:, dof] = push[:, self._joints.index(name)]
-        angles = self._rolled(play.start, control, applied)
+        angle = self._rolled(play.start, control, applied)
         shown = [
-            signals.scale * _late(angles[:, signals.places].sum(axis=1), signals.read_late)
-            + signals.bias
+            signals.shown(_late(angle[:, signals.places].sum(axis=1), signals.read_late))
             for signals in passed
         ]
         return np.stack(shown, axis=1)[np.cumsum(steps) - steps]
@@ -119,8 +119,8 @@ class Plain:
     def _unread(self, reading: Array) -> Array:
         """Where joints stand whose sensors read this (K,)."""
         own = [self._beside.get(name, {}) for name in self._joints]
-        scale, bias = (np.array([one.get(n, 0.0) for one in own]) for n in ("scale", "bias"))
-        return np.asarray((reading - bias) / (1.0 + scale))
+        names = ("bias", "scale", "cosine", "sine")
+        return angles(reading, *(np.array([one.get(n, 0.0) for one in own]) for n in names))
 
 
 def _behind(name: str, joints: Sequence[str]) -> str:

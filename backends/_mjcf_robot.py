@@ -17,8 +17,8 @@ NUMBERS: dict[str, dict[str, float]] = {}
 class Robot:
     """A model whose commands and readings pass as those of the robot do.
 
-    `numbers` by joint: `delay_s` of commands, `slowness_s_rad` of targets, and `late_s`, `scale`
-    and `bias` of readings.
+    `numbers` by joint: `delay_s` of commands, `slowness_s_rad` of targets, and `late_s`, `scale`,
+    `bias`, `cosine` and `sine` of readings.
     """
 
     def __init__(
@@ -54,6 +54,7 @@ class Signals:
         slowness = own.get("slowness_s_rad", 0.0)
         self.most = dt / slowness if slowness else np.inf
         self.scale, self.bias = 1.0 + own.get("scale", 0.0), own.get("bias", 0.0)
+        self.cosine, self.sine = own.get("cosine", 0.0), own.get("sine", 0.0)
         self.sent: list[float] = []
         self.seen: list[float] = []
         self.target: float | None = None
@@ -67,7 +68,12 @@ class Signals:
         for place, gear in self.servos:
             data.ctrl[place] = gear * self.target
         self.seen.append(sum(float(data.qpos[place]) for place in self.places))
-        return self.scale * late(self.seen, self.read_late) + self.bias
+        return float(self.shown(np.asarray(late(self.seen, self.read_late))))
+
+    def shown(self, angle: np.ndarray) -> np.ndarray:
+        """What the sensor reads of an angle."""
+        once = self.cosine * np.cos(angle) + self.sine * np.sin(angle)
+        return np.asarray(self.scale * angle + self.bias + once)
 
 
 def late(values: list[float], ticks: float) -> float:

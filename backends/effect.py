@@ -93,6 +93,8 @@ class Effect(ABC):
     """The same of the other sign, of an effect that has both."""
     per_joint: ClassVar[bool] = True
     """Whether it acts on joints; then it may name one."""
+    hinges_only: ClassVar[bool] = False
+    """Whether slides cannot have it."""
     gear: ClassVar[str | None] = None
     """Without a named joint it acts only on joints with this gear; None: on all joints."""
     spread: ClassVar[str] = "normal"
@@ -179,11 +181,17 @@ class Effect(ABC):
         if not self.per_joint:
             return ()
         if self.joint is None:
-            fits = (b.joint.name for b in spec.hand.driven if self.gear in (None, b.joint.gear))
-            return tuple(fits)
+            return tuple(b.joint.name for b in spec.hand.driven if self._fits(b))
         if self.joint not in known:
             raise ValueError(f"no driven joint named '{self.joint}'; known: {', '.join(known)}")
+        if self.hinges_only and spec.hand.driven[known.index(self.joint)].joint.slides:
+            raise ValueError(f"{self.joint} slides; only hinges have this effect")
         return (self.joint,)
+
+    def _fits(self, body: Body) -> bool:
+        """Whether it acts on a joint where it names none."""
+        joint = body.joint
+        return self.gear in (None, joint.gear) and not (self.hinges_only and joint.slides)
 
     def on_spec(self, spec: Spec) -> Spec:
         """The world with this effect; raises ValueError where the effect cannot act."""

@@ -1,6 +1,7 @@
 """Position sensors: how policies and logs read the angles of joints or motors.
 
-    reading = quantise((1 + scale_error) angle(t - delay) + bias + noise)
+    reading = quantise((1 + scale_error) a + once cos(a) + across sin(a) + bias + noise)
+    a = angle(t - delay)
 
 Without these errors the reading is the angle.
 """
@@ -15,6 +16,9 @@ from backends.command import delayed, ring_ticks
 from backends.noise import normal
 from backends.spec import Spec
 from backends.state import Array
+
+REPEATED = 30
+"""Repetitions to the last digit of an angle."""
 
 
 @numba.njit(cache=True)
@@ -32,13 +36,28 @@ def read(tick, seed, p, dt, ring, out):
     """Write the readings (N, J) for the tick that was stored last."""
     for n in range(out.shape[0]):
         for j in range(out.shape[1]):
-            bias, scale, resolution, noise, delay = p[n, j]
-            reading = (1.0 + scale) * delayed(ring[n, j], tick[n], delay / dt) + bias
+            bias, scale, resolution, noise, delay, cosine, sine = p[n, j]
+            angle = delayed(ring[n, j], tick[n], delay / dt)
+            reading = (1.0 + scale) * angle + bias
+            if cosine != 0.0 or sine != 0.0:
+                reading += cosine * np.cos(angle) + sine * np.sin(angle)
             if noise > 0.0:
                 reading += noise * normal(seed[n], tick[n], 1 + j)
             if resolution > 0.0:
                 reading = resolution * np.round(reading / resolution)
             out[n, j] = reading
+
+
+def angles(reading: Array, bias: Array, scale: Array, cosine: Array, sine: Array) -> Array:
+    """Angles [rad] at rest at which sensors with these errors show readings, all (..., J).
+
+    What goes once per turn is found by repetition, each of which divides the error by 4 or more.
+    """
+    found = np.asarray((reading - bias) / (1.0 + scale))
+    for _ in range(REPEATED if np.any(cosine) or np.any(sine) else 0):
+        once = cosine * np.cos(found) + sine * np.sin(found)
+        found = np.asarray((reading - bias - once) / (1.0 + scale))
+    return found
 
 
 class EncoderBank:

@@ -106,6 +106,10 @@ class Encoder:
     """Standard deviation of the white noise on every reading [rad]."""
     delay_s: float = 0.0
     """Age of a reading at the moment it is read [s]."""
+    eccentricity_rad: float = 0.0
+    """Error once per turn: the part that goes as the cosine of the angle [rad]."""
+    eccentricity_sine_rad: float = 0.0
+    """The part of it that goes as the sine, a quarter turn on [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,7 +25,7 @@ DRIVE = (
 """Numbers of a drive, in the order in which equations take them."""
 _OTHER = (
     *("delay", "slowness", "loss"),
-    *("mass", "bias", "scale", "resolution", "noise", "late"),
+    *("mass", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
     "hard-stop": "stop",
@@ -65,6 +65,8 @@ CHANGES = {
     "dead-zone": ("dead", "add"),
     "encoder-bias": ("bias", "add"),
     "encoder-scale": ("scale", "add"),
+    "encoder-eccentricity": ("once", "add"),
+    "encoder-eccentricity-sine": ("quarter", "add"),
     "encoder-resolution": ("resolution", "add"),
     "encoder-noise": ("noise", "add"),
     "sensor-delay": ("late", "add"),
@@ -227,6 +229,7 @@ class Plant:
         for j in range(angle.shape[1]):
             then = np.interp(times_s - numbers["late"][j], ticks_s, angle[:, j])
             read = then + numbers["scale"][j] * then + numbers["bias"][j]
+            read += numbers["once"][j] * np.cos(then) + numbers["quarter"][j] * np.sin(then)
             read += numbers["noise"][j] * rng.normal(size=len(read)) + numbers["slip"][j] * slipped
             step = numbers["resolution"][j]
             columns.append(np.floor(read / step + 0.5) * step if step > 0 else read)

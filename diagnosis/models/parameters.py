@@ -163,6 +163,8 @@ def _parameter(
     value = numbers[place]
     if kind.coordinate == "logarithm" and (value <= 0.0 or _is_unused(place, evidence)):
         return None
+    if kind.hinges_only and evidence.limb.spec.hand.driven[joint].joint.slides:
+        return None
     unit = _unit(kind, joint, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
     own = kind.tolerance * everyday * angle

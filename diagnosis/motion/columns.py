@@ -35,6 +35,8 @@ UNLIMITED = COLUMNS.index("loop.unlimited")
 PROFILE, LAG = COLUMNS.index("loop.profile_rad_s2"), COLUMNS.index("loop.lag_s")
 BIAS, SCALE = COLUMNS.index("encoder.bias_rad"), COLUMNS.index("encoder.scale_error")
 LATE = COLUMNS.index("encoder.delay_s")
+ONCE = COLUMNS.index("encoder.eccentricity_rad")
+ACROSS = COLUMNS.index("encoder.eccentricity_sine_rad")
 MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 """Numbers that show only while a joint moves: at rest no sensor tells of them."""
 MASS, TWO_MASSES = COLUMNS.index("body.mass_kg"), COLUMNS.index("two_masses")

@@ -8,6 +8,7 @@ import numba
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
+from backends.encoder import angles
 from backends.kinematics import tip_frames
 from backends.spec import Spec
 from backends.state import Array, State, quat_to_matrix
@@ -98,15 +99,15 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
         log.signal(kind, episode, names) for kind in ("position", "command", "push", "torque")
     )
     encoders = [body.joint.encoder for body in nominal.hand.driven]
-    bias, scale = (
-        np.array(v) for v in zip(*((e.bias_rad, e.scale_error) for e in encoders), strict=True)
-    )
+    errors = [
+        (e.bias_rad, e.scale_error, e.eccentricity_rad, e.eccentricity_sine_rad) for e in encoders
+    ]
     same = log.fingers == tuple(tip.finger for tip in nominal.hand.fingertips)
     return Held(
         episode=episode,
         protocol=protocol,
         time_s=time_s - time_s[0],
-        joint_rad=(position - bias) / (1 + scale),
+        joint_rad=angles(position, *np.array(errors).T),
         stick=stick,
         command_rad=command,
         push_nm=np.nan_to_num(push),

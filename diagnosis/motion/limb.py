@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from backends.encoder import angles
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.along import AXES, Along, smoothed
-from diagnosis.motion.columns import BIAS, KP, MASS, ROTOR, SCALE, table
+from diagnosis.motion.columns import ACROSS, BIAS, KP, MASS, ONCE, ROTOR, SCALE, table
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
@@ -214,7 +215,7 @@ def _filled(recording: Recording) -> Array:
 
 def unread(reading: Array, numbers: Array) -> Array:
     """Angles [rad] at which position sensors with these numbers read `reading` (K,)."""
-    return (reading - numbers[:, BIAS]) / (1.0 + numbers[:, SCALE])
+    return angles(reading, *numbers[:, [BIAS, SCALE, ONCE, ACROSS]].T)
 
 
 def block_means(samples: Array, edges: Array) -> Array:

@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-from diagnosis.motion.columns import BIAS, LATE, SCALE
+from diagnosis.motion.columns import ACROSS, BIAS, LATE, ONCE, SCALE
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -19,7 +19,7 @@ def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
         count = edges[b + 1] - edges[b]
         for j in range(ticks.shape[2]):
             side = 1 if at_motor[j] else 0
-            angle = motor = torque = 0.0
+            angle = motor = torque = once = 0.0
             for k in range(edges[b], edges[b + 1]):
                 now = min(max(int(np.round(at[k])), 0), last)
                 motor += ticks[now, 1, j]
@@ -28,8 +28,11 @@ def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
                     then = min(max(at[k] - p[j, LATE] / dt, 0.0), float(last))
                     low = min(int(then), last - 1)
                     share = then - low
-                    angle += ticks[low, side, j] * (1.0 - share) + ticks[low + 1, side, j] * share
+                    seen = ticks[low, side, j] * (1.0 - share) + ticks[low + 1, side, j] * share
                 else:
-                    angle += ticks[now, side, j]
-            shown[b, 0, j] = (1.0 + p[j, SCALE]) * angle / count + p[j, BIAS]
+                    seen = ticks[now, side, j]
+                angle += seen
+                if p[j, ONCE] != 0.0 or p[j, ACROSS] != 0.0:
+                    once += p[j, ONCE] * np.cos(seen) + p[j, ACROSS] * np.sin(seen)
+            shown[b, 0, j] = (1.0 + p[j, SCALE]) * angle / count + p[j, BIAS] + once / count
             shown[b, 1, j], shown[b, 2, j] = motor / count, torque / count

@@ -22,6 +22,8 @@ BESIDE = {
     "encoder.delay_s": ("late_s", "s", "s"),
     "encoder.scale_error": ("scale", "", ""),
     "encoder.bias_rad": ("bias", "rad", "m"),
+    "encoder.eccentricity_rad": ("cosine", "rad", ""),
+    "encoder.eccentricity_sine_rad": ("sine", "rad", ""),
 }
 """Numbers that an MJCF has not: their names in `backends.mjcf.robot_file`, and their units."""
 HORIZON_S = 2.0

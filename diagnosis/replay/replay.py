@@ -14,15 +14,19 @@ import numba
 import numpy as np
 
 from backends.drive import drive_table
-from backends.spec import Spec
+from backends.encoder import angles
+from backends.spec import Encoder, Spec
 from backends.state import Array
 from diagnosis.replay.arrival import arrivals, looked
 from diagnosis.replay.chain import Chain, chain
 from diagnosis.replay.expansion import expand
 from diagnosis.replay.lanes import CHANNELS, together
 
-DELAY = 4
-"""Column of an encoder's numbers."""
+ENCODER = tuple(field.name for field in dataclasses.fields(Encoder))
+BIAS, SCALE, DELAY = (ENCODER.index(name) for name in ("bias_rad", "scale_error", "delay_s"))
+ONCE, ACROSS = (ENCODER.index(f"eccentricity_{name}") for name in ("rad", "sine_rad"))
+"""Columns of an encoder's numbers."""
+RANDOM = [ENCODER.index(name) for name in ("resolution_rad", "noise_rad")]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -106,28 +110,31 @@ def replays(spec: Spec, batch: Batch) -> list[Array]:
     joints = [body.joint for body in spec.hand.driven]
     path = np.array([list(vars(j.command).values()) for j in joints])
     encoder = np.array([list(vars(j.encoder).values()) for j in joints])
-    path[:, 2], encoder[:, 2:4] = 0.0, 0.0
+    path[:, 2], encoder[:, RANDOM] = 0.0, 0.0
     at_motor = np.array([j.sensor == "motor" for j in joints])
     drive, closed = drive_table(spec), _closed(chain(spec))
     limb = closed, drive, path, encoder, at_motor, spec.timing.drive_s
-    shown = _in_closed_form(tuple(vars(batch).values()), limb)
+    angle = angles(batch.start, *encoder[:, [BIAS, SCALE, ONCE, ACROSS]].T)
+    shown = _in_closed_form(tuple(vars(batch).values()), angle, limb)
     return [shown[a:b].transpose(1, 0, 2) for a, b in pairwise(batch.begin)]
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _in_closed_form(episodes, limb):
-    """What is shown of all episodes at a time, (N, 4, J)."""
+def _in_closed_form(episodes, angle, limb):
+    """What is shown of all episodes at a time, (N, 4, J), from rest at angles (E, J)."""
     begin, ticks, target, load, start = episodes
     closed, drive, path, encoder, at_motor, dt = limb
     shown = np.zeros((len(ticks), len(CHANNELS), len(at_motor)))
-    angle = (start - encoder[:, 0]) / (1.0 + encoder[:, 1])
     if path.any() or encoder[:, DELAY].any():
         _late(episodes, angle, limb, shown)
     else:
         anew = np.ones(len(ticks), np.bool_)
         together(begin, (ticks, anew, target, load), angle, drive, closed, at_motor, dt, shown)
     for j in range(len(encoder)):
-        shown[:, 0, j] = (1.0 + encoder[j, 1]) * shown[:, 0, j] + encoder[j, 0]
+        seen = shown[:, 0, j].copy()
+        shown[:, 0, j] = (1.0 + encoder[j, SCALE]) * seen + encoder[j, BIAS]
+        if encoder[j, ONCE] != 0.0 or encoder[j, ACROSS] != 0.0:
+            shown[:, 0, j] += encoder[j, ONCE] * np.cos(seen) + encoder[j, ACROSS] * np.sin(seen)
     return shown
 
 

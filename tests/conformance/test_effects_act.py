@@ -63,6 +63,8 @@ CASES = {
     "dead-zone": Case("0.5deg"),
     "encoder-bias": Case("1deg", "free", "measured_rad"),
     "encoder-scale": Case("5%", "free", "measured_rad"),
+    "encoder-eccentricity": Case("1deg", "free", "measured_rad"),
+    "encoder-eccentricity-sine": Case("1deg", "free", "measured_rad"),
     "encoder-resolution": Case("0.5deg", "free", "measured_rad"),
     "sensor-delay": Case("5ms", "free", "measured_rad"),
     "encoder-noise": Case("1mrad", "free", "measured_rad"),

@@ -79,7 +79,7 @@ def test_a_new_effect_is_drawn_simulated_and_named(added):
 
 def test_a_plant_is_not_dealt_what_it_does_not_know(added):
     """Deal the new effect to engines alone: plants implement effects themselves."""
-    settings = draw.Settings(cases=80, reals=("mujoco", "plant"), modes=("single",))
+    settings = draw.Settings(cases=200, reals=("mujoco", "plant"), modes=("single",))
     cases = draw.draw(settings, added, 0)
     assert {c.real for c in cases if c.faults[0].effect == NAME} == {"mujoco"}
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from backends import sticks, trx
+from backends import encoder, sticks, trx
 from backends.encoder import EncoderBank
 from backends.spec import Spec
 from backends.state import Array
@@ -54,6 +54,39 @@ def test_bias_and_scale() -> None:
     expected = ANGLES * np.array([1.0, 0.97, 1.0, 1.0, 1.0, 1.0])
     expected[:, 0] += np.radians(1.0)
     assert read == pytest.approx(expected, abs=1e-15)
+
+
+def test_error_once_per_turn() -> None:
+    """Add e cos(angle) and f sin(angle): together one wave of amplitude hypot(e, f) a turn."""
+    angles = np.linspace(0, 2 * np.pi, 361)[:, None] * np.ones(6)
+    error = readings(world("encoder-eccentricity=3deg,encoder-eccentricity-sine=4deg"), angles)
+    error = np.degrees(error - angles)
+    phase = np.arctan2(4.0, 3.0)
+    assert error == pytest.approx(5 * np.cos(angles - phase), abs=1e-9)
+
+
+def test_readings_tell_the_angle() -> None:
+    """Invert bias, scale and what goes once per turn to the last digit, at the effects' bounds."""
+    errors = np.array([0.02, -0.1, np.radians(5), np.radians(-5)])
+    spec = world(
+        f"encoder-bias={errors[0]}rad,encoder-scale={100 * errors[1]}%,"
+        f"encoder-eccentricity={errors[2]}rad,encoder-eccentricity-sine={errors[3]}rad"
+    )
+    found = encoder.angles(readings(spec, 3 * ANGLES), *errors)
+    assert found == pytest.approx(3 * ANGLES, abs=1e-14)
+
+
+def test_a_slide_has_no_turn() -> None:
+    """Leave slides alone, and refuse one that is named."""
+    bodies = list(IDEAL.hand.driven)
+    bodies[0] = dataclasses.replace(
+        bodies[0], joint=dataclasses.replace(bodies[0].joint, slides=True)
+    )
+    spec = IDEAL.with_driven(bodies)
+    (effect,) = parse_effects("encoder-eccentricity=1deg", IDEAL.hand)
+    assert effect.joints(spec) == IDEAL.hand.joint_names[1:]
+    with pytest.raises(ValueError, match="J0 slides"):
+        dataclasses.replace(effect, joint="J0").on_spec(spec)
 
 
 def test_steps_are_the_nearest_ones() -> None:

@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from backends.encoder import angles
 from benchmark.parts import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.calibration import worlds
@@ -43,6 +44,7 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {"command-delay": 6.3e-3},
         {"command-delay": 0.013, "command-rate-limit": 0.1, "kp-scale": -0.2},
         {"sensor-delay": 6.3e-3, "encoder-scale": 0.1, "encoder-bias": 0.02},
+        {"encoder-eccentricity": 0.03, "encoder-eccentricity-sine": -0.05, "encoder-bias": 0.02},
         {"stiction": 0.05, "coulomb-friction": 0.02, "dead-zone": 0.01},
         {"self-lock": 0.5, "load-friction": 0.3, "encoder-scale": 0.1},
     ],
@@ -56,9 +58,9 @@ def test_closed_form_is_the_engines_motion(rig, effects):
     one = asked(rig, 0).first(250)
     one = dataclasses.replace(one, ticks=np.arange(len(one.target)) * 5)
     shown = replay(spec, one)
-    angle = (one.start - [b.joint.encoder.bias_rad for b in spec.hand.driven]) / (
-        1.0 + np.array([b.joint.encoder.scale_error for b in spec.hand.driven])
-    )
+    errors = [vars(b.joint.encoder) for b in spec.hand.driven]
+    names = ("bias_rad", "scale_error", "eccentricity_rad", "eccentricity_sine_rad")
+    angle = angles(one.start, *(np.array([e[name] for e in errors]) for name in names))
     moved = worlds.Motion(
         episode=0,
         protocol="steps",

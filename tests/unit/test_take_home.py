@@ -57,7 +57,12 @@ def test_a_written_robot_stands_by_itself():
 
 
 @pytest.mark.parametrize(
-    "own", [{}, {"delay_s": 0.0305, "slowness_s_rad": 2.0}, {"late_s": 0.0123, "scale": 0.1}]
+    "own",
+    [
+        {},
+        {"delay_s": 0.0305, "slowness_s_rad": 2.0},
+        {"late_s": 0.0123, "scale": 0.1, "sine": 0.03},
+    ],
 )
 def test_a_written_robot_moves_as_the_gap_was_measured(own):
     """Step the file that is written through a log, and read the same as its gap was taken from."""
