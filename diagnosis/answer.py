@@ -1,7 +1,7 @@
 """The answer of a diagnosis as plain data: to JSON and back."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -50,7 +50,7 @@ class Diagnosis:
     """The same for the nominal numbers alone, refitted within their uncertainty."""
     where: tuple[Place, ...]
     """Parts of the gap, the largest first."""
-    limbs: tuple[LimbResult, ...]
+    limbs: tuple[LimbResult, ...] = field(repr=False)
     """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
     spots: tuple[Spot, ...]
     """Gaps of touch and stick at every finger."""
@@ -58,7 +58,7 @@ class Diagnosis:
     """Effects that could not be judged, the reason, and what to record for them."""
     notes: tuple[str, ...]
     """What is wrong with the log itself."""
-    signals: tuple[Signals, ...]
+    signals: tuple[Signals, ...] = field(repr=False)
     """Excerpts of the joints that the verdict is about."""
     cpu_s: float
     """CPU time [s]."""

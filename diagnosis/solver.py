@@ -228,7 +228,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     is enough.
     """
     world, evidence = fitter.world, fitter.evidence
-    before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual))
+    before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual), strain2=0.0)
     likely = ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors
     if not likely and before.worst < QUIET:
         return None

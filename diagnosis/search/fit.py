@@ -6,7 +6,7 @@ Weights w are of the residuals as they are (`evidence.gap`), computed again at e
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,6 +16,7 @@ from diagnosis.evidence.gap import excess, root_weights, squared_gaps
 from diagnosis.models.world import World
 from diagnosis.search.problem import Problem, is_column
 from diagnosis.search.quadratic import lowest
+from diagnosis.verdict.ordinary import Ordinary
 
 STEPS, AGAIN, MOVED = 7, 2, 1.0
 """Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
@@ -30,6 +31,8 @@ FITS, FAR, CLOSED = 4, 3.0, 0.15
 this share of the excess."""
 HOPELESS = 4.0
 """A fit that leaves so many times what another left does not catch up."""
+USUAL = 4.0
+"""Tolerances together are a gap beyond so many standard deviations of healthy robots'."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
 RIDGE = 1e-9
@@ -48,6 +51,8 @@ class Fit:
     """Squared gap by joint (K,)."""
     prior: float = 0.0
     """What the sizes of the tolerances cost [nats]."""
+    strain2: float = 0.0
+    """Squared gap that the tolerances together are worth, see `Usual`; 0 where they are usual."""
     sd: Mapping[int, float] = field(default_factory=dict)
     """Standard deviations of what was fitted."""
     slopes: Mapping[int, Array] = field(default_factory=dict)
@@ -55,13 +60,47 @@ class Fit:
 
     @cached_property
     def excess(self) -> float:
-        """Squared gap beyond one floor, over all joints."""
-        return excess(self.gap2)
+        """Squared gap beyond one floor, over all joints, and of the tolerances together."""
+        return excess(self.gap2) + self.strain2
+
+    @property
+    def gap(self) -> float:
+        """The largest gap of a joint, in floors."""
+        return float(np.sqrt(self.gap2.max()))
 
     @property
     def worst(self) -> float:
-        """The largest gap of a joint, in floors."""
-        return float(np.sqrt(self.gap2.max()))
+        """The largest gap of a joint, or of the tolerances together, in floors."""
+        return max(self.gap, float(np.sqrt(self.strain2)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Usual:
+    """How large the tolerances of a healthy robot are together.
+
+    The sum of their squares, in standard deviations, is that of normal numbers, as far as a log
+    tells of them: each counts by h = 1 - (its standard deviation after the fit over that before)^2.
+    Its mean is sum h and its variance 2 sum h^2 (of a quadratic form of normal numbers).
+    """
+
+    mean: float
+    sd: float
+    floors: float
+    """An ordinary gap: so many floors are `USUAL` standard deviations worth."""
+
+    @classmethod
+    def of(cls, fit: Fit, tolerances: Mapping[int, float], floors: float) -> "Usual":
+        """By what a fit of the tolerances alone tells of each."""
+        known = np.array([1.0 - (fit.sd[k] / sd) ** 2 for k, sd in tolerances.items()])
+        return cls(mean=float(known.sum()), sd=float(np.sqrt(2.0 * known @ known)), floors=floors)
+
+    def off(self, fit: Fit) -> float:
+        """Further off than healthy robots' so many standard deviations, all together."""
+        return (2.0 * fit.prior - self.mean) / max(self.sd, 1.0)
+
+    def on(self, fit: Fit) -> Fit:
+        """The fit, whose tolerances together count as a gap."""
+        return replace(fit, strain2=self.floors**2 * max(self.off(fit), 0.0) / USUAL)
 
 
 class Fitter:
@@ -70,6 +109,22 @@ class Fitter:
     def __init__(self, world: World, exact: bool = False) -> None:
         self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
         self.done_share = DONE_EXACT if exact else DONE_SHARE
+        self.usual: Usual | None = None
+
+    def strained(self, fit: Fit, ordinary: Ordinary) -> Fit:
+        """A fit of the tolerances alone: where they are unusual together, that counts from now on.
+
+        Not beside a gap that is no ordinary one, nor where likelihoods count it already.
+        """
+        if ordinary.exact or fit.gap > ordinary.floors:
+            return fit
+        held = {k: self.parameters[k].tolerance for k in fit.sd}
+        usual = Usual.of(fit, held, ordinary.floors)
+        self.usual = usual if usual.off(fit) > USUAL else None
+        return self._judged(fit)
+
+    def _judged(self, fit: Fit) -> Fit:
+        return self.usual.on(fit) if self.usual else fit
 
     def fit(
         self,
@@ -133,7 +188,7 @@ class Fitter:
             known |= self.slopes(fresh, u, freed, self.bare(u, freed))
         residual = self.evidence.readings - shown
         sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
-        return Fit(
+        fit = Fit(
             freed=tuple(freed),
             u=u,
             residual=residual,
@@ -142,6 +197,7 @@ class Fitter:
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
+        return self._judged(fit)
 
     def settled(
         self,

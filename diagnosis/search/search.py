@@ -99,7 +99,8 @@ class Search:
     def nominal(self) -> Fit:
         """The tolerances alone."""
         exact = int(self.ordinary.exact)
-        return self.fitter.settled(again=exact, slopes=self.plain.slopes)
+        fit = self.fitter.settled(again=exact, slopes=self.plain.slopes)
+        return self.fitter.strained(fit, self.ordinary)
 
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set.
@@ -340,7 +341,8 @@ class Search:
         if one.joint is None or one.place == MASS:
             return True
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
-        return self.ordinary.exact or own >= CONCERNED * fit.excess
+        is_all = self.ordinary.exact or fit.strain2 > 0.0
+        return is_all or own >= CONCERNED * fit.excess
 
 
 def rank(parameters: Sequence[Parameter], fit: Fit) -> float:

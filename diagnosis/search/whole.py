@@ -16,7 +16,7 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progres
     """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
     fits = 2 + len(found.tied) + len(found.singles[:SINGLES])
     progress("the nominal numbers, fitted to the whole log", 0.0)
-    nominal = fitter.fit(near=found.nominal.u)
+    nominal = fitter.strained(fitter.fit(near=found.nominal.u), ordinary)
     known = {found.nominal.freed: nominal}
     least = [one.least for one in fitter.parameters]
 

@@ -46,7 +46,7 @@ def decide(
     causes = sized if named else ()
     leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
     effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
-    left = chosen.worst if named or unknown else nominal.worst
+    left = chosen.gap if named or unknown else nominal.gap
     result = LimbResult(
         joints=fitter.evidence.joints,
         verdict=effects,
@@ -62,12 +62,13 @@ def decide(
         tied=tuple(tuple(_name(fitter, k) for k in f.freed) for f in tied),
         experiment=experiment(fitter, chosen.u, [f.u for f in tied]) if tied else None,
         gap_before=_gap_before(fitter),
-        gap_nominal=nominal.worst,
+        gap_nominal=nominal.gap,
         gap_after=left,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
         nominal=tuple(_nominal(fitter, chosen if named else nominal)),
         sentences=(),
         runs=fitter.world.runs,
+        strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
     )
     return sentences(result)
 
@@ -149,7 +150,7 @@ def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
         yield Ranked(
             causes=tuple((effect, joint or None) for effect, _, joint in names),
             share=found.share(fit),
-            left=fit.worst,
+            left=fit.gap,
         )
 
 

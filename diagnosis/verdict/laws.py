@@ -86,6 +86,7 @@ def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
             for one, place, unit in zip(numbers, places, units, strict=True)
         ]
         more = Fitter(type(world)(fitter.evidence, (*world.parameters, *free)))
+        more.usual = fitter.usual
         own = range(len(world.parameters), len(more.parameters))
         start = {k: one.start for k, one in zip(own, numbers, strict=True)}
         fit = more.fit(tuple(own), start, slopes=found.nominal.slopes)
@@ -97,6 +98,6 @@ def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
         yield (
             fit.excess,
             fit.worst,
-            f"With {words} in the drive of {limb.joints[j]} (`{said}`), {fit.worst:.1f} floors "
+            f"With {words} in the drive of {limb.joints[j]} (`{said}`), {fit.gap:.1f} floors "
             "would be left: if it has that, write it in log.yaml.",
         )

@@ -125,6 +125,9 @@ class LimbResult:
     runs: int
     law: str | None = None
     """What a drive may do that the log does not say, and that would close an unknown gap."""
+    strain: float = 0.0
+    """How much further off the nominal numbers would be together than a healthy robot's, in
+    standard deviations; 0 where they are usual."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,6 +26,11 @@ def sentences(result: LimbResult) -> LimbResult:
 
 def _sentences(result: LimbResult) -> Iterator[str]:
     limit = f"{FROM[result.ordinary_from]} {result.ordinary:.1f}"
+    if result.strain:
+        yield (
+            f"Refitted, the nominal numbers leave {_floors(result.gap_nominal)}, but together they "
+            f"are then {result.strain:.1f} standard deviations further off than a healthy robot's."
+        )
     if result.verdict == (NONE,) and result.gap_after > result.ordinary:
         yield f"The lost packets leave {_floors(result.gap_after)}, and no other effect; {limit}."
     elif result.verdict == (NONE,):
@@ -43,7 +48,10 @@ def _sentences(result: LimbResult) -> Iterator[str]:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)
-        yield f"The gap is {gap}, and no effect explains it; {limit}."
+        if result.strain:
+            yield "No effect explains it; if they are less certain, say so (nominal_uncertainty)."
+        else:
+            yield f"The gap is {gap}, and no effect explains it; {limit}."
         if result.law:
             yield result.law
         elif result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
@@ -65,7 +73,8 @@ def _sentences(result: LimbResult) -> Iterator[str]:
 def _takes(result: LimbResult, limit: str) -> str:
     """What the causes explain, and whether the rest is ordinary."""
     verb = "explains" if len(result.causes) == 1 else "explain"
-    took = f"{verb} {100 * result.share:.0f} % of the gap that the nominal numbers leave"
+    gap = "that" if result.strain else "the gap that the nominal numbers leave"
+    took = f"{verb} {100 * result.share:.0f} % of {gap}"
     if result.left <= result.ordinary:
         return f"{took}; the rest, {_floors(result.left)}, is ordinary"
     return f"{took}; {_floors(result.left)} is left, but {limit}"

@@ -87,6 +87,11 @@ def test_there_is_nothing_to_keep_at_first(log):
         diagnose(log, progress=progress)
 
 
+def test_a_diagnosis_is_printed_without_its_samples(found):
+    """Say no samples where it is printed."""
+    assert len(repr(found)) < 10_000
+
+
 def test_a_diagnosis_goes_to_json_and_back(found):
     """Be equal to what was read again, which has all that the format promises."""
     text = json.dumps(found.plain(), allow_nan=False)

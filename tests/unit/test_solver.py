@@ -62,6 +62,19 @@ def test_healthy_logs_say_what_is_ordinary():
     assert result.ordinary == pytest.approx(1.2, abs=0.3)
 
 
+def test_numbers_that_are_off_together_hide_no_fault():
+    """Name a gain that all nominal numbers could only hide together; without effects: unknown."""
+    log = log_of(Real(joints=2, kp={1: 0.75}))
+    found = solve(log)
+    assert (found.verdict, found.joints) == (("kp-scale",), ("J1",))
+    (limb,) = found.limbs
+    assert limb.gap_nominal < limb.ordinary and limb.strain > 4.0
+    assert "off than a healthy robot's" in limb.sentences[0]
+    (limb,) = solve(log, catalogue={}).limbs
+    assert limb.verdict == ("unknown",)
+    assert "nominal_uncertainty" in limb.sentences[1]
+
+
 def test_looks_for_nothing_in_an_empty_catalogue():
     """Say unknown where no effect may be named."""
     assert solve(log_of(KINDS["single"][0]), catalogue={}).verdict == ("unknown",)
