@@ -50,6 +50,10 @@ class Diagnosis:
     """The same for the nominal numbers alone, refitted within their uncertainty."""
     where: tuple[Place, ...]
     """Parts of the gap, the largest first."""
+    corrected: dict[str, dict[str, float]] = field(repr=False)
+    """Numbers of the corrected world that differ from the nominal one, by joint and by their names
+    in the spec [SI]: what was refitted and found of drives and sensors. `two_masses` is 1 where a
+    gear was put between rotor and link."""
     limbs: tuple[LimbResult, ...] = field(repr=False)
     """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
     spots: tuple[Spot, ...]

@@ -15,7 +15,7 @@ from diagnosis.coverage import not_looked_for
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.batch import Simulate
-from diagnosis.motion.columns import changed
+from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
@@ -75,7 +75,8 @@ def diagnose(
     except Stop:
         stopped = True
     result = combine([one.result for one in limbs], 0.0, notes)
-    corrected = _corrected(world, limbs)
+    numbers = dict(_corrected(limbs))
+    corrected = with_numbers(world, numbers)
     held = Report() if stopped else in_hand(log, corrected, known, simulate)
     causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
     unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
@@ -103,6 +104,7 @@ def diagnose(
         shrinkage=gone,
         shrinkage_nominal=gone_nominal,
         where=places,
+        corrected=numbers,
         limbs=result.limbs,
         spots=held.spots,
         missing=(*not_looked_for(known), *held.missing),
@@ -134,19 +136,14 @@ def _names(causes: Sequence[Cause]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(cause.effect for cause in causes))
 
 
-def _corrected(nominal: Spec, limbs: Sequence[Judged]) -> Spec:
-    """The nominal world with what was refitted and found of its drives and sensors."""
-    numbers: dict[str, Array] = {}
+def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]]:
+    """See `Diagnosis.corrected`, joint by joint."""
     for one in limbs:
         if one.result.verdict != (UNKNOWN,):
             fit = one.found.chosen if one.result.causes else one.found.nominal
-            rows, _ = one.fitter.world.numbers(fit.u)
-            numbers |= dict(zip(one.evidence.joints, rows, strict=True))
-    bodies = nominal.hand.driven
-    return nominal.with_driven(
-        changed(body, numbers[body.joint.name]) if body.joint.name in numbers else body
-        for body in bodies
-    )
+            pairs = zip(one.fitter.world.numbers(fit.u)[0], one.evidence.limb.nominal, strict=True)
+            for joint, (row, nominal) in zip(one.evidence.joints, pairs, strict=True):
+                yield joint, dict(by_name(row).items() - by_name(nominal).items())
 
 
 def _engine_gaps_rad(

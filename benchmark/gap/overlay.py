@@ -11,20 +11,15 @@ from pathlib import Path
 
 import numpy as np
 
-from backends.catalogue import catalogue
-from backends.effect import UNITS, Effect
 from backends.spec import Spec
 from backends.state import Array
 from benchmark.errors import UsageError
 from benchmark.gap.diagnose import FILE, OUT, nominal_world
 from diagnosis.answer import Diagnosis
-from diagnosis.evidence.evidence import evidence
 from diagnosis.logs.log import Log, LogError, MjcfMechanism, read_log
-from diagnosis.models.parameters import coordinate, parameters
-from diagnosis.models.world import World
+from diagnosis.motion.columns import COLUMNS
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.replay.nominal import own_catalogue
 from diagnosis.replay.parts import limbs
 
 NOMINAL, CORRECTED = "nominal", "corrected"
@@ -48,9 +43,7 @@ class Overlay:
     """Positions by world: nominal, and corrected where there is a diagnosis."""
 
 
-def overlay(
-    log: Log, nominal: Spec, found: Diagnosis | None, effects: Mapping[str, type[Effect]]
-) -> Overlay:
+def overlay(log: Log, nominal: Spec, found: Diagnosis | None) -> Overlay:
     """The replays of a log in its worlds; raises LogError where there is no free air."""
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     parts = [
@@ -60,7 +53,7 @@ def overlay(
     order = [names.index(name) for name in nominal.hand.joint_names]
     worlds = {NOMINAL: [limb.simulate(limb.nominal) for limb in parts]}
     if found is not None:
-        worlds[CORRECTED] = [_corrected(limb, found, effects) for limb in parts]
+        worlds[CORRECTED] = [_corrected(limb, found.corrected) for limb in parts]
     times_s = parts[0].time_s
     return Overlay(
         spec=nominal,
@@ -72,22 +65,13 @@ def overlay(
     )
 
 
-def _corrected(limb: Limb, found: Diagnosis, effects: Mapping[str, type[Effect]]) -> Array:
-    """What a limb's sensors show (N, 3, K) with what a diagnosis found of its joints."""
-    said = evidence(limb)
-    known = parameters(effects, said, 0.0, 0.0)
-    causes = [(c.effect, joint, c.value, c.unit) for c in found.magnitudes for joint in c.joints]
-    every = [*causes, *((n.effect, n.joint, n.value, n.unit) for n in found.nominal)]
-    u: dict[int, float] = {}
-    for number, one in enumerate(known):
-        for effect, joint, value, unit in every:
-            if one.effect == effect and one.joint is not None and joint == limb.joints[one.joint]:
-                numbers = limb.nominal[one.joint]
-                dimension, size = UNITS[unit]
-                relative = dimension == "share" and one.kind.dimension != "share"
-                per = size * numbers[one.place] if relative else size
-                u[number] = u.get(number, 0.0) + coordinate(one, value * per, numbers)
-    return World(said, known).blocks(u)
+def _corrected(limb: Limb, numbers: Mapping[str, Mapping[str, float]]) -> Array:
+    """What a limb's sensors show (N, 3, K) with other numbers, by joint and name."""
+    rows = limb.nominal.copy()
+    for row, joint in zip(rows, limb.joints, strict=True):
+        for name, value in numbers.get(joint, {}).items():
+            row[COLUMNS.index(name)] = value
+    return limb.simulate(rows)
 
 
 def read_overlay(folder: Path, diagnosis: Path | None) -> tuple[Overlay, str]:
@@ -106,7 +90,7 @@ def read_overlay(folder: Path, diagnosis: Path | None) -> tuple[Overlay, str]:
             data = json.loads(file.read_text())
             found, known, said = Diagnosis.of(data), data["nominal"]["effects"], data["sentence"]
         world = nominal_world(log, known)
-        return overlay(log, world.spec, found, own_catalogue(catalogue(), world.spec)), said
+        return overlay(log, world.spec, found), said
     except LogError as error:
         raise UsageError(str(error)) from error
     except (ValueError, KeyError, TypeError) as error:

@@ -11,7 +11,7 @@ from backends.mjcf import robot_file
 from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
-from diagnosis.motion.columns import COLUMNS, changed, table
+from diagnosis.motion.columns import COLUMNS, table, with_numbers
 from diagnosis.replay.plain import BESIDE, beside, gap_rad, model_text, urdf_text
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal
 from diagnosis.verdict.sentences import size
@@ -39,6 +39,8 @@ class Change:
     """A number of the model that is changed."""
 
     joint: str
+    field: str
+    """Its name in the spec."""
     number: str
     """Its name in MJCF."""
     before: float
@@ -104,15 +106,17 @@ def take_home(
     """The corrected model of a user's robot; None where the verdict changes nothing in it."""
     if found.verdict in ((UNKNOWN,), (NONE,)):
         return None
-    world, changes = nominal, list[Change]()
+    changes = list[Change]()
     every: tuple[Cause | Nominal, ...] = (*found.magnitudes, *found.nominal)
     for one in every:
         for joint in one.joints if isinstance(one, Cause) else (one.joint,):
             kind = catalogue.get(one.effect)
-            if kind is None or not issubclass(kind, NumberEffect) or kind.number not in HELD:
-                continue
-            world, change = _with(world, joint, kind, one)
-            changes.append(change)
+            if kind is not None and issubclass(kind, NumberEffect) and kind.number in HELD:
+                changes.append(_change(nominal, found, joint, kind, one))
+    numbers: dict[str, dict[str, float]] = {}
+    for change in changes:
+        numbers.setdefault(change.joint, {})[change.field] = change.after
+    world = with_numbers(nominal, numbers)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
@@ -132,29 +136,24 @@ def take_home(
     )
 
 
-def _with(
-    world: Spec, joint: str, kind: type[NumberEffect], one: Cause | Nominal
-) -> tuple[Spec, Change]:
-    """A world with one number changed, and the change."""
-    bodies = list(world.hand.driven)
-    j = world.hand.joint_names.index(joint)
-    place, row = COLUMNS.index(kind.number), table(world, True)[j]
-    per_unit = UNITS[one.unit][1]
+def _change(
+    nominal: Spec, found: Diagnosis, joint: str, kind: type[NumberEffect], one: Cause | Nominal
+) -> Change:
+    """What is changed for a cause or a refitted number."""
+    j = nominal.hand.joint_names.index(joint)
+    before = float(table(nominal, True)[j, COLUMNS.index(kind.number)])
+    after = found.corrected.get(joint, {}).get(kind.number, before)
     sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
-    before = float(row[place])
     share = UNITS[one.unit][0] == "share" and (kind.relative or kind.coordinate == "logarithm")
-    per = before * per_unit if share else per_unit
-    row[place] = before + one.value * per
-    row[place] = row[place] if kind.number.startswith("encoder") else max(row[place], 0.0)
     number, turning, sliding = HELD[kind.number]
-    unit = sliding if bodies[j].joint.slides else turning
-    bodies[j] = changed(bodies[j], row)
-    return world.with_driven(bodies), Change(
+    unit = sliding if nominal.hand.driven[j].joint.slides else turning
+    return Change(
         joint=joint,
+        field=kind.number,
         number=number,
         before=before,
-        after=float(row[place]),
-        sd=abs(sd * per),
+        after=after,
+        sd=abs(sd * UNITS[one.unit][1] * (before if share else 1.0)),
         unit=unit,
-        also=in_other_words(kind, float(row[place]), unit),
+        also=in_other_words(kind, after, unit),
     )

@@ -15,7 +15,7 @@ from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.parameters import Parameter
 from diagnosis.models.world import World
 from diagnosis.motion.along import AXES
-from diagnosis.motion.columns import changed
+from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
 from diagnosis.replay import lanes
@@ -64,7 +64,7 @@ class ExactWorld(World):
         gravity = np.array(spec.gravity_m_s2)
         for angle, axis in zip(tilt, AXES, strict=True):
             gravity = np.cos(angle) * gravity + np.sin(angle) * np.cross(axis, gravity)
-        bodies = map(changed, spec.hand.driven, numbers)
         x, y, z = map(float, gravity)
         turned = replace(spec, gravity_m_s2=(x, y, z))
-        return turned.with_driven(bodies)
+        joints = spec.hand.joint_names
+        return with_numbers(turned, dict(zip(joints, map(by_name, numbers), strict=True)))

@@ -241,14 +241,3 @@ def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:
         share = float(np.expm1(u))
         return share if kind.dimension == "share" else share * numbers[parameter.place]
     return u * parameter.unit
-
-
-def coordinate(parameter: Parameter, magnitude: float, numbers: Array) -> float:
-    """The u at which an effect has a magnitude in SI units: the inverse of `magnitude`."""
-    kind = parameter.kind
-    if kind.coordinate == "compliance":
-        return magnitude / (parameter.unit * float(numbers[STIFFNESS]))
-    if kind.coordinate == "logarithm":
-        share = magnitude if kind.dimension == "share" else magnitude / numbers[parameter.place]
-        return float(np.log1p(share))
-    return magnitude / parameter.unit

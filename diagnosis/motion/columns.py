@@ -1,5 +1,6 @@
 """A joint's numbers in the compiled replay, under the names that the spec gives them."""
 
+from collections.abc import Mapping
 from dataclasses import fields, replace
 from typing import Any
 
@@ -58,12 +59,21 @@ def table(spec: Spec, rigid: bool) -> Array:
     return np.column_stack([rows, np.full(len(rows), float(not rigid))])
 
 
-def changed(body: Body, numbers: Array) -> Body:
-    """A body with the numbers of its joint, in the order of COLUMNS."""
-    parts: dict[str, dict[str, Any]] = {}
-    for column, value in zip(COLUMNS[:-1], numbers, strict=False):
-        part, field = column.split(".")
-        parts.setdefault(part, {})[field] = float(value)
+def by_name(numbers: Array) -> dict[str, float]:
+    """A joint's numbers in the order of COLUMNS, by name."""
+    return dict(zip(COLUMNS, map(float, numbers), strict=True))
+
+
+def with_numbers(spec: Spec, numbers: Mapping[str, Mapping[str, float]]) -> Spec:
+    """A world with other numbers, by joint and name."""
+    return spec.with_driven(_changed(b, numbers.get(b.joint.name, {})) for b in spec.hand.driven)
+
+
+def _changed(body: Body, numbers: Mapping[str, float]) -> Body:
+    parts: dict[str, dict[str, Any]] = {"body": {}}
+    for name in numbers.keys() & set(COLUMNS[:-1]):
+        part, field = name.split(".")
+        parts.setdefault(part, {})[field] = numbers[name]
     own = parts.pop("body")
     of_joint = {part: replace(getattr(body.joint, part), **some) for part, some in parts.items()}
     return replace(body, joint=replace(body.joint, **of_joint), **own)

@@ -8,15 +8,10 @@ from urllib.request import urlopen
 import numpy as np
 import pytest
 
-from backends.catalogue import catalogue
 from backends.kinematics import body_frames
 from benchmark.cli import app as cli
 from benchmark.gap.overlay import CORRECTED, NOMINAL, Overlay, read_overlay
 from diagnosis import diagnose, read_log
-from diagnosis.evidence.evidence import evidence
-from diagnosis.models.parameters import coordinate, magnitude, parameters
-from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 
 LOG = Path(__file__).parents[2] / "benchmark" / "demo" / "data" / "elbow-log"
@@ -74,19 +69,6 @@ def test_a_log_without_a_diagnosis_is_shown_nominal(tmp_path: Path, monkeypatch)
     found, said = read_overlay(LOG, None)
     assert set(found.worlds) == {NOMINAL} and said == f"no diagnosis yet: bench diagnose {LOG}"
     assert cli.call(["view", str(LOG), "--live", "--diagnosis", "absent"]) == 2
-
-
-def test_a_magnitude_is_that_of_its_coordinate() -> None:
-    """Find the coordinate of every effect's magnitude again."""
-    log = read_log(LOG)
-    world = mjcf_world(log)
-    limb = Limb(spec=world, recordings=recordings(log, world), rigid=True)
-    known = parameters(catalogue(), evidence(limb), 0.05, 1.0)
-    own = [one for one in known if one.joint is not None]
-    assert {one.kind.coordinate for one in own} >= {"logarithm", "compliance"}
-    for one in own:
-        there = magnitude(one, 0.3, limb.nominal[one.joint])
-        assert coordinate(one, there, limb.nominal[one.joint]) == pytest.approx(0.3)
 
 
 def test_a_slide_moves_along_its_axis() -> None:
