@@ -74,8 +74,11 @@ class Judged:
     """The nominal world as it stands, without parameters."""
     fitter: Fitter
     found: Found
-    stopped: bool = False
-    """Whether it, or a limb after it, could not be searched to the end."""
+
+    @property
+    def stopped(self) -> bool:
+        """Whether it, or a limb after it, could not be searched to the end."""
+        return self.found.stopped
 
     @property
     def evidence(self) -> Evidence:
@@ -149,7 +152,8 @@ def judged(
         except Stop:
             if not found:
                 raise
-            found[-1] = replace(found[-1], stopped=True)
+            last = found[-1]
+            found[-1] = replace(last, found=replace(last.found, stopped=True))
         notes.extend(more)
         if found[-1].stopped:
             break
@@ -172,11 +176,9 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     if found.stopped:
-        result, nominal = (
-            decide(fitter, found, ordinary),
-            world(fitter.evidence, (), ordinary.exact),
-        )
-        return Judged(result=result, nominal=nominal, fitter=fitter, found=found, stopped=True)
+        nominal = world(fitter.evidence, (), ordinary.exact)
+        result = decide(fitter, found, ordinary)
+        return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
