@@ -3,42 +3,19 @@
 A solver pass costs 0.08 us in a grasp. The rest of a step, 12 us, is dynamics, collision and calls.
 """
 
-import ctypes
 import math
-import os
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from backends._bullet_public import push
 from backends._calls import DriveCallArgs, chosen
+from backends._pybullet import OUT, muted, p
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
-
-
-@contextmanager
-def _shut(stream: int) -> Iterator[None]:
-    """Mute a standard stream, because pybullet's prints cannot be switched off."""
-    flush = ctypes.CDLL(None).fflush
-    flush(None)
-    kept, void = os.dup(stream), os.open(os.devnull, os.O_WRONLY)
-    os.dup2(void, stream)
-    try:
-        yield
-    finally:
-        flush(None)
-        os.dup2(kept, stream)
-        os.close(kept)
-        os.close(void)
-
-
-_OUT, _ERR = 1, 2
-with _shut(_ERR):  # its build time
-    import pybullet as p
 
 calls = chosen("pybullet", ("3.2.7",), "backends._bullet_calls", "backends._bullet_public")
 SOLVER, SOLVER_IF_SOFT = p.CONSTRAINT_SOLVER_LCP_PGS, p.CONSTRAINT_SOLVER_LCP_SI
@@ -180,7 +157,7 @@ class _World:
             physicsClientId=self.client,
         )
         solver = SOLVER_IF_SOFT if spec.contact.compliance_m_n > 0.0 else SOLVER
-        with _shut(_OUT):  # "switched solver"
+        with muted(OUT):  # "switched solver"
             p.setPhysicsEngineParameter(constraintSolverType=solver, physicsClientId=self.client)
 
     def _load(self, urdf: str, fixed: bool) -> int:

@@ -1,6 +1,8 @@
 """An engine whose wheel is unknown is stepped by its public calls, with the same results."""
 
 import importlib
+import subprocess
+import sys
 from importlib import metadata
 from pathlib import Path
 from types import ModuleType
@@ -91,3 +93,12 @@ def test_a_missing_engine_is_named() -> None:
     with pytest.raises(ModuleNotFoundError) as raised:
         _calls.chosen("absent-engine", ("1.0",), "backends.trx", "backends.sticks")
     assert raised.value.name == "absent-engine"
+
+
+@pytest.mark.parametrize("engine", registry.usual("backend"))
+def test_an_engine_prints_nothing_where_it_is_loaded(engine):
+    """Load an engine in silence, its compiled parts as well."""
+    loaded = subprocess.run(
+        [sys.executable, "-c", f"import backends.{engine}"], capture_output=True, text=True
+    )
+    assert (loaded.returncode, loaded.stdout, loaded.stderr) == (0, "", "")
