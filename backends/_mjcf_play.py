@@ -11,6 +11,7 @@ from mujoco import rollout
 from backends._mjcf_followers import followers
 from backends._mjcf_model import compiled
 from backends._mjcf_robot import Signals
+from backends.command import rounded
 from backends.encoder import angles
 from backends.state import Array
 
@@ -88,7 +89,8 @@ class Plain:
         applied = np.zeros((len(command), self.model.nv))
         passed = [Signals(self.model, name, self._beside.get(name, {})) for name in self._joints]
         for j, signals in enumerate(passed):
-            target = _slowed(_late(command[:, j], signals.late), signals.most)
+            sent = rounded(command[:, j], np.array(signals.step))
+            target = _slowed(_late(sent, signals.late), signals.most)
             for place, gear in signals.servos:
                 control[:, place] = gear * target
         for dof, name in self._pushed:

@@ -17,8 +17,8 @@ NUMBERS: dict[str, dict[str, float]] = {}
 class Robot:
     """A model whose commands and readings pass as those of the robot do.
 
-    `numbers` by joint: `delay_s` of commands, `slowness_s_rad` of targets, and `late_s`, `scale`,
-    `bias`, `cosine` and `sine` of readings.
+    `numbers` by joint: `delay_s` of commands, `slowness_s_rad` and `step` of targets, and `late_s`,
+    `scale`, `bias`, `cosine` and `sine` of readings.
     """
 
     def __init__(
@@ -53,6 +53,7 @@ class Signals:
         self.late, self.read_late = own.get("delay_s", 0.0) / dt, own.get("late_s", 0.0) / dt
         slowness = own.get("slowness_s_rad", 0.0)
         self.most = dt / slowness if slowness else np.inf
+        self.step = own.get("step", 0.0)
         self.scale, self.bias = 1.0 + own.get("scale", 0.0), own.get("bias", 0.0)
         self.cosine, self.sine = own.get("cosine", 0.0), own.get("sine", 0.0)
         self.sent: list[float] = []
@@ -61,7 +62,7 @@ class Signals:
 
     def pass_on(self, target: float, data: mujoco.MjData) -> float:
         """Give a target to the servos, as late and slow as it is; the reading."""
-        self.sent.append(target)
+        self.sent.append(self.step * round(target / self.step) if self.step else target)
         wanted = late(self.sent, self.late)
         last = wanted if self.target is None else self.target
         self.target = last + min(max(wanted - last, -self.most), self.most)

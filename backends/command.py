@@ -1,7 +1,8 @@
-"""The path of a target from the policy to the drive: lost packets, delay and rate limit.
+"""The path of a target from the policy to the drive: steps, lost packets, delay and rate limit.
 
-They act in this order: a policy period's target may be lost, then the last one is kept; the bus
-delays the target; the drive limits its rate. Without any of these the target passes unchanged.
+They act in this order: a policy period's target is rounded to a step; it may be lost, then the last
+one is kept; the bus delays the target; the drive limits its rate. Without any of these the target
+passes unchanged.
 """
 
 from collections.abc import Sequence
@@ -32,12 +33,14 @@ def follow(target, tick, substeps, seed, p, dt, kept, ring, out):
     """
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
-            delay, slowness, loss = p[n, j]
+            delay, slowness, loss, step = p[n, j]
             fresh = tick[n] == 0
             if tick[n] % substeps == 0:
                 packet = tick[n] // substeps
                 if fresh or loss == 0.0 or uniform(seed[n], packet, 0) >= loss:
                     kept[n, j] = target[n, j]
+                    if step > 0.0:
+                        kept[n, j] = step * np.round(target[n, j] / step)
             if fresh:
                 ring[n, j, :] = kept[n, j]
             ring[n, j, tick[n] % ring.shape[2]] = kept[n, j]
@@ -46,6 +49,14 @@ def follow(target, tick, substeps, seed, p, dt, kept, ring, out):
                 most = dt / slowness
                 wanted = out[n, j] + min(max(wanted - out[n, j], -most), most)
             out[n, j] = wanted
+
+
+def rounded(target_rad: Array, step_rad: Array) -> Array:
+    """Targets (..., J) as the nearest multiples of steps (J,); as they are where a step is 0."""
+    if not np.any(step_rad):
+        return target_rad
+    some = np.where(step_rad > 0.0, step_rad, 1.0)
+    return np.where(step_rad > 0.0, some * np.round(target_rad / some), target_rad)
 
 
 class CommandBank:

@@ -122,6 +122,8 @@ class Effect(ABC):
     """As a tolerance it adds its slope to a replay: within its kink it is no smooth parameter."""
     family: ClassVar[str | None] = None
     """Effects of a family at a joint are one cause: the others are the shape of its law."""
+    narrow_as: ClassVar[str | None] = None
+    """What it is in a narrow range: that one is named where both explain a log alike."""
     exact: ClassVar[bool] = False
     """Its law is exact in every mechanism, as a sensor's offset; else it is a model of many."""
     shared: ClassVar[bool] = False

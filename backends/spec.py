@@ -61,6 +61,8 @@ class Command:
     """Shortest time in which the target moves by one radian [s/rad]; 0: no limit."""
     loss_share: float = 0.0
     """Probability that a policy period's target is lost and the last one kept [1]."""
+    resolution_rad: float = 0.0
+    """Targets are rounded to multiples of this step [rad]; 0: continuous."""
 
 
 @dataclass(frozen=True, kw_only=True)

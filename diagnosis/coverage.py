@@ -5,9 +5,9 @@ from collections.abc import Mapping
 from backends.effect import Effect, NumberEffect
 from diagnosis.motion.columns import COLUMNS
 from diagnosis.verdict.in_hand import missing
-from diagnosis.verdict.sensors import LOSS, NOISE, RESOLUTION
+from diagnosis.verdict.sensors import LOSS, NOISE, RESOLUTION, STEP
 
-SENSED = (NOISE, RESOLUTION, LOSS)
+SENSED = (NOISE, RESOLUTION, LOSS, STEP)
 """Numbers that sensors and packets show by themselves."""
 WHY = "not looked for: neither replays, sensors nor grasps here show it"
 

@@ -26,6 +26,7 @@ from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.packets.losses import Losses, arrived, losses
+from diagnosis.packets.rounding import Rounding, roundings
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
@@ -40,7 +41,7 @@ from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult, Result
-from diagnosis.verdict.sensors import loss_cause, sensor_causes
+from diagnosis.verdict.sensors import loss_cause, sensor_causes, step_cause
 
 TURNS = 3
 """Decodings of lost packets, each with the fit to the one before."""
@@ -181,9 +182,16 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
+    received = said
+    for step in _rounded(fitter, found.chosen):
+        sensors.append(step_cause(said, step, asked.catalogue))
+        if sensors[-1].effect in asked.catalogue:
+            received = replace(received, limb=received.limb.with_steps(step.joint, step.step))
+    if received is not said:
+        fitter, found = _searched(received, known, ordinary, progress)
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
-        received = replace(said, limb=arrived(said.limb, lost))
+        received = replace(received, limb=arrived(received.limb, lost))
         sensors.append(loss_cause(said, lost, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
@@ -220,6 +228,24 @@ def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
     if some == limb.recordings:
         return said
     return spreading(world(evidence(replace(limb, recordings=some)), (), ordinary.exact))
+
+
+def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
+    """Steps of targets, at most one a joint, that take half of what a set of causes leaves there.
+
+    A rounding is exact: where its steps fit, they fit all of a joint's samples.
+    """
+    world, evidence = fitter.world, fitter.evidence
+    best = dict[int, tuple[float, Rounding]]()
+    for one in roundings(world, chosen.u, chosen.residual):
+        limb = evidence.limb.with_steps(one.joint, one.step)
+        after = type(world)(replace(evidence, limb=limb), world.parameters)
+        fit = Fitter(after).fit(chosen.freed, near=chosen.u, slopes=chosen.slopes, again=False)
+        part = evidence.parts[one.joint]
+        left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))
+        if left <= min((1.0 - FURTHER) * before, best.get(one.joint, (np.inf,))[0]):
+            best[one.joint] = left, one
+    return [one for _, one in best.values()]
 
 
 def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:

@@ -30,5 +30,6 @@ class Effect(NumberEffect):
     least = 0.002
     most = 0.08
     either_sign = True
+    narrow_as = "encoder-bias"
     exact = True
     near = ("encoder-eccentricity-sine", "encoder-bias", "encoder-scale")

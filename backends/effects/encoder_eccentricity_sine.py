@@ -25,5 +25,6 @@ class Effect(NumberEffect):
     least = 0.004
     most = 0.08
     either_sign = True
+    narrow_as = "encoder-scale"
     exact = True
     near = ("encoder-eccentricity", "encoder-scale")

@@ -24,7 +24,7 @@ DRIVE = (
 )
 """Numbers of a drive, in the order in which equations take them."""
 _OTHER = (
-    *("delay", "slowness", "loss"),
+    *("delay", "slowness", "loss", "step"),
     *("mass", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
@@ -62,6 +62,7 @@ CHANGES = {
     "command-delay": ("delay", "add"),
     "command-rate-limit": ("slowness", "add"),
     "command-dropout": ("loss", "add"),
+    "command-resolution": ("step", "add"),
     "dead-zone": ("dead", "add"),
     "encoder-bias": ("bias", "add"),
     "encoder-scale": ("scale", "add"),
@@ -200,8 +201,11 @@ class Plant:
         )
 
     def _kept(self, target_rad: Array, rng: np.random.Generator) -> Array:
-        """Targets with packets lost: all joints share one packet per sample."""
+        """Targets in steps, with packets lost: all joints share one packet per sample."""
         kept, draws = target_rad.copy(), rng.uniform(size=len(target_rad))
+        for j in np.flatnonzero(self.numbers["step"]):
+            step = self.numbers["step"][j]
+            kept[:, j] = np.floor(kept[:, j] / step + 0.5) * step
         for k in range(1, len(kept)):
             lost = draws[k] < self.numbers["loss"]
             kept[k, lost] = kept[k - 1, lost]

@@ -29,6 +29,7 @@ PLAY, STIFFNESS = COLUMNS.index("drive.play_rad"), COLUMNS.index("drive.gear_sti
 TEETH, LOCK = COLUMNS.index("drive.gear_damping_nms_rad"), COLUMNS.index("drive.lock_nm")
 DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.delay_s")
 SLOWNESS = COLUMNS.index("command.slowness_s_rad")
+STEP = COLUMNS.index("command.resolution_rad")
 INTEGRAL, FULL = COLUMNS.index("loop.integral_hz"), COLUMNS.index("loop.integral_limit_nm")
 CASCADE = COLUMNS.index("loop.speed_integral_hz")
 FILTER, LEAD = COLUMNS.index("loop.filter_s"), COLUMNS.index("loop.lead")

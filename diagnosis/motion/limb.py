@@ -7,12 +7,25 @@ from typing import Any
 
 import numpy as np
 
+from backends.command import rounded
 from backends.encoder import angles
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.along import AXES, Along, smoothed
-from diagnosis.motion.columns import ACROSS, BIAS, KP, MASS, ONCE, ROTOR, SCALE, table
+from diagnosis.motion.columns import (
+    ACROSS,
+    BIAS,
+    COLUMNS,
+    KP,
+    MASS,
+    ONCE,
+    ROTOR,
+    SCALE,
+    STEP,
+    table,
+    with_numbers,
+)
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
@@ -141,6 +154,13 @@ class Limb:
         """The same limb and motion, see `torque_from`."""
         return self._alike(torque_from=torque_from)
 
+    def with_steps(self, joint: int, step: float) -> "Limb":
+        """The same limb and motion, a joint's targets rounded to a step on their way."""
+        numbers = {self.joints[joint]: {COLUMNS[STEP]: step}}
+        other = self._alike(spec=with_numbers(self.spec, numbers))
+        other.__dict__["nominal"] = table(other.spec, self.rigid)
+        return other
+
     def in_half_steps(self) -> "Limb":
         """The same limb and motion, replayed in steps of half the length."""
         other = replace(self)
@@ -195,7 +215,8 @@ class Limb:
         share = numbers[:, MASS] / np.where(self.nominal[:, MASS], self.nominal[:, MASS], 1.0) - 1
         share = np.where(self.nominal[:, MASS] > 0.0, share, 0.0)
         model = path.changed(share, np.zeros(len(AXES)) if tilt is None else tilt)
-        asked = recording.command, recording.given, recording.push, clock.row
+        sent = rounded(recording.command, numbers[:, STEP])
+        asked = sent, recording.given, recording.push, clock.row
         start = unread(recording.start, numbers) + shift
         out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
         motion = path.angle_rad, path.speed_rad_s, *model

@@ -14,8 +14,9 @@ def arrivals(ticks, target, path, late, dt):
     """Spans of constant targets: their ticks (M,), samples (M,), targets (M, J), and ends.
 
     `ticks` (n,) are the drive periods up to each sample and `target` (n, J) the commands there;
-    `path` (J, 3) as in `backends.command`, of which nothing is lost. A span ends wherever sensors
-    that are `late` (J,) [s] look back to; after so many ticks the span `ends` of that has ended.
+    `path` (J, P) as in `backends.command`, of which nothing is lost or rounded. A span ends
+    wherever sensors that are `late` (J,) [s] look back to; after so many ticks the span `ends` of
+    that has ended.
     """
     row_of, slow = np.repeat(np.arange(len(ticks)), ticks), path[:, 0] / dt
     looks = _looks(ticks, late / dt)

@@ -19,6 +19,7 @@ from diagnosis.replay.robot import model_of
 BESIDE = {
     "command.delay_s": ("delay_s", "s", "s"),
     "command.slowness_s_rad": ("slowness_s_rad", "s/rad", "s/m"),
+    "command.resolution_rad": ("step", "rad", "m"),
     "encoder.delay_s": ("late_s", "s", "s"),
     "encoder.scale_error": ("scale", "", ""),
     "encoder.bias_rad": ("bias", "rad", "m"),

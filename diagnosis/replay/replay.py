@@ -13,15 +13,20 @@ from itertools import pairwise
 import numba
 import numpy as np
 
+from backends.command import rounded
 from backends.drive import drive_table
 from backends.encoder import angles
-from backends.spec import Encoder, Spec
+from backends.spec import Command, Encoder, Spec
 from backends.state import Array
 from diagnosis.replay.arrival import arrivals, looked
 from diagnosis.replay.chain import Chain, chain
 from diagnosis.replay.expansion import expand
 from diagnosis.replay.lanes import CHANNELS, together
 
+PATH = tuple(field.name for field in dataclasses.fields(Command))
+STEP = PATH.index("resolution_rad")
+LATER = [PATH.index(name) for name in ("loss_share", "resolution_rad")]
+"""Columns of a path's numbers; those of LATER are random, or done before."""
 ENCODER = tuple(field.name for field in dataclasses.fields(Encoder))
 BIAS, SCALE, DELAY = (ENCODER.index(name) for name in ("bias_rad", "scale_error", "delay_s"))
 ONCE, ACROSS = (ENCODER.index(f"eccentricity_{name}") for name in ("rad", "sine_rad"))
@@ -109,8 +114,9 @@ def replays(spec: Spec, batch: Batch) -> list[Array]:
     """See `replay`, for every episode; of limbs that are closed alone."""
     joints = [body.joint for body in spec.hand.driven]
     path = np.array([list(vars(j.command).values()) for j in joints])
+    batch = dataclasses.replace(batch, target=rounded(batch.target, path[:, STEP]))
     encoder = np.array([list(vars(j.encoder).values()) for j in joints])
-    path[:, 2], encoder[:, RANDOM] = 0.0, 0.0
+    path[:, LATER], encoder[:, RANDOM] = 0.0, 0.0
     at_motor = np.array([j.sensor == "motor" for j in joints])
     drive, closed = drive_table(spec), _closed(chain(spec))
     limb = closed, drive, path, encoder, at_motor, spec.timing.drive_s

@@ -47,6 +47,8 @@ OWN = 1.25
 """An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
+WIDER = 1.25
+"""A law leaves so many times less [squared] than the one that it is in a narrow range."""
 NEAR, NEAR_MORE = 4.0, 3.0
 """The beam keeps sets whose excess is below so many times the best's, and this."""
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
@@ -187,8 +189,14 @@ class Search:
             self.ordinary.exact
             and min((f.worst for f in fits), default=9.0) <= self.ordinary.floors
         ):
-            return [fit for _, fit in ranked_by_nats(self.fitter.evidence, fits)]
+            pairs = ranked_by_nats(self.fitter.evidence, fits)
+            return [fit for _, fit in sorted(pairs, key=self._nats)]
         return sorted(fits, key=lambda fit: rank(self.parameters, fit))
+
+    def _nats(self, pair: tuple[float, Fit]) -> float:
+        """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
+        cost, fit = pair
+        return cost + TIE_NATS * _wider([self.parameters[k] for k in fit.freed])
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
@@ -350,7 +358,12 @@ def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
     chosen = [parameters[k] for k in fit.freed]
     exact = sum(p.kind.exact for p in chosen)
     shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
-    return fit.excess * SENSOR**exact * OWN**shared
+    return fit.excess * SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
+
+
+def _wider(parameters: Sequence[Parameter]) -> int:
+    """How many effects are others' laws beyond a narrow range."""
+    return sum(one.kind.narrow_as is not None for one in parameters)
 
 
 def _squares(fit: Fit) -> float:

@@ -12,6 +12,7 @@ from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import BLOCK_S
 from diagnosis.motion.recordings import noise_of, white_noise
 from diagnosis.packets.losses import Losses
+from diagnosis.packets.rounding import Rounding
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, Cause, cause
 
@@ -24,7 +25,7 @@ REST_S, LEAST_RESTS = 0.3, 20
 SHARE_OFF = 0.1
 """A measured noise or step is right to this share."""
 NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
-LOSS = "command.loss_share"
+LOSS, STEP = "command.loss_share", "command.resolution_rad"
 
 
 def sensor_causes(
@@ -66,6 +67,11 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
 def loss_cause(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
     """Packets that were lost."""
     return _cause(evidence, LOSS, lost.joints, (lost.share, lost.low, lost.high), catalogue)
+
+
+def step_cause(evidence: Evidence, one: Rounding, catalogue: Mapping[str, type[Effect]]) -> Cause:
+    """Targets that were rounded."""
+    return _cause(evidence, STEP, (one.joint,), (one.step, one.low, one.high), catalogue)
 
 
 def _cause(

@@ -31,6 +31,8 @@ class Real:
     """A cubic spring on the first joint: no effect of the catalogue."""
     lost_share: float = 0.0
     """Share of the packets that are lost; the drives keep the last target."""
+    step_rad: float = 0.0
+    """Targets of all joints are rounded to this on their way."""
     noise_rad: float = 1e-4
     still: tuple[int, ...] = ()
     """Joints whose target stays at STILL_RAD."""
@@ -98,6 +100,8 @@ def log_of(real: Real, seed: int = 0) -> Log:
 def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
     """The targets that arrive (T, K)."""
     lost = noise.random(len(command)) < real.lost_share
+    if real.step_rad:
+        command = real.step_rad * np.round(command / real.step_rad)
     return command[np.maximum.accumulate(np.where(lost, 0, np.arange(len(command))))]
 
 

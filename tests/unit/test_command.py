@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from backends import sticks, trx
-from backends.command import CommandBank
+from backends.command import CommandBank, rounded
 from backends.spec import Spec
 from backends.state import Array
 from benchmark.settings.effects import parse_effects
@@ -66,6 +66,20 @@ def test_delay_between_ticks_is_linear() -> None:
     late = play("command-delay=2.4ms", RESTLESS)[:, 0]
     now = np.concatenate([np.full(3, RESTLESS[0]), held(RESTLESS)])
     assert late == pytest.approx(0.6 * now[1:-2] + 0.4 * now[:-3], abs=1e-12)
+
+
+def test_steps_are_the_nearest_ones() -> None:
+    """Pass multiples of the step within half of it, with the error of a uniform distribution."""
+    policy, step = np.random.default_rng(1).uniform(-1, 1, 4000), np.radians(0.5)
+    path = play("command-resolution=0.5deg", policy)
+    assert np.array_equal(path, np.tile(held(path[::SUBSTEPS, 0])[:, None], (1, 6)))
+    sent = path[::SUBSTEPS, 0]
+    assert sent == pytest.approx(step * np.round(policy / step), abs=1e-12)
+    error = sent - policy
+    assert np.abs(error).max() <= step / 2 * (1 + 1e-9)
+    # Var = step^2 / 12; the sample variance of a uniform one has a relative spread sqrt(0.8 / n).
+    assert error.var() == pytest.approx(step**2 / 12, rel=4 * np.sqrt(0.8 / error.size))
+    assert np.array_equal(rounded(policy[:, None], np.array([step]))[:, 0], sent)
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
@@ -138,10 +152,12 @@ def test_named_joint_alone_is_late() -> None:
     assert np.array_equal(path[SUBSTEPS:, J3], held(RESTLESS)[:-SUBSTEPS])
 
 
-def test_targets_are_lost_then_late_then_limited() -> None:
-    """Give with all three what the rate limit makes of the delay of the losses."""
+def test_targets_are_rounded_then_lost_then_late_then_limited() -> None:
+    """Give with all four what the limit makes of the delay of the losses of rounded targets."""
     text = "command-dropout=40%,command-delay=9ms,command-rate-limit=0.1s/rad"
-    lost = play("command-dropout=40%", RESTLESS)[:, 0]
+    text += ",command-resolution=2deg"
+    stepped = rounded(RESTLESS, np.array(np.radians(2)))
+    lost = play("command-dropout=40%", stepped)[:, 0]
     late = np.concatenate([np.full(9, lost[0]), lost])[: len(lost)]
     expected = [late[0]]
     for wanted in late[1:]:

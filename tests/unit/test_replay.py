@@ -43,6 +43,7 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {},
         {"command-delay": 6.3e-3},
         {"command-delay": 0.013, "command-rate-limit": 0.1, "kp-scale": -0.2},
+        {"command-delay": 6.3e-3, "command-resolution": 0.02},
         {"sensor-delay": 6.3e-3, "encoder-scale": 0.1, "encoder-bias": 0.02},
         {"encoder-eccentricity": 0.03, "encoder-eccentricity-sine": -0.05, "encoder-bias": 0.02},
         {"stiction": 0.05, "coulomb-friction": 0.02, "dead-zone": 0.01},

@@ -1,5 +1,7 @@
 """The search of causes on one joint's log: smaller sets, and from a part of a log to all of it."""
 
+from dataclasses import replace
+
 import pytest
 from arms import Real, log_of
 
@@ -12,7 +14,7 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fitter
-from diagnosis.search.search import Found, Search
+from diagnosis.search.search import Found, Search, rank
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.ordinary import ROBOTS
 
@@ -40,6 +42,17 @@ def test_a_smaller_set_is_fitted_from_the_larger_one(fitter):
     astray = search.tried[frozenset({gain})]
     both = fitter.fit((gain, bias), {gain: -0.5})
     assert search._without(both, bias).excess < 0.1 * astray.excess
+
+
+@pytest.mark.parametrize("name", ["encoder-eccentricity", "encoder-eccentricity-sine"])
+def test_of_two_laws_alike_the_plain_one_leads(fitter, name):
+    """Put an offset or a scale before the wave that it is part of, and a clear wave first."""
+    plain = number(fitter, catalogue()[name].narrow_as)
+    alike = fitter.fit((plain,), {plain: 0.02})
+    wave = replace(alike, freed=(number(fitter, name),))
+    better = replace(wave, gap2=alike.gap2 / 2)
+    sets = sorted([wave, alike, better], key=lambda fit: rank(fitter.parameters, fit))
+    assert [id(one) for one in sets] == [id(one) for one in (better, alike, wave)]
 
 
 def test_the_whole_log_may_choose_otherwise_than_a_part(fitter):

@@ -70,6 +70,21 @@ def test_coarse_encoders_are_named():
     assert result.limbs[0].sensors[0].value == pytest.approx(0.3, rel=0.05)
 
 
+@pytest.mark.parametrize("step", [np.radians(0.088), np.radians(0.29), np.radians(1.1)])
+def test_coarse_targets_are_named(step):
+    """Name the steps of targets by themselves, to a hundredth, and no lost packet beside them."""
+    result = solve(log_of(Real(step_rad=step, noise_rad=1e-5)))
+    assert result.verdict == ("command-resolution",)
+    assert result.limbs[0].sensors[0].value == pytest.approx(np.degrees(step), rel=0.01)
+
+
+def test_coarse_targets_stand_beside_a_fault():
+    """Name a weak drive and the steps of its targets, and say unknown of steps without a name."""
+    log = log_of(Real(kp={0: 0.6}, step_rad=0.02))
+    assert set(solve(log).verdict) == {"kp-scale", "command-resolution"}
+    assert solve(log, catalogue=without("command-resolution")).verdict == ("unknown",)
+
+
 @pytest.mark.parametrize("offset", [0.0, 0.4321])
 @pytest.mark.parametrize("step", [2e-5, 1.5e-3, 0.05])
 def test_a_step_is_found_at_any_offset(step, offset):

@@ -60,7 +60,7 @@ def test_a_written_robot_stands_by_itself():
     "own",
     [
         {},
-        {"delay_s": 0.0305, "slowness_s_rad": 2.0},
+        {"delay_s": 0.0305, "slowness_s_rad": 2.0, "step": 0.05},
         {"late_s": 0.0123, "scale": 0.1, "sine": 0.03},
     ],
 )
