@@ -21,7 +21,7 @@ from numba.core import types
 from numba.core.types import ExternalFunction
 from numba.extending import intrinsic
 
-from backends.drive import DriveBank, motor_tick
+from backends.drive import COLUMNS, DriveBank, motor_tick, numbers_at
 from backends.state import Array
 
 
@@ -69,6 +69,7 @@ def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
 
 _HEAD = 9
 """Length of the argument block: worlds, joints, period, then the addresses of six arrays."""
+_NUMBERS = len(COLUMNS)
 
 
 def _pointer(typing_context, address):
@@ -96,11 +97,12 @@ def motor_step(address, n, angle, rate):
     joints, dt = int(head[1]), head[2]
     shape = int(head[0]), joints
     target, motor = array_at(head[3], shape), array_at(head[4], shape)
-    speed, p = array_at(head[5], shape), array_at(head[6], (13, shape[0], joints))
+    speed, p = array_at(head[5], shape), array_at(head[6], (_NUMBERS, shape[0] * joints))
     pd, gear = array_at(head[7], shape), array_at(head[8], shape)
     for j in range(joints):
+        own = numbers_at(p, n * joints + j)
         motor[n, j], speed[n, j], pd[n, j], gear[n, j] = motor_tick(
-            target[n, j], angle[j], rate[j], motor[n, j], speed[n, j], p[:, n, j], dt
+            target[n, j], angle[j], rate[j], motor[n, j], speed[n, j], own, dt
         )
     return gear[n]
 

@@ -45,7 +45,7 @@ def drive_tick(
     p = numbers[n, j]  # in the order of the fields of `Drive`
     kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
     coulomb, viscous, k, c = p[4], p[5], p[6], p[7]
-    play, lock, stiction, load, dead = p[8], p[9], p[10], p[11], p[12]
+    play, lock, stiction, load, dead, way = p[8], p[9], p[10], p[11], p[12], p[13]
     joint, joint_speed = wp.float64(qpos[n, joint_q[j]]), wp.float64(qvel[n, joint_v[j]])
     speed = motor_speed[n, j]
     rub = _NONE
@@ -63,6 +63,7 @@ def drive_tick(
     pd = wp.min(wp.max(pd, -limit), limit)
     friction = coulomb + load * wp.abs(gear) + rub
     speed += dt / inertia * (pd - gear - viscous * speed)
+    friction += wp.max(wp.where(speed > _NONE, way, -way), _NONE)
     speed = _shrink(speed, dt / inertia * friction)
     if speed * pd <= _NONE and speed * gear < _NONE:
         speed = _shrink(speed, dt / inertia * lock)

@@ -6,11 +6,12 @@ which push once the play between them is taken up:
     tau_pd   = clip(kp dead_zone(target - motor) - kd motor', -limit, limit) (the paper's PD law)
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
     J motor'' = tau_pd - tau_gear - viscous motor' - friction
-    friction = coulomb + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
+    friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
 
 Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
 stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
-against the motor. Joint positions are never overwritten, so the squeeze of a grasp is kept.
+against the motor. `one_way` is friction in one direction alone. Joint positions are never
+overwritten, so the squeeze of a grasp is kept.
 
 Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
 with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650).
@@ -45,10 +46,10 @@ def rubbing(speed, stiction):
     return stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
-    """`motor_tick` with a given stiction `rub`, written without branches so that it vectorises."""
-    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead = p
+    """`motor_tick` with a given stiction `rub`, without branches and inline: so it vectorises."""
+    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead, way = p
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
     press = gap - play if gap > 0.0 else gap + play
@@ -59,10 +60,20 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
     pd = min(max(pd, -limit), limit)
     friction = coulomb + load * abs(gear) + rub
     speed += dt / inertia * (pd - gear - viscous * speed)
+    friction += max(way if speed > 0.0 else -way, 0.0)
     speed = _shrink(speed, dt / inertia * friction)
     locked = _shrink(speed, dt / inertia * lock)
     speed = locked if (speed * pd <= 0.0) & (speed * gear < 0.0) else speed
     return motor + dt * speed, speed, pd, gear
+
+
+@numba.njit(cache=True, forceinline=True)
+def numbers_at(p, i):
+    """Column `i` of `p` as a tuple; as an array it would keep SIMD away."""
+    return (
+        *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
+        *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i]),
+    )
 
 
 @numba.njit(cache=True)
@@ -77,25 +88,19 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); `p` (13, N, J) holds the numbers of all drives."""
+    """`motor_tick` for contiguous arrays (N, J); `p` (14, N, J) holds the numbers of all drives."""
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
     for i in range(len(motor)):
         rub[i] = rubbing(motor_speed[i], p[_STICTION, i])
     for i in range(len(motor)):
-        # A tuple of rows' elements costs nothing; a column of `p` would keep SIMD away.
-        own = (
-            *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
-            *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i]),
-        )
-        motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(
-            target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], dt, own
-        )
+        own = target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i]
+        motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(*own, dt, numbers_at(p, i))
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of `motor_tick`, shape (J, 13)."""
+    """The numbers of all drives in the order of `motor_tick`, shape (J, 14)."""
     return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
 
 

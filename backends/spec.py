@@ -49,6 +49,9 @@ class Drive:
     dead_zone_rad: float = 0.0
     """Dead zone: the PD law subtracts this from the size of an error; smaller errors count as 0
     [rad]."""
+    one_way_friction_nm: float = 0.0
+    """Coulomb friction in one direction alone: where the motor turns upwards if positive, of this
+    size where it turns downwards if negative [Nm]."""
 
 
 @dataclass(frozen=True, kw_only=True)

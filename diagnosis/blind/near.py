@@ -15,7 +15,6 @@ STRANGE: Mapping[str, tuple[str, ...]] = {
     "thermal-fade": ("torque-limit", "kp-scale"),
     "magnet-slip": ("encoder-bias",),
     "cogging": ("coulomb-friction", "stiction"),
-    "one-sided-friction": ("coulomb-friction", "stiction", "load-friction"),
 }
 """By fault that no catalogue has: a motor that fades is weak, one that cogs is rough, and a magnet
 that slips is a bias."""

@@ -20,9 +20,12 @@ from backends.state import Array
 
 DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead"),
+    *("lock", "stiction", "load", "dead", "uneven"),
 )
-"""Numbers of a drive, in the order in which equations take them."""
+"""Numbers of a drive, in the order in which equations take them.
+
+`uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards.
+"""
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
     *("mass", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
@@ -31,7 +34,6 @@ STRANGE = {
     "hard-stop": "stop",
     "thermal-fade": "fade",
     "cogging": "cogging",
-    "one-sided-friction": "uneven",
     "magnet-slip": "slip",
 }
 """Faults that no catalogue has, and the number that each adds to.
@@ -39,16 +41,16 @@ STRANGE = {
     stop     the link meets an elastic stop so far inside of the upper end of its range [rad]
     fade     share of its torque that a motor loses at the heat of lasting full torque [1]
     cogging  amplitude of a torque that goes as sin(17 motor angle) [Nm]
-    uneven   dry friction while the motor turns upwards, and none downwards [Nm]
     slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
 """
-STRANGE_DRIVE = ("stop", "fade", "cogging", "uneven")
+STRANGE_DRIVE = ("stop", "fade", "cogging")
 """Those that the equations of motion implement, in their order; 0: absent."""
 NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
     "backlash": ("play", "add"),
     "self-lock": ("lock", "add"),
     "coulomb-friction": ("coulomb", "add"),
+    "direction-friction": ("uneven", "add"),
     "stiction": ("stiction", "add"),
     "viscous-friction": ("viscous", "add"),
     "load-friction": ("load", "add"),

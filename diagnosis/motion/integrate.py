@@ -34,6 +34,7 @@ from diagnosis.motion.columns import (
     LIMIT,
     LOAD,
     LOCK,
+    ONE_WAY,
     PLAY,
     PROFILE,
     ROTOR,
@@ -101,10 +102,10 @@ def _gear(gap, slip, play, stiffness, teeth):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _turned(speed, pd, gear, viscous, rub, lock, r, damped):
+def _turned(speed, pd, gear, viscous, rub, way, lock, r, damped):
     """A rotor's speed after a tick r = dt / J; friction stops it and never reverses it."""
     speed += r * (pd - gear - viscous * speed) / (1.0 + r * damped)
-    speed = _shrink(speed, r * rub)
+    speed = _shrink(speed, r * (rub + max(way if speed > 0.0 else -way, 0.0)))
     return _shrink(speed, r * lock) if speed * pd <= 0.0 and speed * gear < 0.0 else speed
 
 
@@ -196,7 +197,7 @@ def integrate(
                 gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])
                 most = rub[j] + p[j, LOAD] * abs(gear[j])
                 loss = loss if implicit else 0.0
-                own = pd, gear[j], p[j, VISCOUS], most, p[j, LOCK], r, loss
+                own = pd, gear[j], p[j, VISCOUS], most, p[j, ONE_WAY], p[j, LOCK], r, loss
                 speed[j] = _turned(speed[j], *own)
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
@@ -216,7 +217,7 @@ def integrate(
             force[j] += push[k, j] - bias[i, j]
             for n in range(joints):
                 force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
-            rubs |= rub[j] > 0.0
+            rubs |= rub[j] > 0.0 or (p[j, ONE_WAY] != 0.0 and p[j, TWO_MASSES] == 0.0)
         for j in range(joints):
             accel[j] = 0.0
             for n in range(joints):
@@ -232,8 +233,9 @@ def integrate(
         for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
             settled = True
             for j in range(joints):
-                most = dt * rub[j]
-                more = min(max(impulse[j] - after[j] / inverse[j, j], -most), most) - impulse[j]
+                most, way = dt * rub[j], dt * p[j, ONE_WAY] * (1.0 - p[j, TWO_MASSES])
+                low, high = -most - max(way, 0.0), most + max(-way, 0.0)
+                more = min(max(impulse[j] - after[j] / inverse[j, j], low), high) - impulse[j]
                 if more != 0.0:
                     settled = False
                     impulse[j] += more

@@ -43,7 +43,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
 
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
-    `start` are the angles (E, J); `drive` (J, 13) and `closed` (33,) are the numbers of the drives
+    `start` are the angles (E, J); `drive` (J, 14) and `closed` (33,) are the numbers of the drives
     and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
@@ -160,7 +160,13 @@ def _drive(x, at, dt):
     own = (
         *(x[p], x[p + LANES], x[p + 2 * LANES], x[p + 3 * LANES], x[p + 4 * LANES]),
         *(x[p + 5 * LANES], x[p + 6 * LANES], x[p + 7 * LANES], x[p + 8 * LANES]),
-        *(x[p + 9 * LANES], x[p + 10 * LANES], x[p + 11 * LANES], x[p + 12 * LANES]),
+        *(
+            x[p + 9 * LANES],
+            x[p + 10 * LANES],
+            x[p + 11 * LANES],
+            x[p + 12 * LANES],
+            x[p + 13 * LANES],
+        ),
     )
     joint, motor = (x[at + _ANGLE], x[at + _SPEED]), (x[at + _MOTOR], x[at + _MOTOR_SPEED])
     motor_rad, rate, pd, gear = turn_motor(x[at + _TARGET], *joint, *motor, x[at + _RUB], dt, own)

@@ -267,10 +267,11 @@ class Search:
         """
         asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
         screening = Screening(self.fitter, fit)
-        found = screening.screened(asked)[:FITTED]
+        screened = screening.screened(asked)
+        found = screened[:FITTED]
         if not fit.freed and fit.worst > FAR * self.ordinary.floors:
             more = Screening(self.fitter, self.plain).screened(asked)[:MORE]
-            more += self._kin(found[0].number) if found else []
+            more += self._kin(screened)
         else:
             alone = [Screened(number=k, gain=0.0, to=u) for k, u in self._singles() if k in asked]
             more = alone[:MORE]
@@ -278,12 +279,14 @@ class Search:
         unlike = {one.number: one for one in more if one.number not in known}
         return [*found, *unlike.values()], screening.slopes
 
-    def _kin(self, number: int) -> list[Screened]:
+    def _kin(self, screened: Sequence[Screened]) -> list[Screened]:
         """Effects of a family at a joint: where one promises much, another may be the law."""
-        one = self.parameters[number]
-        kin = [k for k, p in enumerate(self.parameters) if p.is_kin(one) and p.nameable]
-        sizes = {k: KIN * self.parameters[k].least for k in kin}
-        return [Screened(number=k, gain=0.0, to=size) for k, size in sizes.items()]
+        first = [self.parameters[one.number] for one in screened[:1]]
+        kin = [one for one in screened if any(self.parameters[one.number].is_kin(p) for p in first)]
+        return [
+            replace(one, to=float(np.copysign(KIN * self.parameters[one.number].least, one.to)))
+            for one in sorted(kin, key=lambda one: one.number)
+        ]
 
     def _singles(self) -> list[tuple[int, float]]:
         """Effects and their sizes as single causes, the best first."""

@@ -168,7 +168,7 @@ def robot(effect: str, left: float) -> Case:
 def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
     """Take `none` below what is ordinary, and a mechanic's name apart from `unknown`."""
     said = {"verdict": verdict, "joints": ["j0"] if near else []}
-    case = robot("one-sided-friction", left)
+    case = robot("cogging", left)
     beyond = not judged.is_ordinary(case, healthy)
     assert judged.rightness(case, said, catalogue(), beyond) == (right, near)
 
@@ -176,7 +176,7 @@ def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
 def test_a_near_name_on_another_joint_is_wrong():
     """Ask a near name to stand on the joint that is at fault."""
     said = {"verdict": ["coulomb-friction"], "joints": ["j5"]}
-    case = robot("one-sided-friction", 9.0)
+    case = robot("cogging", 9.0)
     assert judged.rightness(case, said, catalogue(), True) == (False, False)
 
 

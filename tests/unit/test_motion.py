@@ -8,7 +8,7 @@ from arms import KP as KP_NM_RAD
 
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import make_log
-from diagnosis.motion.columns import KD, KP, LIMIT, LOCK
+from diagnosis.motion.columns import KD, KP, LIMIT, LOCK, ONE_WAY
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -69,6 +69,21 @@ def test_a_self_locking_gear_holds_its_load():
     )
     assert next(lifted) == pytest.approx(-5e-3, abs=2e-4)
     assert next(lifted) == pytest.approx(0.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_friction_in_one_direction_holds_from_one_side(sign):
+    """Stay 5 mrad on the side that the friction would have to leave; come back from the other."""
+    limb = limb_of(log_of(Real()))
+    rough = limb.nominal.copy()
+    rough[:, ONE_WAY] = 50.0 * sign
+    held = limb.time_s[0] < 0.45
+    sag = limb.simulate(limb.nominal)[: len(held)][held][-1, 0, 0]
+    ends = [limb.simulate(rough, shift=s)[: len(held)][held][-1, 0, 0] for s in (-5e-3, 5e-3)]
+    stays, returns = ends if sign > 0.0 else ends[::-1]
+    start = limb.measured[0, 0, 0]
+    assert stays == pytest.approx(start - sign * 5e-3, abs=2e-4)
+    assert sign * (returns - sag) == pytest.approx(0.0, abs=2e-4)
 
 
 @pytest.mark.parametrize("late", [0, 1])

@@ -152,6 +152,23 @@ def test_coulomb_friction_holds_a_small_offset(sign: float) -> None:
     assert sign * turn(bank([drive]), sign * 1.01 * edge, 200)[-1, 0] > 0.0
 
 
+@pytest.mark.parametrize("way", [-0.03, 0.03])
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_one_way_friction_acts_in_its_direction(sign: float, way: float) -> None:
+    """Slow a coasting rotor at friction / J, and hold it at rest, by more in one direction."""
+    coulomb, speed, steps = 0.02, 2.0, 5
+    friction = coulomb + (abs(way) if sign * way > 0.0 else 0.0)
+    drive = dataclasses.replace(FREE, coulomb_nm=coulomb, one_way_friction_nm=way)
+    coasting = bank([dataclasses.replace(drive, kp_nm_rad=0.0)])
+    coasting.motor_rad_s[:] = sign * speed
+    turn(coasting, 0.0, steps)
+    left = speed - friction / FREE.rotor_inertia_kgm2 * steps * DT_S
+    assert sign * coasting.motor_rad_s[0, 0] == pytest.approx(left, rel=1e-12)
+    ends = loose(drive, [sign * 0.99 * friction, sign * 1.01 * friction])
+    assert ends[0] == 0.0
+    assert sign * ends[1] > 0.0
+
+
 def test_teeth_only_push() -> None:
     """Follow k dead_band + c slip outside the play, cut at zero; be nothing inside."""
     rng = np.random.default_rng(0)

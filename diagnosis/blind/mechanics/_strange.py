@@ -6,7 +6,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.blind.plant import Limb
 
-ALL = frozenset({"hard-stop", "thermal-fade", "cogging", "one-sided-friction", "magnet-slip"})
+ALL = frozenset({"hard-stop", "thermal-fade", "cogging", "magnet-slip"})
 HEAT_S = 3.0
 """Time constant of a motor's heat [s]."""
 TEETH = 17.0
@@ -32,6 +32,12 @@ def warmed(heat, load, tick_s):
 def faded(fade, heat):
     """Share of its torque that a motor of some heat still gives."""
     return 1 - min(fade * heat, 0.9)
+
+
+@numba.njit(cache=True)
+def one_way(uneven, speed):
+    """Dry friction in one direction alone."""
+    return max(uneven * np.sign(speed), 0.0)
 
 
 @numba.njit(cache=True)

@@ -9,7 +9,7 @@ A servo samples: it reads its encoder once a period, what it asks for acts one p
 current i follows it within a time constant. Dry friction F acts on the rotor, or between the links
 where a gear's losses lie behind its spring. It is `level` times a law of the make, with
 
-    level = coulomb + stiction law(w) + load |gear| + one-sided (w > 0) + worm where load drives
+    level = coulomb + one-way + stiction law(w) + load |gear| + worm where load drives
 
 Semi-implicit Euler at 0.05 ms. A make passes its laws as compiled functions:
 
@@ -153,7 +153,7 @@ def _gear(twist, rate, drive, frame, hysteresis):
 @numba.njit(cache=True)
 def _level(speed, pushed, gear, drive):
     """Largest dry friction [Nm] beside that which fades with speed."""
-    level = drive[4] + drive[11] * abs(gear) + (drive[16] if speed > 0 else 0.0)
+    level = drive[4] + drive[11] * abs(gear) + _strange.one_way(drive[13], speed)
     if speed * gear <= 0.0 and pushed * gear >= 0.0 and abs(gear) > abs(pushed):
         level += drive[9]  # the load drives the motor, and the worm holds
     return level
@@ -183,8 +183,8 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
                 asked[j] = servo(wanted[tick, j], x, w, tick == 0, drive, own[j], state[j])
             current[j] = ready[j] + frame[1] * (current[j] - ready[j])
             heat[j] = _strange.warmed(heat[j], current[j] / drive[2], TICK_S)
-            pushed = current[j] * _strange.faded(drive[14], heat[j])
-            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[15], x)
+            pushed = current[j] * _strange.faded(drive[15], heat[j])
+            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[16], x)
             gear, hysteresis[j] = _gear(x - q[j], w - qd[j], drive, frame, hysteresis[j])
             rubs = qd[j] if frame[6] > 0 else w
             level = _level(rubs, pushed, gear, drive)
@@ -195,7 +195,7 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             speed[j] = moved / (1 + TICK_S / rotor * drive[5])
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
-            torque[j] += _strange.stopped(q[j], qd[j], drive[13], drive[0], drive[1])
+            torque[j] += _strange.stopped(q[j], qd[j], drive[14], drive[0], drive[1])
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

@@ -128,8 +128,8 @@ def _run(
             break
         for j in range(joints):
             kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-            lock, stiction, load, dead = drives[j, 9:13]
-            stop, fade, cog, uneven = drives[j, 13:]
+            lock, stiction, load, dead, uneven = drives[j, 9:14]
+            stop, fade, cog = drives[j, 14:]
             error = wanted[tick, j] - motor[j]
             error -= min(max(error, -dead), dead)
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])
@@ -146,7 +146,7 @@ def _run(
                 gear = stiff * (1 + flank * way) * depth + damping * way * (speed[j] - qd[j])
                 gear = way * max(gear, 0.0)
             level = coulomb + stiction / (1 + (speed[j] / STRIBECK_RAD_S) ** 2) + load * abs(gear)
-            level += uneven if speed[j] > 0.0 else 0.0
+            level += _strange.one_way(uneven, speed[j])
             driven = -np.sign(gear)  # where the load would turn the motor
             if (pushed - gear) * driven > 0.0 and speed[j] * driven > -SLOW_RAD_S:
                 level += lock * (1 - min(max(pushed * driven, 0.0) / abs(gear), 1.0))

@@ -184,7 +184,7 @@ class _Servo:
         )
         free = speed + TICK_S / n["rotor"] * (pushed - gear)
         held = self._dry_nm + n["stiction"] * np.exp(-abs(speed) / STRIBECK_RAD_S)
-        held += n["load"] * abs(gear) + (n["uneven"] if speed > 0.0 else 0.0)
+        held += n["load"] * abs(gear) + _strange.one_way(n["uneven"], speed)
         if free * gear < 0.0 and free * pushed <= 0.0:
             held += n["lock"]
         rotor.setCoulombFriction(0, held)

@@ -133,7 +133,7 @@ class _World:
         """Largest dry friction of every joint [Nm]; `load` acts on the motor from its link."""
         n = self._n
         dry = n["coulomb"] + n["stiction"] * np.exp(-np.abs(w) / STRIBECK_RAD_S)
-        dry = dry + n["load"] * np.abs(load) + n["uneven"] * (w > 0)
+        dry = dry + n["load"] * np.abs(load) + np.maximum(n["uneven"] * np.sign(w), 0.0)
         outdone = (load * pushed <= 0) & (np.abs(load) > np.abs(pushed))
         return dry + n["lock"] * (outdone & (w * load >= 0))
 

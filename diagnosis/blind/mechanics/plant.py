@@ -2,7 +2,7 @@
 
     J w' = sat(kp band(target - motor) - kd w) + cogging - gear - viscous w - F tanh(w / W)
     gear = k band(motor - joint) (1 + s band^2) + c (w - joint speed) band'
-    F    = coulomb + stiction exp(-(w / V)^2) + load |gear| + worm
+    F    = coulomb + uneven + stiction exp(-(w / V)^2) + load |gear| + worm
 
 `band` is a dead band with rounded corners, `sat` a limit with rounded corners, the worm a friction
 that rises with the share of the motion that the load drives. Semi-implicit Euler at 0.1 ms, the
@@ -134,7 +134,7 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
         for i in range(steps):
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-                lock, stiction, load, dead, cogging, friction = drives[j, 9:]
+                lock, stiction, load, dead, uneven, cogging, friction = drives[j, 9:]
                 error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
@@ -151,7 +151,7 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
                 driven, driving = max(0.0, -gear * way), max(0.0, pd[j] * way)
                 worm = lock * driven / (driven + driving + 1e-3 * limit)
                 dry = coulomb + friction + stiction * np.exp(-((speed[j] / STRIBECK_RAD_S) ** 2))
-                dry += load * abs(gear) + worm
+                dry += load * abs(gear) + worm + max(uneven * way, 0.0)
                 decay = 1 + TICK_S / rotor * viscous
                 speed[j] = _slowed(free, decay, TICK_S / rotor * dry)
                 motor[j] += TICK_S * speed[j]

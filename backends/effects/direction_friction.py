@@ -1,0 +1,28 @@
+"""Dry friction in one direction alone: it is larger upwards or downwards."""
+
+from backends.effect import NumberEffect
+
+
+class Effect(NumberEffect):
+    """Coulomb torque against upward motion where positive, against downward motion where negative.
+
+    Law: friction += |magnitude| where the motor turns, or would turn, in that direction.
+    Source: Janot, Gautier and Brunot, *Data set and reference models of EMPS*, 2019 Workshop on
+      Nonlinear System Identification Benchmarks: Fc sign(v) and an offset, in part of asymmetric
+      friction.
+    Hardware: An offset of -3.2 N beside 20.4 N of Coulomb friction (EMPS, the same paper).
+    Log: A joint stops short of its target from one side, less or not from the other.
+    Confused with: coulomb-friction, which is alike to both sides; encoder-bias and gravity-tilt,
+      which move both. Reversals tell them apart.
+    """
+
+    group = "gears and joints"
+    dimension, unit = "torque", "mNm"
+    bounds = (-1.0, 1.0)
+    levels, opposite = (0.01, 0.04, 0.12), (-0.01, -0.04, -0.12)
+    number = "drive.one_way_friction_nm"
+    least = 0.008
+    most = 1.0
+    either_sign = True
+    family = "dry friction"
+    near = ("coulomb-friction", "stiction", "load-friction")
