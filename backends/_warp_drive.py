@@ -45,7 +45,8 @@ def drive_tick(
     p = numbers[n, j]  # in the order of the fields of `Drive`
     kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
     coulomb, viscous, k, c = p[4], p[5], p[6], p[7]
-    play, lock, stiction, load, dead, way = p[8], p[9], p[10], p[11], p[12], p[13]
+    play, lock, stiction, load, dead = p[8], p[9], p[10], p[11], p[12]
+    way, fall = p[13], p[14]
     joint, joint_speed = wp.float64(qpos[n, joint_q[j]]), wp.float64(qvel[n, joint_v[j]])
     speed = motor_speed[n, j]
     rub = _NONE
@@ -60,7 +61,10 @@ def drive_tick(
     if (play > _NONE and gear * press < _NONE) or not touches:
         gear = _NONE
     pd = kp * _shrink(target[n, j] - motor[n, j], dead) - kd * speed
-    pd = wp.min(wp.max(pd, -limit), limit)
+    lost = fall * speed
+    high = limit - wp.min(wp.max(lost, _NONE), limit)
+    low = wp.min(wp.max(-lost, _NONE), limit) - limit
+    pd = wp.min(wp.max(pd, low), high)
     friction = coulomb + load * wp.abs(gear) + rub
     speed += dt / inertia * (pd - gear - viscous * speed)
     friction += wp.max(wp.where(speed > _NONE, way, -way), _NONE)

@@ -3,7 +3,8 @@
 It is a two-mass gear model. A PD controller drives a rotor. Rotor and joint are coupled by teeth,
 which push once the play between them is taken up:
 
-    tau_pd   = clip(kp dead_zone(target - motor) - kd motor', -limit, limit) (the paper's PD law)
+    tau_pd   = clip(kp dead_zone(target - motor) - kd motor', low, high)     (the paper's PD law)
+    high     = limit - fall motor',  -low = limit + fall motor',             within 0 and limit
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
     J motor'' = tau_pd - tau_gear - viscous motor' - friction
     friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
@@ -14,7 +15,8 @@ against the motor. `one_way` is friction in one direction alone. Joint positions
 overwritten, so the squeeze of a grasp is kept.
 
 Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
-with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650).
+with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650); a limit that falls with speed, the DC
+motor of Isaac Lab.
 """
 
 from collections.abc import Sequence
@@ -49,7 +51,7 @@ def rubbing(speed, stiction):
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
     """`motor_tick` with a given stiction `rub`, without branches and inline: so it vectorises."""
-    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead, way = p
+    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead, way, fall = p
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
     press = gap - play if gap > 0.0 else gap + play
@@ -57,7 +59,9 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
     pulls = (play > 0.0) & (gear * press < 0.0)
     gear = 0.0 if pulls | (not touches) else gear
     pd = kp * _shrink(target - motor, dead) - kd * speed
-    pd = min(max(pd, -limit), limit)
+    lost = fall * speed
+    high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
+    pd = min(max(pd, low), high)
     friction = coulomb + load * abs(gear) + rub
     speed += dt / inertia * (pd - gear - viscous * speed)
     friction += max(way if speed > 0.0 else -way, 0.0)
@@ -72,7 +76,7 @@ def numbers_at(p, i):
     """Column `i` of `p` as a tuple; as an array it would keep SIMD away."""
     return (
         *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
-        *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i]),
+        *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i], p[14, i]),
     )
 
 
@@ -88,7 +92,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); `p` (14, N, J) holds the numbers of all drives."""
+    """`motor_tick` for contiguous arrays (N, J); `p` (15, N, J) holds the numbers of all drives."""
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
@@ -100,7 +104,7 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of `motor_tick`, shape (J, 14)."""
+    """The numbers of all drives in the order of `motor_tick`, shape (J, 15)."""
     return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
 
 

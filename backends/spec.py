@@ -52,6 +52,9 @@ class Drive:
     one_way_friction_nm: float = 0.0
     """Coulomb friction in one direction alone: where the motor turns upwards if positive, of this
     size where it turns downwards if negative [Nm]."""
+    limit_fall_nms_rad: float = 0.0
+    """Torque by which the limit falls per speed of the motor, as its back-EMF takes the voltage
+    [Nms/rad]; the limit over it is the no-load speed."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,11 +20,12 @@ from backends.state import Array
 
 DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead", "uneven"),
+    *("lock", "stiction", "load", "dead", "uneven", "emf"),
 )
 """Numbers of a drive, in the order in which equations take them.
 
-`uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards.
+`uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards;
+`emf`: torque that a motor's limit loses per speed.
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
@@ -61,6 +62,7 @@ CHANGES = {
     "kd-scale": ("kd", "scale"),
     "gear-damping": ("damping", "scale"),
     "torque-limit": ("limit", "scale"),
+    "torque-speed-limit": ("emf", "add"),
     "command-delay": ("delay", "add"),
     "command-rate-limit": ("slowness", "add"),
     "command-dropout": ("loss", "add"),

@@ -7,7 +7,7 @@ replay computes no kinematics and needs no measured accelerations. A drive is ri
 its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
 implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). Its law is
 
-    tau = lag(clip(kp dead_zone(e) + I + (1 - u) kd s + given) + u kd s)
+    tau = lag(clip(kp dead_zone(e) + I + (1 - u) kd s + given) + u kd s)    see `backends/drive.py`
     I' = kp i e + c (kp e + kd s)
     e = target - motor,    s = lead target' - filter(motor')
 
@@ -24,6 +24,7 @@ from diagnosis.motion.columns import (
     COULOMB,
     DEAD_ZONE,
     DELAY,
+    FALL,
     FILTER,
     FULL,
     INTEGRAL,
@@ -80,10 +81,12 @@ def _profiled(wanted, last, rate, slowness, most, dt):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _pd(error, slip, more, kp, kd, limit, dead_zone, unlimited):
+def _pd(error, slip, more, speed, kp, kd, limit, dead_zone, unlimited, fall):
     """The torque of the PD law and of `more`, and whether it is at its limit."""
     wanted = kp * _shrink(error, dead_zone) + (1.0 - unlimited) * kd * slip + more
-    pd = min(max(wanted, -limit), limit)
+    lost = fall * speed
+    high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
+    pd = min(max(wanted, low), high)
     return pd + unlimited * kd * slip, pd != wanted
 
 
@@ -186,12 +189,12 @@ def integrate(
                 total[j] = min(max(total[j], -full), full)
                 more += total[j]
             law = p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE], p[j, UNLIMITED]
-            pd, at_limit = _pd(error, slip, more, *law)
+            pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, FALL])
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t, 2, j] = pd
             rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
             loss = share[j] * quick[j] * p[j, KD] * (p[j, UNLIMITED] if at_limit else 1.0)
-            loss += p[j, VISCOUS]
+            loss += p[j, VISCOUS] + (p[j, FALL] if at_limit else 0.0)
             if p[j, TWO_MASSES] > 0.0:
                 gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, ROTOR]
                 gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])

@@ -43,7 +43,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
 
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
-    `start` are the angles (E, J); `drive` (J, 14) and `closed` (33,) are the numbers of the drives
+    `start` are the angles (E, J); `drive` (J, 15) and `closed` (33,) are the numbers of the drives
     and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
@@ -166,6 +166,7 @@ def _drive(x, at, dt):
             x[p + 11 * LANES],
             x[p + 12 * LANES],
             x[p + 13 * LANES],
+            x[p + 14 * LANES],
         ),
     )
     joint, motor = (x[at + _ANGLE], x[at + _SPEED]), (x[at + _MOTOR], x[at + _MOTOR_SPEED])

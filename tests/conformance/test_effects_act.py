@@ -36,8 +36,9 @@ class Case:
 
     magnitude: str
     excitation: str = "free"
-    """'free': moving fingers, the stick aside. 'push': a load on resting joints. 'close': fingers
-    close on the stick. 'grasp': the stick is moved. 'slip': a weak grasp lets it slide."""
+    """'free': moving fingers, the stick aside; 'fast': in large steps. 'push': a load on resting
+    joints. 'close': fingers close on the stick. 'grasp': the stick is moved. 'slip': a weak grasp
+    lets it slide."""
     signal: str = "joint_rad"
     """The signal that has to change."""
 
@@ -58,6 +59,7 @@ CASES = {
     "kp-scale": Case("10%"),
     "kd-scale": Case("10%"),
     "torque-limit": Case("-40%"),
+    "torque-speed-limit": Case("40mNms", "fast"),
     "command-delay": Case("5ms"),
     "command-rate-limit": Case("0.2s/rad"),
     "command-dropout": Case("10%"),
@@ -79,6 +81,7 @@ CASES = {
     "contact-friction": Case("-40%", "grasp", "stick_pos_m"),
     "contact-softness": Case("0.1mm/N", "grasp"),
 }
+IN_AIR = ("free", "fast", "push")
 OF_STICK = ("stick-mass", "stick-radius", "contact-friction")
 every_effect = pytest.mark.parametrize("name", registry.names("effect"))
 Run = dict[str, Array]
@@ -122,7 +125,7 @@ def start(excitation: str, worlds: int, seed: int = 7) -> InitialState:
     grasp = sample_initial_states([IDEAL], np.random.default_rng(0), 0.0)
     repeat = np.zeros(worlds, dtype=int)
     joint, stick = grasp.joint_rad[repeat], grasp.stick_pos_m[repeat]
-    if excitation in ("free", "push"):
+    if excitation in IN_AIR:
         stick[:, 0] += 5.0
     if excitation == "close":
         joint[:, ::2] -= 0.1
@@ -142,6 +145,8 @@ def targets(excitation: str) -> Array:
     if excitation == "free":
         wave = 0.1 * np.sin(2 * np.pi * (2 + 0.3 * joint) * time_s + joint)
         wave += 0.05 * np.sign(np.sin(2 * np.pi * 1.3 * time_s + 2 * joint))
+    if excitation == "fast":
+        wave = 0.4 * np.sign(np.sin(2 * np.pi * 1.3 * time_s + 2 * joint))
     if excitation == "grasp":
         wave = 0.03 * np.sin(2 * np.pi * 2 * time_s + joint)
     squeeze = 0.05 if excitation == "slip" else 1.0
@@ -158,7 +163,7 @@ def skip_refused(engine: type[Engine], specs: list[Spec]) -> None:
 def run(engine: type[Engine], specs: list[Spec], excitation: str, seed: int = 7) -> Run:
     """Every signal of state and touch, shape (PERIODS, N, ...)."""
     skip_refused(engine, specs)
-    if engine.no_contacts and excitation not in ("free", "push"):
+    if engine.no_contacts and excitation not in IN_AIR:
         pytest.skip(f"no contacts: {engine.no_contacts}")
     worlds = len(specs)
     sim, skin = simulate(engine, specs, 1), Skin(specs)

@@ -142,7 +142,7 @@ def test_a_cascade_holds_a_few_percent_more_than_kp():
     from diagnosis.blind.mechanics import _two_mass, cascade
 
     own = np.array([0.04, 0.0, 4e-4])
-    drive = np.zeros(17)
+    drive = np.zeros(18)
     drive[0], drive[2] = 10.0, 100.0
     state = np.zeros(_two_mass.STATES)
     for k in range(6000):

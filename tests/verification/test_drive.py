@@ -128,6 +128,27 @@ def test_torque_saturates(sign: float) -> None:
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_the_limit_falls_with_the_speed_that_it_drives(sign: float) -> None:
+    """Approach the no-load speed as 1 - exp(-t fall / J), and brake with the whole limit."""
+    fall, inertia = 5e-3, FREE.rotor_inertia_kgm2
+    drive = dataclasses.replace(FREE, limit_fall_nms_rad=fall)
+    errors = []
+    for dt_s in (1e-3, 5e-4, 2.5e-4):
+        fast = bank([drive], dt_s=dt_s)
+        turn(fast, sign * 1e4, round(0.04 / dt_s))
+        speed = FREE.torque_limit_nm / fall * (1 - math.exp(-0.04 * fall / inertia))
+        errors.append(abs(sign * fast.motor_rad_s[0, 0] - speed) / speed)
+    assert errors[0] < fall / inertia * 1e-3
+    assert [errors[0] / errors[1], errors[1] / errors[2]] == pytest.approx([2, 2], rel=0.1)
+    turn(fast, -sign * 1e4, 1)
+    assert fast.pd_nm[0, 0] == -sign * FREE.torque_limit_nm
+    free = bank([drive])
+    free.motor_rad_s[:] = sign * 2.0 * FREE.torque_limit_nm / fall
+    turn(free, sign * 1e4, 1)
+    assert free.pd_nm[0, 0] == 0.0
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_coulomb_friction_stops_and_never_reverses(sign: float) -> None:
     """Slow at coulomb / J, cover v^2 J / (2 coulomb), stop for good."""
     coulomb, speed = 0.02, 2.0

@@ -1,4 +1,4 @@
-"""Faults outside the catalogue, as laws that equations of motion share; see `plant.STRANGE`."""
+"""Laws of faults that equations of motion share; those outside the catalogue: `plant.STRANGE`."""
 
 import numba
 import numpy as np
@@ -38,6 +38,15 @@ def faded(fade, heat):
 def one_way(uneven, speed):
     """Dry friction in one direction alone."""
     return max(uneven * np.sign(speed), 0.0)
+
+
+@numba.njit(cache=True)
+def reached(torque, speed, limit, emf):
+    """What is left of a torque as a motor's back-EMF takes the voltage that drives it."""
+    if emf == 0.0 or torque * speed <= 0.0:
+        return torque
+    left = max(limit - emf * abs(speed), 0.0)
+    return min(max(torque, -left), left)
 
 
 @numba.njit(cache=True)

@@ -182,9 +182,10 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
                 ready[j] = asked[j]
                 asked[j] = servo(wanted[tick, j], x, w, tick == 0, drive, own[j], state[j])
             current[j] = ready[j] + frame[1] * (current[j] - ready[j])
+            current[j] = _strange.reached(current[j], w, drive[2], drive[14])
             heat[j] = _strange.warmed(heat[j], current[j] / drive[2], TICK_S)
-            pushed = current[j] * _strange.faded(drive[15], heat[j])
-            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[16], x)
+            pushed = current[j] * _strange.faded(drive[16], heat[j])
+            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[17], x)
             gear, hysteresis[j] = _gear(x - q[j], w - qd[j], drive, frame, hysteresis[j])
             rubs = qd[j] if frame[6] > 0 else w
             level = _level(rubs, pushed, gear, drive)
@@ -195,7 +196,7 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             speed[j] = moved / (1 + TICK_S / rotor * drive[5])
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
-            torque[j] += _strange.stopped(q[j], qd[j], drive[14], drive[0], drive[1])
+            torque[j] += _strange.stopped(q[j], qd[j], drive[15], drive[0], drive[1])
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

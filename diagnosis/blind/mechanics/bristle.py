@@ -128,13 +128,14 @@ def _run(
             break
         for j in range(joints):
             kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-            lock, stiction, load, dead, uneven = drives[j, 9:14]
-            stop, fade, cog = drives[j, 14:]
+            lock, stiction, load, dead, uneven, emf = drives[j, 9:15]
+            stop, fade, cog = drives[j, 15:]
             error = wanted[tick, j] - motor[j]
             error -= min(max(error, -dead), dead)
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])
             asked = min(max(kp * error - kd * felt[j], -limit), limit)
             current[j] = asked + current_keeps * (current[j] - asked)
+            current[j] = _strange.reached(current[j], speed[j], limit, emf)
             heat[j] = _strange.warmed(heat[j], current[j] / limit, TICK_S)
             pushed = current[j] * (1 + np.copysign(side, current[j]))
             pushed *= _strange.faded(fade, heat[j])

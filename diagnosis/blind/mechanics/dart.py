@@ -173,6 +173,7 @@ class _Servo:
         error -= min(max(error, -n["dead"]), n["dead"])
         asked = min(max(n["kp"] * error - n["kd"] * read, -n["limit"]), n["limit"])
         self.current_nm = asked + self._keeps * (self.current_nm - asked)
+        self.current_nm = _strange.reached(self.current_nm, speed, n["limit"], n["emf"])
         turn = np.sin(base.per_rad * motor)
         pushed = self.current_nm * (1 + base.ripple * turn)
         if n["fade"] or n["cogging"]:

@@ -24,7 +24,7 @@ from diagnosis.blind.plant import Course, Limb
 TICK_S = 5e-4
 STRIBECK_RAD_S = 0.05
 """Speed at which stiction has faded to a third."""
-FEELING = ("stiction", "load", "lock", "dead", "stop", "fade", "cogging", "uneven")
+FEELING = ("stiction", "load", "lock", "dead", "stop", "fade", "cogging", "uneven", "emf")
 """Numbers whose laws act at every step."""
 _FRICTION = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
 
@@ -113,6 +113,9 @@ class _World:
             error = wanted_rad[k] - q
             data.ctrl[:] = q + error - np.clip(error, -n["dead"], n["dead"])
             fresh = 1 - np.minimum(n["fade"] * heat, 0.9)
+            back = np.minimum(n["emf"] * np.abs(w), n["limit"])
+            model.actuator_forcerange[:, 0] = back * (w < 0) - n["limit"]
+            model.actuator_forcerange[:, 1] = n["limit"] - back * (w > 0)
             model.actuator_gainprm[:, 0] = gain * fresh
             model.actuator_biasprm[:, 1:3] = bias[:, 1:3] * fresh[:, None]
             data.qfrc_applied[:] = 0.0

@@ -4,9 +4,9 @@
     gear = k band(motor - joint) (1 + s band^2) + c (w - joint speed) band'
     F    = coulomb + uneven + stiction exp(-(w / V)^2) + load |gear| + worm
 
-`band` is a dead band with rounded corners, `sat` a limit with rounded corners, the worm a friction
-that rises with the share of the motion that the load drives. Semi-implicit Euler at 0.1 ms, the
-rotor's friction implicit.
+`band` is a dead band with rounded corners, `sat` a limit with rounded corners that may fall with
+speed, the worm a friction that rises with the share of the motion that the load drives.
+Semi-implicit Euler at 0.1 ms, the rotor's friction implicit.
 
 On top of the ideal mechanism there is always a little play, friction, cogging and stiffening.
 """
@@ -134,12 +134,13 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
         for i in range(steps):
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-                lock, stiction, load, dead, uneven, cogging, friction = drives[j, 9:]
+                lock, stiction, load, dead, uneven, emf, cogging, friction = drives[j, 9:]
                 error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
                 asked = kp * error - kd * speed[j]
-                pd[j] = asked / (1 + (asked / limit) ** 8) ** 0.125
+                most = max(limit - emf * abs(speed[j]) * (asked * speed[j] > 0.0), 1e-3 * limit)
+                pd[j] = asked / (1 + (asked / most) ** 8) ** 0.125
                 bend = motor[j] - q[j]
                 pressed = _band(bend, play, corner)
                 gear = stiff * pressed * (1 + stiffening * pressed * pressed)
