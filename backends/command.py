@@ -1,8 +1,8 @@
-"""The path of a target from the policy to the drive: steps, lost packets, delay and rate limit.
+"""The path of a target from the policy to the drive: steps, jitter, losses, delay and rate limit.
 
-They act in this order: a policy period's target is rounded to a step; it may be lost, then the last
-one is kept; the bus delays the target; the drive limits its rate. Without any of these the target
-passes unchanged.
+They act in this order: a policy period's target is rounded to a step; it is sent late by a random
+time, and never where the next one is due before; it may be lost, then the last one is kept; the bus
+delays the target; the drive limits its rate. Without any of these the target passes unchanged.
 """
 
 from collections.abc import Sequence
@@ -33,14 +33,16 @@ def follow(target, tick, substeps, seed, p, dt, kept, ring, out):
     """
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
-            delay, slowness, loss, step = p[n, j]
-            fresh = tick[n] == 0
-            if tick[n] % substeps == 0:
-                packet = tick[n] // substeps
-                if fresh or loss == 0.0 or uniform(seed[n], packet, 0) >= loss:
-                    kept[n, j] = target[n, j]
-                    if step > 0.0:
-                        kept[n, j] = step * np.round(target[n, j] / step)
+            delay, slowness, loss, step, jitter = p[n, j]
+            fresh, packet, late = tick[n] == 0, tick[n] // substeps, 0
+            if jitter > 0.0 and not fresh:
+                late = int(jitter / dt * uniform(seed[n], packet, 1))
+            if tick[n] % substeps == late and (
+                fresh or loss == 0.0 or uniform(seed[n], packet, 0) >= loss
+            ):
+                kept[n, j] = target[n, j]
+                if step > 0.0:
+                    kept[n, j] = step * np.round(target[n, j] / step)
             if fresh:
                 ring[n, j, :] = kept[n, j]
             ring[n, j, tick[n] % ring.shape[2]] = kept[n, j]

@@ -89,6 +89,8 @@ class Effect(ABC):
     """Allowed magnitudes in SI units, both included."""
     levels: ClassVar[Levels]
     """What the blind check draws, in natural sizes (`natural`)."""
+    drawn: ClassVar[bool] = True
+    """Whether the blind check draws it: not what no diagnosis here looks for."""
     opposite: ClassVar[Levels | None] = None
     """The same of the other sign, of an effect that has both."""
     per_joint: ClassVar[bool] = True

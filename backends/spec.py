@@ -69,6 +69,8 @@ class Command:
     """Probability that a policy period's target is lost and the last one kept [1]."""
     resolution_rad: float = 0.0
     """Targets are rounded to multiples of this step [rad]; 0: continuous."""
+    jitter_s: float = 0.0
+    """A policy period's target comes late by a random time up to this [s]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -37,12 +37,16 @@ class Fault:
 
 def in_free_air() -> tuple[str, ...]:
     """Effects that show in free air."""
-    return tuple(name for name, kind in every_effect().items() if not kind.shows_in_hand())
+    return tuple(
+        name for name, kind in every_effect().items() if kind.drawn and not kind.shows_in_hand()
+    )
 
 
 def in_hand() -> tuple[str, ...]:
     """Effects that show only with the stick in the hand: touch, stick and contact."""
-    return tuple(name for name, kind in every_effect().items() if kind.shows_in_hand())
+    return tuple(
+        name for name, kind in every_effect().items() if kind.drawn and kind.shows_in_hand()
+    )
 
 
 def of_arms() -> tuple[str, ...]:

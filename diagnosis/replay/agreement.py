@@ -26,7 +26,8 @@ HORIZON_S = 2.0
 def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     """Largest difference of a position at the beginning of free-air episodes [rad].
 
-    Random parts, which a replay leaves out, are switched off: noise, encoder steps, lost targets.
+    Random parts, which a replay leaves out, are switched off: noise, encoder steps, lost and
+    unpunctual targets.
     So is play: rounding errors of a joint that rattles in it grow tenfold in a quarter of a second,
     in every simulation. Zero if there is no such episode. Raises ValueError if the engine refuses a
     number of the world.
@@ -77,7 +78,7 @@ def _apart_rad(part: Spec, motion: Motion, engine: Array, columns: list[int]) ->
 
 def _sure(body: Body) -> Body:
     encoder = dataclasses.replace(body.joint.encoder, noise_rad=0.0, resolution_rad=0.0)
-    command = dataclasses.replace(body.joint.command, loss_share=0.0)
+    command = dataclasses.replace(body.joint.command, loss_share=0.0, jitter_s=0.0)
     drive = body.joint.drive and dataclasses.replace(body.joint.drive, play_rad=0.0)
     joint = dataclasses.replace(body.joint, encoder=encoder, command=command, drive=drive)
     return dataclasses.replace(body, joint=joint)

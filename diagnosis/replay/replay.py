@@ -25,7 +25,7 @@ from diagnosis.replay.lanes import CHANNELS, together
 
 PATH = tuple(field.name for field in dataclasses.fields(Command))
 STEP = PATH.index("resolution_rad")
-LATER = [PATH.index(name) for name in ("loss_share", "resolution_rad")]
+LATER = [PATH.index(name) for name in ("loss_share", "resolution_rad", "jitter_s")]
 """Columns of a path's numbers; those of LATER are random, or done before."""
 ENCODER = tuple(field.name for field in dataclasses.fields(Encoder))
 BIAS, SCALE, DELAY = (ENCODER.index(name) for name in ("bias_rad", "scale_error", "delay_s"))

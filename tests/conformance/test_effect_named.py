@@ -38,8 +38,9 @@ pytestmark = pytest.mark.slow
 
 
 def named(in_the_hand: bool) -> list[str]:
-    """Names of effects that show in free air or in the hand."""
-    return [n for n, kind in catalogue().items() if kind.shows_in_hand() == in_the_hand]
+    """Names of effects that are looked for in free air or in the hand."""
+    kinds = catalogue().items()
+    return [n for n, kind in kinds if kind.drawn and kind.shows_in_hand() == in_the_hand]
 
 
 def large(kind: type[Effect]) -> Effect:

@@ -64,6 +64,7 @@ CASES = {
     "command-rate-limit": Case("0.2s/rad"),
     "command-dropout": Case("10%"),
     "command-resolution": Case("1deg"),
+    "control-jitter": Case("8ms"),
     "dead-zone": Case("0.5deg"),
     "encoder-bias": Case("1deg", "free", "measured_rad"),
     "encoder-scale": Case("5%", "free", "measured_rad"),

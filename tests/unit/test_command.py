@@ -114,6 +114,33 @@ def test_share_of_lost_packets(share: float) -> None:
     assert abs(pairs - share**2) < 4 * np.sqrt(share**2 * (1 + 2 * share) / n)
 
 
+def arrivals(path: Array) -> Array:
+    """The tick of its period at which each target but the first arrives; -1 where it never does."""
+    periods = path[SUBSTEPS:, 0].reshape(-1, SUBSTEPS)
+    new = periods == np.arange(1.0, len(periods) + 1)[:, None]
+    return np.where(new.any(axis=1), new.argmax(axis=1), -1)
+
+
+def test_jitter_is_uniform() -> None:
+    """Pass each target once, in all joints alike, at a tick that is uniform within the jitter."""
+    path = play("control-jitter=8ms", np.arange(4000.0))
+    assert (path == path[:, :1]).all() and (np.diff(path[:, 0]) >= 0).all()
+    late = arrivals(path)
+    n = len(late)
+    counts = np.bincount(late, minlength=8)
+    assert len(counts) == 8
+    # A count is binomial with a share of an eighth.
+    assert np.abs(counts - n / 8).max() < 4 * np.sqrt(n * 7 / 64)
+    assert abs(np.corrcoef(late[1:], late[:-1])[0, 1]) < 4 / np.sqrt(n)
+
+
+def test_jitter_beyond_a_period_misses_deadlines() -> None:
+    """Never pass the half of the targets that the next one overtakes, at twice the period."""
+    late = arrivals(play("control-jitter=40ms", np.arange(4000.0)))
+    assert abs((late < 0).mean() - 0.5) < 4 * np.sqrt(0.25 / len(late))
+    assert late.max() < SUBSTEPS
+
+
 def test_lost_packet_keeps_the_last_one() -> None:
     """Hold, for the whole period and in all joints alike, the last target that arrived."""
     policy = np.arange(200.0)
@@ -168,7 +195,7 @@ def test_targets_are_rounded_then_lost_then_late_then_limited() -> None:
 
 def test_new_episode_forgets_the_old_one() -> None:
     """Repeat a fresh path's run in one that was used before."""
-    text = "command-dropout=40%,command-delay=30ms,command-rate-limit=0.1s/rad"
+    text = "command-dropout=40%,command-delay=30ms,command-rate-limit=0.1s/rad,control-jitter=5ms"
     used = CommandBank([world(text)])
     follow(used, 10 + RESTLESS, seed=5)
     assert np.array_equal(follow(used, RESTLESS), play(text, RESTLESS))
