@@ -27,6 +27,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "ms": ("time", 1e-3),
     "s": ("time", 1.0),
     "s/rad": ("slowness", 1.0),
+    "um": ("length", 1e-6),
     "mm": ("length", 1e-3),
     "m": ("length", 1.0),
     "N": ("force", 1.0),

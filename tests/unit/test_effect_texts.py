@@ -91,7 +91,7 @@ def test_what_is_written_is_read_again(kind: type[Effect]) -> None:
 
 @each(KINDS)
 def test_units_of_slides_are_read(kind: type[Effect]) -> None:
-    """Read and say sizes of slides in their own units: N for Nm, mm for degrees."""
+    """Read and say sizes of slides in their own units: N for Nm, um for degrees."""
     name, slide = effect_name(kind(magnitude=0.0)), rail()
     magnitude = kind.bounds[1] / 5
     unit = kind.unit_of(magnitude, slides=True)
@@ -117,7 +117,7 @@ def rail() -> Hand:
         ("coulomb-friction", 0.0194, False, 0.0, "19.4 mNm (18 to 21)"),
         ("viscous-friction", 203.5, True, 1e-7, "204 Ns/m (189 to 220)"),
         ("backlash", 0.01, False, 0.0, "0.573 deg (0.532 to 0.62; whole 1.15 deg, 20 mrad)"),
-        ("backlash", 1e-4, True, 1e-5, "0.1 mm (0.0928 to 0.108; whole 0.2 mm, 20 counts)"),
+        ("backlash", 1e-4, True, 1e-5, "100 um (92.8 to 108; whole 200 um, 20 counts)"),
         ("encoder-bias", -0.01, False, 1e-3, "-0.573 deg (-0.532 to -0.62; -10 mrad, -10 counts)"),
     ],
 )
