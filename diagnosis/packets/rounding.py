@@ -2,14 +2,15 @@
 
 Rounding moves a target by a sawtooth. A joint answers so small a move as it answers its targets:
 by the response that links them in the replay. So each step predicts what it would leave. A step
-that is off slips out of phase over the range of targets, so they are tried evenly in their inverse
-and known sharply; the best are replayed.
+that is off slips out of phase over the range of targets, so steps are known sharply. They are tried
+evenly in their inverse, all by one Fourier transform over the targets; the best are replayed.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
 from scipy.signal import lfilter
 
 from backends.state import Array
@@ -27,10 +28,12 @@ LEAST = 0.2
 """Smaller errors than so many floors are no finding."""
 TURNS = 0.2
 """Steps are tried so closely: over all targets they slip by this share of a period."""
-FINER = np.linspace(-1.0, 1.0, 21)
+FINER = np.linspace(-1.0, 1.0, 11)
 """The best are tried again so closely, of that."""
-CHUNK, TRIED, BEST = 64, 8, 3
-"""So many steps are tried at a time, so many tried again, and so many of the best are replayed."""
+TRIED, BEST = 16, 3
+"""So many steps are tried again, and so many of the best are replayed."""
+BINS = 14
+"""The targets of the least step are told apart by so many bins."""
 RIDGE = 1e-6
 """Directions of the targets that are so much smaller than the largest tell no response."""
 ALIKE = 0.3
@@ -73,20 +76,13 @@ def _steps(
     """Steps between ends of a joint whose position is off (N,) where a replay shows (N,) [rad]."""
     path = _Path.of(limb, j, shown)
     apart = TURNS / max(float(np.abs(path.target).max()), ends[1])
-    tried = np.arange(1.0 / ends[1], 1.0 / ends[0], apart)
-    if not len(tried):
-        return
-    scores = np.concatenate(
-        [path.alike(tried[k : k + CHUNK], off) for k in range(0, len(tried), CHUNK)]
-    )
-    tops = np.flatnonzero((scores >= np.roll(scores, 1)) & (scores >= np.roll(scores, -1)))
-    best = sorted(tops, key=lambda k: -scores[k])[:TRIED]
-    finer = [(path.alike(near, off), near) for near in (tried[k] + apart * FINER for k in best)]
-    for score, near in sorted(finer, key=lambda one: -one[0].max())[:BEST]:
+    every = (1.0 / step + apart * FINER for step in path.promising(off, *ends, apart))
+    tried = [(path.alike(inverse, off), inverse) for inverse in every]
+    for score, inverse in sorted(tried, key=lambda one: -one[0].max())[:BEST]:
         if score.max() >= ALIKE:
-            inverse = near[int(np.argmax(score))]
-            low, high = 1.0 / (inverse + apart / 2), 1.0 / (inverse - apart / 2)
-            yield Rounding(joint=j, step=1.0 / inverse, low=low, high=high)
+            best = float(inverse[int(np.argmax(score))])
+            low, high = 1.0 / (best + apart / 2), 1.0 / (best - apart / 2)
+            yield Rounding(joint=j, step=1.0 / best, low=low, high=high)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -117,6 +113,24 @@ class _Path:
         return cls(
             target=target, edges=np.append(np.concatenate(edges), samples), response=response
         )
+
+    def promising(self, off: Array, least: float, most: float, apart: float) -> Array:
+        """Steps between ends whose sawtooth's first harmonic is most like `off` (N,).
+
+        That is a Fourier coefficient over the targets: of all steps at once, `apart` or less in
+        their inverse.
+        """
+        counts = np.diff(self.edges)
+        seen = lfilter(self.response, 1.0, off[::-1])[::-1]
+        bins = ((self.target - self.target.min()) / (least / BINS)).astype(int)
+        sums = np.bincount(bins, np.repeat(seen / counts, counts))
+        length = scipy.fft.next_fast_len(max(len(sums), int(BINS / least / apart) + 1), real=True)
+        inverse = np.arange(length // 2 + 1) / (length * least / BINS)
+        middle = self.target.min() + least / BINS / 2
+        waves = (scipy.fft.rfft(sums, length) * np.exp(-2j * np.pi * inverse * middle)).imag
+        tops = 1 + np.flatnonzero((waves[1:-1] >= waves[:-2]) & (waves[1:-1] >= waves[2:]))
+        tops = tops[(inverse[tops] >= 1.0 / most) & (inverse[tops] <= 1.0 / least)]
+        return np.asarray(1.0 / inverse[tops[np.argsort(-waves[tops])[:TRIED]]])
 
     def alike(self, inverse: Array, off: Array) -> Array:
         """Signed shares of the squares of `off` (N,) that steps predict, by their inverse (C,)."""
