@@ -33,7 +33,7 @@ FINER = np.linspace(-1.0, 1.0, 11)
 TRIED, BEST = 16, 3
 """So many steps are tried again, and so many of the best are replayed."""
 BINS = 14
-"""The targets of the least step are told apart by so many bins."""
+"""A period of the least step has so many bins."""
 RIDGE = 1e-6
 """Directions of the targets that are so much smaller than the largest tell no response."""
 ALIKE = 0.3
