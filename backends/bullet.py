@@ -18,18 +18,18 @@ from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, fie
 from backends.state import Array, InitialState
 
 calls = chosen("pybullet", ("3.2.7",), "backends._bullet_calls", "backends._bullet_public")
-SOLVER, SOLVER_IF_SOFT = p.CONSTRAINT_SOLVER_LCP_PGS, p.CONSTRAINT_SOLVER_LCP_SI
+SOLVER, SOLVER_OF_MORE = p.CONSTRAINT_SOLVER_LCP_PGS, p.CONSTRAINT_SOLVER_LCP_SI
 """Gauss-Seidel on the small dense matrix of the contacts. It gives the result of the default solver
-after the same number of passes, at 0.08 us instead of 0.19 us each, but it ignores the softness of
-a contact. Dantzig's solver is even cheaper, but bounds friction by a box."""
+after the same number of passes, at 0.08 us instead of 0.19 us each, but it ignores softness and
+spin friction of a contact. Dantzig's solver is even cheaper, but bounds friction by a box."""
 ITERATIONS = 100
 """Solver passes. In a circle of 6 s under given targets the lower end is 0.2 mm (rms) from its path
 with 2000 passes; that is a thirtieth of its distance to the other engines. With 50 passes it is
 0.55 mm, with 200 it is 0.05 mm at 1.4 times the cost. A grasp at rest drifts by up to 0.1 mm/s."""
 RESIDUAL = 1e-10
-"""Residual at which the solver of soft contacts stops early. It halves the time in motion and is as
+"""Residual at which that other solver stops early. It halves the time in motion and is as
 exact as all passes; 1e-8 is 0.2 mm off, 1e-6 is 2 mm off and the stick creeps."""
-CONE = 0
+CONE, CONE_IF_SPIN = 0, 1
 """Friction pyramid instead of the round cone: the cone turns friction away from the slip direction
 and dropped the stick in 1 of 8 motions at friction 0.5. Without the cone Bullet does not solve spin
 friction."""
@@ -41,9 +41,8 @@ _LOSSLESS = {
     "activationState": p.ACTIVATION_STATE_DISABLE_SLEEPING,
 }
 """Bullet's defaults: damping 0.04, speed limit 100 rad/s, and bodies at rest are put to sleep."""
-_BARE = {"spinningFriction": 0.0, "rollingFriction": 0.0, "restitution": 0.0}
-"""Contacts without constraint rows for spin and rolling; these would cost time and have no
-effect."""
+_BARE = {"rollingFriction": 0.0, "restitution": 0.0}
+"""Contacts without constraint rows for rolling; these would cost time and have no effect."""
 _TIP_GROUP, _STICK_GROUP = 1, 2
 
 
@@ -119,6 +118,21 @@ def _soft(contact: Contact) -> dict[str, float]:
     return {"contactStiffness": stiffness_n_m, "contactDamping": damping_ns_m}
 
 
+def _surface(spec: Spec) -> dict[str, float]:
+    """Friction of every link and of the stick alike.
+
+    Bullet multiplies the two frictions. Its spin friction per normal force is one's friction times
+    the other's spin friction, and the same the other way round. A zero has no constraint row.
+    """
+    root = math.sqrt(spec.stick.friction)
+    return {"lateralFriction": root, "spinningFriction": root * _spin_m(spec) / 2, **_BARE}
+
+
+def _spin_m(spec: Spec) -> float:
+    """Radius of spin friction [m]."""
+    return max(spec.contact.spin_radius_m, 0.0)
+
+
 class _World:
     """A physics client and the ids of hand, stick, joints and fingertips in it."""
 
@@ -150,13 +164,14 @@ class _World:
             fixedTimeStep=dt_s,
             numSolverIterations=ITERATIONS,
             solverResidualThreshold=RESIDUAL,
-            enableConeFriction=CONE,
+            enableConeFriction=CONE_IF_SPIN if _spin_m(spec) > 0.0 else CONE,
             contactERP=1 - math.exp(-dt_s / spec.contact.time_constant_s),
             deterministicOverlappingPairs=1,
             enableFileCaching=0,  # else Bullet knows a URDF by its path
             physicsClientId=self.client,
         )
-        solver = SOLVER_IF_SOFT if spec.contact.compliance_m_n > 0.0 else SOLVER
+        more = spec.contact.compliance_m_n > 0.0 or _spin_m(spec) > 0.0
+        solver = SOLVER_OF_MORE if more else SOLVER
         with muted(OUT):  # "switched solver"
             p.setPhysicsEngineParameter(constraintSolverType=solver, physicsClientId=self.client)
 
@@ -173,8 +188,7 @@ class _World:
 
     def _set_dynamics(self, body: int, link: int, spec: Spec) -> None:
         """Set damping and friction in two calls: in one call Bullet would drop the friction."""
-        root = math.sqrt(spec.stick.friction)
-        for numbers in (_LOSSLESS, {"lateralFriction": root, **_BARE}):
+        for numbers in (_LOSSLESS, _surface(spec)):
             p.changeDynamics(body, link, physicsClientId=self.client, **numbers)
         if spec.contact.compliance_m_n > 0.0 and body == self.hand and link in self.tips:
             p.changeDynamics(body, link, physicsClientId=self.client, **_soft(spec.contact))
@@ -199,7 +213,8 @@ class Backend(Engine):
     """N Bullet worlds in one process; threads do not help: pybullet keeps the interpreter lock."""
 
     package = "pybullet"
-    own_yield = (0.0, 1e-5)  # a slop
+    own = {"contact.spin_radius_m": -3e-3}  # it takes the nominal radius as 0
+    slop_m = 1e-5
     worlds_in_cache = 8
     support = {
         **{name: EXACT for name in field_names() if name.split(".")[0] in {"body", "fingertip"}},
@@ -215,6 +230,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: taken as 0; spin friction needs the round cone",
         "contact.time_constant_s": "approximate: rigid contacts, penetration decays in this time",
+        "contact.spin_radius_m": "approximate: from 0 on; with it the friction cone is round",
         "contact.compliance_m_n": "approximate: a spring that starts 0.01 mm under the surface",
         "spec.gravity_m_s2": EXACT,
     }

@@ -34,6 +34,7 @@ SHARED_SUPPORT: Mapping[str, str] = {
         if name.split(".")[0] in _SHARED | {"loop"} and name != "joint.axis"
     },
     **dict.fromkeys(("joint.follows", "joint.course", "body.carried"), _REPLAYED),
+    "contact.touch_n": EXACT,
 }
 """Support entries of the fields that shared code computes, the same for every engine."""
 
@@ -130,8 +131,11 @@ class Engine(ABC):
     """Whether the constructor takes `threads` (the engine frees the interpreter lock)."""
     only_by_name: ClassVar[bool] = False
     """Whether 'all' leaves the engine out: it is made for a GPU and slow without one."""
-    own_yield: ClassVar[tuple[float, float]] = (0.0, 0.0)
-    """What a contact yields by itself: per force [m/N], and beside it [m]."""
+    own: ClassVar[Mapping[str, float]] = {}
+    """How its contacts differ from the spec's numbers by themselves, by number, as
+    `bench doctor physics` measures it. Two engines differ by an effect of the difference."""
+    slop_m: ClassVar[float] = 0.0
+    """Depth at which its contacts begin to press [m]."""
     worlds_in_cache: ClassVar[int] = sys.maxsize
     """How many worlds are stepped through a policy period together.
 

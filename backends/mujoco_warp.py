@@ -38,7 +38,7 @@ class Backend(Engine):
 
     package = "mujoco-warp"
     only_by_name = True
-    own_yield = Mujoco.own_yield
+    own = Mujoco.own
     support = {
         name: _SINGLE if answer == EXACT and name not in SHARED_SUPPORT else answer
         for name, answer in Mujoco.support.items()

@@ -284,6 +284,15 @@ class Contact:
     """Time constant in which a penetration relaxes, in engines with soft contacts [s]."""
     compliance_m_n: float = 0.0
     """Compliance of a contact on top of the engine's own [m/N]; 0: the nominal surfaces."""
+    spin_radius_m: float = 0.0
+    """Radius of spin friction on top of the engine's own [m]; negative: less, at least none."""
+    touch_n: float = 0.0
+    """Normal force that a fingertip's contact has to exceed to be read as touch [N]."""
+
+    @property
+    def spin_m(self) -> float:
+        """Radius of spin friction in an engine that takes `torsion_radius_m` as it is [m]."""
+        return max(self.torsion_radius_m + self.spin_radius_m, 0.0)
 
 
 @dataclass(frozen=True, kw_only=True)

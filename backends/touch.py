@@ -95,10 +95,10 @@ def _press(
     """
     turn, offset = np.empty((3, 3)), np.empty(3)
     for i, n in enumerate(worlds):
-        reach, drift, dead = skin[n]
+        reach, drift, dead, touch_n = skin[n]
         for f in range(force.shape[1]):
             fx, fy, fz = force[n, f]
-            if fx * fx + fy * fy + fz * fz > 0.0:
+            if fx * fx + fy * fy + fz * fz > touch_n * touch_n:
                 _to_stick(origin[i, f], rotation[i, f], stick_pos[i], stick_rot[i], turn, offset)
                 _depths(turn, offset, shape[n], grid[f], reach, reading[n, f])
             else:
@@ -193,7 +193,8 @@ class Skin:
         self._points = self._grid.swapaxes(1, 2).copy()
         self._shape = np.array([stick_shape(s.stick) for s in specs])
         taxels = [s.hand.taxels for s in specs]
-        self._skin = np.array([[t.reach_m, t.drift_m_s, t.dead_share] for t in taxels])
+        skins = [(s.hand.taxels, s.contact.touch_n) for s in specs]
+        self._skin = np.array([(t.reach_m, t.drift_m_s, t.dead_share, n) for t, n in skins])
         self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
         self._halo_m = np.array([t.halo_m for t in taxels])
         n, shape = len(specs), self._grid.shape[:2]

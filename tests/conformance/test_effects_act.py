@@ -38,7 +38,7 @@ class Case:
     excitation: str = "free"
     """'free': moving fingers, the stick aside; 'fast': in large steps. 'push': a load on resting
     joints. 'close': fingers close on the stick. 'grasp': the stick is moved. 'slip': a weak grasp
-    lets it slide."""
+    lets it slide. 'twist': two fingers of a weak grasp move against each other."""
     signal: str = "joint_rad"
     """The signal that has to change."""
 
@@ -81,6 +81,8 @@ CASES = {
     "stick-radius": Case("5%", "close"),
     "contact-friction": Case("-40%", "grasp", "stick_pos_m"),
     "contact-softness": Case("0.1mm/N", "grasp"),
+    "torsional-friction": Case("1mm", "twist", "stick_quat_wxyz"),
+    "touch-force": Case("0.2N", "slip", "active"),
 }
 IN_AIR = ("free", "fast", "push")
 OF_STICK = ("stick-mass", "stick-radius", "contact-friction")
@@ -150,7 +152,9 @@ def targets(excitation: str) -> Array:
         wave = 0.4 * np.sign(np.sin(2 * np.pi * 1.3 * time_s + 2 * joint))
     if excitation == "grasp":
         wave = 0.03 * np.sin(2 * np.pi * 2 * time_s + joint)
-    squeeze = 0.05 if excitation == "slip" else 1.0
+    if excitation == "twist":
+        wave = 0.03 * np.sin(2 * np.pi * 2 * time_s) * np.array([1, 0, -1, 0, 0, 0])
+    squeeze = {"slip": 0.05, "twist": 0.4}.get(excitation, 1.0)
     return np.array(IDEAL.hand.grasp_rad) + squeeze * np.array(IDEAL.hand.preload_rad) + wave
 
 
@@ -201,6 +205,8 @@ def spared(name: str) -> frozenset[str]:
     """Signals that an effect must not touch in its own excitation."""
     part = registry.load("effect", name).spec_fields()[0].split(".")[0]
     of_stick = {s for s in STATE if s.startswith(("stick_", "contact_"))}
+    if name == "touch-force":
+        return STATE
     return {
         "encoder": STATE - {"measured_rad"} | TOUCH,
         "taxels": STATE if case_of(name).signal == "reading_m" else STATE | {"reading_m"},

@@ -68,7 +68,7 @@ def test_contact_yields_in_proportion(engine: type[Engine], squeeze: float) -> N
     specs = [soft(c) for c in COMPLIANCES_M_N]
     state = hold(engine, specs, squeeze, 75)[-1]
     force_n = np.linalg.norm(state.contact_force_n, axis=2)
-    per_n, beside_m = engine.own_yield
+    per_n, beside_m = engine.own.get("contact.compliance_m_n", 0.0), engine.slop_m
     expected = (np.array(COMPLIANCES_M_N)[:, None] + per_n) * force_n + beside_m
     assert force_n.min() > 0.2
     assert yields(state)[1:] == pytest.approx(expected[1:], rel=1e-3, abs=1e-7)
