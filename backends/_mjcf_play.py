@@ -17,6 +17,8 @@ from backends.state import Array
 
 IMMOVABLE_KGM2 = 1e12
 """Inertia of a joint that is held: no robot moves it by 1e-7 in a log."""
+FIRM = 0.999, 0.9999
+"""Impedance of dry friction that holds."""
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _ACTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
@@ -48,16 +50,19 @@ class Plain:
         timestep_s: float | None = None,
         integrator: str | None = None,
         beside: dict[str, dict[str, float]] | None = None,
+        firm: bool = False,
     ) -> None:
         """Hold all but `joints` and what follows them; the drives carry a share of all weight.
 
         `timestep_s` and `integrator` in place of the file's; `beside`: what an MJCF cannot hold, as
-        a robot's file has it. Raises MjcfError.
+        a robot's file has it; `firm`: dry friction holds, where MuJoCo's creeps. Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         model.opt.gravity[:] *= 1.0 - carried
         model.opt.timestep = timestep_s or model.opt.timestep
+        if firm:
+            model.dof_solref[:], model.dof_solimp[:, :2] = (2 * model.opt.timestep, 1.0), FIRM
         if integrator is not None:
             model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         own = [model.joint(name).id for name in joints]

@@ -30,6 +30,7 @@ from diagnosis.packets.rounding import Rounding, roundings
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
+from diagnosis.replay.plain import with_own_steps
 from diagnosis.replay.robot import uncertainties
 from diagnosis.search.chaos import spreading
 from diagnosis.search.fit import Fit, Fitter
@@ -275,8 +276,10 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     """What a log says of a limb, and notes on what of it cannot be used."""
     whole = recordings(log, part)
     some = excerpt(whole, FITTED_S)
+    if asked.rigid:
+        some = with_own_steps(log, part, some)
     limb, notes = checked(Limb(spec=part, recordings=some, rigid=asked.rigid))
-    if some != whole:
+    if _lasts_s(some) < _lasts_s(whole):
         notes = (*notes, LONG.format(_lasts_s(some), _lasts_s(whole)))
     said = evidence(limb)
     if said.only_rests:

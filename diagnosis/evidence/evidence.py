@@ -9,7 +9,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
-from diagnosis.motion.limb import BLOCK_S, Limb
+from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 from diagnosis.motion.recordings import white_noise
 
 FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
@@ -63,6 +63,17 @@ class Evidence:
     def seconds(self) -> Array:
         """The second of each of `readings`, shape (M,)."""
         return np.broadcast_to(self.second, self.logged.shape)[self.logged]
+
+    @cached_property
+    def own_steps(self) -> Array:
+        """What the model's own simulator does otherwise (`Recording.own`), as `readings`, (M,)."""
+        blocks = np.zeros_like(self.measured)
+        own = [recording.own for recording in self.limb.recordings]
+        pairs = zip(own, self.limb.edges, strict=True)
+        if all(one is not None for one in own):
+            means = [block_means(one, edges) for one, edges in pairs if one is not None]
+            blocks[:, :2] = np.concatenate(means)[:, None]
+        return self.pack(blocks)
 
     @property
     def only_rests(self) -> bool:

@@ -15,7 +15,7 @@ from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.along import AXES
-from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, STIFFNESS
+from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, OWN_STEPS, STIFFNESS
 
 
 class _Integral(NumberEffect):
@@ -37,8 +37,20 @@ class _SpeedIntegral(_Integral):
     number = "loop.speed_integral_hz"
 
 
+class _OwnSteps(NumberEffect):
+    """How far a log is of its model's own simulator: of its step, integrator and soft friction."""
+
+    number = "own steps"
+    dimension, unit = "share", "%"
+    bounds = (0.0, 1.0)
+    by_column = True
+    least = 1.0
+
+
 TERMS: Mapping[str, type[Effect]] = {"ki": _Integral, "speed_integral": _SpeedIntegral}
 """Nominal numbers that no effect changes, by their names in log.yaml."""
+OWN = 0.4
+"""Standard deviation of the share of its model's own simulator that a log has: at most all."""
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
 
@@ -116,7 +128,22 @@ def parameters(
                     found.append(replace(one, nameable=name in catalogue and shows))
             if kind.shared and len(evidence.joints) > 1:
                 found.append(_shared([p for p in found if p.effect == name]))
+    if evidence.own_steps.any():
+        found.append(_OWN)
     return tuple(found)
+
+
+_OWN = Parameter(
+    effect="own-steps",
+    kind=_OwnSteps,
+    joint=None,
+    place=OWN_STEPS,
+    unit=1.0,
+    tolerance=OWN,
+    least=1.0,
+    most=1.0,
+    nameable=False,
+)
 
 
 def _uncertainty(

@@ -12,6 +12,7 @@ from diagnosis.motion.along import AXES
 from diagnosis.motion.columns import (
     COULOMB,
     DELAY,
+    OWN_STEPS,
     PLAY,
     ROTOR,
     STIFFNESS,
@@ -46,7 +47,9 @@ class World:
         return self._remembered(frozenset((k, v) for k, v in u.items() if v), nudge)
 
     def _shown(self, u: frozenset[tuple[int, float]], nudge: float) -> Array:
-        return self.evidence.pack(self.blocks(dict(sorted(u)), nudge))
+        shown = self.evidence.pack(self.blocks(dict(sorted(u)), nudge))
+        own = sum(x for k, x in u if self.parameters[k].place == OWN_STEPS)
+        return shown + own * self.evidence.own_steps if own else shown
 
     def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
         """What the sensors show, as block means (N, 3, K)."""
@@ -61,7 +64,7 @@ class World:
         soft = np.zeros(len(limb.joints))
         for number, value in u.items():
             one = self.parameters[number]
-            if not value:
+            if not value or one.place == OWN_STEPS:
                 continue
             if one.is_tilt:
                 tilt[one.place] += value

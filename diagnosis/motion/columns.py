@@ -43,6 +43,8 @@ ONCE = COLUMNS.index("encoder.eccentricity_rad")
 ACROSS = COLUMNS.index("encoder.eccentricity_sine_rad")
 MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 """Numbers that show only while a joint moves: at rest no sensor tells of them."""
+OWN_STEPS = len(COLUMNS)
+"""Stands for no number of a joint: how far a log is of its model's own simulator, 0 to 1."""
 MASS, TWO_MASSES = COLUMNS.index("body.mass_kg"), COLUMNS.index("two_masses")
 
 

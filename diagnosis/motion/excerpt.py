@@ -69,6 +69,7 @@ def _piece(recording: Recording, begin: int, end: int) -> Recording:
         push=recording.push[begin:end],
         speed=None if recording.speed is None else recording.speed[begin:end],
         torque=None if recording.torque is None else recording.torque[begin:end],
+        own=None if recording.own is None else recording.own[begin:end],
         measured=recording.measured[begin:end],
         start=recording.start if begin == 0 else np.nanmean(read, axis=0),
     )

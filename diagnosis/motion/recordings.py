@@ -41,6 +41,9 @@ class Recording:
     """Speed of the target that is given beside it [rad/s], shape (T, K); NaN: none is."""
     torque: Array | None = None
     """Torque that is given beside it [Nm], shape (T, K); NaN: none is."""
+    own: Array | None = None
+    """How much further the model's own simulator moves the joints, with its step, integrator and
+    soft friction, than small steps with firm friction do [rad], shape (T, K); None: not known."""
 
     @cached_property
     def given(self) -> Array:

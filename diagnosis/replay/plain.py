@@ -74,6 +74,7 @@ def plain(
     timestep_s: float | None = None,
     integrator: str | None = None,
     beside: dict[str, dict[str, float]] | None = None,
+    firm: bool = False,
 ) -> Plain:
     """A text of a log's model in plain MuJoCo, of which `joints` move."""
     _, settings = model_of(log)
@@ -85,6 +86,7 @@ def plain(
         timestep_s=timestep_s,
         integrator=integrator,
         beside=beside,
+        firm=firm,
     )
 
 
@@ -137,6 +139,27 @@ def beside(world: Spec) -> dict[str, dict[str, float]]:
         for joint, row in rows.items()
     }
     return {joint: own for joint, own in found.items() if own}
+
+
+def with_own_steps(
+    log: Log, part: Spec, recordings: tuple[Recording, ...]
+) -> tuple[Recording, ...]:
+    """A limb's recordings with what its model's own simulator does otherwise (`Recording.own`).
+
+    Nothing where its drives do more than a model can hold, or where it does not simulate.
+    """
+    given = any(len(recording.given) for recording in recordings)
+    if given or part != _by_pd_alone(part):
+        return recordings
+    names, step_s = part.hand.joint_names, Limb(spec=part, recordings=recordings, rigid=True).dt
+    text = model_text(log, part)
+    worlds = plain(log, text, names), plain(log, text, names, step_s, INTEGRATOR, firm=True)
+    found = []
+    for recording in recordings:
+        own, small = (shown(world, recording) for world in worlds)
+        known = np.isfinite(own - small).all()
+        found.append(replace(recording, own=own - small if known else None))
+    return tuple(found)
 
 
 def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, float]]) -> float:

@@ -34,11 +34,18 @@ class Real:
     step_rad: float = 0.0
     """Targets of all joints are rounded to this on their way."""
     noise_rad: float = 1e-4
+    option: str = f'timestep="{TICK_S / 2}" integrator="implicitfast"'
+    """Of the simulator, which the file has as well."""
     still: tuple[int, ...] = ()
     """Joints whose target stays at STILL_RAD."""
 
 
-def mjcf(joints: int, coulomb_nm: Mapping[int, float] | None = None, drives: str = "") -> str:
+def mjcf(
+    joints: int,
+    coulomb_nm: Mapping[int, float] | None = None,
+    drives: str = "",
+    option: str = Real.option,
+) -> str:
     """A chain of equal links in a vertical plane."""
     length, mass = LINKS
     inertia = mass * length**2 / 12
@@ -53,7 +60,7 @@ def mjcf(joints: int, coulomb_nm: Mapping[int, float] | None = None, drives: str
             f'frictionloss="{dry}" {stiff}/><inertial mass="{mass}" pos="{length / 2} 0 0" '
             f'diaginertia="1e-4 {inertia} {inertia}"/>'
         )
-    head = f'<mujoco><option timestep="{TICK_S / 2}" integrator="implicitfast"/><worldbody>'
+    head = f"<mujoco><option {option}/><worldbody>"
     return f"{head}{bodies}{'</body>' * joints}</worldbody>{drives}</mujoco>"
 
 
@@ -94,7 +101,9 @@ def log_of(real: Real, seed: int = 0) -> Log:
         "mechanism": {"mjcf": "arm.xml", "joints": drives},
         "episodes": [{"episode": n, "protocol": p} for n, p in enumerate(PROTOCOLS)],
     }
-    return make_log(LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints))
+    return make_log(
+        LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints, option=real.option)
+    )
 
 
 def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
@@ -112,7 +121,7 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
         f'forcerange="{-LIMIT} {LIMIT}"/>'
         for j in range(real.joints)
     )
-    xml = mjcf(real.joints, real.coulomb_nm, f"<actuator>{drives}</actuator>")
+    xml = mjcf(real.joints, real.coulomb_nm, f"<actuator>{drives}</actuator>", real.option)
     model = mujoco.MjModel.from_xml_string(xml)
     data, shown = mujoco.MjData(model), []
     steps = round(1 / HZ / model.opt.timestep)

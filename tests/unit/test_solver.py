@@ -62,6 +62,17 @@ def test_healthy_logs_say_what_is_ordinary():
     assert result.ordinary == pytest.approx(1.2, abs=0.3)
 
 
+@pytest.mark.parametrize(("kp", "verdict"), [({}, "none"), ({1: 0.7}, "kp-scale")])
+def test_a_model_is_its_own_simulator(kp, verdict):
+    """Take the step and integrator of its file for no fault, and name a gain beside them."""
+    found = solve(log_of(Real(joints=2, kp=kp, option='timestep="0.005" integrator="Euler"')))
+    assert found.verdict == (verdict,)
+    (limb,) = found.limbs
+    (own,) = [one for one in limb.nominal if one.effect == "own-steps"]
+    assert own.value == pytest.approx(100.0, abs=1.0 if not kp else 40.0)
+    assert kp or limb.gap_nominal < 0.5 < limb.gap_before
+
+
 def test_numbers_that_are_off_together_hide_no_fault():
     """Name a gain that all nominal numbers could only hide together; without effects: unknown."""
     log = log_of(Real(joints=2, kp={1: 0.75}))
