@@ -216,6 +216,8 @@ class Taxels:
     """Share of the taxels that are dead [1]."""
     halo_m: float = 0.0
     """Taxels nearer than this to an active one respond too [m]."""
+    gain_spread: float = 0.0
+    """The gain of a taxel differs from 1 by up to this share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

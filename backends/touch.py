@@ -2,8 +2,8 @@
 
 A taxel reads how deep the stick presses into its skin, as soon as the fingertip carries force. This
 is a distance, so no engine needs hundreds of contact geoms. As in the paper, readings are binarised
-with a fixed threshold. The faults of real skin are added here: readings drift, taxels are dead,
-neighbours respond too.
+with a fixed threshold. The faults of real skin are added here: taxels have gains of their own,
+readings drift, taxels are dead, neighbours respond too.
 """
 
 from collections.abc import Sequence
@@ -95,7 +95,7 @@ def _press(
     """
     turn, offset = np.empty((3, 3)), np.empty(3)
     for i, n in enumerate(worlds):
-        reach, drift, dead, touch_n = skin[n]
+        reach, drift, dead, touch_n, gain = skin[n]
         for f in range(force.shape[1]):
             fx, fy, fz = force[n, f]
             if fx * fx + fy * fy + fz * fz > touch_n * touch_n:
@@ -103,8 +103,8 @@ def _press(
                 _depths(turn, offset, shape[n], grid[f], reach, reading[n, f])
             else:
                 reading[n, f] = 0.0
-            if drift != 0.0 or dead != 0.0:
-                _spoil(drift * time_s[n], dead, rank[f], reading[n, f])
+            if drift != 0.0 or dead != 0.0 or gain != 0.0:
+                _spoil(drift * time_s[n], dead, gain, rank[f], reading[n, f])
 
 
 @numba.njit(cache=True)
@@ -133,10 +133,11 @@ def _depths(turn, offset, shape, grid, reach, reading):
 
 
 @numba.njit(cache=True)
-def _spoil(drift_m, dead, rank, reading):
-    """Add drift to the readings and set dead taxels to zero."""
+def _spoil(drift_m, dead, gain, rank, reading):
+    """Multiply readings by gains, add drift and set dead taxels to zero."""
     for t in range(len(reading)):
-        reading[t] = 0.0 if rank[t, 0] < dead else drift_m * rank[t, 1] + reading[t]
+        read = (1.0 + gain * rank[t, 2]) * reading[t]
+        reading[t] = 0.0 if rank[t, 0] < dead else drift_m * rank[t, 1] + read
 
 
 @numba.njit(cache=True)
@@ -173,14 +174,16 @@ def _spread(reading, threshold, grid, halo, alive, active):
 
 
 def _ranks(tips: int, taxels: int) -> Array:
-    """Two fixed numbers in [0, 1) per taxel, (F, T, 2), the same in every world and episode.
+    """Three fixed numbers per taxel, (F, T, 3), the same in every world and episode.
 
     A taxel is dead if the dead share exceeds its first number. These numbers are evenly spaced, so
-    the share is met exactly. Its drift is the second number times the fastest drift.
+    the share is met exactly. Its drift is the second number, in [0, 1), times the fastest drift.
+    Its gain differs from 1 by the third, in [-1, 1), times the spread.
     """
     rng = np.random.default_rng(0)
     dies = rng.permuted(np.tile(np.arange(taxels) / taxels, (tips, 1)), axis=1)
-    return np.stack([dies, rng.uniform(size=(tips, taxels))], axis=-1)
+    drifts, gains = rng.uniform(size=(tips, taxels)), rng.uniform(-1, 1, (tips, taxels))
+    return np.stack([dies, drifts, gains], axis=-1)
 
 
 class Skin:
@@ -194,7 +197,9 @@ class Skin:
         self._shape = np.array([stick_shape(s.stick) for s in specs])
         taxels = [s.hand.taxels for s in specs]
         skins = [(s.hand.taxels, s.contact.touch_n) for s in specs]
-        self._skin = np.array([(t.reach_m, t.drift_m_s, t.dead_share, n) for t, n in skins])
+        self._skin = np.array(
+            [(t.reach_m, t.drift_m_s, t.dead_share, n, t.gain_spread) for t, n in skins]
+        )
         self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
         self._halo_m = np.array([t.halo_m for t in taxels])
         n, shape = len(specs), self._grid.shape[:2]

@@ -124,7 +124,14 @@ def pressed_m(spec: Spec, part: Held) -> Array:
     """
     count, tips = len(part.time_s), len(spec.hand.fingertips)
     reach_m = spec.hand.taxels.reach_m + AWAY_M
-    taxels = replace(spec.hand.taxels, reach_m=reach_m, drift_m_s=0.0, dead_share=0.0, halo_m=0.0)
+    taxels = replace(
+        spec.hand.taxels,
+        reach_m=reach_m,
+        drift_m_s=0.0,
+        dead_share=0.0,
+        halo_m=0.0,
+        gain_spread=0.0,
+    )
     bare = replace(spec, hand=replace(spec.hand, taxels=taxels))
     state = State.allocate(count, len(spec.hand.joint_names), tips)
     state.joint_rad[:] = part.joint_rad

@@ -2,7 +2,7 @@
 
 The geometry says how deep every taxel is pressed. On top of it come the candidates' faults:
 
-    reading = depth + slope t,   0 if dead
+    reading = gain depth + slope t,   0 if dead
     active  = reading > 0.2 mm + threshold,  or a living neighbour within the halo of one that is
 
 An answer as yes or no is a Bernoulli draw at a margin blurred by the geometry's own error; a depth
@@ -78,6 +78,10 @@ class Faults:
     """Drift of every taxel, shape (F, K) or ()."""
     fastest_m_s: float = 0.0
     """Slopes are spread evenly up to this."""
+    gain: Array = field(default_factory=lambda: np.ones(()))
+    """Of every taxel, shape (F, K) or (), where readings are depths."""
+    gain_spread: float = 0.0
+    """Gains differ from 1 by up to this share."""
     dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))
     """Taxels that never answer, shape (F, K) or ()."""
     dead_share: float = 0.0
@@ -103,7 +107,7 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
     drifted_m = data.time_s[:, None, None] * faults.slope_m_s
     if not data.binary:
-        return (np.maximum(data.touching_m, 0.0) + drifted_m) * alive
+        return (faults.gain * np.maximum(data.touching_m, 0.0) + drifted_m) * alive
     short_m = faults.level_m - drifted_m
     chance = _chance(data.touching_m, short_m, faults.blur_m, SHARP * faults.level_m)
     if near is not None:

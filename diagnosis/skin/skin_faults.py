@@ -1,4 +1,4 @@
-"""Faults of a skin: threshold, drift, dead taxels, a halo; identified without any dynamics.
+"""Faults of a skin: threshold, drift, dead taxels, a halo, gains; found without any dynamics.
 
 Where stick and joints are known, geometry says what every taxel should answer.
 """
@@ -16,12 +16,14 @@ from diagnosis.motion.held import FLOOR_M, held
 from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples
 from diagnosis.skin.search import SkinFit, search
-from diagnosis.skin.taxel_fits import FIELDS, HALO, THRESHOLD, Fitting
+from diagnosis.skin.taxel_fits import FIELDS, GAIN, HALO, THRESHOLD, Fitting
 from diagnosis.verdict.in_hand import TOUCH, Report, Spot, missing
 from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 ANSWERS = (THRESHOLD, HALO)
 """Faults that change what counts and no depth."""
+DEPTHS = (GAIN,)
+"""Faults that a log of yes and no cannot tell from others."""
 GRASP = "not identifiable from this log; record --protocol grasp with the channels {}"
 MISPLACED = (
     "not identifiable from this log: stick and joints put {} away from where they touch; correct "
@@ -71,13 +73,20 @@ def _identified(
         starts.insert(0, _offset(fitting, seen.start))
     misplaced = MISPLACED.format(", ".join(seen.misplaced))
     mute, why = _mute(binary, bool(seen.misplaced), misplaced)
-    found = search(fitting, starts, [fault for fault in names if fault not in mute])
+    deaf = DEPTHS if binary else ()
+    found = search(fitting, starts, [fault for fault in names if fault not in (*mute, *deaf)])
     if seen.misplaced and found.is_unknown:
         return Report(missing=missing(names.values(), misplaced))
     return Report(
         causes=tuple(_causes(found, names, nominal.hand.taxels, catalogue)),
         spots=_spots(nominal, fitting, found),
-        missing=missing([names[fault] for fault in mute if fault in names], why),
+        missing=(
+            *missing([names[fault] for fault in mute if fault in names], why),
+            *missing(
+                [names[fault] for fault in deaf if fault in names],
+                GRASP.format("stick and touch"),
+            ),
+        ),
     )
 
 

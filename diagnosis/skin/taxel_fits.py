@@ -7,6 +7,7 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
+from diagnosis.skin.gains import SPREADS, gains
 from diagnosis.verdict.result import CLOSE_NATS
 
 THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
@@ -27,12 +28,14 @@ DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 TURNS = 2
 """How often two faults are fitted in turns."""
 THRESHOLD, DRIFT, DEAD, HALO = "threshold_m", "drift_m_s", "dead_share", "halo_m"
+GAIN = "gain_spread"
 """Faults of a skin, as the numbers of `backends.spec.Taxels` that they change."""
 FIELDS = {
     THRESHOLD: ("threshold_m",),
     DRIFT: ("slope_m_s", "fastest_m_s"),
     DEAD: ("dead", "dead_share"),
     HALO: ("halo_m",),
+    GAIN: ("gain", "gain_spread"),
 }
 """Numbers of `Faults` that a fault is."""
 NEXT_M = 1e-5
@@ -69,6 +72,7 @@ class Fitting:
             DRIFT: self._drift,
             DEAD: self._dead,
             HALO: self._halo,
+            GAIN: self._gain,
         }[fault](faults)
 
     def together(self, names: tuple[str, ...], start: Faults) -> Faults:
@@ -151,6 +155,19 @@ class Fitting:
             interval=(low, high),
             faults=tries[best],
             evidence=f"taxels respond within {1e3 * middles[best]:.1f} mm of a pressed one",
+        )
+
+    def _gain(self, faults: Faults) -> Guess | None:
+        found = None if self._data.binary else gains(self._data, faults)
+        if found is None:
+            return None
+        best, low, high = profile(SPREADS, found.evidence(SPREADS))
+        return Guess(
+            fault=GAIN,
+            value=best,
+            interval=(max(low, 0.0), high),
+            faults=replace(faults, gain=1.0 + np.clip(found.more, -best, best), gain_spread=best),
+            evidence=f"{found.known} taxels read up to {100 * best:.0f} % more or less than others",
         )
 
     def _drift(self, faults: Faults) -> Guess | None:

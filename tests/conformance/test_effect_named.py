@@ -17,6 +17,7 @@ from benchmark.parts import registry
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
+from diagnosis.skin.skin_faults import DEPTHS as OF_DEPTHS
 from diagnosis.solver import solve
 
 IDEAL = trx.spec(STICKS["reference"])
@@ -33,7 +34,10 @@ HELD = Plan(
     channels=("command", "position", "stick", "contact"),
     seed=7,
 )
+DEEP = replace(HELD, channels=("command", "position", "stick", "touch"))
+"""Grasps with depths, not only with yes and no."""
 PULLED = replace(HELD, protocols=("grasp", "pull"), channels=(*HELD.channels, "pull"))
+DEPTHS = tuple(f"taxels.{fault}" for fault in OF_DEPTHS)
 pytestmark = pytest.mark.slow
 
 
@@ -70,7 +74,8 @@ def test_a_large_effect_is_named(name):
 @pytest.mark.parametrize("name", named(in_the_hand=True))
 def test_a_large_effect_in_the_hand_is_named(name):
     """Name the effect and nothing else, with the truth within half of it."""
-    plan = PULLED if catalogue()[name].slips else HELD
+    kind = catalogue()[name]
+    plan = PULLED if kind.slips else DEEP if kind.spec_fields()[0] in DEPTHS else HELD
     (one,) = in_hand(log(name, plan), IDEAL, catalogue(), on_mujoco).causes
     assert one.effect == name
     assert one.sizes[0] == pytest.approx(large(catalogue()[name]).magnitude, rel=0.5)

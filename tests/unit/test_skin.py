@@ -89,6 +89,28 @@ def test_dead_taxels(kind):
     assert one.sizes[1] <= 0.2 <= one.sizes[2]
 
 
+@pytest.mark.parametrize("spread", [5, 50])
+def test_gains(spread):
+    """Measure how far gains differ: the largest of some dozens of uniform numbers."""
+    (one,) = skin_report(f"taxel-gain={spread}%", "touch").causes
+    assert one.effect == "taxel-gain"
+    assert one.sizes[0] == pytest.approx(spread / 100, rel=0.05)
+    assert one.sizes[1] <= spread / 100 <= one.sizes[2]
+
+
+@pytest.mark.parametrize("other", ["taxel-dropout=20%", "taxel-drift=0.05mm/s"])
+def test_gains_beside_another_fault(other):
+    """Find both, and the gains within a tenth."""
+    both = found(f"taxel-gain=20%,{other}", "touch")
+    assert set(both) == {"taxel-gain", other.split("=")[0]}
+    assert both["taxel-gain"].sizes[0] == pytest.approx(0.2, rel=0.1)
+
+
+def test_answers_say_nothing_of_gains():
+    """Ask for depths where the log has yes and no."""
+    assert "taxel-gain: not identifiable" in skin_report("none", "contact").missing[0]
+
+
 def test_confidence_is_what_former_findings_were_right():
     """Be as sure of a fault that is far ahead as former ones were right, else less."""
     (one,) = skin_report("taxel-dropout=20%", "touch").causes

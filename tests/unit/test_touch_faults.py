@@ -74,6 +74,24 @@ def test_threshold_moves_what_counts(shift_mm: float) -> None:
     assert np.array_equal(touch.in_contact[0], expected.any(axis=1))
 
 
+def test_gains_are_the_taxels_own() -> None:
+    """Multiply every reading by its own factor, spread evenly about 1, pressed or drifting."""
+    nominal, some, more = (feel(text).reading_m for text in GAINS)
+    pressed = nominal > 0.0
+    assert np.array_equal(pressed, some > 0.0)
+    gain = some[pressed] / nominal[pressed] - 1
+    assert more[pressed] / nominal[pressed] - 1 == pytest.approx(2 * gain, abs=1e-12)
+    assert np.abs(gain).max() < 0.2
+    # A mean of n numbers that are uniform between +-0.2; four standard errors.
+    assert abs(gain.mean()) < 4 * 0.2 / np.sqrt(3 * gain.size)
+    assert gain.std() == pytest.approx(0.2 / np.sqrt(3), rel=0.5)
+    drift = feel("taxel-drift=0.02mm/s", 3.0, forces=False).reading_m
+    assert np.array_equal(drift, feel("taxel-drift=0.02mm/s,taxel-gain=20%", 3.0, False).reading_m)
+
+
+GAINS = ("none", "taxel-gain=20%", "taxel-gain=40%")
+
+
 def test_drift_grows_with_time() -> None:
     """Add to every reading its own rate times the time, rates spread from none to the fastest."""
     nominal = feel("none").reading_m
