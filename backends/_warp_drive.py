@@ -5,10 +5,13 @@ more; a test holds the two to 1e-6. Rotors are kept in double precision: a gear'
 small differences of angles.
 """
 
+import math
+
 import warp as wp
 
-from backends.drive import STRIBECK_RAD_S
+from backends.drive import COGGING_RAD, STRIBECK_RAD_S
 
+_TURN, _TOOTH = wp.constant(wp.float64(2.0 * math.pi)), wp.constant(wp.float64(COGGING_RAD))
 _V_S = wp.constant(wp.float64(STRIBECK_RAD_S))
 _NONE = wp.constant(wp.float64(0.0))
 
@@ -52,6 +55,10 @@ def drive_tick(
     rub = _NONE
     if stiction > _NONE:
         rub = stiction * wp.exp(-wp.abs(speed) / _V_S)
+    cog = _NONE
+    if p[15] != _NONE:
+        period = wp.where(p[16] > _NONE, p[16], _TOOTH)
+        cog = p[15] * wp.sin(_TURN * motor[n, j] / period + p[17])
     gap = motor[n, j] - joint
     press = gap + play
     if gap > _NONE:
@@ -66,7 +73,7 @@ def drive_tick(
     low = wp.min(wp.max(-lost, _NONE), limit) - limit
     pd = wp.min(wp.max(pd, low), high)
     friction = coulomb + load * wp.abs(gear) + rub
-    speed += dt / inertia * (pd - gear - viscous * speed)
+    speed += dt / inertia * (pd + cog - gear - viscous * speed)
     friction += wp.max(wp.where(speed > _NONE, way, -way), _NONE)
     speed = _shrink(speed, dt / inertia * friction)
     if speed * pd <= _NONE and speed * gear < _NONE:

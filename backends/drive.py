@@ -6,7 +6,8 @@ which push once the play between them is taken up:
     tau_pd   = clip(kp dead_zone(target - motor) - kd motor', low, high)     (the paper's PD law)
     high     = limit - fall motor',  -low = limit + fall motor',             within 0 and limit
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
-    J motor'' = tau_pd - tau_gear - viscous motor' - friction
+    J motor'' = tau_pd + tau_cog - tau_gear - viscous motor' - friction
+    tau_cog  = cogging sin(2 pi motor / period + phase)
     friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
 
 Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
@@ -32,7 +33,10 @@ COLUMNS = tuple(f.name for f in fields(Drive))
 """Names of a drive's numbers, in the order in which compiled code takes them."""
 STRIBECK_RAD_S = 0.05
 """v_s: speed at which stiction has fallen to a third. Fits to servos give 0.1 rad/s and more."""
-_STICTION = COLUMNS.index("stiction_nm")
+COGGING_RAD = np.radians(20.0)
+"""Period of cogging where none is given: of 18 teeth, so coarse that a hand shows it."""
+_STICTION, _COGGING = COLUMNS.index("stiction_nm"), COLUMNS.index("cogging_nm")
+_PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_phase_rad")
 
 
 @numba.njit(cache=True)
@@ -48,10 +52,42 @@ def rubbing(speed, stiction):
     return stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0
 
 
+@numba.njit(cache=True)
+def cogged(motor, amplitude, period, phase):
+    """The torque of cogging at a given motor angle [Nm]."""
+    if amplitude == 0.0:
+        return 0.0
+    return amplitude * np.sin(
+        2.0 * np.pi * motor / (period if period > 0.0 else COGGING_RAD) + phase
+    )
+
+
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
-    """`motor_tick` with a given stiction `rub`, without branches and inline: so it vectorises."""
-    kp, kd, limit, inertia, coulomb, viscous, k, c, play, lock, _, load, dead, way, fall = p
+def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
+    """`motor_tick` with given stiction `rub` and cogging `cog`.
+
+    Without branches and inline: so it vectorises.
+    """
+    (
+        kp,
+        kd,
+        limit,
+        inertia,
+        coulomb,
+        viscous,
+        k,
+        c,
+        play,
+        lock,
+        _,
+        load,
+        dead,
+        way,
+        fall,
+        _,
+        _,
+        _,
+    ) = p
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
     press = gap - play if gap > 0.0 else gap + play
@@ -63,7 +99,7 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p):
     high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
     pd = min(max(pd, low), high)
     friction = coulomb + load * abs(gear) + rub
-    speed += dt / inertia * (pd - gear - viscous * speed)
+    speed += dt / inertia * (pd + cog - gear - viscous * speed)
     friction += max(way if speed > 0.0 else -way, 0.0)
     speed = _shrink(speed, dt / inertia * friction)
     locked = _shrink(speed, dt / inertia * lock)
@@ -77,6 +113,7 @@ def numbers_at(p, i):
     return (
         *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
         *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i], p[14, i]),
+        *(p[15, i], p[16, i], p[17, i]),
     )
 
 
@@ -87,24 +124,26 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
     Returns the motor's new angle and speed, its PD torque and the torque on the joint.
     """
     rub = rubbing(speed, p[_STICTION])
-    return turn_motor(target, joint, joint_speed, motor, speed, rub, dt, p)
+    cog = cogged(motor, p[_COGGING], p[_PERIOD], p[_PHASE])
+    return turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p)
 
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); `p` (15, N, J) holds the numbers of all drives."""
+    """`motor_tick` for contiguous arrays (N, J); `p` (18, N, J) holds the numbers of all drives."""
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
-    p, rub = p.reshape(p.shape[0], -1), np.zeros(len(motor))
+    p, rub, cog = p.reshape(p.shape[0], -1), np.zeros(len(motor)), np.zeros(len(motor))
     for i in range(len(motor)):
         rub[i] = rubbing(motor_speed[i], p[_STICTION, i])
+        cog[i] = cogged(motor[i], p[_COGGING, i], p[_PERIOD, i], p[_PHASE, i])
     for i in range(len(motor)):
-        own = target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i]
+        own = target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], cog[i]
         motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(*own, dt, numbers_at(p, i))
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of `motor_tick`, shape (J, 15)."""
+    """The numbers of all drives in the order of `motor_tick`, shape (J, 18)."""
     return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
 
 

@@ -55,6 +55,12 @@ class Drive:
     limit_fall_nms_rad: float = 0.0
     """Torque by which the limit falls per speed of the motor, as its back-EMF takes the voltage
     [Nms/rad]; the limit over it is the no-load speed."""
+    cogging_nm: float = 0.0
+    """Cogging: amplitude of a torque on the motor that is a sine of its angle [Nm]."""
+    cogging_period_rad: float = 0.0
+    """Its period, at the joint; 0: `drive.COGGING_RAD` [rad]."""
+    cogging_phase_rad: float = 0.0
+    """Phase of the sine at the angle zero [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -14,10 +14,8 @@ STRANGE: Mapping[str, tuple[str, ...]] = {
     "hard-stop": (),
     "thermal-fade": ("torque-limit", "kp-scale"),
     "magnet-slip": ("encoder-bias",),
-    "cogging": ("coulomb-friction", "stiction"),
 }
-"""By fault that no catalogue has: a motor that fades is weak, one that cogs is rough, and a magnet
-that slips is a bias."""
+"""By fault that no catalogue has: a motor that fades is weak, and a magnet that slips is a bias."""
 
 
 def near(fault: str) -> tuple[str, ...]:

@@ -20,12 +20,13 @@ from backends.state import Array
 
 DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead", "uneven", "emf"),
+    *("lock", "stiction", "load", "dead", "uneven", "emf", "cogging"),
 )
 """Numbers of a drive, in the order in which equations take them.
 
 `uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards;
-`emf`: torque that a motor's limit loses per speed.
+`emf`: torque that a motor's limit loses per speed; `cogging`: amplitude of a torque that goes as
+sin(18 motor angle).
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
@@ -34,17 +35,15 @@ _OTHER = (
 STRANGE = {
     "hard-stop": "stop",
     "thermal-fade": "fade",
-    "cogging": "cogging",
     "magnet-slip": "slip",
 }
 """Faults that no catalogue has, and the number that each adds to.
 
     stop     the link meets an elastic stop so far inside of the upper end of its range [rad]
     fade     share of its torque that a motor loses at the heat of lasting full torque [1]
-    cogging  amplitude of a torque that goes as sin(17 motor angle) [Nm]
     slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
 """
-STRANGE_DRIVE = ("stop", "fade", "cogging")
+STRANGE_DRIVE = ("stop", "fade")
 """Those that the equations of motion implement, in their order; 0: absent."""
 NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
@@ -52,6 +51,7 @@ CHANGES = {
     "self-lock": ("lock", "add"),
     "coulomb-friction": ("coulomb", "add"),
     "direction-friction": ("uneven", "add"),
+    "cogging": ("cogging", "add"),
     "stiction": ("stiction", "add"),
     "viscous-friction": ("viscous", "add"),
     "load-friction": ("load", "add"),

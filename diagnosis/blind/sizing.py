@@ -144,9 +144,10 @@ def sized(
         wanted = float(np.exp(rng.uniform(*np.log(times))))
         for fault in _candidates(case, first, chosen, effects, catalogue, rng):
             magnitude, moved = _solved(robot, fault, wanted * robot.scale_rad)
-            if moved >= times[0] * robot.scale_rad * np.exp(-CLOSE):
+            over = moved / robot.scale_rad
+            if times[0] * np.exp(-CLOSE) <= over <= times[1] * np.exp(CLOSE):
                 chosen.append(dataclasses.replace(fault, magnitude=magnitude))
-                found.append(moved / robot.scale_rad)
+                found.append(over)
                 break
         else:
             raise ValueError(f"no fault of {TRIES} shows on {case.rig} as {case.real}")

@@ -15,7 +15,6 @@ COMPLIANCE = 0.6
 STRANGE = {
     "hard-stop": (1.0, "range"),
     "thermal-fade": (30.0, None),
-    "cogging": (0.3, "limit"),
     "magnet-slip": (0.1, None),
 }
 """Largest magnitudes of `plant.STRANGE`, and what they are a share of."""

@@ -15,7 +15,18 @@ from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.along import AXES
-from diagnosis.motion.columns import COLUMNS, KD, KP, MOVING, OWN_STEPS, STIFFNESS
+from diagnosis.motion.columns import (
+    COGGING,
+    COLUMNS,
+    KD,
+    KP,
+    MOVING,
+    OWN_STEPS,
+    PERIOD,
+    PHASE,
+    STIFFNESS,
+)
+from diagnosis.motion.ripple import ripples
 
 
 class _Integral(NumberEffect):
@@ -75,6 +86,8 @@ class Parameter:
     """From which size of u on it is an effect."""
     most: float
     """Largest size of u."""
+    beside: tuple[tuple[int, float], ...] = ()
+    """Other numbers of its law, by their columns, that the log shows before its size [SI]."""
     nameable: bool = True
     """Whether it may be let free as an effect, instead of as a tolerance alone."""
 
@@ -113,7 +126,7 @@ def parameters(
     some of them by joint and number; `everyday`: the share of the other tolerances that mechanisms
     of this origin have.
     """
-    found = []
+    found, seen = [], ripples(evidence.limb)
     for name, kind in {**every_effect(), **catalogue, **TERMS}.items():
         if kind.least is None:
             continue
@@ -124,6 +137,10 @@ def parameters(
                 sure = _uncertainty(evidence, joint, place, uncertainty, guesses or {})
                 one = _parameter(name, kind, joint, place, evidence, sure, everyday)
                 if one is not None:
+                    if place == COGGING and evidence.limb.nominal[joint, place] == 0.0:
+                        one = replace(
+                            one, beside=tuple(zip((PERIOD, PHASE), seen[joint], strict=True))
+                        )
                     shows = not (evidence.only_rests and place in MOVING)
                     found.append(replace(one, nameable=name in catalogue and shows))
             if kind.shared and len(evidence.joints) > 1:

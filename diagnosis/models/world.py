@@ -70,6 +70,8 @@ class World:
                 tilt[one.place] += value
                 continue
             rows = slice(None) if one.joint is None else one.joint
+            for place, seen in one.beside:
+                numbers[rows, place] = seen
             if one.kind.coordinate == "logarithm":
                 numbers[rows, one.place] *= np.exp(value)
             elif one.kind.coordinate == "compliance":

@@ -24,6 +24,9 @@ COLUMNS = (
 KP, KD = COLUMNS.index("drive.kp_nm_rad"), COLUMNS.index("drive.kd_nms_rad")
 LIMIT, ROTOR = COLUMNS.index("drive.torque_limit_nm"), COLUMNS.index("drive.rotor_inertia_kgm2")
 COULOMB, VISCOUS = COLUMNS.index("drive.coulomb_nm"), COLUMNS.index("drive.viscous_nms_rad")
+COGGING, PERIOD, PHASE = (
+    COLUMNS.index(f"drive.cogging_{name}") for name in ("nm", "period_rad", "phase_rad")
+)
 FALL = COLUMNS.index("drive.limit_fall_nms_rad")
 ONE_WAY = COLUMNS.index("drive.one_way_friction_nm")
 STICTION, LOAD = COLUMNS.index("drive.stiction_nm"), COLUMNS.index("drive.load_friction")

@@ -18,9 +18,10 @@ begins where the drive carries the weight at the start.
 import numba
 import numpy as np
 
-from backends.drive import STRIBECK_RAD_S
+from backends.drive import STRIBECK_RAD_S, cogged
 from diagnosis.motion.columns import (
     CASCADE,
+    COGGING,
     COULOMB,
     DEAD_ZONE,
     DELAY,
@@ -36,6 +37,8 @@ from diagnosis.motion.columns import (
     LOAD,
     LOCK,
     ONE_WAY,
+    PERIOD,
+    PHASE,
     PLAY,
     PROFILE,
     ROTOR,
@@ -105,9 +108,9 @@ def _gear(gap, slip, play, stiffness, teeth):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _turned(speed, pd, gear, viscous, rub, way, lock, r, damped):
+def _turned(speed, pd, cog, gear, viscous, rub, way, lock, r, damped):
     """A rotor's speed after a tick r = dt / J; friction stops it and never reverses it."""
-    speed += r * (pd - gear - viscous * speed) / (1.0 + r * damped)
+    speed += r * (pd + cog - gear - viscous * speed) / (1.0 + r * damped)
     speed = _shrink(speed, r * (rub + max(way if speed > 0.0 else -way, 0.0)))
     return _shrink(speed, r * lock) if speed * pd <= 0.0 and speed * gear < 0.0 else speed
 
@@ -192,6 +195,7 @@ def integrate(
             pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, FALL])
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t, 2, j] = pd
+            cog = cogged(motor[j], p[j, COGGING], p[j, PERIOD], p[j, PHASE])
             rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
             loss = share[j] * quick[j] * p[j, KD] * (p[j, UNLIMITED] if at_limit else 1.0)
             loss += p[j, VISCOUS] + (p[j, FALL] if at_limit else 0.0)
@@ -200,14 +204,14 @@ def integrate(
                 gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])
                 most = rub[j] + p[j, LOAD] * abs(gear[j])
                 loss = loss if implicit else 0.0
-                own = pd, gear[j], p[j, VISCOUS], most, p[j, ONE_WAY], p[j, LOCK], r, loss
+                own = pd, cog, gear[j], p[j, VISCOUS], most, p[j, ONE_WAY], p[j, LOCK], r, loss
                 speed[j] = _turned(speed[j], *own)
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
             else:
                 changed |= at_limit != held[j]
                 held[j], damped[j] = at_limit, dt * loss
-                force[j] = pd - p[j, VISCOUS] * v[j]
+                force[j] = pd + cog - p[j, VISCOUS] * v[j]
                 rub[j] += p[j, LOAD] * abs(gear[j])
         if changed:
             for j in range(joints):

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features
 
-from backends.drive import COLUMNS, rubbing, turn_motor
+from backends.drive import COLUMNS, cogged, rubbing, turn_motor
 from diagnosis.replay.expansion import (
     SMALL_RAD,
     accelerate_one,
@@ -23,12 +23,16 @@ LANES = 8
 """Largest number of lanes."""
 REGISTER = 8 if get_host_cpu_features().get("avx512f") else 4
 """Number of doubles in this processor's registers; a smaller rest is computed one by one."""
-_ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB, _DRIVE = (
-    LANES * row for row in range(11)
+_ANGLE, _SPEED, _MOTOR, _MOTOR_SPEED, _TORQUE, _COS, _SIN, _TARGET, _LOAD, _RUB, _COG, _DRIVE = (
+    LANES * row for row in range(12)
 )
 """Where a joint's rows begin, each a number per lane; the last are the numbers of its drive."""
-_INERTIA, _STICTION = (
-    _DRIVE + LANES * COLUMNS.index(name) for name in ("rotor_inertia_kgm2", "stiction_nm")
+_INERTIA, _STICTION, _COGGING, _PERIOD, _PHASE = (
+    _DRIVE + LANES * COLUMNS.index(name)
+    for name in (
+        *("rotor_inertia_kgm2", "stiction_nm"),
+        *("cogging_nm", "cogging_period_rad", "cogging_phase_rad"),
+    )
 )
 _JOINT = _DRIVE + LANES * len(COLUMNS)
 _CLOSED, _SIZE = 2 * _JOINT, 2 * _JOINT + 33 * LANES
@@ -43,7 +47,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
 
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
-    `start` are the angles (E, J); `drive` (J, 15) and `closed` (33,) are the numbers of the drives
+    `start` are the angles (E, J); `drive` (J, 18) and `closed` (33,) are the numbers of the drives
     and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
@@ -147,10 +151,13 @@ def _two(ticks, x, lanes, dt):
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _rub(x, at, lanes):
-    """Stiction, which needs a function that no instruction is."""
+    """Stiction and cogging, which need functions that no instruction is."""
     for w in range(lanes):
         if x[at + _STICTION + w] > 0.0:
             x[at + _RUB + w] = rubbing(x[at + _MOTOR_SPEED + w], x[at + _STICTION + w])
+        if x[at + _COGGING + w] != 0.0:
+            law = x[at + _COGGING + w], x[at + _PERIOD + w], x[at + _PHASE + w]
+            x[at + _COG + w] = cogged(x[at + _MOTOR + w], *law)
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -167,10 +174,14 @@ def _drive(x, at, dt):
             x[p + 12 * LANES],
             x[p + 13 * LANES],
             x[p + 14 * LANES],
+            x[p + 15 * LANES],
+            x[p + 16 * LANES],
+            x[p + 17 * LANES],
         ),
     )
     joint, motor = (x[at + _ANGLE], x[at + _SPEED]), (x[at + _MOTOR], x[at + _MOTOR_SPEED])
-    motor_rad, rate, pd, gear = turn_motor(x[at + _TARGET], *joint, *motor, x[at + _RUB], dt, own)
+    given = x[at + _RUB], x[at + _COG], dt
+    motor_rad, rate, pd, gear = turn_motor(x[at + _TARGET], *joint, *motor, *given, own)
     x[at + _MOTOR], x[at + _MOTOR_SPEED], x[at + _TORQUE] = motor_rad, rate, pd
     return gear
 

@@ -48,6 +48,7 @@ CASES = {
     "self-lock": Case("0.05Nm", "push", "motor_rad"),
     "coulomb-friction": Case("10mNm"),
     "direction-friction": Case("10mNm"),
+    "cogging": Case("10mNm"),
     "stiction": Case("10mNm"),
     "viscous-friction": Case("5mNms"),
     "load-friction": Case("10%", "push", "motor_rad"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backends import sticks, trx
-from backends.drive import STRIBECK_RAD_S, DriveBank
+from backends.drive import COGGING_RAD, STRIBECK_RAD_S, DriveBank
 from backends.spec import Body, Drive, Joint, Spec
 from backends.state import Array
 
@@ -188,6 +188,25 @@ def test_one_way_friction_acts_in_its_direction(sign: float, way: float) -> None
     ends = loose(drive, [sign * 0.99 * friction, sign * 1.01 * friction])
     assert ends[0] == 0.0
     assert sign * ends[1] > 0.0
+
+
+@pytest.mark.parametrize("period", [0.0, 0.05])
+def test_cogging_is_a_sine_of_the_motors_angle(period: float) -> None:
+    """Swing about the angles where it vanishes at sqrt(2 pi amplitude / (period J)), by its law."""
+    amplitude, phase, away = 0.01, 0.7, 1e-4
+    own = dataclasses.replace(FREE, kp_nm_rad=0.0, cogging_nm=amplitude, cogging_phase_rad=phase)
+    drive = dataclasses.replace(own, cogging_period_rad=period)
+    tooth = period or COGGING_RAD
+    still = (math.pi - phase) / (2 * math.pi) * tooth
+    free = bank([drive], start_rad=still + away * tooth)
+    path = (turn(free, 0.0, 400)[:, 0] - still) / tooth
+    omega = math.sqrt(2 * math.pi * amplitude / (tooth * FREE.rotor_inertia_kgm2))
+    t = DT_S * np.arange(1, 401)
+    assert path == pytest.approx(away * np.cos(omega * t), abs=away * omega * DT_S)
+    free = bank([drive], start_rad=0.3)
+    turn(free, 0.0, 1)
+    torque = amplitude * math.sin(2 * math.pi * 0.3 / tooth + phase)
+    assert free.motor_rad_s[0, 0] == pytest.approx(DT_S / FREE.rotor_inertia_kgm2 * torque)
 
 
 def test_teeth_only_push() -> None:

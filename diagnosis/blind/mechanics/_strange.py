@@ -6,11 +6,11 @@ import numpy as np
 from backends.state import Array
 from diagnosis.blind.plant import Limb
 
-ALL = frozenset({"hard-stop", "thermal-fade", "cogging", "magnet-slip"})
+ALL = frozenset({"hard-stop", "thermal-fade", "magnet-slip"})
 HEAT_S = 3.0
 """Time constant of a motor's heat [s]."""
-TEETH = 17.0
-"""Periods of a strange cogging per 2 pi rad."""
+TEETH = 18.0
+"""Periods of cogging per 2 pi rad."""
 STOP_STIFFNESS = 30.0
 """Stiffness of an end stop over the servo's kp."""
 

@@ -1,10 +1,10 @@
 """Digital servos on a geared limb; a plant adds its laws of servo and friction.
 
-    J w' = i (1 - fade heat) + ripple sin(n motor) + cogging sin(17 motor) - gear - viscous w - F
+    J w' = i (1 - fade heat) + ripple sin(n motor) + cogging sin(18 motor) - gear - viscous w - F
     M(q) q'' + h(q, q') = gear + push + stop                      a plane chain, see `_chain`
     gear = (k twist + c twist') (1 + (k twist / T)^2 / s), beyond the play; teeth only push
 
-Heat, strange cogging and stops are laws of `_strange`.
+Heat, cogging and stops are laws of `_strange`.
 A servo samples: it reads its encoder once a period, what it asks for acts one period later, and the
 current i follows it within a time constant. Dry friction F acts on the rotor, or between the links
 where a gear's losses lie behind its spring. It is `level` times a law of the make, with
@@ -184,8 +184,8 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             current[j] = ready[j] + frame[1] * (current[j] - ready[j])
             current[j] = _strange.reached(current[j], w, drive[2], drive[14])
             heat[j] = _strange.warmed(heat[j], current[j] / drive[2], TICK_S)
-            pushed = current[j] * _strange.faded(drive[16], heat[j])
-            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[17], x)
+            pushed = current[j] * _strange.faded(drive[17], heat[j])
+            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[15], x)
             gear, hysteresis[j] = _gear(x - q[j], w - qd[j], drive, frame, hysteresis[j])
             rubs = qd[j] if frame[6] > 0 else w
             level = _level(rubs, pushed, gear, drive)
@@ -196,7 +196,7 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             speed[j] = moved / (1 + TICK_S / rotor * drive[5])
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
-            torque[j] += _strange.stopped(q[j], qd[j], drive[15], drive[0], drive[1])
+            torque[j] += _strange.stopped(q[j], qd[j], drive[16], drive[0], drive[1])
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

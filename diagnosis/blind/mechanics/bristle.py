@@ -128,8 +128,8 @@ def _run(
             break
         for j in range(joints):
             kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-            lock, stiction, load, dead, uneven, emf = drives[j, 9:15]
-            stop, fade, cog = drives[j, 15:]
+            lock, stiction, load, dead, uneven, emf, cog = drives[j, 9:16]
+            stop, fade = drives[j, 16:]
             error = wanted[tick, j] - motor[j]
             error -= min(max(error, -dead), dead)
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])

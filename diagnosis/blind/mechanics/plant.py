@@ -26,6 +26,8 @@ CREEP_RAD_S = 2e-3
 """W: speed at which friction has grown to three quarters."""
 STRIBECK_RAD_S = 0.05
 """V: speed at which stiction has faded to a third."""
+TEETH = 18.0
+"""Periods of an effect's cogging per 2 pi rad."""
 CORNER = 0.05
 """Width of a dead zone's corners, as a share of it."""
 
@@ -134,7 +136,7 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
         for i in range(steps):
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-                lock, stiction, load, dead, uneven, emf, cogging, friction = drives[j, 9:]
+                lock, stiction, load, dead, uneven, emf, cog, cogging, friction = drives[j, 9:]
                 error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
@@ -146,7 +148,10 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
                 gear = stiff * pressed * (1 + stiffening * pressed * pressed)
                 gear += damping * (speed[j] - qd[j]) * _slope(bend, play, corner)
                 free = speed[j] + TICK_S / rotor * (
-                    pd[j] - gear - cogging * np.sin(per_rad * motor[j])
+                    pd[j]
+                    - gear
+                    - cogging * np.sin(per_rad * motor[j])
+                    + cog * np.sin(TEETH * motor[j])
                 )
                 way = np.sign(free)
                 driven, driving = max(0.0, -gear * way), max(0.0, pd[j] * way)
