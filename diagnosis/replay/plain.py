@@ -163,7 +163,7 @@ def with_own_steps(
 
 
 def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, float]]) -> float:
-    """Root mean square distance of a model's positions from the log's, in plain MuJoCo.
+    """Root mean square distance of a model's positions from the log's, in plain MuJoCo as it is.
 
     Of a long log, from the part of it that is fitted to.
     `signals`: what stands beside the model, see `beside`.
@@ -171,8 +171,7 @@ def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, flo
     squares, count = 0.0, 0
     for part in limbs(nominal):
         episodes = excerpt(recordings(log, part), FITTED_S)
-        step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
-        world = plain(log, text, part.hand.joint_names, step_s, INTEGRATOR, signals)
+        world = plain(log, text, part.hand.joint_names, beside=signals)
         for recording in episodes:
             off = shown(world, recording) - recording.measured[:, 0]
             squares, count = squares + float(np.nansum(off**2)), count + off.size
