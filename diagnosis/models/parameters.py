@@ -151,7 +151,7 @@ def parameters(
 
 
 _OWN = Parameter(
-    effect="own-steps",
+    effect="simulator-steps",
     kind=_OwnSteps,
     joint=None,
     place=OWN_STEPS,

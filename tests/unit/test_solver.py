@@ -68,7 +68,7 @@ def test_a_model_is_its_own_simulator(kp, verdict):
     found = solve(log_of(Real(joints=2, kp=kp, option='timestep="0.005" integrator="Euler"')))
     assert found.verdict == (verdict,)
     (limb,) = found.limbs
-    (own,) = [one for one in limb.nominal if one.effect == "own-steps"]
+    (own,) = [one for one in limb.nominal if one.effect == "simulator-steps"]
     assert own.value == pytest.approx(100.0, abs=1.0 if not kp else 40.0)
     assert kp or limb.gap_nominal < 0.5 < limb.gap_before
 
