@@ -115,7 +115,13 @@ def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
 
 
 def _start(position: Array, target: Array) -> Array:
-    """Where joints rest before they move (K,): as read, or at the target within the noise."""
-    read = position[:REST_SAMPLES].mean(axis=0)
-    sd = white_noise(position) / np.sqrt(REST_SAMPLES) if len(position) > REST_SAMPLES else 0.0
-    return np.where(np.abs(read - target) < CLOSE_SD * sd, target, read)
+    """Where joints rest before they move (K,): as read, or at the target within the noise.
+
+    A joint that moves at once rests at its first reading.
+    """
+    first = position[:REST_SAMPLES]
+    noise = white_noise(position) if len(position) > REST_SAMPLES else np.zeros(len(target))
+    moves = np.ptp(first, axis=0) > 2.0 * CLOSE_SD * noise
+    read = np.where(moves, first[0], first.mean(axis=0))
+    rests = np.abs(read - target) < CLOSE_SD * noise / np.sqrt(REST_SAMPLES)
+    return np.where(rests, target, read)
