@@ -1,0 +1,63 @@
+"""Which command a row of a recording holds: the one that acts from it on, or one that has acted.
+
+A program that sends a command, waits and reads has each reading after its command has acted. A log
+has them otherwise (`command_rad` acts from its row's time on), so such commands are a row late.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from backends.catalogue import catalogue
+from diagnosis.evidence.evidence import evidence
+from diagnosis.evidence.log_faults import checked
+from diagnosis.logs.log import Log, LogError
+from diagnosis.models.parameters import parameters
+from diagnosis.models.world import World
+from diagnosis.motion.excerpt import excerpt
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.parts import limbs
+from diagnosis.search.fit import Fitter
+
+NEARER = 0.4
+"""Commands are a row late where they leave, a row earlier, so much of the squared gap at most."""
+FREE = 1.0
+"""Standard deviation of the nominal numbers, relative, that are fitted to either: a fault moves no
+command."""
+ENOUGH_S = 60.0
+"""Joint-seconds of a log that show it."""
+SENT = ("command", "reference", "feedforward")
+"""Kinds of columns that hold what is sent to a drive."""
+SAID = "each row is read after its command has acted: commands are taken one row earlier"
+
+
+def with_commands_first(log: Log) -> Log:
+    """The log, with commands a row earlier where they are a row late, and a warning that says so.
+
+    As it is where its nominal world cannot be built, or shows nothing.
+    """
+    as_is = earlier = 0.0
+    try:
+        for part in limbs(mjcf_world(log)):
+            some = excerpt(recordings(log, part), ENOUGH_S)
+            limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
+            sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
+            as_is += _left(limb)
+            earlier += _left(limb.commanded(sent)) if as_is > 0.0 else 0.0
+    except LogError:
+        return log
+    if not earlier < NEARER * as_is:
+        return log
+    samples = log.samples.copy()
+    columns = [name for name in samples.columns if str(name).startswith(SENT)]
+    moved = samples.groupby("episode")[columns].shift(-1)
+    samples[columns] = moved.fillna(samples[columns])
+    return replace(log, samples=samples, warnings=(*log.warnings, SAID))
+
+
+def _left(limb: Limb) -> float:
+    """Squared gap beyond one floor that is left with the nominal numbers fitted."""
+    said = evidence(limb)
+    return Fitter(World(said, parameters(catalogue(), said, FREE, 1.0))).fit().excess
