@@ -224,6 +224,8 @@ class Taxels:
     """Taxels nearer than this to an active one respond too [m]."""
     gain_spread: float = 0.0
     """The gain of a taxel differs from 1 by up to this share [1]."""
+    hysteresis: float = 0.0
+    """While a press eases, a reading stays until it is larger than the depth by this share [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

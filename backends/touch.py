@@ -2,8 +2,8 @@
 
 A taxel reads how deep the stick presses into its skin, as soon as the fingertip carries force. This
 is a distance, so no engine needs hundreds of contact geoms. As in the paper, readings are binarised
-with a fixed threshold. The faults of real skin are added here: taxels have gains of their own,
-readings drift, taxels are dead, neighbours respond too.
+with a fixed threshold. The faults of real skin are added here: readings stay behind where a press
+eases, taxels have gains of their own, readings drift, taxels are dead, neighbours respond too.
 """
 
 from collections.abc import Sequence
@@ -87,7 +87,19 @@ def surface_distance(x, y, z, shape):
 
 @numba.njit(cache=True)
 def _press(
-    worlds, force, origin, rotation, stick_pos, stick_rot, shape, grid, skin, time_s, rank, reading
+    worlds,
+    force,
+    origin,
+    rotation,
+    stick_pos,
+    stick_rot,
+    shape,
+    grid,
+    skin,
+    time_s,
+    rank,
+    held,
+    reading,
 ):
     """Write the reading of every taxel of some worlds; frames and sticks belong to those worlds.
 
@@ -95,7 +107,7 @@ def _press(
     """
     turn, offset = np.empty((3, 3)), np.empty(3)
     for i, n in enumerate(worlds):
-        reach, drift, dead, touch_n, gain = skin[n]
+        reach, drift, dead, touch_n, gain, stays = skin[n]
         for f in range(force.shape[1]):
             fx, fy, fz = force[n, f]
             if fx * fx + fy * fy + fz * fz > touch_n * touch_n:
@@ -103,6 +115,10 @@ def _press(
                 _depths(turn, offset, shape[n], grid[f], reach, reading[n, f])
             else:
                 reading[n, f] = 0.0
+            if stays > 0.0:
+                if time_s[n] == 0.0:
+                    held[n, f, :] = 0.0
+                ease(stays, reading[n, f], held[n, f])
             if drift != 0.0 or dead != 0.0 or gain != 0.0:
                 _spoil(drift * time_s[n], dead, gain, rank[f], reading[n, f])
 
@@ -130,6 +146,16 @@ def _depths(turn, offset, shape, grid, reach, reading):
         round_, box = _to_capsule(x, y, z, half, r), _to_box(x, y, z, half, r)
         pressed = reach - (round_ if is_round else box)
         reading[t] = max(pressed + THRESHOLD_M, 0.0)
+
+
+@numba.njit(cache=True)
+def ease(stays, depth, held):
+    """Let depths (T,) be those that `held` shows next: at least now's, at most a share more.
+
+    It is the play operator: a reading stays where a press eases a little, and follows it beyond.
+    """
+    for t in range(len(depth)):
+        held[t] = depth[t] = min(max(held[t], depth[t]), (1.0 + stays) * depth[t])
 
 
 @numba.njit(cache=True)
@@ -198,12 +224,16 @@ class Skin:
         taxels = [s.hand.taxels for s in specs]
         skins = [(s.hand.taxels, s.contact.touch_n) for s in specs]
         self._skin = np.array(
-            [(t.reach_m, t.drift_m_s, t.dead_share, n, t.gain_spread) for t, n in skins]
+            [
+                (t.reach_m, t.drift_m_s, t.dead_share, n, t.gain_spread, t.hysteresis)
+                for t, n in skins
+            ]
         )
         self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
         self._halo_m = np.array([t.halo_m for t in taxels])
         n, shape = len(specs), self._grid.shape[:2]
         self._rank = _ranks(*shape)
+        self._held = np.zeros((n, *shape) if self._skin[:, -1].any() else (0, 0, 0))
         self._all, self._no_time_s = np.arange(n), np.zeros(n)
         self.touch = Touch(
             reading_m=np.zeros((n, *shape)),
@@ -232,6 +262,7 @@ class Skin:
             self._skin,
             self._no_time_s if time_s is None else time_s,
             self._rank,
+            self._held,
             touch.reading_m,
         )
         _binarise(

@@ -131,6 +131,7 @@ def pressed_m(spec: Spec, part: Held) -> Array:
         dead_share=0.0,
         halo_m=0.0,
         gain_spread=0.0,
+        hysteresis=0.0,
     )
     bare = replace(spec, hand=replace(spec.hand, taxels=taxels))
     state = State.allocate(count, len(spec.hand.joint_names), tips)

@@ -2,7 +2,7 @@
 
 The geometry says how deep every taxel is pressed. On top of it come the candidates' faults:
 
-    reading = gain depth + slope t,   0 if dead
+    reading = gain eased(depth) + slope t,   0 if dead
     active  = reading > 0.2 mm + threshold,  or a living neighbour within the halo of one that is
 
 An answer as yes or no is a Bernoulli draw at a margin blurred by the geometry's own error; a depth
@@ -19,7 +19,7 @@ import numba
 import numpy as np
 
 from backends.state import Array
-from backends.touch import THRESHOLD_M
+from backends.touch import THRESHOLD_M, ease
 
 EXACT_M, SHARP = 1e-5, 5e-3
 """Numerical error of depths: the blur of a taxel that nothing is near. That of an answer is a share
@@ -55,11 +55,25 @@ class Pressed:
     touched: Array
     """Whether the finger is touched at all, shape (S, F), bool."""
     binary: bool
+    history: tuple[tuple[Array, Array], ...] = ()
+    """By episode the depths of all its samples, none where a finger is not touched, (T, F, K) [m],
+    and which of them these are; where readings are depths."""
 
     @cached_property
     def touching_m(self) -> Array:
         """The depths of fingers that are touched, none of the others, shape (S, F, K)."""
         return np.where(self.touched[..., None], self.depth_m, -np.inf)
+
+    @cached_property
+    def _eased(self) -> dict[float, Array]:
+        return {0.0: np.maximum(self.touching_m, 0.0)}
+
+    def eased_m(self, hysteresis: float) -> Array:
+        """The depths that are read where an easing press reads up to a share more, (S, F, K)."""
+        if hysteresis not in self._eased:
+            parts = (_eased(depth, hysteresis)[rows] for depth, rows in self.history)
+            self._eased[hysteresis] = np.concatenate(list(parts))
+        return self._eased[hysteresis]
 
     def some(self, rows: Array) -> "Pressed":
         """A part of the samples."""
@@ -82,6 +96,8 @@ class Faults:
     """Of every taxel, shape (F, K) or (), where readings are depths."""
     gain_spread: float = 0.0
     """Gains differ from 1 by up to this share."""
+    hysteresis: float = 0.0
+    """Share by which an easing press may read more, where readings are depths."""
     dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))
     """Taxels that never answer, shape (F, K) or ()."""
     dead_share: float = 0.0
@@ -107,12 +123,22 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     alive = ~np.broadcast_to(faults.dead, data.depth_m.shape[1:])
     drifted_m = data.time_s[:, None, None] * faults.slope_m_s
     if not data.binary:
-        return (faults.gain * np.maximum(data.touching_m, 0.0) + drifted_m) * alive
+        return (faults.gain * data.eased_m(faults.hysteresis) + drifted_m) * alive
     short_m = faults.level_m - drifted_m
     chance = _chance(data.touching_m, short_m, faults.blur_m, SHARP * faults.level_m)
     if near is not None:
         chance = _spread(chance, near)
     return WILD + (1 - 2 * WILD) * chance * alive
+
+
+@numba.njit(cache=True)
+def _eased(depth, stays):
+    """Depths (T, F, K) as they are read one after the other, see `backends.touch.ease`."""
+    out, held = depth.copy(), np.zeros(depth.shape[1:])
+    for s in range(len(out)):
+        for f in range(out.shape[1]):
+            ease(stays, out[s, f], held[f])
+    return out
 
 
 @numba.vectorize(cache=True)
@@ -210,4 +236,5 @@ def joined(parts: Sequence[Pressed]) -> Pressed:
     """Samples of several episodes."""
     names = ("time_s", "depth_m", "reading", "touched")
     whole: dict[str, Any] = {k: np.concatenate([getattr(p, k) for p in parts]) for k in names}
-    return replace(parts[0], **whole)
+    history = tuple(one for part in parts for one in part.history)
+    return replace(parts[0], history=history, **whole)

@@ -62,7 +62,7 @@ class Gains:
 
 def gains(data: Pressed, faults: Faults) -> Gains | None:
     """The gains beside a skin's other faults, of depths alone; None where they are none."""
-    depth = np.maximum(data.touching_m, 0.0)
+    depth = data.eased_m(faults.hysteresis)
     pressed = (depth > PRESSED * faults.blur_m) & (data.reading > 0.0)
     pressed &= (pressed.sum(axis=2) >= LEAST)[..., None]
     if not pressed.any():

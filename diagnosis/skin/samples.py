@@ -12,6 +12,8 @@ from diagnosis.skin.forward_model import Faults, Pressed, joined, nats
 
 PERIOD_S = 0.2
 """Samples are thinned to this."""
+FINER_S = 0.01
+"""What was pressed before a sample is followed in steps of this."""
 FIRM_N = 12.0
 """No finger of a grasp presses harder."""
 YIELD_M = FIRM_N * 0.072e-3
@@ -57,8 +59,13 @@ def samples(nominal: Spec, parts: Sequence[Held], binary: bool) -> Samples:
 
 def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[int]]:
     """Thinned samples, and the fingers that the geometry puts elsewhere than they are."""
-    step = max(round(PERIOD_S / float(np.median(np.diff(part.time_s)))), 1)
-    part = part.every(np.arange(step, len(part.time_s), step))
+    period_s = float(np.median(np.diff(part.time_s)))
+    finer = max(round(FINER_S / period_s), 1)
+    step = max(round(PERIOD_S / period_s / finer), 1) * finer
+    rows = np.arange(step, len(part.time_s), step)
+    every = part.every(np.arange(0, len(part.time_s), finer))
+    history = () if binary else ((_history(nominal, every, blur), rows // finer),)
+    part = part.every(rows)
     gap_m, touch = gaps_m(nominal, part), part.touch
     assert touch is not None
     data = Pressed(
@@ -67,6 +74,7 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
         reading=touch,
         touched=touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur),
         binary=binary,
+        history=history,
     )
     off, slack = np.median(gap_m, axis=0), SURE * MEDIAN * blur / np.sqrt(len(gap_m))
     deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
@@ -74,6 +82,13 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
     for f in wrong:
         data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
     return data, wrong
+
+
+def _history(nominal: Spec, part: Held, blur: float) -> Array:
+    """Depths [m] of every sample (T, F, K), 0 where a finger is not touched."""
+    assert part.touch is not None
+    touched = part.touch.any(axis=2) | (gaps_m(nominal, part) < -OUT_M - SURE * blur)
+    return np.asarray(np.maximum(pressed_m(nominal, part), 0.0) * touched[..., None])
 
 
 def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) -> Array:

@@ -1,4 +1,4 @@
-"""Faults of a skin: threshold, drift, dead taxels, a halo, gains; found without any dynamics.
+"""Faults of a skin (threshold, drift, dead taxels, halo, gains, hysteresis), without dynamics.
 
 Where stick and joints are known, geometry says what every taxel should answer.
 """
@@ -16,13 +16,13 @@ from diagnosis.motion.held import FLOOR_M, held
 from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples
 from diagnosis.skin.search import SkinFit, search
-from diagnosis.skin.taxel_fits import FIELDS, GAIN, HALO, THRESHOLD, Fitting
+from diagnosis.skin.taxel_fits import FIELDS, GAIN, HALO, HYSTERESIS, THRESHOLD, Fitting
 from diagnosis.verdict.in_hand import TOUCH, Report, Spot, missing
 from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 ANSWERS = (THRESHOLD, HALO)
 """Faults that change what counts and no depth."""
-DEPTHS = (GAIN,)
+DEPTHS = (GAIN, HYSTERESIS)
 """Faults that a log of yes and no cannot tell from others."""
 GRASP = "not identifiable from this log; record --protocol grasp with the channels {}"
 MISPLACED = (

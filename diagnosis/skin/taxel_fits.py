@@ -8,6 +8,7 @@ from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
 from diagnosis.skin.gains import SPREADS, gains
+from diagnosis.skin.hysteresis import hysteresis
 from diagnosis.verdict.result import CLOSE_NATS
 
 THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
@@ -28,7 +29,7 @@ DEAD_SHARES = np.linspace(0.0, 1.0, 101)
 TURNS = 2
 """How often two faults are fitted in turns."""
 THRESHOLD, DRIFT, DEAD, HALO = "threshold_m", "drift_m_s", "dead_share", "halo_m"
-GAIN = "gain_spread"
+GAIN, HYSTERESIS = "gain_spread", "hysteresis"
 """Faults of a skin, as the numbers of `backends.spec.Taxels` that they change."""
 FIELDS = {
     THRESHOLD: ("threshold_m",),
@@ -36,6 +37,7 @@ FIELDS = {
     DEAD: ("dead", "dead_share"),
     HALO: ("halo_m",),
     GAIN: ("gain", "gain_spread"),
+    HYSTERESIS: ("hysteresis",),
 }
 """Numbers of `Faults` that a fault is."""
 NEXT_M = 1e-5
@@ -73,6 +75,7 @@ class Fitting:
             DEAD: self._dead,
             HALO: self._halo,
             GAIN: self._gain,
+            HYSTERESIS: self._hysteresis,
         }[fault](faults)
 
     def together(self, names: tuple[str, ...], start: Faults) -> Faults:
@@ -168,6 +171,20 @@ class Fitting:
             interval=(max(low, 0.0), high),
             faults=replace(faults, gain=1.0 + np.clip(found.more, -best, best), gain_spread=best),
             evidence=f"{found.known} taxels read up to {100 * best:.0f} % more or less than others",
+        )
+
+    def _hysteresis(self, faults: Faults) -> Guess | None:
+        found = hysteresis(self._data, faults)
+        if found is None:
+            return None
+        best, low, high = found
+        return Guess(
+            fault=HYSTERESIS,
+            value=best,
+            interval=(max(low, 0.0), high),
+            faults=replace(faults, hysteresis=best),
+            evidence=f"readings of an easing press are up to {100 * best:.0f} % larger",
+            extreme=best > 1.0 - NEXT_M,
         )
 
     def _drift(self, faults: Faults) -> Guess | None:

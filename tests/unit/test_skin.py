@@ -98,6 +98,23 @@ def test_gains(spread):
     assert one.sizes[1] <= spread / 100 <= one.sizes[2]
 
 
+@pytest.mark.parametrize("share", [5, 50])
+def test_hysteresis(share):
+    """Measure how much more an easing press reads."""
+    (one,) = skin_report(f"taxel-hysteresis={share}%", "touch").causes
+    assert one.effect == "taxel-hysteresis"
+    assert one.sizes[0] == pytest.approx(share / 100, rel=0.05)
+    assert one.sizes[1] <= share / 100 <= one.sizes[2]
+
+
+def test_hysteresis_beside_gains():
+    """Find both, each within a twentieth."""
+    both = found("taxel-gain=20%,taxel-hysteresis=20%", "touch")
+    assert {name: one.sizes[0] for name, one in both.items()} == pytest.approx(
+        {"taxel-gain": 0.2, "taxel-hysteresis": 0.2}, rel=0.05
+    )
+
+
 @pytest.mark.parametrize("other", ["taxel-dropout=20%", "taxel-drift=0.05mm/s"])
 def test_gains_beside_another_fault(other):
     """Find both, and the gains within a tenth."""
@@ -108,7 +125,8 @@ def test_gains_beside_another_fault(other):
 
 def test_answers_say_nothing_of_gains():
     """Ask for depths where the log has yes and no."""
-    assert "taxel-gain: not identifiable" in skin_report("none", "contact").missing[0]
+    said = skin_report("none", "contact").missing[0]
+    assert said.startswith("taxel-gain, taxel-hysteresis: not identifiable") and "touch" in said
 
 
 def test_confidence_is_what_former_findings_were_right():

@@ -89,6 +89,23 @@ def test_gains_are_the_taxels_own() -> None:
     assert np.array_equal(drift, feel("taxel-drift=0.02mm/s,taxel-gain=20%", 3.0, False).reading_m)
 
 
+def test_readings_stay_where_a_press_eases() -> None:
+    """Read the depth on the way in, what was read on a little way back, and a share more beyond."""
+    shifts_m = 1e-3 * np.array([0.0, 0.2, 0.4, 0.38, 0.3, 0.1, -0.2, 0.3, 5.0, 0.3])
+    nominal, stays = Skin([world("none")]), Skin([world("taxel-hysteresis=20%")])
+    for _ in range(2):  # an episode begins without what the one before left
+        held = np.zeros_like(nominal.touch.reading_m)
+        for k, shift_m in enumerate(shifts_m):
+            state, now_s = grasp(), np.array([0.02 * k])
+            state.stick_pos_m[:, 1] += shift_m
+            depth = nominal.feel(state, now_s).reading_m
+            held = np.minimum(np.maximum(held, depth), 1.2 * depth)
+            read = stays.feel(state, now_s).reading_m.copy()
+            assert read == pytest.approx(held, abs=1e-15)
+            assert np.array_equal(stays.feel(state, now_s).reading_m, read)
+        assert (held > depth).any()
+
+
 GAINS = ("none", "taxel-gain=20%", "taxel-gain=40%")
 
 
