@@ -12,8 +12,8 @@ class Effect(NumberEffect):
       friction.
     Hardware: An offset of -3.2 N beside 20.4 N of Coulomb friction (EMPS, the same paper).
     Log: A joint stops short of its target from one side, less or not from the other.
-    Confused with: coulomb-friction, which is alike to both sides; encoder-bias and gravity-tilt,
-      which move both. Reversals tell them apart.
+    Confused with: coulomb-friction of half the size beside a constant torque, which is the same law;
+      beside a small encoder-bias, which a logged torque tells apart.
     """
 
     group = "gears and joints"
