@@ -12,7 +12,7 @@ class Effect(NumberEffect):
       friction.
     Hardware: An offset of -3.2 N beside 20.4 N of Coulomb friction (EMPS, the same paper).
     Log: A joint stops short of its target from one side, less or not from the other.
-    Confused with: coulomb-friction of half the size beside a constant torque, which is the same law;
+    Confused with: coulomb-friction of half the size beside a constant torque, which is the same;
       beside a small encoder-bias, which a logged torque tells apart.
     """
 
