@@ -10,7 +10,8 @@ class Effect(NumberEffect):
     Source: Janot, Gautier and Brunot, *Data set and reference models of EMPS*, 2019 Workshop on
       Nonlinear System Identification Benchmarks: Fc sign(v) and an offset, in part of asymmetric
       friction.
-    Hardware: An offset of -3.2 N beside 20.4 N of Coulomb friction (EMPS, the same paper).
+    Hardware: An offset of -3.2 N beside 20.4 N of Coulomb friction (EMPS, the same paper). The
+      joints of ergoCub are compensated by one Coulomb torque up and another down.
     Log: A joint stops short of its target from one side, less or not from the other.
     Confused with: coulomb-friction of half the size beside a constant torque, which is the same;
       beside a small encoder-bias, which a logged torque tells apart.

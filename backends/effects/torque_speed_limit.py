@@ -10,7 +10,7 @@ class Effect(NumberEffect):
       limit.
     Source: A motor's line of torque over speed at full voltage; so cut in the DC motor of Isaac
       Lab.
-    Hardware: 3.4 Nm at rest and 30 rev/min without load at 12 V (ROBOTIS, XH430-W350): 1.1 Nms.
+    Hardware: 10.6 Nm at rest, 30 rev/min without load at 12 V (ROBOTIS, XM540-W270): 3.4 Nms.
     Log: Large steps begin like torque-limit, then bend to a largest speed that a load lowers.
     Confused with: torque-limit, which shows at rest too; command-rate-limit, which no load changes;
       viscous-friction, which small motions show.
