@@ -226,13 +226,18 @@ def _inertias(
 
 
 def _motors(servos: Sequence[Servo], files: Sequence[FileDrive], links: Array) -> Array:
-    """Inertias on the motors' side (J,): as given, of the file, or a guess from the links'."""
+    """Inertias on the motors' side (J,): as given, of the file, or a guess.
+
+    No less than a share of the links', or than what the drive damps critically: kd^2 / (4 kp).
+    """
     given = [
         file.armature if servo.armature is None else servo.armature
         for servo, file in zip(servos, files, strict=True)
     ]
     least = np.einsum("pjj->pj", links).min(axis=0)
-    return np.where(np.array(given) > 0.0, given, GUESSED_ARMATURE * least)
+    damped = [(one.kd or 0.0) ** 2 / (4.0 * (one.kp or np.inf)) for one in servos]
+    guess = np.maximum(GUESSED_ARMATURE * least, damped)
+    return np.where(np.array(given) > 0.0, given, guess)
 
 
 def _refuse_weightless(names: Sequence[str], inertias: Inertias) -> None:

@@ -43,11 +43,15 @@ class Along:
 
     @cached_property
     def by_mass(self) -> tuple[Array, Array]:
-        """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy."""
+        """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy.
+
+        Who carries its weight beside the drives carries as much as before: it knows no payload.
+        """
         chain, found = self.chain, []
         for j in range(self.angle_rad.shape[1]):
             own = (chain.column == j) & ~chain.follows
-            m, h, _, _ = self._swept(mass_kg=np.where(own, 2.0, 1.0) * chain.mass_kg)
+            more = np.where(own, 2.0, 1.0)
+            m, h, _, _ = self._swept(mass_kg=more * chain.mass_kg, carried=chain.carried / more)
             found.append(((m - self.model[0]).ravel(), (h - self.model[1]).ravel()))
         return np.stack([m for m, _ in found]), np.stack([h for _, h in found])
 

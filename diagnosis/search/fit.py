@@ -136,15 +136,16 @@ class Fitter:
         steps: int = STEPS,
         beat: float = np.inf,
         again: bool = True,
+        only: Collection[int] | None = None,
     ) -> Fit:
         """All tolerances and the freed effects, from `start` and from where `near` has the others.
 
-        `joints`: only their tolerances move. `slopes`: of tolerances, as taken nearby; `again`:
-        whether they are computed again on the way.
+        `joints`: only their tolerances move; `only`: those with these numbers. `slopes`: of
+        tolerances, as taken nearby; `again`: whether they are computed again on the way.
         A fit that then leaves far more than the excess `beat` ends early.
         """
         u = {**(near or {}), **(start or {})}
-        problem = Problem.of(self.parameters, freed, start or {}, joints)
+        problem = Problem.of(self.parameters, freed, start or {}, joints, only)
         known = {k: s for k, s in (slopes or {}).items() if k not in freed}
         columns = [k for k in u if u[k] and self.is_column(k, freed)]
         base = self.bare(u, freed)

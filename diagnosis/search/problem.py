@@ -50,8 +50,12 @@ class Problem:
         freed: Sequence[int],
         start: Mapping[int, float],
         joints: Iterable[int] | None,
+        only: Collection[int] | None = None,
     ) -> "Problem":
-        """All tolerances and freed effects, or those of `joints` and what has a start."""
+        """All tolerances and freed effects, or those of `joints` and what has a start.
+
+        Of tolerances, `only` those with these numbers.
+        """
         some = None if joints is None else set(joints)
 
         def moves(k: int) -> bool:
@@ -59,6 +63,7 @@ class Problem:
             return some is None or joint is None or joint in some or k in start
 
         held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in freed]
+        held = held if only is None else [k for k in held if k in only]
         numbers = [k for k in (*held, *freed) if moves(k)]
         chosen = [parameters[k] for k in numbers]
         is_free = np.array([k in freed for k in numbers])

@@ -26,6 +26,9 @@ MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
 MIXED = 2
 """From so many causes on, only the best set is added to: the first two may have been mixed up."""
+GUESSED = 1.0
+"""Numbers whose logarithms have this standard deviation are guesses: they are fitted first, alone,
+for others would move in their place."""
 NOMINAL = 0.3
 """Share of the work that is done when the tolerances are fitted; each round halves what remains."""
 FAR, MORE = 2.0, 3
@@ -101,7 +104,9 @@ class Search:
     def nominal(self) -> Fit:
         """The tolerances alone."""
         exact = int(self.ordinary.exact)
-        fit = self.fitter.settled(again=exact, slopes=self.plain.slopes)
+        guessed = [k for k, p in enumerate(self.parameters) if p.tolerance >= GUESSED]
+        begun = self.fitter.fit(only=guessed, slopes=self.plain.slopes) if guessed else self.plain
+        fit = self.fitter.settled(near=begun.u, again=exact, slopes=begun.slopes)
         return self.fitter.strained(fit, self.ordinary)
 
     def run(self) -> Found:

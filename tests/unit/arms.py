@@ -12,7 +12,7 @@ from diagnosis.logs.log import Log, LogMeta, make_log
 TICK_S, HZ, SECONDS = 1e-3, 200, 4.0
 KP, KD, LIMIT = 120.0, 6.0, 60.0
 """Nominal drives [Nm/rad, Nms/rad, Nm]."""
-STILL_RAD = 0.3
+STILL_RAD, ARMATURE = 0.3, 0.02
 LINKS = 0.3, 0.8
 """Length [m] and mass [kg] of every link."""
 PROTOCOLS = ("steps", "triangle", "multisine")
@@ -34,6 +34,8 @@ class Real:
     step_rad: float = 0.0
     """Targets of all joints are rounded to this on their way."""
     noise_rad: float = 1e-4
+    armature_kgm2: float | None = None
+    """Of every motor, which the file then does not say."""
     option: str = f'timestep="{TICK_S / 2}" integrator="implicitfast"'
     """Of the simulator, which the file has as well."""
     still: tuple[int, ...] = ()
@@ -45,6 +47,7 @@ def mjcf(
     coulomb_nm: Mapping[int, float] | None = None,
     drives: str = "",
     option: str = Real.option,
+    armature: float = ARMATURE,
 ) -> str:
     """A chain of equal links in a vertical plane."""
     length, mass = LINKS
@@ -56,8 +59,8 @@ def mjcf(
         # A stiff, fast constraint: MuJoCo's default friction creeps.
         stiff = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"' if dry else ""
         bodies += (
-            f'<body pos="{at}"><joint name="J{j}" axis="0 1 0" armature="0.02" damping="0.05" '
-            f'frictionloss="{dry}" {stiff}/><inertial mass="{mass}" pos="{length / 2} 0 0" '
+            f'<body pos="{at}"><joint name="J{j}" axis="0 1 0" armature="{armature}" '
+            f'damping="0.05" frictionloss="{dry}" {stiff}/><inertial mass="{mass}" pos="{length / 2} 0 0" '
             f'diaginertia="1e-4 {inertia} {inertia}"/>'
         )
     head = f"<mujoco><option {option}/><worldbody>"
@@ -101,9 +104,9 @@ def log_of(real: Real, seed: int = 0) -> Log:
         "mechanism": {"mjcf": "arm.xml", "joints": drives},
         "episodes": [{"episode": n, "protocol": p} for n, p in enumerate(PROTOCOLS)],
     }
-    return make_log(
-        LogMeta.model_validate(meta), pd.concat(frames), mjcf(real.joints, option=real.option)
-    )
+    armature = 0.0 if real.armature_kgm2 else ARMATURE
+    xml = mjcf(real.joints, option=real.option, armature=armature)
+    return make_log(LogMeta.model_validate(meta), pd.concat(frames), xml)
 
 
 def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
@@ -121,7 +124,8 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
         f'forcerange="{-LIMIT} {LIMIT}"/>'
         for j in range(real.joints)
     )
-    xml = mjcf(real.joints, real.coulomb_nm, f"<actuator>{drives}</actuator>", real.option)
+    drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
+    xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature)
     model = mujoco.MjModel.from_xml_string(xml)
     data, shown = mujoco.MjData(model), []
     steps = round(1 / HZ / model.opt.timestep)

@@ -1,5 +1,7 @@
 """Replays along a measured motion: against a closed form, MuJoCo, and bad logs."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from arms import HZ, LINKS, Real, log_of
@@ -40,6 +42,21 @@ def test_a_pendulum_settles_where_its_weight_and_gain_balance():
     length, mass = LINKS
     weight = mass * 9.81 * length / 2 * np.cos(angle)
     assert angle == pytest.approx(weight / KP_NM_RAD, abs=1e-4)
+
+
+def test_drives_that_carry_weight_carry_no_payload():
+    """Load a joint by what is heavier, whether or not its drive carries the weight of its file."""
+    log = log_of(Real(joints=2))
+    (part,) = limbs(mjcf_world(log))
+    bodies = tuple(replace(body, carried=1.0) for body in part.hand.bodies)
+    carrying = replace(part, hand=replace(part.hand, bodies=bodies))
+    plain, carried = (
+        Limb(spec=spec, recordings=recordings(log, spec), rigid=True).along[0]
+        for spec in (part, carrying)
+    )
+    assert np.abs(plain.model[1] - carried.model[1]).max() > 1.0
+    for one, other in zip(plain.by_mass, carried.by_mass, strict=True):
+        assert np.allclose(one, other, atol=1e-9)
 
 
 def test_numbers_change_what_is_shown_to_first_order():

@@ -73,6 +73,14 @@ def test_a_model_is_its_own_simulator(kp, verdict):
     assert kp or limb.gap_nominal < 0.5 < limb.gap_before
 
 
+@pytest.mark.parametrize("armature_kgm2", [0.01, 0.3])
+def test_an_inertia_that_no_file_has_is_no_fault(armature_kgm2):
+    """Find what motors have that the model says nothing of, far from any guess."""
+    found = solve(log_of(Real(joints=2, armature_kgm2=armature_kgm2)))
+    assert found.verdict == ("none",)
+    assert found.left < 1.0
+
+
 def test_numbers_that_are_off_together_hide_no_fault():
     """Name a gain that all nominal numbers could only hide together; without effects: unknown."""
     log = log_of(Real(joints=2, kp={1: 0.75}))
