@@ -239,7 +239,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": EXACT,
         "contact.time_constant_s": EXACT,
-        "contact.spin_radius_m": EXACT,
+        "contact.spin_radius_m": "approximate: slip and spin share one ellipsoid",
         "contact.compliance_m_n": "approximate: added to the engine's own yield of about 0.07 mm/N",
         "spec.gravity_m_s2": EXACT,
     }

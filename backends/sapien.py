@@ -152,7 +152,7 @@ class Backend(Engine):
     """N SAPIEN scenes; a reset builds new scenes, see `_place`."""
 
     package = "sapien"
-    # Slip takes nothing from spin friction: grasps sway most like the reference's with 1 mm less.
+    # Slip takes nothing from spin friction: with 1 mm less, policies turn the stick as in MuJoCo.
     own = {"contact.spin_radius_m": 1e-3}
     worlds_in_cache = 8
     support = {

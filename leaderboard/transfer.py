@@ -47,7 +47,7 @@ def matrix(episodes: pd.DataFrame) -> pd.DataFrame:
         at_home = kind[kind["deploy"] == shared["train"]]
         again = _tracked(at_home[at_home["floor"]])
         home = _tracked(at_home[~at_home["floor"]])
-        floor = _named("floor", _retention(again, home))
+        floor = named("floor", _retention(again, home))
         for world, away in kind[~kind["floor"]].groupby("deploy", sort=False):
             lines.append({**shared, "deploy": world, **_line(away, home), **floor})
     return pd.DataFrame(lines)
@@ -85,7 +85,7 @@ def mmrv(scores: Array, reference: Array) -> float:
 
 
 def _agree(scores: Array, reference: Array) -> dict[str, Any]:
-    unknown = _named("pearson", Estimate(value=np.nan, low=np.nan, high=np.nan))
+    unknown = named("pearson", Estimate(value=np.nan, low=np.nan, high=np.nan))
     line: dict[str, Any] = {"policies": len(scores), **unknown, "mmrv": np.nan}
     if len(scores) < MIN_POLICIES:
         return line | {"note": f"{len(scores)} of at least {MIN_POLICIES} policies"}
@@ -94,7 +94,7 @@ def _agree(scores: Array, reference: Array) -> dict[str, Any]:
         return line | {"note": "all policies score alike"}
     found = stats.pearsonr(scores, reference)
     low, high = found.confidence_interval(LEVEL)
-    return line | _named("pearson", Estimate(value=found.statistic, low=low, high=high))
+    return line | named("pearson", Estimate(value=found.statistic, low=low, high=high))
 
 
 def _line(away: pd.DataFrame, home: pd.DataFrame) -> dict[str, Any]:
@@ -104,8 +104,8 @@ def _line(away: pd.DataFrame, home: pd.DataFrame) -> dict[str, Any]:
     return {
         "seeds": away["seed"].nunique(),
         "episodes": tracked.shape[1],
-        **_named("tracked", _bootstrap(mean, tracked.to_numpy())),
-        **_named("retention", _retention(tracked, home)),
+        **named("tracked", bootstrap(mean, tracked.to_numpy())),
+        **named("retention", _retention(tracked, home)),
         **{name: away[name].mean() for name in SCORES if name != "tracked"},
         "interval_over": SEEDS_TOO if many else EPISODES_ALONE,
     }
@@ -121,7 +121,7 @@ def _retention(away: pd.DataFrame, home: pd.DataFrame) -> Estimate:
     both = away.index.intersection(home.index)
     if both.empty or home.loc[both].to_numpy().mean() == 0:
         return Estimate(value=np.nan, low=np.nan, high=np.nan)
-    return _bootstrap(_ratio, away.loc[both].to_numpy(), home.loc[both].to_numpy())
+    return bootstrap(_ratio, away.loc[both].to_numpy(), home.loc[both].to_numpy())
 
 
 def _ratio(top: Array, bottom: Array) -> Array:
@@ -129,7 +129,7 @@ def _ratio(top: Array, bottom: Array) -> Array:
         return mean(top) / mean(bottom)
 
 
-def _bootstrap(statistic: Callable[..., Array], *scores: Array) -> Estimate:
+def bootstrap(statistic: Callable[..., Array], *scores: Array) -> Estimate:
     """A statistic of arrays (S, E) that are resampled together, and its interval or NaN."""
     index = _drawn(scores[0].shape)
     value = statistic(*(array.reshape(1, -1) for array in scores))[0]
@@ -147,5 +147,6 @@ def _drawn(shape: tuple[int, ...]) -> Array:
     return np.concatenate([resample(s, rng, REPLICATES).reshape(REPLICATES, -1) for s in strata], 1)
 
 
-def _named(name: str, found: Estimate) -> dict[str, float]:
+def named(name: str, found: Estimate) -> dict[str, float]:
+    """An estimate as columns: its name alone, and with _low and _high."""
     return {name: found.value, f"{name}_low": found.low, f"{name}_high": found.high}

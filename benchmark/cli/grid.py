@@ -80,6 +80,13 @@ def transfer(
         int,
         Setting(kind=Number(2, 10_000, whole=True), help="Episodes, the first of a fixed list."),
     ] = EPISODES,
+    explain: Annotated[
+        bool,
+        Setting(
+            kind=Switch(),
+            help="Say which difference of two worlds makes each loss of a matrix among RUN.",
+        ),
+    ] = False,
     include_smoke: IncludeSmoke = False,
     out: Made = None,
     workers: Workers = None,
@@ -88,10 +95,17 @@ def transfer(
 
     --backend mujoco@3.6.0 is another version of an engine, in an environment of its own.
 
+    --explain takes a folder that this command wrote beside the policies' folders, and deploys them
+    again with one difference of two worlds switched at a time.
+
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """
     from benchmark.results import transfer as transfers
 
+    if explain:
+        from benchmark.results.explain import explain as causes
+
+        return causes(runs, out or Path("causes"), episodes, include_smoke, workers)
     return transfers.transfer(
         runs,
         backend,

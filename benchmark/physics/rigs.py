@@ -10,6 +10,7 @@ import numpy as np
 
 from backends import sticks, trx
 from backends.effect import with_effects
+from backends.engine import Engine
 from backends.spec import Body, Contact, Drive, Fingertip, Joint, Spec, Stick, Timing, Vec3
 from backends.state import Array
 from benchmark.physics.rollout import UP
@@ -189,6 +190,14 @@ def hand(effects: str = "none", dt_s: float = DT_S) -> Spec:
     spec = trx.spec(STICK)
     spec = with_effects(spec, parse_effects(effects, spec.hand))
     return dataclasses.replace(spec, timing=dataclasses.replace(spec.timing, drive_s=dt_s))
+
+
+def spinning(spec: Spec, engine: type[Engine], radius_m: float) -> Spec:
+    """A world whose contacts have this radius of spin friction in an engine."""
+    lacks = "taken as 0" in engine.support["contact.torsion_radius_m"]
+    more_m = radius_m - (0.0 if lacks else spec.contact.torsion_radius_m)
+    contact = dataclasses.replace(spec.contact, spin_radius_m=more_m)
+    return dataclasses.replace(spec, contact=contact)
 
 
 def loose(spec: Spec) -> Spec:

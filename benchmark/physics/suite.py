@@ -7,7 +7,7 @@ from functools import partial
 from backends.engine import Engine
 from benchmark.errors import CommandError
 from benchmark.parts import registry
-from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin
+from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin, slide
 from benchmark.physics.check import Check, Compare, Measure
 from benchmark.settings.run_spec import REFERENCE
 
@@ -28,6 +28,8 @@ ALONE: tuple[Measure, ...] = (
     pinch.slip,
     pinch.spin,
     pinch.swing,
+    slide.touch,
+    slide.spin,
     skin.taxels,
     grasp.balance,
     grasp.slip,

@@ -107,12 +107,12 @@ def transfer(
     Evaluations that `out` already holds are read. A failed one leaves an empty cell and a reason.
     """
     worlds = _worlds(backends, effects, settings)
-    policies, left_out = _policies(sources, include_smoke)
+    policies, left_out = read_policies(sources, include_smoke)
     plan = [item for policy in policies for item in _evaluations(policy, worlds, episodes)]
     frames, problems = [], []
     for number, item in enumerate(plan, 1):
         try:
-            frames.append(_scores(item, out, workers or usable_cores(), f"{number}/{len(plan)}"))
+            frames.append(evaluated(item, out, workers or usable_cores(), f"{number}/{len(plan)}"))
         except CommandError as error:
             problems.append(f"{item.policy.spec.name} in {item.deploy}: {error}")
             say(f"{number}/{len(plan)} {problems[-1]}")
@@ -153,7 +153,7 @@ def _setting(text: str) -> dict[str, Any]:
     return read_settings({name: value for name, _, value in pairs})
 
 
-def _policies(sources: Sequence[Path], include_smoke: bool) -> tuple[list[Policy], list[str]]:
+def read_policies(sources: Sequence[Path], include_smoke: bool) -> tuple[list[Policy], list[str]]:
     """The policies in the sources, each once, and the reasons why others are left out."""
     found: dict[str, Policy] = {}
     left_out = []
@@ -219,7 +219,7 @@ def _place(spec: RunSpec) -> tuple[str, str, str, float, float]:
     return spec.backend, spec.world().digest, spec.task, spec.radius_m, spec.speed
 
 
-def _scores(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFrame:
+def evaluated(item: Evaluation, out: Path, workers: int, number: str) -> pd.DataFrame:
     """The episodes of one evaluation with what identifies them; evaluated unless on disk."""
     path = out / EVALUATIONS / item.file
     if not path.exists():
@@ -262,15 +262,15 @@ def _summary(
         "status": "failed" if problems else "done",
         "written": [str(file) for file in files],
         "reference": HOME,
-        "matrix": _plain(lines),
-        "agreement": _plain(agreement(episodes, HOME).to_dict("records")),
+        "matrix": plain_lines(lines),
+        "agreement": plain_lines(agreement(episodes, HOME).to_dict("records")),
         "left_out": left_out,
         "problems": problems,
         "provenance": provenance(),
     }, table
 
 
-def _plain(lines: Iterable[dict]) -> list[dict[str, Any]]:
+def plain_lines(lines: Iterable[dict]) -> list[dict[str, Any]]:
     """The lines, with None for unknown values."""
     return [
         {name: None if pd.isna(value) else value for name, value in line.items()} for line in lines

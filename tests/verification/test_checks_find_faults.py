@@ -9,7 +9,7 @@ import pytest
 from backends.engine import Engine
 from backends.mujoco import Backend
 from backends.spec import Spec
-from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin
+from benchmark.physics import contact, drive, free, grasp, parity, pinch, rigid, skin, slide
 from benchmark.physics.check import Check, Measure
 
 Change = Callable[[Spec], Spec]
@@ -71,6 +71,8 @@ def scaled(part: str, field: str, by: float) -> Change:
         (scaled("stick", "friction", 1.03), pinch.slip, "sliding along"),
         (scaled("contact", "torsion_radius_m", 1.03), pinch.spin, "spin at the pinch"),
         (scaled("stick", "length_m", 1.005), pinch.swing, "swing of the pinched stick"),
+        (scaled("stick", "friction", 3.0), slide.touch, "sliding in a grip"),
+        (scaled("contact", "torsion_radius_m", 1.5), slide.spin, "spin under"),
         (scaled("tip", "radius_m", 0.99), skin.taxels, "sinking of the stick into the skin at 0.5"),
         (scaled("stick", "friction", 0.9), grasp.slip, "slip of the three-finger grasp"),
     ],
