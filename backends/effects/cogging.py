@@ -20,7 +20,7 @@ class Effect(NumberEffect):
 
     group = "gears and joints"
     dimension, unit = "torque", "mNm"
-    bounds = (0.0, 0.3)
+    bounds = (0.0, 1.0)
     levels = (0.01, 0.03, 0.08)
     number = "drive.cogging_nm"
     hinges_only = True

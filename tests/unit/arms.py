@@ -60,7 +60,8 @@ def mjcf(
         stiff = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"' if dry else ""
         bodies += (
             f'<body pos="{at}"><joint name="J{j}" axis="0 1 0" armature="{armature}" '
-            f'damping="0.05" frictionloss="{dry}" {stiff}/><inertial mass="{mass}" pos="{length / 2} 0 0" '
+            f'damping="0.05" frictionloss="{dry}" {stiff}/>'
+            f'<inertial mass="{mass}" pos="{length / 2} 0 0" '
             f'diaginertia="1e-4 {inertia} {inertia}"/>'
         )
     head = f"<mujoco><option {option}/><worldbody>"
