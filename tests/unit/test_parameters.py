@@ -1,5 +1,7 @@
 """What the solver makes of every effect: the same numbers as the effect itself, within bounds."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from arms import Real, log_of
@@ -45,6 +47,16 @@ def test_a_parameter_is_the_effect_of_its_magnitude(said, every):
             assert soft == pytest.approx(u * one.unit), one
         else:
             assert numbers[:, one.place] == pytest.approx(wanted[:, one.place]), one
+
+
+def test_slides_have_no_error_of_a_turn(said):
+    """Look for what only hinges have on no slide, and for other errors of its sensor."""
+    spec = said.limb.spec
+    bodies = (replace(b, joint=replace(b.joint, slides=True)) for b in spec.hand.driven)
+    slides = replace(said, limb=replace(said.limb, spec=spec.with_driven(bodies)))
+    names = {one.effect for one in parameters(catalogue(), slides, 0.05, 1.0)}
+    assert "encoder-bias" in names
+    assert not names & {name for name, kind in catalogue().items() if kind.hinges_only}
 
 
 def test_bounds_hold_a_parameter_and_its_sign(every):
