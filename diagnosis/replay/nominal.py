@@ -69,7 +69,8 @@ def _widened(kind: type[Effect], largest: Mapping[str, float]) -> type[Effect]:
     most = largest.get(kind.dimension, 0.0)
     if most <= high:
         return kind
-    return type(kind.__name__, (kind,), {"__module__": kind.__module__, "bounds": (low, most)})
+    wide = (-most if low < 0.0 else low), most
+    return type(kind.__name__, (kind,), {"__module__": kind.__module__, "bounds": wide})
 
 
 def _fits(log: Log, joint: str, slides: bool) -> None:

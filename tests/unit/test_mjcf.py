@@ -464,11 +464,13 @@ def test_logs_that_do_not_fit_their_mjcf_are_refused(log, words):
 
 def test_bounds_grow_with_the_mechanism_and_survive_other_processes():
     """Allow friction up to the drive's scale; leave shares alone, and a hand's effects as such."""
-    kinds = {n: registry.load("effect", n) for n in ("coulomb-friction", "kp-scale")}
+    names = "coulomb-friction", "direction-friction", "kp-scale"
+    kinds = {n: registry.load("effect", n) for n in names}
     strong = robot_log(RAIL, MECHANISMS["rail"][1], linear=True)
     wide = own_catalogue(kinds, mjcf_world(strong))
     assert wide["kp-scale"] is kinds["kp-scale"]
     assert wide["coulomb-friction"].bounds == pytest.approx((0.0, 0.8 * 200.0))
+    assert wide["direction-friction"].bounds == pytest.approx((-0.8 * 200.0, 0.8 * 200.0))
     effect = wide["coulomb-friction"](magnitude=50.0, joint="x")
     copy = pickle.loads(bytes(dumps(effect)))
     assert copy == effect and effect_name(copy) == "coulomb-friction"
