@@ -18,6 +18,7 @@ from diagnosis.motion.columns import (
     BIAS,
     COLUMNS,
     KP,
+    LATE,
     MASS,
     ONCE,
     ROTOR,
@@ -127,7 +128,10 @@ class Limb:
             count = len(ticks.row) // self.stride + 1
             points_s = (np.arange(count) + 0.5) * self.stride * self.dt
             still = smoothed(_filled(recording), self.period_s)
-            q = np.stack([np.interp(points_s, recording.time_s, x) for x in still.T], axis=1)
+            late_s = self.nominal[:, LATE]
+            pairs = zip(still.T, late_s, strict=True)
+            read = [np.interp(points_s + late, recording.time_s, x) for x, late in pairs]
+            q = unread(np.stack(read, axis=1), self.nominal)
             v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
             found.append(Along(chain=bodies, angle_rad=q, speed_rad_s=v))
         return tuple(found)
