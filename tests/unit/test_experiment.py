@@ -11,7 +11,7 @@ from backends.effect import NumberEffect
 from diagnosis.evidence.evidence import evidence
 from diagnosis.models.parameters import parameters
 from diagnosis.models.world import World
-from diagnosis.motion.columns import changed
+from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.recording.excitation import FREE, Joints
@@ -76,7 +76,7 @@ def _world(fitter, u):
         kind = fitter.parameters[k].kind
         assert issubclass(kind, NumberEffect)
         row = fitter.world.numbers({k: size})[0]
-        spec = spec.with_driven(map(changed, spec.hand.driven, row))
+        spec = with_numbers(spec, dict(zip(spec.hand.joint_names, map(by_name, row), strict=True)))
     return spec
 
 
