@@ -14,6 +14,8 @@ CELL_IN = (1.35, 0.75)
 MARGIN_IN = (2.6, 1.5)
 """Margins of a panel: left and right, above and below [inch]."""
 TITLE = "Transfer: mean tracked as shade and number, retention below it"
+LETTERS = 18
+"""Letters of the usual size that fit under a cell."""
 DARK = 0.55
 """Cells with shades above this have dark text."""
 
@@ -44,7 +46,9 @@ def _draw(axes: Axes, part: Panel) -> None:
     axes.figure.colorbar(picture, ax=axes, label="tracked", pad=0.01)
     worlds = [*part.deploy, FLOOR]
     lines = [world.replace(" ", "\n").replace(",", ",\n") for world in worlds]
-    axes.set_xticks(range(len(worlds)), lines, fontsize=8)
+    longest = max(len(part) for line in lines for part in line.split("\n"))
+    size = min(8.0, 8.0 * LETTERS / longest)
+    axes.set_xticks(range(len(worlds)), lines, fontsize=size)
     axes.set_yticks(range(len(part.train)), part.train, fontsize=8)
     axes.set(xlabel="deployed in", ylabel="trained in")
     axes.set_title(title(part.shared), fontsize=9)

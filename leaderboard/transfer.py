@@ -29,6 +29,9 @@ COLUMNS = (*IDENTITY, "policy", "seed", "train", "deploy", "floor", "episode", *
 `train` and `deploy` name worlds. `floor` marks episodes that start from other initial states than
 the episodes of the same number in other rows.
 """
+AGREEMENT = (*FIGURE, "world", "floor", "policies", "pearson", "pearson_low", "pearson_high")
+AGREEMENT += ("mmrv", "note")
+"""Columns of the rank agreement."""
 MIN_POLICIES = 3
 """Two points always lie on a line."""
 SEEDS_TOO, EPISODES_ALONE = "seeds and episodes", "episodes alone"
@@ -68,7 +71,7 @@ def agreement(episodes: pd.DataFrame, reference: str) -> pd.DataFrame:
                     pair = means[[(world, floor), (reference, False)]].dropna()
                     compared = {"world": world, "floor": floor, **_agree(*pair.to_numpy().T)}
                     lines.append({**dict(zip(FIGURE, key, strict=True)), **compared})
-    return pd.DataFrame(lines)
+    return pd.DataFrame(lines, columns=list(AGREEMENT))
 
 
 def mmrv(scores: Array, reference: Array) -> float:

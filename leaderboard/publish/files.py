@@ -53,7 +53,7 @@ def _everything(kept: Kept) -> Iterator[tuple[str, bytes]]:
 def _transfers(kept: Kept) -> Files:
     return {
         f"leaderboard/transfer/{folder}/{name}": data
-        for folder, files in kept.transfers.items()
+        for folder, files in (*kept.transfers.items(), *kept.explained.items())
         for name, data in files.items()
     }
 

@@ -13,6 +13,9 @@ from leaderboard.blind.add import latest
 from leaderboard.blind.history import Line as BlindLine
 from leaderboard.blind.history import read_history
 from leaderboard.blind.score import Kind, Score
+from leaderboard.causes import causes
+from leaderboard.causes_files import CAUSES_FILE, read_causes
+from leaderboard.causes_files import derived as derived_causes
 from leaderboard.rows import read_rows
 from leaderboard.tables import Board, Line, board
 from leaderboard.transfer_files import EPISODES_FILE, derived, read_sources
@@ -70,9 +73,23 @@ class Kept:
         folders = sorted((self.leaderboard / "transfer").glob(f"*/{EPISODES_FILE}"))
         return {file.parent.name: derived(*read_sources(file.parent)) for file in folders}
 
+    @cached_property
+    def explained(self) -> dict[str, dict[str, bytes]]:
+        """What follows from the episodes of each explained matrix, by its folder and by file."""
+        folders = sorted((self.leaderboard / "transfer").glob(f"*/{CAUSES_FILE}"))
+        return {file.parent.name: derived_causes(*read_causes(file.parent)) for file in folders}
+
+    def causes(self, name: str) -> pd.DataFrame:
+        """What makes the losses of a matrix, from the folder that explains it."""
+        return causes(read_causes(self.leaderboard / "transfer" / name)[0])
+
     def matrix(self, name: str) -> pd.DataFrame:
         """The transfer matrix of a folder."""
         return pd.read_parquet(io.BytesIO(self.transfers[name]["matrix.parquet"]))
+
+    def episodes(self, name: str) -> pd.DataFrame:
+        """The episodes of a transfer's folder."""
+        return read_sources(self.leaderboard / "transfer" / name)[0]
 
     def agreement(self, name: str) -> pd.DataFrame:
         """The rank agreement of a folder."""

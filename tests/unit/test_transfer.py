@@ -188,6 +188,15 @@ def test_the_page_shows_the_matrix_and_says_what_it_cannot_read(tmp_path):
     assert "cut: cannot be shown" in page
 
 
+def test_a_transfer_without_the_reference_is_shown(tmp_path):
+    """Put a matrix on the page whose policies were not deployed in the reference."""
+    tables = [scores([0.5, 0.7], "a", HOME), scores([0.4, 0.5], "a", AWAY)]
+    write_transfer(pd.concat(tables), "three built", [], tmp_path / TRANSFERS / "elsewhere")
+    write(board([]), tmp_path)
+    page = (tmp_path / "leaderboard.html").read_text()
+    assert "cannot be shown" not in page and "data:image/png;base64" in page
+
+
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Three seeds of random actions and one hold-still on the reference, a few seconds each."""

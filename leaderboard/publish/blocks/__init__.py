@@ -2,6 +2,7 @@
 
 from leaderboard.publish.blocks import (
     blind,
+    contacts,
     learning,
     paper,
     physics,
@@ -10,4 +11,4 @@ from leaderboard.publish.blocks import (
     transfer,
 )
 
-__all__ = ["blind", "learning", "paper", "physics", "settings", "speed", "transfer"]
+__all__ = ["blind", "contacts", "learning", "paper", "physics", "settings", "speed", "transfer"]

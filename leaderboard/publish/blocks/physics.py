@@ -12,6 +12,8 @@ Checks = dict[str, dict[str, dict[str, Any]]]
 OWN = (
     "slip on the diagonal, threshold over mu times squeeze",
     "spin at the pinch, threshold over mu times squeeze times radius",
+    "spin under 0.8 of the pull that slips, threshold over that without a pull",
+    "sliding in a grip of 0.1 N, share of the time without contact",
     "sinking of the stick into the skin at 4 N",
     "held stick, moved in 1.8 s",
     "open-loop grasp, half the time step",

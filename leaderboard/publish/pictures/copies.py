@@ -15,6 +15,12 @@ def heatmap(kept: Kept) -> bytes:
     return kept.transfers["circle-engines"]["heatmap.png"]
 
 
+@picture(f"{IMAGES}/causes.png")
+def causes(kept: Kept) -> bytes:
+    """What wins back the losses between engines."""
+    return kept.explained["circle-causes"]["causes.png"]
+
+
 def drawn(task: str, kept: Kept) -> bytes:
     """A figure as the hand draws it; `make figures` makes it."""
     return (kept.leaderboard / "figures" / f"{task}.png").read_bytes()
