@@ -29,8 +29,10 @@ COLUMNS = (*IDENTITY, "policy", "seed", "train", "deploy", "floor", "episode", *
 `train` and `deploy` name worlds. `floor` marks episodes that start from other initial states than
 the episodes of the same number in other rows.
 """
-AGREEMENT = (*FIGURE, "world", "floor", "policies", "pearson", "pearson_low", "pearson_high")
-AGREEMENT += ("mmrv", "note")
+AGREEMENT = (
+    *(*FIGURE, "world", "floor", "policies"),
+    *("pearson", "pearson_low", "pearson_high", "mmrv", "note"),
+)
 """Columns of the rank agreement."""
 MIN_POLICIES = 3
 """Two points always lie on a line."""
