@@ -81,6 +81,11 @@ class Fit:
         return float(np.sqrt(np.mean((self.left_m / FLOOR_M) ** 2)))
 
     @property
+    def gap(self) -> float:
+        """The same: what is refitted here has no limit together."""
+        return self.worst
+
+    @property
     def excess(self) -> float:
         """The squared gap beyond one floor."""
         return max(self.worst**2 - 1.0, 0.0)

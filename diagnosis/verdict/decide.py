@@ -40,7 +40,7 @@ def decide(
     sized = tuple(_causes(fitter, found)) if chosen.freed else ()
     likely = found.is_likely and all(cause.low * cause.high > 0.0 for cause in sized)
     named = bool(sized) and (is_named(chosen, nominal, ordinary) or likely)
-    unknown = not named and nominal.worst > beside_losses(explained, ordinary)
+    unknown = not named and nominal.gap > beside_losses(explained, ordinary)
     share = found.share(chosen) if chosen.freed else 0.0
     tied = [f for f in found.tied if named]
     causes = sized if named else ()

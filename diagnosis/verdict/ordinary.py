@@ -84,6 +84,15 @@ class Gap(Protocol):
 
     @property
     def worst(self) -> float:
+        """The largest gap of a joint, or of its tolerances together."""
+        ...
+
+
+class JointGap(Gap, Protocol):
+    """What a set of causes leaves on joints."""
+
+    @property
+    def gap(self) -> float:
         """The largest gap of a joint."""
         ...
 
@@ -95,10 +104,10 @@ def share_of(fit: Gap, before: Gap) -> float:
     return max(1.0 - fit.excess / before.excess, -1.0)
 
 
-def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
+def is_named(fit: Gap, nominal: JointGap, ordinary: Ordinary) -> bool:
     """Whether a set of causes is named: by what it takes and leaves, or else by its shape."""
     share = share_of(fit, nominal)
-    if nominal.worst <= ordinary.floors:
+    if nominal.gap <= ordinary.floors:
         return _has_shape(share, fit, nominal)
     left = allowed(nominal.worst, ordinary)
     return share >= SHARE and fit.worst <= left and nominal.worst < ABSURD

@@ -26,18 +26,22 @@ def sentences(result: LimbResult) -> LimbResult:
 
 def _sentences(result: LimbResult) -> Iterator[str]:
     limit = f"{FROM[result.ordinary_from]} {result.ordinary:.1f}"
-    if result.strain:
-        yield (
-            f"Refitted, the nominal numbers leave {_floors(result.gap_nominal)}, but together they "
-            f"are then {result.strain:.1f} standard deviations further off than a healthy robot's."
-        )
+    strained = (
+        f"together they are then {result.strain:.1f} standard deviations further off than those of "
+        "a healthy robot"
+    )
     if result.verdict == (NONE,) and result.gap_after > result.ordinary:
         yield f"The lost packets leave {_floors(result.gap_after)}, and no other effect; {limit}."
     elif result.verdict == (NONE,):
         subject = "The motion" if result.sensors else "This log"
         left = _floors(result.gap_after)
         yield f"{subject} shows no fault: the nominal world, refitted, leaves {left}; {limit}."
-        if result.gap_before > result.ordinary:
+        if result.strain:
+            yield (
+                f"But {strained}: they hide something, or are less certain than the log says "
+                "(nominal_uncertainty)."
+            )
+        elif result.gap_before > result.ordinary:
             yield (
                 f"As they stand, the nominal numbers leave {_floors(result.gap_before)}: no fault "
                 "is needed only if they are as uncertain as the log says (nominal_uncertainty)."
@@ -48,10 +52,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)
-        if result.strain:
-            yield "No effect explains it; if they are less certain, say so (nominal_uncertainty)."
-        else:
-            yield f"The gap is {gap}, and no effect explains it; {limit}."
+        yield f"The gap is {gap}, and no effect explains it; {limit}."
         if result.law:
             yield result.law
         elif result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
@@ -62,6 +63,9 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         for cause in (one for one in result.leading if one.share >= FAINT):
             yield f"{_cause(cause)} would explain {100 * cause.share:.0f} % of the gap."
     else:
+        if result.strain:
+            left = _floors(result.gap_nominal)
+            yield f"Refitted, the nominal numbers leave {left}, but {strained}."
         yield f"{' and '.join(map(_named, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
         yield f"In addition, this log shows {_cause(cause)}."

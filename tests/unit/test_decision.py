@@ -15,7 +15,7 @@ from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, allowed, is_named, is
 def gap(*floors):
     """What is left on joints with these gaps [floors]."""
     gaps = np.array(floors)
-    return SimpleNamespace(worst=gaps.max(), excess=excess(gaps**2))
+    return SimpleNamespace(gap=gaps.max(), worst=gaps.max(), excess=excess(gaps**2))
 
 
 def left(rms, worst=1.0):

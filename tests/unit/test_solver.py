@@ -82,15 +82,15 @@ def test_an_inertia_that_no_file_has_is_no_fault(armature_kgm2):
 
 
 def test_numbers_that_are_off_together_hide_no_fault():
-    """Name a gain that all nominal numbers could only hide together; without effects: unknown."""
+    """Name a gain that all nominal numbers could only hide together, or say that they hide some."""
     log = log_of(Real(joints=2, kp={1: 0.75}))
     found = solve(log)
     assert (found.verdict, found.joints) == (("kp-scale",), ("J1",))
     (limb,) = found.limbs
     assert limb.gap_nominal < limb.ordinary and limb.strain > 4.0
-    assert "off than a healthy robot's" in limb.sentences[0]
+    assert "off than those of a healthy robot" in limb.sentences[0]
     (limb,) = solve(log, catalogue={}).limbs
-    assert limb.verdict == ("unknown",)
+    assert limb.verdict == ("none",)
     assert "nominal_uncertainty" in limb.sentences[1]
 
 
