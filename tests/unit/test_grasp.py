@@ -197,7 +197,7 @@ def test_no_stick_no_grip():
     blind = log("stick-radius=20%", channels="torque")
     report = stick_report(blind, NOMINAL, CATALOGUE, on_mujoco)
     assert report.causes == ()
-    assert "with the channel stick" in report.missing[0]
+    assert any("with the channel stick" in text for text in report.missing)
 
 
 @pytest.mark.slow
