@@ -18,9 +18,7 @@ def not_looked_for(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
 
 
 def _is_sought(kind: type[Effect]) -> bool:
-    if kind.shows_in_hand():
-        return kind.drawn
-    if set(kind.spec_fields()) & set(SENSED):
+    if kind.shows_in_hand() or set(kind.spec_fields()) & set(SENSED):
         return True
     replayed = not issubclass(kind, NumberEffect) or kind.number in COLUMNS
     return replayed and kind.least is not None
