@@ -1,7 +1,7 @@
 """Step Bullet by pybullet's public calls: the functions of `_bullet_calls`, for any wheel."""
 
+from backends._bullet_quiet import p
 from backends._calls import motor_step
-from backends._pybullet import p
 from backends.state import Array
 
 

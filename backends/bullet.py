@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from backends._bullet_public import push
+from backends._bullet_quiet import OUT, muted, p
 from backends._calls import DriveCallArgs, chosen
-from backends._pybullet import OUT, muted, p
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Body, Contact, Fingertip, Hand, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState

@@ -17,8 +17,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from diagnosis.answer import Diagnosis
-    from diagnosis.logs.log import Log, LogError, read_log
+    from diagnosis.logs.log import Log, LogError
     from diagnosis.progress import Stop
+    from diagnosis.reading import read_log
     from diagnosis.report.report import page
     from diagnosis.verdict.result import Cause
     from diagnosis.walk import diagnose
@@ -33,7 +34,7 @@ _HOMES = {
     "Stop": "diagnosis.progress",
     "diagnose": "diagnosis.walk",
     "page": "diagnosis.report.report",
-    "read_log": "diagnosis.logs.log",
+    "read_log": "diagnosis.reading",
 }
 """Where each is; loaded when it is asked for, since rooms of the diagnosis import this package."""
 

@@ -14,6 +14,7 @@ from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, writ
 from diagnosis.logs.ros import is_bag
 from diagnosis.logs.servos import servo
 from diagnosis.logs.two_files import Asked, pair
+from diagnosis.replay.alignment import with_commands_first
 from diagnosis.replay.nominal import left_out, mjcf_world
 from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
 
@@ -49,8 +50,9 @@ def read(source: Source, out: Path, force: bool) -> Read:
         )
     made, folder = pair(source.robot, source.table, asked_of(source)), out / FOLDER
     known_drives(made.log)
-    write_log(made.log, folder, "csv", force=force)
-    return Read(folder=folder, log=made.log, said=made.said)
+    log = with_commands_first(made.log)
+    write_log(log, folder, "csv", force=force)
+    return Read(folder=folder, log=log, said=made.said)
 
 
 def understood(log: Log) -> Iterator[str]:

@@ -70,7 +70,6 @@ class Pair:
 def pair(robot: Path, table: Path, asked: Asked) -> Pair:
     """Put a model and a table together; raises LogError, which says what to do."""
     from backends.mjcf import joint_ranges
-    from diagnosis.replay.alignment import with_commands_first
 
     xml, (frame, form) = read_model(robot), read_table(table)
     ranges = joint_ranges(xml)
@@ -90,7 +89,7 @@ def pair(robot: Path, table: Path, asked: Asked) -> Pair:
             gravity_compensation=float(asked.gravity_compensation),
         ),
     )
-    return Pair(log=with_commands_first(make_log(meta, samples, xml)), said=tuple(said))
+    return Pair(log=make_log(meta, samples, xml), said=tuple(said))
 
 
 def readings(

@@ -31,7 +31,7 @@ HOMES = {
         "benchmark/pictures/_scene.py",
         "diagnosis/blind/mechanics/plain.py",
     },
-    "pybullet": {"backends/_pybullet.py"},
+    "pybullet": {"backends/_bullet_quiet.py"},
     "sapien": {"backends/sapien.py"},
     "mujoco_warp": {"backends/mujoco_warp.py"},
     "warp": {"backends/mujoco_warp.py", "backends/_warp_drive.py"},

@@ -316,7 +316,7 @@ def test_a_joint_that_friction_holds_says_nothing_of_gravity(monkeypatch):
     """
     text, upright = arms.mjcf, ('name="J0" axis="0 1 0"', 'name="J0" axis="0 0 1"')
     monkeypatch.setattr(arms, "SECONDS", 8.0)
-    monkeypatch.setattr(arms, "mjcf", lambda *given: text(*given).replace(*upright))
+    monkeypatch.setattr(arms, "mjcf", lambda *given, **more: text(*given, **more).replace(*upright))
     log = log_of(Real(joints=2, coulomb_nm={1: 40.0}, still=(1,)))
     log = changed(log, plus("position_rad.J1", 0.004))
     assert faults(log, mjcf_world(log)) == ()
