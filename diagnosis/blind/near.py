@@ -19,8 +19,9 @@ STRANGE: Mapping[str, tuple[str, ...]] = {
 
 
 def near(fault: str) -> tuple[str, ...]:
-    """Names that a mechanic would accept for a fault."""
-    return STRANGE[fault] if fault in STRANGE else catalogue()[fault].near
+    """Names that a mechanic would accept for a fault; none of one that this catalogue knows not."""
+    kind = catalogue().get(fault)
+    return STRANGE.get(fault, ()) if kind is None else kind.near
 
 
 def plain_names(names: Collection[str], channels: Collection[str]) -> list[str]:

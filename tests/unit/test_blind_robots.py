@@ -242,3 +242,10 @@ def test_the_solver_of_the_docs_is_scored(made, tmp_path, monkeypatch):
     assert found[0]["solver_sha256"] != frozen.solver_sha256()
     result, _ = blind.score([(copy, answers)], None, 1)
     assert result["cases"] == 6 and not result["frozen"]
+
+
+def test_a_fault_of_another_catalogue_has_no_near_name():
+    """Score sets whose faults have other names by now."""
+    assert near.near("a fault of old") == ()
+    assert not near.is_near("a fault of old", ["backlash"])
+    assert "stiction" in near.near("coulomb-friction")
