@@ -5,6 +5,7 @@ A device, a pipe or a file without end is refused before it is read. No other ro
 
 import json
 import stat
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,8 @@ MOST_BYTES = 20_000_000
 """Largest file that is read as text or JSON."""
 MOST_WORDS = 160
 """Characters of somebody else's text that a message repeats."""
+LOOKED_AT, NAMED, NAMED_CHARACTERS = 1000, 4, 40
+"""Of a folder so many files are looked at, and so many named, with so many characters."""
 
 
 class FileError(ValueError):
@@ -22,8 +25,10 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
     """The file's contents; raises FileError, or FileNotFoundError where there is none."""
     try:
         kind = path.stat()
+        if stat.S_ISDIR(kind.st_mode):
+            raise FileError(f"{path} is a folder{_holding(path)}; give one file")
         if not stat.S_ISREG(kind.st_mode):
-            raise FileError(f"{path} is no file with data, but a folder or a device; give a file")
+            raise FileError(f"{path} is no file with data, but a device; give a file")
         if kind.st_size > most:
             raise FileError(f"{path} has {kind.st_size} bytes; allowed: up to {most}")
         return path.read_bytes()
@@ -32,6 +37,14 @@ def read_bytes(path: Path, most: int = MOST_BYTES) -> bytes:
     except (OSError, ValueError) as error:
         what = getattr(error, "strerror", None) or str(error)
         raise FileError(f"{one_line(str(path))} cannot be read: {what}") from error
+
+
+def _holding(folder: Path) -> str:
+    """What a folder holds, in a few words."""
+    found = islice((one.name for one in folder.iterdir()), LOOKED_AT)
+    names = sorted(one_line(name, NAMED_CHARACTERS) for name in found)
+    more = ", ..." if len(names) > NAMED else ""
+    return f" that holds {', '.join(names[:NAMED])}{more}" if names else ""
 
 
 def read_text(path: Path, most: int = MOST_BYTES) -> str:

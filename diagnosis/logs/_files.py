@@ -150,6 +150,9 @@ def _yaml(path: Path) -> object:
     try:
         return read_plain_yaml(path)
     except FileNotFoundError:
+        below = path.parent / "log"
+        if (below / META_FILE).is_file():
+            raise LogError(f"{path.parent} is no log; did you mean {below}?") from None
         raise LogError(
             f"{path} does not exist; docs/reference/log-format.md has an example of eight lines"
         ) from None

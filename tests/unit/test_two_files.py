@@ -207,3 +207,23 @@ def test_check_says_it_draws_it_and_writes_a_log(robot, tmp_path, capfd):
     assert "--log TABLE is missing" in capfd.readouterr().err
     assert cli.call([*words, "--drive", "elbow_flex=kq:1", "--out", str(tmp_path / "two")]) == 2
     assert "kq is '1'" in capfd.readouterr().err
+
+
+def test_a_folder_of_tables_is_named_with_its_files(tmp_path, capfd):
+    """Say which files a folder holds, where one is asked for."""
+    folder = tmp_path / "tables"
+    folder.mkdir()
+    for name in "abcdef":
+        (folder / f"{name}.csv").write_text("t\n")
+    (tmp_path / "arm.xml").write_text("<mujoco/>")
+    words = ["check", "--robot", str(tmp_path / "arm.xml"), "--log", str(folder)]
+    assert cli.call(words) == 2
+    assert "that holds a.csv, b.csv, c.csv, d.csv, ...; give one file" in capfd.readouterr().err
+
+
+def test_the_folder_of_a_check_is_taken_for_its_log(tmp_path):
+    """Name the log that a folder of results holds."""
+    (tmp_path / "log").mkdir()
+    (tmp_path / "log" / "log.yaml").write_text("schema: 1\n")
+    with pytest.raises(LogError, match="did you mean .*log"):
+        read_log(tmp_path)
