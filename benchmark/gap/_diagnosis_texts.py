@@ -11,10 +11,12 @@ from backends.spec import Spec
 from benchmark.settings.effects import EffectSet, Kinds, effect_text, parse_effects
 from diagnosis.answer import Diagnosis
 from diagnosis.report import wording
-from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Ranked
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal, Ranked
 
 SHOWN, SHOWN_OF_NONE = 4, 2
 """Candidates per limb in the summary: with an effect, and without one."""
+MOVED = 6
+"""Nominal numbers in the summary."""
 DIGITS = 4
 """Of a size in the corrected world."""
 COLUMNS = "share: of the squared gap beyond one noise floor; left: of the worst joint, in floors"
@@ -66,8 +68,7 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     if found.gaps.before.value > 1.0 and found.verdict != (UNKNOWN,):
         lines.append(_where(found))
     if found.nominal:
-        moved = wording.listed(wording.moved(one) for one in found.nominal)
-        lines.append(f"Nominal numbers that took part of the gap: {moved}.")
+        lines.append(f"Nominal numbers that took part of the gap: {_moved(found.nominal)}.")
     if model := result.get("model"):
         lines += [f"Model: {text}." for text in model["words"]]
     lines += [f"Not judged: {text}." for text in found.missing]
@@ -78,6 +79,14 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     accused = [limb for limb in found.limbs if limb.verdict != (NONE,)]
     table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
     return Group(*map(Text, lines), table, *map(Text, end))
+
+
+def _moved(nominal: Sequence[Nominal]) -> str:
+    """The surest of the numbers that moved, and how many more there are."""
+    surest = sorted(nominal, key=lambda one: -abs(one.value) / max(one.sd, 1e-12))
+    words = wording.listed(wording.moved(one) for one in surest[:MOVED])
+    more = len(nominal) - MOVED
+    return f"{words}; diagnosis.json has {more} more" if more > 0 else words
 
 
 def _where(found: Diagnosis) -> str:

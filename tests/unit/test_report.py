@@ -12,7 +12,7 @@ from diagnosis.logs.log import Log
 from diagnosis.report import wording
 from diagnosis.report.report import FAINT, parts
 from diagnosis.signals import drawable
-from diagnosis.verdict.result import NONE, UNKNOWN
+from diagnosis.verdict.result import NONE, UNKNOWN, Nominal
 from diagnosis.verdict.sentences import sentences
 
 
@@ -124,3 +124,16 @@ def test_a_world_that_diverges_is_not_drawn():
     """Leave out a line with numbers that no JSON can hold."""
     lines = {"nominal": (1.0, 2.0), "with the causes": (1.0, float("nan"))}
     assert drawable(lines) == {"nominal": (1.0, 2.0)}
+
+
+def test_the_summary_has_a_few_nominal_numbers_and_counts_the_others(found):
+    """Name the surest of many numbers that moved, and say where all are."""
+    one = Nominal(effect="kd-scale", joint="J0", value=5.0, sd=1.0, unit="%")
+    many = tuple(dataclasses.replace(one, joint=f"J{j}", value=float(j)) for j in range(20))
+    limbs = (dataclasses.replace(found.limbs[0], nominal=many), *found.limbs[1:])
+    shown = summary(
+        dataclasses.replace(found, limbs=limbs), {"warnings": [], "next": {}, "written": []}
+    )
+    said = next(str(line) for line in shown.renderables if "Nominal numbers" in str(line))
+    more = sum(len(limb.nominal) for limb in limbs) - 6
+    assert "kd-scale on J19" in said and f"diagnosis.json has {more} more" in said
