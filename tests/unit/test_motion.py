@@ -34,6 +34,19 @@ def test_replays_are_what_mujoco_does(joints):
     assert np.sqrt(np.mean(apart**2)) < 3e-4
 
 
+def test_a_joint_that_moves_at_once_starts_where_it_was():
+    """Begin at the first reading where the next ones have moved, and at their mean where not."""
+    log = log_of(Real())
+    steps = log.samples[log.samples["episode"] == 0]
+    jump = int(np.flatnonzero(np.diff(steps["command_rad.J0"]))[0]) + 1
+    cut = log.samples.drop(index=log.samples.index[:jump]).reset_index(drop=True)
+    (part,) = limbs(mjcf_world(log))
+    whole, begun = (recordings(one, part)[0] for one in (log, replace(log, samples=cut)))
+    read = begun.measured[:3, 0, 0]
+    assert np.ptp(read) > 1e-3 and begun.start[0] == read[0]
+    assert whole.start[0] != whole.measured[0, 0, 0]
+
+
 def test_replays_allow_for_readings_that_are_known_to_be_late():
     """Stay as close where a sensor is known to be late, as of motions that were read at once."""
     log, late = log_of(Real(joints=3, noise_rad=1e-9)), 20
