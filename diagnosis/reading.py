@@ -1,19 +1,32 @@
 """Reading a log as a user has it."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from diagnosis.logs import log as logs
 from diagnosis.logs.log import Log
 
 
-def read_log(path: Path | str, robot: Path | str | None = None) -> Log:
+def read_log(
+    path: Path | str | Sequence[Path | str],
+    robot: Path | str | None = None,
+    *,
+    unit: str | None = None,
+    columns: Mapping[str, str] | None = None,
+) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do.
 
-    With a robot's MJCF or URDF, `path` is the table that it recorded.
+    With a robot's MJCF or URDF, `path` is the table that it recorded, several, or their folder;
+    `unit` is that of positions and commands, `columns` are columns by what they are, such as
+    `shoulder.command`, where the names do not say so.
     """
-    log = logs.read_log(path, robot)
+    several = [path] if isinstance(path, str | Path) else list(path)
+    if robot is None and len(several) == 1:
+        return logs.read_log(several[0])
     if robot is None:
-        return log
+        raise logs.LogError("several files are given and no robot; give its MJCF or URDF, too")
+    from diagnosis.logs.two_files import Asked, pair
     from diagnosis.replay.alignment import with_commands_first
 
-    return with_commands_first(log)
+    asked = Asked(unit=unit, columns=columns or {})
+    return with_commands_first(pair(Path(robot), [Path(one) for one in several], asked).log)

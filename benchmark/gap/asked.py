@@ -20,8 +20,13 @@ class Source:
         "Folder of the log.", File("LOG"), None, option="log-folder", argument=True
     )
     robot: Path | None = setting("MJCF or URDF of the robot.", File("MODEL"), None, shown="none")
-    table: Path | None = setting(
-        "What it recorded: CSV, parquet or a ROS bag.", File("TABLE"), None, "log", shown="none"
+    tables: tuple[Path, ...] = setting(
+        "What it recorded: CSV, parquet or a ROS bag; a folder, or several, such as one a joint.",
+        File("TABLE"),
+        (),
+        "log",
+        shown="none",
+        many=True,
     )
     unit: str | None = setting(
         "Of positions and commands: rad, deg, turn, mrad, m, mm.",
@@ -71,7 +76,7 @@ class Source:
     @property
     def name(self) -> str:
         """Name of the folder or of the table."""
-        place = self.folder or self.table or self.robot
+        place = self.folder or next(iter(self.tables), self.robot)
         if place is None:
             raise UsageError("give LOG, the folder of a log, or --robot MODEL and --log TABLE")
         return place.resolve().stem if self.folder is None else place.resolve().name
@@ -115,8 +120,8 @@ class Diagnosis(Nominal, Source):
     """What `bench diagnose` asks."""
 
     healthy: tuple[Path, ...] = setting(
-        "Log of the same mechanism, moved alike, while nothing was wrong: residuals that such a "
-        "log also shows are not attributed to a fault; repeatable.",
+        "Log of the same mechanism, moved alike, while nothing was wrong, or the tables of one: "
+        "residuals that such a log also shows are not attributed to a fault; repeatable.",
         File("LOG"),
         (),
         shown="none",

@@ -28,7 +28,7 @@ from benchmark.settings.effects import EffectSet, read_effects
 from benchmark.settings.run_spec import ideal as world_of
 from diagnosis.answer import Diagnosis
 from diagnosis.evidence.evidence import FLOOR_RAD
-from diagnosis.logs.log import HandMechanism, Log, LogError, read_log
+from diagnosis.logs.log import HandMechanism, Log, LogError
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, require_joints
 from diagnosis.progress import Stop
@@ -136,7 +136,7 @@ def _healthy(asked: Asked, log_path: Path, today: Log, world: World) -> list[Log
             f"--healthy {same[0]} is the log that is diagnosed; give logs of the same mechanism "
             "recorded while nothing was wrong"
         )
-    logs = [read_log(path) for path in asked.healthy]
+    logs = [robot_log.read_beside(path, asked, today) for path in asked.healthy]
     for path, log in zip(asked.healthy, logs, strict=True):
         names = nominal_world(log, asked.known_effects).spec.hand.joint_names
         if names != world.spec.hand.joint_names:

@@ -1,6 +1,6 @@
 """A log from a user's robot: from a folder, or from its model and its table; and what it says."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
@@ -10,10 +10,18 @@ from pydantic import ValidationError
 from benchmark.errors import UsageError
 from benchmark.gap.asked import Source
 from benchmark.parts.extras import install_command
-from diagnosis.logs.log import DriveSettings, HandMechanism, Log, read_log, write_log
+from diagnosis.logs.log import (
+    DriveSettings,
+    HandMechanism,
+    Log,
+    MjcfMechanism,
+    is_log,
+    read_log,
+    write_log,
+)
 from diagnosis.logs.ros import is_bag
 from diagnosis.logs.servos import servo
-from diagnosis.logs.two_files import Asked, pair
+from diagnosis.logs.two_files import Asked, pair, put_together
 from diagnosis.replay.alignment import with_commands_first
 from diagnosis.replay.nominal import left_out, mjcf_world
 from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
@@ -38,21 +46,45 @@ def read(source: Source, out: Path, force: bool) -> Read:
     Raises UsageError, or LogError for a log that cannot be used.
     """
     if source.folder is not None:
-        if source.robot or source.table:
+        if source.folder.is_file() and source.tables:
+            raise UsageError(
+                f"{source.folder} is one table too many: say --log before each, or quote a name "
+                "with *, such as --log 'run/*.csv'"
+            )
+        if source.robot or source.tables:
             raise UsageError("give LOG, or --robot and --log, not both")
         return Read(folder=source.folder, log=read_log(source.folder))
-    if source.robot is None or source.table is None:
+    if source.robot is None or not source.tables:
         lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
         raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
-    if is_bag(source.table) and find_spec("rosbags") is None:
-        raise UsageError(
-            f"{source.table} is a recording of ROS; to read it, run: {install_command('ros')}"
-        )
-    made, folder = pair(source.robot, source.table, asked_of(source)), out / FOLDER
+    _require_reader(source.tables)
+    made, folder = pair(source.robot, source.tables, asked_of(source)), out / FOLDER
     known_drives(made.log)
     log = with_commands_first(made.log)
     write_log(log, folder, "csv", force=force)
     return Read(folder=folder, log=log, said=made.said)
+
+
+def read_beside(path: Path, source: Source, today: Log) -> Log:
+    """The log in a folder, or of tables that the robot of today's log recorded at another time.
+
+    Raises UsageError, or LogError.
+    """
+    mechanism = today.meta.mechanism
+    if is_log(path) or not isinstance(mechanism, MjcfMechanism):
+        return read_log(path)
+    _require_reader([path])
+    made = put_together(today.mjcf_xml or "", mechanism, [path], asked_of(source))
+    return with_commands_first(made.log)
+
+
+def _require_reader(tables: Sequence[Path]) -> None:
+    """Raise UsageError where what reads recordings of ROS is not installed."""
+    for table in tables:
+        if is_bag(table) and find_spec("rosbags") is None:
+            raise UsageError(
+                f"{table} is a recording of ROS; to read it, run: {install_command('ros')}"
+            )
 
 
 def understood(log: Log) -> Iterator[str]:

@@ -29,7 +29,7 @@ def run(source: Source, table: Path) -> tuple[dict, RenderableType]:
 
     `source`: the robot, and what is said of it.
     """
-    if source.folder or source.table:
+    if source.folder or source.tables:
         raise UsageError("--static is a table by itself; leave LOG and --log out")
     try:
         found, said = rests(table, source.robot, asked_of(source))

@@ -1,12 +1,15 @@
-"""A table as people write it: commas, semicolons or tabs, decimal commas, lists in cells.
+"""One file of a recording as people write it: separators, decimal commas, units in a second line.
 
 Reads CSV files, and parquet files such as those of LeRobot, whose lists become columns with the
 names that `meta/info.json` gives them.
 """
 
 import csv
+import io
 import json
 import re
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -17,14 +20,26 @@ from diagnosis.logs.ros import is_bag, read_bag
 from files import bounded, tables
 from files.bounded import FileError
 
-SEPARATORS = (";", "\t", ",", "|")
+BLANKS = r"\s+"
+SEPARATORS = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars", BLANKS: "blanks"}
+"""What stands between cells, and how it is said; blanks where there is nothing else."""
 COMMA = re.compile(r"^[-+]?\d*,\d+([eE][-+]?\d+)?$")
+COMMENT = re.compile(r"^\s*(?:[#%]+\s*|sep=)")
+VALUE = re.compile(r"^(?:[-+.]?\d|nan$|inf$|-inf$)", re.IGNORECASE)
+"""How a cell begins that is no name and no unit."""
 NAMELESS = r"Unnamed: \d+$"
 """What pandas calls a column without a name, such as the numbers of rows."""
 MOST_LISTED = 200
 """Longest list in a cell that becomes columns."""
 LOOKED_AT = 50
 """Lines by which the form of the numbers is known."""
+OTHERS = {
+    b"PK\x03\x04": "a spreadsheet or an archive; save the table as CSV",
+    b"\x89HDF": "an HDF5 file; save its arrays as CSV or parquet, a column each",
+    b"MATLAB": "a MATLAB file; save its arrays as CSV, such as with writetable",
+    b"\x93NUMPY": "a NumPy file; save it as CSV, with the columns' names in the first line",
+}
+"""How files begin that are no tables, and what to do with them."""
 
 
 def read_table(path: Path) -> tuple[pd.DataFrame, str]:
@@ -34,34 +49,93 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
     try:
         if path.suffix == ".parquet":
             return _expanded(path, tables.read_parquet(path)), "parquet"
-        return _csv(path, bounded.read_text(path, tables.MOST_BYTES))
+        return _csv(path, _text(path))
     except FileNotFoundError:
         raise LogError(f"no file {path}; give the table of the recording") from None
     except FileError as error:
         raise LogError(str(error)) from None
 
 
+def _text(path: Path) -> str:
+    """The text of a file in UTF-8, UTF-16, or else in what Windows writes; raises as `bounded`."""
+    data = bounded.read_bytes(path, tables.MOST_BYTES)
+    for start, said in OTHERS.items():
+        if data.startswith(start):
+            raise LogError(f"{path} is {said}")
+    wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+        with suppress(UnicodeDecodeError):
+            text = data.decode(encoding)
+            if "\0" not in text:
+                return text
+    raise LogError(f"{path} is no text; give a table as CSV or parquet")
+
+
 def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
-    lines = text.splitlines()
-    skipped = 0
-    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped][0] in "#%"):
-        skipped += 1
-    if len(lines) < skipped + 2:
+    lines = [line for line in text.splitlines() if line.strip()]
+    first = next((n for n, line in enumerate(lines) if not COMMENT.match(line)), len(lines))
+    if len(lines) < first + 2:
         raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
-    header = lines[skipped]
-    separator = max(SEPARATORS, key=header.count)
-    cells = [
-        cell
-        for row in csv.reader(lines[skipped + 1 :][:LOOKED_AT], delimiter=separator)
-        for cell in row
-    ]
-    decimal = "," if separator != "," and any(COMMA.match(cell.strip()) for cell in cells) else "."
-    body = "\n".join(lines[skipped:]) + "\n"
+    separator = max(SEPARATORS, key=lines[first].count)
+    separator = separator if separator in lines[first] else BLANKS
+    names, begins = _names(path, lines, first, separator)
+    cells = [cell for line in lines[begins:][:LOOKED_AT] for cell in _cells(line, separator)]
+    decimal = "," if separator != "," and any(COMMA.match(cell) for cell in cells) else "."
+    body = "\n".join([_line(names, separator), *lines[begins:]]) + "\n"
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
     frame = frame.loc[:, ~frame.columns.str.match(NAMELESS)]
-    named = {";": "semicolons", "\t": "tabs", ",": "commas", "|": "bars"}[separator]
-    return frame, f"CSV between {named}" + (", with decimal commas" if decimal == "," else "")
+    said = f"CSV between {SEPARATORS[separator]}"
+    return frame, said + (", with decimal commas" if decimal == "," else "")
+
+
+def _names(path: Path, lines: Sequence[str], first: int, separator: str) -> tuple[list[str], int]:
+    """The names of the columns, and the line with which their values begin; raises LogError.
+
+    A comment may hold the names, a second line units or the rest of the names.
+    """
+    names, begins = _cells(lines[first], separator), first + 1
+    if _are_numbers(names):
+        last = COMMENT.sub("", lines[first - 1]) if first else ""
+        every = (_cells(last, one) for one in (separator, *SEPARATORS))
+        said = next((one for one in every if len(one) == len(names)), None)
+        if said is None:
+            raise LogError(
+                f"the first line of {path} holds numbers; write the names of its columns there"
+            )
+        return said, first
+    cells = _cells(lines[begins], separator)
+    if len(cells) == len(names) and any(cells) and not any(map(VALUE.match, cells)):
+        for k, cell in enumerate(cells):
+            names[k] = names[k] or (names[k - 1].rpartition(" ")[0] if k and cell else "")
+            names[k] = f"{names[k]} {cell}".strip()
+        begins += 1
+    extra = len(_cells(lines[begins], separator)) - len(names) if begins < len(lines) else 0
+    if extra > 0:  # a bare number of the row, or separators at the end of lines
+        ends = not any(_cells(lines[begins], separator)[-extra:])
+        names = [*names, *[""] * extra] if ends else [*[""] * extra, *names]
+    return names, begins
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """The cells of a line."""
+    if separator == BLANKS:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+
+
+def _line(cells: Sequence[str], separator: str) -> str:
+    """A line of cells, as `_cells` reads it."""
+    if separator == BLANKS:
+        return " ".join(cell.replace(" ", "_") for cell in cells)
+    text = io.StringIO()
+    csv.writer(text, delimiter=separator, lineterminator="").writerow(cells)
+    return text.getvalue()
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    """Whether cells hold numbers alone, and some."""
+    return any(cells) and all(VALUE.match(cell) for cell in cells if cell)
 
 
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:

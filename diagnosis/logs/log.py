@@ -40,6 +40,7 @@ __all__ = [
     "LogMeta",
     "MjcfMechanism",
     "drive_of",
+    "is_log",
     "make_log",
     "name_of",
     "read_log",
@@ -156,19 +157,17 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
     return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
 
 
-def read_log(path: Path | str, robot: Path | str | None = None) -> Log:
-    """Read and check the log in a folder; raises LogError with the fault and what to do.
-
-    With a robot's MJCF or URDF, `path` is the table that it recorded.
-    """
-    if robot is not None:
-        from diagnosis.logs.two_files import Asked, pair
-
-        return pair(Path(robot), Path(path), Asked()).log
+def read_log(path: Path | str) -> Log:
+    """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)
     _loads.check(log.meta, log.samples)
     return dataclasses.replace(log, warnings=(*odd, *log.warnings))
+
+
+def is_log(path: Path) -> bool:
+    """Whether a folder holds a log."""
+    return (path / _log_files.META_FILE).is_file()
 
 
 def write_log(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 COMMAND = {"command", "commanded", "cmd", "target", "goal", "desired", "des", "ref", "reference"}
-COMMAND |= {"setpoint", "set", "action", "sp", "demand", "demanded", "soll"}
+COMMAND |= {"setpoint", "set", "action", "sp", "demand", "demanded", "soll", "control", "ctrl"}
 POSITION = {"position", "pos", "actual", "act", "measured", "meas", "present", "state", "angle"}
 POSITION |= {"q", "qpos", "encoder", "feedback", "fb", "read", "reading", "ist"}
 TORQUE, VELOCITY = {"torque", "tau", "effort", "trq", "force"}, {"velocity", "vel", "speed", "qd"}
@@ -50,6 +50,9 @@ TIMES = {
 COUNTS = {"count", "counts", "tick", "ticks", "raw", "steps", "lsb"}
 IDLE = {"joint", "jnt", "observation", "obs", "motor"}
 """Words that say nothing where they stand beside others."""
+SAYING = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
+SAYING |= {*ANGLES, *LENGTHS, *TIMES, "push", "nm", "n"}
+"""Words that say of what kind a column is, or in which unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -90,14 +93,21 @@ def episode_column(names: Sequence[str]) -> str | None:
 
 
 def roles(names: Sequence[str], joints: Sequence[str]) -> list[Role]:
-    """What columns are of a model's joints; those that are of none are left out."""
-    found = [(name, _joint(name, joints)) for name in names]
+    """What columns are of a model's joints; those that are of none are left out.
+
+    Of a model with one joint, columns that name none are its own where their kind is known.
+    """
+    found = [(name, joint_named(name, joints)) for name in names]
     by_number = _numbered([name for name, joint in found if joint is None], joints)
     pairs = [(name, joint or by_number.get(name)) for name, joint in found]
-    return [_role(name, joint) for name, joint in pairs if joint is not None]
+    there = [_role(name, joint) for name, joint in pairs if joint is not None]
+    if there or len(joints) != 1:
+        return there
+    alone = (_role(name, joints[0]) for name in names)
+    return [role for role in alone if role.kind not in ("bare", "other")]
 
 
-def _joint(name: str, joints: Sequence[str]) -> str | None:
+def joint_named(name: str, joints: Sequence[str]) -> str | None:
     """The joint whose words a column's name has in a row: that with the most."""
     have, best, most = words(name), None, 0
     for joint in joints:
@@ -158,7 +168,5 @@ def _kind(rest: set[str]) -> str:
 
 def joint_of(name: str) -> str:
     """What a column's name says beside its kind and unit: the joint's; 'joint' where nothing."""
-    known = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
-    known |= {*ANGLES, *LENGTHS, *TIMES, "push", "nm", "n"}
-    rest = [word for word in words(name) if word not in known]
+    rest = [word for word in words(name) if word not in SAYING]
     return "_".join(rest) or "joint"

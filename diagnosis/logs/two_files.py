@@ -1,10 +1,10 @@
-"""A robot's model and its recording, two files as they are, put together as a log.
+"""A robot's model and its recording, files as they are, put together as a log.
 
 What names and numbers show is taken and said; what they do not is asked for in one sentence.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,12 +13,10 @@ import pandas as pd
 from diagnosis.logs._columns import KINDS
 from diagnosis.logs._files import read_model
 from diagnosis.logs._meta import DriveSettings, LogError, LogMeta, MjcfMechanism
-from diagnosis.logs.foreign import read_table
 from diagnosis.logs.log import Log, make_log, name_of
 from diagnosis.logs.roles import (
     ANGLES,
     LENGTHS,
-    TIMES,
     Role,
     commands_else,
     episode_column,
@@ -26,16 +24,12 @@ from diagnosis.logs.roles import (
     time_column,
     words,
 )
+from diagnosis.logs.stamps import episodes, timed
+from diagnosis.logs.together import read_tables
+from diagnosis.logs.whole_rows import whole_rows
 
-HOLE, REPEATED = 20.0, 0.02
-"""A step of so many median steps begins a new episode; so large a share of repeated stamps means
-that they are coarse."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
-SLOWEST_S = 0.5
-"""Rows further apart than this are stamped in another unit."""
-
-
 OPEN_LOOP = (
     "the table has commands of torque, current or speed and none of positions: a motion under them "
     "alone drifts from any model within seconds and cannot be replayed; log the target of the loop "
@@ -61,35 +55,48 @@ class Asked:
 
 @dataclass(frozen=True, kw_only=True)
 class Pair:
-    """A log of two files, and what was understood of them, a line each."""
+    """A log of a model and tables, and what was understood of them, a line each."""
 
     log: Log
     said: tuple[str, ...]
 
 
-def pair(robot: Path, table: Path, asked: Asked) -> Pair:
-    """Put a model and a table together; raises LogError, which says what to do."""
+def pair(robot: Path, tables: Sequence[Path], asked: Asked) -> Pair:
+    """Put a model and its tables together; raises LogError, which says what to do."""
+    xml = read_model(robot)
+    mechanism = MjcfMechanism(
+        mjcf=robot.name if robot.suffix else f"{robot.name}.xml",
+        hold=dict(asked.hold),
+        fix_base=asked.fix_base,
+        gravity_compensation=float(asked.gravity_compensation),
+    )
+    return put_together(xml, mechanism, tables, asked)
+
+
+def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], asked: Asked) -> Pair:
+    """A log of tables and a model that is known; raises LogError."""
     from backends.mjcf import joint_ranges
 
-    xml, (frame, form) = read_model(robot), read_table(table)
     ranges = joint_ranges(xml)
-    said = [f"{table.name}: {form}, {len(frame)} rows, {len(frame.columns)} columns"]
-    samples, clock = _clock(frame)
-    joints, more = readings(frame, ranges, asked)
-    samples = pd.concat([samples, joints], axis=1)
-    said += [*clock, *more]
+    table = read_tables(tables, list(ranges))
+    none = [name for name in table.frame if table.frame[name].isna().all()]
+    clock = timed(table.frame.drop(columns=none))
+    bare = [f"{', '.join(none)}: empty in all rows, and not used"] if none else []
+    joints, columns = readings(clock.frame, ranges, asked)
+    joints, whole, empty = whole_rows(joints, clock.time_s, clock.part)
+    if not whole.any():
+        raise LogError("no row of the table has readings of all joints, and commands before it")
+    samples, counts, said, odd = episodes(clock.of(whole))
+    samples = pd.concat([samples, joints[whole][counts].reset_index(drop=True)], axis=1)
+    drives = drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n])
     meta = LogMeta(
         schema=1,
-        source=f"{table.name} of {robot.name}",
-        mechanism=MjcfMechanism(
-            mjcf=robot.name if robot.suffix else f"{robot.name}.xml",
-            joints=drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n]),
-            hold=dict(asked.hold),
-            fix_base=asked.fix_base,
-            gravity_compensation=float(asked.gravity_compensation),
-        ),
+        source=f"{', '.join(one.name for one in tables)} of {mechanism.mjcf}",
+        mechanism=mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}}),
     )
-    return Pair(log=make_log(meta, samples, xml), said=tuple(said))
+    log = make_log(meta, samples, xml)
+    log = replace(log, warnings=(*table.warnings, *bare, *odd, *empty, *log.warnings))
+    return Pair(log=log, said=(*table.said, *said, *columns))
 
 
 def readings(
@@ -184,58 +191,6 @@ def _with_both(
         f"no column is the {lacks} of {first}; the table has {', '.join(map(str, frame.columns))}; "
         f"say which with --column '{first}.{lacks}=COLUMN'"
     )
-
-
-def _clock(frame: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """Episodes and times, and what was done to them; raises LogError."""
-    name = time_column(list(frame.columns))
-    if name is None:
-        raise LogError(
-            f"no column is the time; the table has {', '.join(map(str, frame.columns))}; name one "
-            "'time', in seconds"
-        )
-    stamps = pd.to_numeric(frame[name], errors="coerce").to_numpy(float)
-    if not np.isfinite(stamps).all():
-        raise LogError(f"the time '{name}' has values that are no numbers; remove those rows")
-    forward = np.diff(stamps)
-    median = float(np.median(forward[forward > 0])) if (forward > 0).any() else 1.0
-    unit = next((u for u in words(name) if u in TIMES and u != "s"), None) or _time_unit(median)
-    time_s = stamps / TIMES[unit]
-    given = episode_column(list(frame.columns))
-    number = pd.factorize(frame[given])[0] if given else np.zeros(len(frame), int)
-    step = np.diff(time_s)
-    breaks = (step < 0) | (step > HOLE * median / TIMES[unit]) | (np.diff(number) != 0)
-    episode = np.append(0, np.cumsum(breaks))
-    said = [f"t_s is '{name}' in {unit}"]
-    time_s, more = _even(time_s, episode)
-    samples = pd.DataFrame({"episode": episode, "t_s": time_s})
-    if "protocol" in frame.columns:
-        samples["protocol"] = frame["protocol"].astype(str)
-    kept = samples.groupby("episode")["t_s"].agg(["count", lambda t: t.iloc[-1] - t.iloc[0]])
-    count, lasts_s = len(kept), float(kept.iloc[:, 1].sum())
-    rate = 1.0 / float(np.median(np.diff(time_s)[~breaks])) if len(time_s) > 1 else 0.0
-    said.append(f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz")
-    return samples, said + more
-
-
-def _time_unit(median: float) -> str:
-    """The unit that puts rows a plausible time apart."""
-    return next((u for u in ("s", "ms", "us", "ns") if median / TIMES[u] <= SLOWEST_S), "ns")
-
-
-def _even(time_s: np.ndarray, episode: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Times that increase: where many repeat, rows are spread evenly."""
-    found, repeated = time_s.copy(), 0
-    for number in np.unique(episode):
-        rows = np.flatnonzero(episode == number)
-        same = np.diff(time_s[rows]) <= 0
-        found[rows] -= time_s[rows[0]]
-        if same.any():
-            repeated += int(same.sum())
-            found[rows] = np.linspace(0.0, time_s[rows[-1]] - time_s[rows[0]], len(rows))
-    if not repeated:
-        return found, []
-    return found, [f"warning: {repeated} times repeat, so rows are spread evenly over each episode"]
 
 
 def _scales(

@@ -203,7 +203,7 @@ def test_commands_without_a_loop_over_positions_are_refused(tmp_path, name):
     pd.DataFrame({"time": TIME_S, "a_pos": STEPS, name: SINE}).to_csv(tmp_path / "r.csv")
     (tmp_path / "arm.xml").write_text(ARM)
     with pytest.raises(LogError, match="none of positions: .*log the target of the loop"):
-        pair(tmp_path / "arm.xml", tmp_path / "r.csv", Asked())
+        pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked())
 
 
 def test_columns_beside_the_target_are_read(tmp_path):
@@ -213,7 +213,7 @@ def test_columns_beside_the_target_are_read(tmp_path):
     frame.to_csv(tmp_path / "r.csv", index=False)
     (tmp_path / "arm.xml").write_text(ARM)
     drives = {"a": DriveSettings(kp=KP, kd=KD)}
-    found = pair(tmp_path / "arm.xml", tmp_path / "r.csv", Asked(drives=drives))
+    found = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
     assert np.allclose(found.log.samples["reference_rad_s.a"], RATE)
     assert np.allclose(found.log.samples["feedforward_nm.a"], SINE)
     assert "not used: a_torque_cmd" in found.said

@@ -91,7 +91,7 @@ def robot(tmp_path):
 )
 def test_a_bag_is_a_log(robot, tmp_path, storage, asked, topic, late):
     """Read states and commands of either storage, by name, with the time that a point is due."""
-    made = pair(robot, bag(tmp_path / "run", asked, topic, storage), Asked(drives=DRIVES))
+    made = pair(robot, [bag(tmp_path / "run", asked, topic, storage)], Asked(drives=DRIVES))
     rows = made.log.samples
     assert set(made.log.joints) == {"a", "b"} and len(rows) == len(T) - late
     assert np.allclose(rows["position_rad.a"], READ[late:, 1])
@@ -105,14 +105,14 @@ def test_a_single_mcap_file_is_read(robot, tmp_path):
     bag(tmp_path / "run", state, "/joint_command", StoragePlugin.MCAP)
     (file,) = (tmp_path / "run").glob("*.mcap")
     moved = file.rename(tmp_path / "alone.mcap")
-    assert set(pair(robot, moved, Asked(drives=DRIVES)).log.joints) == {"a", "b"}
+    assert set(pair(robot, [moved], Asked(drives=DRIVES)).log.joints) == {"a", "b"}
 
 
 def test_what_a_bag_lacks_is_said(robot, tmp_path, capfd):
     """Name the topics where one is lacking; refuse a broken bag in one line."""
     lone = bag(tmp_path / "lone", state, "/x", StoragePlugin.SQLITE3, drop=True)
     with pytest.raises(LogError, match=r"one topic of commands .*/joint_states \(JointState\)"):
-        pair(robot, lone, Asked(drives=DRIVES))
+        pair(robot, [lone], Asked(drives=DRIVES))
     (tmp_path / "bad.mcap").write_bytes(b"not a bag")
     words = ["check", "--robot", str(robot), "--log", str(tmp_path / "bad.mcap")]
     assert cli.call(words) == 2

@@ -1,0 +1,159 @@
+"""The clock of a table: its time stamps in seconds, and the episodes that they show."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs._checks import MIN_SAMPLES
+from diagnosis.logs._meta import LogError
+from diagnosis.logs.roles import TIMES, episode_column, time_column, words
+
+HOLE, COARSE = 20.0, 0.02
+"""A step of so many median steps begins a new episode; so large a share of repeated stamps means
+that they are coarse, a smaller one that rows are doubled."""
+SLOWEST_S = 0.5
+"""Rows further apart than this are stamped in another unit."""
+UNTIMED = 0.1
+"""Largest share of rows without a time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Timed:
+    """The rows of a table that have a time, in its order."""
+
+    frame: pd.DataFrame
+    """Indexed from 0."""
+    column: str
+    unit: str
+    """A key of `TIMES`, or 'dates'."""
+    time_s: np.ndarray
+    """In seconds, shape (T,)."""
+    part: np.ndarray
+    """Number of the stretch of each row, shape (T,): a clock that starts again, or another episode,
+    begins one."""
+    warnings: tuple[str, ...]
+
+    def of(self, rows: np.ndarray) -> "Timed":
+        """Some of the rows, by a mask (T,)."""
+        return replace(
+            self,
+            frame=self.frame[rows].reset_index(drop=True),
+            time_s=self.time_s[rows],
+            part=self.part[rows],
+        )
+
+
+def rows(count: int) -> str:
+    """So many rows, in words."""
+    return f"{count} row{'s' * (int(count) != 1)}"
+
+
+def timed(frame: pd.DataFrame) -> Timed:
+    """The rows with their times; raises LogError where there are none."""
+    name = time_column(list(frame.columns))
+    if name is None:
+        raise LogError(
+            f"no column is the time; the table has {', '.join(map(str, frame.columns))}; name one "
+            "'time', in seconds"
+        )
+    stamps, unit = _stamps(frame[name], name)
+    there = np.isfinite(stamps)
+    warnings, lost = [], int((~there).sum())
+    if lost > UNTIMED * len(stamps):
+        raise LogError(
+            f"the time '{name}' is no number in {lost} of {len(stamps)} rows; remove those rows"
+        )
+    if lost:
+        warnings.append(f"{rows(lost)} without a time left out")
+    frame, time_s = frame[there].reset_index(drop=True), stamps[there]
+    given = episode_column(list(frame.columns))
+    number = pd.factorize(frame[given])[0] if given else np.zeros(len(frame), int)
+    again = np.diff(time_s) < -MIN_SAMPLES * _median(time_s)
+    part = np.append(0, np.cumsum(again | (np.diff(number) != 0)))
+    order = np.lexsort((time_s, part))
+    if moved := int((np.diff(time_s) < 0).sum() - (np.diff(time_s[order]) < 0).sum()):
+        warnings.append(f"{rows(moved)} earlier than the row before: put in order")
+    return Timed(
+        frame=frame.iloc[order].reset_index(drop=True),
+        column=name,
+        unit=unit,
+        time_s=time_s[order],
+        part=part,
+        warnings=tuple(warnings),
+    )
+
+
+def _stamps(column: pd.Series, name: str) -> tuple[np.ndarray, str]:
+    """Time stamps [s], NaN where a row has none, and their unit; dates and times of day, too."""
+    values = pd.to_numeric(column, errors="coerce").to_numpy(float)
+    if not np.isfinite(values).any():
+        texts = column.astype(str)
+        dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=True)
+        found = dates if dates.notna().any() else pd.to_timedelta(texts, errors="coerce")
+        return (found - found.min()).dt.total_seconds().to_numpy(float), "dates"
+    plausible = _unit(_median(values[np.isfinite(values)]))
+    unit = next((u for u in words(name) if u in TIMES and u != "s"), plausible)
+    return values / TIMES[unit], unit
+
+
+def _median(times: np.ndarray) -> float:
+    """The median step of a clock."""
+    forward = np.diff(times)[np.diff(times) > 0]
+    return float(np.median(forward)) if len(forward) else 1.0
+
+
+def _unit(median: float) -> str:
+    """The unit that puts rows a plausible time apart."""
+    return next((u for u in ("s", "ms", "us", "ns") if median / TIMES[u] <= SLOWEST_S), "ns")
+
+
+def episodes(clock: Timed) -> tuple[pd.DataFrame, np.ndarray, list[str], list[str]]:
+    """Episodes and times of rows, which rows count, what was understood, and warnings.
+
+    A stretch that is too short for an episode does not count, unless all are.
+    """
+    step = np.diff(clock.time_s)
+    holes = step > HOLE * _median(clock.time_s)
+    number = np.append(0, np.cumsum((np.diff(clock.part) != 0) | holes))
+    same = np.append(False, (step == 0) & (np.diff(number) == 0))
+    warnings = []
+    counts = np.full(len(number), True)
+    if 0 < same.sum() <= COARSE * len(same):
+        counts &= ~same
+        warnings.append(f"{rows(same.sum())} with the time of the row before left out")
+    size = np.bincount(number[counts], minlength=number[-1] + 1)
+    if size.max() >= MIN_SAMPLES > size[size > 0].min():
+        short = size[number] < MIN_SAMPLES
+        counts &= ~short
+        warnings.append(
+            f"{rows(short.sum())} left out, in stretches of fewer than {MIN_SAMPLES} rows"
+        )
+    number = np.unique(number[counts], return_inverse=True)[1]
+    time_s, repeated = _even(clock.time_s[counts], number)
+    if repeated:
+        warnings.append(f"{repeated} times repeat, so rows are spread evenly over each episode")
+    samples = pd.DataFrame({"episode": number, "t_s": time_s})
+    if "protocol" in clock.frame:
+        samples["protocol"] = clock.frame["protocol"][counts].astype(str).to_numpy()
+    by_number = samples.groupby("episode")["t_s"]
+    lasts_s = float((by_number.last() - by_number.first()).sum())
+    count, rate = int(number.max()) + 1, 1.0 / _median(time_s)
+    said = [
+        f"t_s is '{clock.column}' in {clock.unit}",
+        f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz",
+    ]
+    return samples, counts, said, [*clock.warnings, *warnings]
+
+
+def _even(time_s: np.ndarray, episode: np.ndarray) -> tuple[np.ndarray, int]:
+    """Times from 0 by episode, spread evenly where some repeat, and how many do."""
+    found, repeated = time_s.copy(), 0
+    for number in np.unique(episode):
+        rows = np.flatnonzero(episode == number)
+        same = np.diff(time_s[rows]) <= 0
+        found[rows] -= time_s[rows[0]]
+        if same.any():
+            repeated += int(same.sum())
+            found[rows] = np.linspace(0.0, time_s[rows[-1]] - time_s[rows[0]], len(rows))
+    return found, repeated
