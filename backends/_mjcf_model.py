@@ -12,8 +12,10 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import mujoco
+import numpy as np
 
 from backends._mjcf_text import MjcfError, bounded, elements, inside
+from backends.state import Array
 from files.bounded import FileError, one_line, read_bytes
 
 MOST_MESH_BYTES = 50_000_000
@@ -167,3 +169,28 @@ def _set_inertial(body: Element, model: mujoco.MjModel) -> None:
     numbers = {"mass": b.mass, "pos": b.ipos, "quat": b.iquat, "diaginertia": b.inertia}
     text = {name: " ".join(map(repr, map(float, value))) for name, value in numbers.items()}
     body.insert(0, Element("inertial", text))
+
+
+def end_m(model: mujoco.MjModel, b: int) -> Array:
+    """The point of a body that is furthest from its joint, in the body's frame [m].
+
+    Of sites and of the far sides of geoms, its own and those of what is fixed to it; without any,
+    twice as far as the centre of mass.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    turn, joint = data.xmat[b].reshape(3, 3), model.body_jntadr[b]
+    start = data.xanchor[joint] if joint >= 0 else data.xpos[b]
+    fixed = model.body_weldid == model.body_weldid[b]
+    ends = list(data.site_xpos[fixed[model.site_bodyid]])
+    for geom in np.flatnonzero(fixed[model.geom_bodyid]):
+        axes, (center, half) = (
+            data.geom_xmat[geom].reshape(3, 3),
+            model.geom_aabb[geom].reshape(2, 3),
+        )
+        middle = data.geom_xpos[geom] + axes @ center
+        away = middle - start
+        reach = np.abs(away @ axes) @ half / max(float(away @ away), 1e-12)
+        ends.append(middle + reach * away)
+    far = max(ends, key=lambda end: np.linalg.norm(end - start), default=2 * data.xipos[b] - start)
+    return turn.T @ (far - data.xpos[b])

@@ -1,7 +1,7 @@
 """Write numbers of joints and drives into the text of a user's MJCF; all else stays as it is."""
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
 
@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from backends._mjcf_actuators import acts
-from backends._mjcf_model import as_mjcf, compiled
+from backends._mjcf_model import as_mjcf, compiled, end_m
 from backends._mjcf_text import MjcfError
 
 KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
@@ -35,6 +35,8 @@ class JointNumbers:
     mass_kg: float
     """Mass of the body that it carries; 0: another joint of the same body has it."""
 
+    payload: float = 0.0
+    """Mass of a point at that body's end, over the body's own mass."""
     note: str = ""
     """What its drive does that an MJCF cannot hold: written as a comment."""
     play: float = 0.0
@@ -56,6 +58,8 @@ def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
         _set_mass(body, model, model.joint(name).bodyid[0], one.mass_kg)
+        if one.payload:
+            _set_payload(body, model, model.joint(name).bodyid[0], one.payload * one.mass_kg)
         _set_servo(root, model, name, one)
         if one.play and len(body.findall("joint")) == 1:
             _set_play(root, body, joint, model, one.play)
@@ -95,10 +99,22 @@ def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> N
     if inertial is None:
         place = {"pos": model.body_ipos[b], "quat": model.body_iquat[b]}
         own = place | {"diaginertia": model.body_inertia[b]}
-        text = {name: " ".join(map(repr, map(float, value))) for name, value in own.items()}
+        text = {name: _text(value) for name, value in own.items()}
         inertial = Element("inertial", text)
         body.insert(0, inertial)
     inertial.set("mass", repr(mass_kg))
+
+
+def _set_payload(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
+    """Fix a point mass to the end of a body."""
+    place = {"name": f"{body.get('name', 'body')}_payload", "pos": _text(end_m(model, b))}
+    small = {"pos": "0 0 0", "mass": repr(mass_kg), "diaginertia": _text([1e-9 * mass_kg] * 3)}
+    load = ElementTree.SubElement(body, "body", place)
+    ElementTree.SubElement(load, "inertial", small)
+
+
+def _text(numbers: Iterable[float]) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 def _set_play(
@@ -123,8 +139,8 @@ def _set_play(
     loose = {
         "name": f"{name}_play",
         "type": "slide" if slides else "hinge",
-        "axis": " ".join(map(repr, map(float, model.jnt_axis[j]))),
-        "pos": " ".join(map(repr, map(float, model.jnt_pos[j]))),
+        "axis": _text(model.jnt_axis[j]),
+        "pos": _text(model.jnt_pos[j]),
         "range": f"{-end!r} {end!r}",
         "limited": "true",
         "solreflimit": "0.004 1",

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping
 from xml.etree.ElementTree import Element
 
+from backends._mjcf_model import compiled, end_m
 from backends._mjcf_write import JointNumbers, parsed
 
 
@@ -29,6 +30,8 @@ def written_urdf(text: str, numbers: Mapping[str, JointNumbers]) -> str | None:
         mass = link.find("inertial/mass") if link is not None else None
         if mass is not None and one.mass_kg:
             mass.set("value", repr(one.mass_kg))
+        if link is not None and one.payload:
+            _add_payload(root, link, text, one)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -43,3 +46,18 @@ def _set(parent: Element, tag: str, **values: float) -> None:
     for name, value in values.items():
         if value or child.get(name) is not None:
             child.set(name, repr(value))
+
+
+def _add_payload(root: Element, link: Element, text: str, one: JointNumbers) -> None:
+    """Fix a point mass to the end of a link."""
+    model, name = compiled(text), link.get("name", "")
+    load = ElementTree.SubElement(root, "link", {"name": f"{name}_payload"})
+    inertial, mass_kg = ElementTree.SubElement(load, "inertial"), one.payload * one.mass_kg
+    ElementTree.SubElement(inertial, "mass", {"value": repr(mass_kg)})
+    small = dict.fromkeys(("ixx", "iyy", "izz"), repr(1e-9 * mass_kg))
+    ElementTree.SubElement(inertial, "inertia", small | dict.fromkeys(("ixy", "ixz", "iyz"), "0"))
+    joint = ElementTree.SubElement(root, "joint", {"name": f"{name}_holds", "type": "fixed"})
+    ElementTree.SubElement(joint, "parent", {"link": name})
+    ElementTree.SubElement(joint, "child", {"link": f"{name}_payload"})
+    place = " ".join(repr(float(x)) for x in end_m(model, model.body(name).id))
+    ElementTree.SubElement(joint, "origin", {"xyz": place})

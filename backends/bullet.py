@@ -93,7 +93,7 @@ def hand_urdf(hand: Hand) -> str:
     """The hand as URDF; only the fingertips can touch anything."""
     tips = {tip.body: _tip(tip) for tip in hand.fingertips}
     parts = [_link("palm", 1.0, (0, 0, 0), (1, 1, 1))]
-    for b in hand.bodies:
+    for b in (body.loaded for body in hand.bodies):
         parts.append(_link(b.name, b.mass_kg, b.com_m, b.inertia_kgm2, tips.get(b.name, "")))
         parts.append(_joint(b))
     return f'<robot name="{hand.name}">{"".join(parts)}</robot>'

@@ -98,6 +98,8 @@ class Effect(ABC):
     """Whether it acts on joints; then it may name one."""
     hinges_only: ClassVar[bool] = False
     """Whether slides cannot have it."""
+    ends_only: ClassVar[bool] = False
+    """Whether only links that carry no driven one have it."""
     gear: ClassVar[str | None] = None
     """Without a named joint it acts only on joints with this gear; None: on all joints."""
     spread: ClassVar[str] = "normal"
@@ -186,17 +188,23 @@ class Effect(ABC):
         if not self.per_joint:
             return ()
         if self.joint is None:
-            return tuple(b.joint.name for b in spec.hand.driven if self._fits(b))
+            fits = [b.joint for b in spec.hand.driven if self.refusal(b, spec) is None]
+            return tuple(joint.name for joint in fits if self.gear in (None, joint.gear))
         if self.joint not in known:
             raise ValueError(f"no driven joint named '{self.joint}'; known: {', '.join(known)}")
-        if self.hinges_only and spec.hand.driven[known.index(self.joint)].joint.slides:
-            raise ValueError(f"{self.joint} slides; only hinges have this effect")
+        why = self.refusal(spec.hand.driven[known.index(self.joint)], spec)
+        if why is not None:
+            raise ValueError(f"{self.joint} {why} have this effect")
         return (self.joint,)
 
-    def _fits(self, body: Body) -> bool:
-        """Whether it acts on a joint where it names none."""
-        joint = body.joint
-        return self.gear in (None, joint.gear) and not (self.hinges_only and joint.slides)
+    @classmethod
+    def refusal(cls, body: Body, spec: Spec) -> str | None:
+        """Why a body's joint cannot have it, in words; None where it can."""
+        if cls.hinges_only and body.joint.slides:
+            return "slides; only hinges"
+        if cls.ends_only and body not in spec.hand.ends:
+            return "carries another link; only the last ones"
+        return None
 
     def on_spec(self, spec: Spec) -> Spec:
         """The world with this effect; raises ValueError where the effect cannot act."""

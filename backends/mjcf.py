@@ -18,7 +18,7 @@ from backends._mjcf_actuators import FileDrive, file_drive
 from backends._mjcf_checks import moved, problems
 from backends._mjcf_drives import Inertias, Servo, drives
 from backends._mjcf_followers import Follower, followers
-from backends._mjcf_model import compiled, whole
+from backends._mjcf_model import compiled, end_m, whole
 from backends._mjcf_play import Plain, Play
 from backends._mjcf_robot import robot_file
 from backends._mjcf_text import MjcfError
@@ -294,7 +294,7 @@ def _filled(
     empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int, anchor_m: Array
 ) -> Body:
     """A body with mass and inertia of the model's body `b`, axes parallel to the world frame."""
-    turn = data.ximat[b].reshape(3, 3)
+    turn, frame = data.ximat[b].reshape(3, 3), data.xmat[b].reshape(3, 3)
     inertia = turn @ np.diag(model.body_inertia[b]) @ turn.T
     return dataclasses.replace(
         empty,
@@ -303,6 +303,7 @@ def _filled(
         com_m=_vec(data.xipos[b] - anchor_m),
         inertia_kgm2=_vec(np.diag(inertia)),
         products_kgm2=_vec(inertia[[0, 0, 1], [1, 2, 2]]),
+        tip_m=_vec(data.xpos[b] + frame @ end_m(model, b) - anchor_m),
     )
 
 

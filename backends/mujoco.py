@@ -58,7 +58,7 @@ def _add_hand(model: mujoco.MjSpec, spec: Spec) -> None:
         conaffinity=0,
     )
     bodies: dict[str | None, mujoco.MjsBody] = {None: model.worldbody}
-    for body in hand.bodies:
+    for body in (one.loaded for one in hand.bodies):
         node = bodies[body.parent].add_body(
             name=body.name,
             pos=body.origin_m,

@@ -148,8 +148,8 @@ class _Batch:
         *path, last = name.split(".")
         owner = getattr(self._model, path[0]) if path else self._model
         one = getattr(owner, last, None)
-        if one is None:
-            return  # derived by MuJoCo; MuJoCo Warp has no use for it
+        if one is None or name == "dof_length":
+            return  # derived by MuJoCo; MuJoCo Warp has no use for it (the latter is of sleep)
         if one.shape[0] != 1:
             raise ValueError(f"worlds of MuJoCo Warp that differ in {name} cannot be one batch")
         shape = len(values), *one.numpy().shape[1:]

@@ -92,7 +92,7 @@ class _World:
         palm = physx.PhysxArticulationLinkComponent(None)
         palm.joint.type = "fixed"
         links: dict[str | None, physx.PhysxArticulationLinkComponent] = {None: palm}
-        for body in spec.hand.bodies:
+        for body in (one.loaded for one in spec.hand.bodies):
             link = physx.PhysxArticulationLinkComponent(links[body.parent])
             for tip in spec.hand.fingertips:
                 if tip.body == body.name:

@@ -177,6 +177,40 @@ class Body:
     """Entries xy, xz and yz of the inertia tensor [kg m^2]."""
     carried: float = 0.0
     """Share of its weight that is carried beside the drives' laws: gravity compensation [1]."""
+    payload: float = 0.0
+    """Mass of what it holds at its end, a point, over its own mass [1]."""
+    tip_m: Vec3 | None = None
+    """Its end in the body frame [m]; None: twice as far as its centre of mass, as of a rod."""
+
+    @property
+    def end_m(self) -> Vec3:
+        """Where it holds a payload, in the body frame [m]."""
+        return self.tip_m or (2 * self.com_m[0], 2 * self.com_m[1], 2 * self.com_m[2])
+
+    @property
+    def loaded(self) -> "Body":
+        """The body with its payload as a part of it (parallel axes); nobody carries that."""
+        if not self.payload:
+            return self
+        share = self.payload / (1.0 + self.payload)
+        x, y, z = (end - own for own, end in zip(self.com_m, self.end_m, strict=True))
+        reduced = share * self.mass_kg
+        xx, yy, zz = self.inertia_kgm2
+        xy, xz, yz = self.products_kgm2
+        cx, cy, cz = self.com_m
+        return dataclasses.replace(
+            self,
+            payload=0.0,
+            mass_kg=(1.0 + self.payload) * self.mass_kg,
+            com_m=(cx + share * x, cy + share * y, cz + share * z),
+            inertia_kgm2=(
+                xx + reduced * (y * y + z * z),
+                yy + reduced * (x * x + z * z),
+                zz + reduced * (x * x + y * y),
+            ),
+            products_kgm2=(xy - reduced * x * y, xz - reduced * x * z, yz - reduced * y * z),
+            carried=self.carried / (1.0 + self.payload),
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -249,6 +283,18 @@ class Hand:
     def driven(self) -> tuple[Body, ...]:
         """Bodies whose joint has a drive, in spec order; J in (N, J) is their number."""
         return tuple(b for b in self.bodies if b.joint.drive is not None)
+
+    @cached_property
+    def ends(self) -> tuple[Body, ...]:
+        """Driven bodies that carry no other driven one."""
+        parent = {body.name: body.parent for body in self.bodies}
+        carriers, rest = set[str](), [body.parent for body in self.driven]
+        while rest:
+            above = rest.pop()
+            if above is not None and above not in carriers:
+                carriers.add(above)
+                rest.append(parent.get(above))
+        return tuple(body for body in self.driven if body.name not in carriers)
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:

@@ -28,6 +28,7 @@ WRITTEN = {
     "drive.viscous_nms_rad": ("damping", "Nms/rad", "Ns/m"),
     "drive.coulomb_nm": ("frictionloss", "Nm", "N"),
     "body.mass_kg": ("mass", "kg", "kg"),
+    "body.payload": ("the load at the end", "of the link's mass", ""),
     "drive.play_rad": ("range of the play", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""

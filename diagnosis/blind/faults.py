@@ -86,9 +86,10 @@ def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | No
     """One joint at random; None for all of those that an effect concerns, if there are more."""
     if not kind.per_joint:
         return None
-    concerned = [b for b in spec.hand.driven if kind.gear in (None, b.joint.gear)]
+    able = [b.joint for b in spec.hand.driven if kind.refusal(b, spec) is None]
+    concerned = [joint for joint in able if kind.gear in (None, joint.gear)]
     everywhere = rng.uniform() < EVERYWHERE and len(concerned) > 1
-    names = spec.hand.joint_names
+    names = [joint.name for joint in able]
     return None if everywhere else names[rng.integers(len(names))]
 
 
@@ -96,7 +97,9 @@ def arm_joint(
     name: str, catalogue: Mapping[str, type[Effect]], spec: Spec, rng: np.random.Generator
 ) -> str | None:
     """One joint at random; None: all of them, if a bus or controller gives it to all alike."""
-    names, kind = spec.hand.joint_names, catalogue.get(name)
+    kind = catalogue.get(name)
+    able = [b for b in spec.hand.driven if kind is None or kind.refusal(b, spec) is None]
+    names = [body.joint.name for body in able]
     everywhere, one = rng.uniform() < EVERYWHERE, names[rng.integers(len(names))]
     if kind is None or (kind.per_joint and not (everywhere and kind.shared and len(names) > 1)):
         return one

@@ -15,7 +15,7 @@ from typing import ClassVar, Protocol, Self
 import numba
 import numpy as np
 
-from backends.spec import Body, Spec
+from backends.spec import Body, Spec, Vec3
 from backends.state import Array
 
 DRIVE = (
@@ -30,7 +30,7 @@ sin(18 motor angle).
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
-    *("mass", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
+    *("mass", "held", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
     "hard-stop": "stop",
@@ -58,6 +58,7 @@ CHANGES = {
     "series-elasticity": ("stiffness", "divide"),
     "rotor-inertia": ("rotor", "add"),
     "link-mass": ("mass", "scale"),
+    "payload": ("held", "add"),
     "kp-scale": ("kp", "scale"),
     "kd-scale": ("kd", "scale"),
     "gear-damping": ("damping", "scale"),
@@ -194,10 +195,8 @@ class Plant:
         return {"position": position, "motor": motor, "torque": torque}
 
     def _limb(self, columns: list[int]) -> Limb:
-        bodies = (
-            dataclasses.replace(self._driven[j], mass_kg=float(self.numbers["mass"][j]))
-            for j in columns
-        )
+        mass, held = (self.numbers[name] for name in ("mass", "held"))
+        bodies = (_holding(self._driven[j], float(mass[j]), float(held[j])) for j in columns)
         return Limb(
             bodies=tuple(bodies),
             numbers={name: self.numbers[name][columns] for name in (*DRIVE, *STRANGE_DRIVE)},
@@ -250,6 +249,27 @@ def _follow(wanted_rad, most_rad):
     for k in range(1, len(wanted_rad)):
         move = wanted_rad[k] - wanted_rad[k - 1]
         wanted_rad[k] = wanted_rad[k - 1] + min(max(move, -most_rad), most_rad)
+
+
+def _holding(body: Body, mass_kg: float, share: float) -> Body:
+    """A link of this mass and a point at its end, of so much of it, as one rigid body."""
+    own, point = np.array(body.com_m), np.array(body.end_m)
+    center = (own + share * point) / (1.0 + share)
+    (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
+    tensor = np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
+    for part_kg, at in ((mass_kg, own - center), (share * mass_kg, point - center)):
+        tensor += part_kg * (at @ at * np.eye(3) - np.outer(at, at))
+    return dataclasses.replace(
+        body,
+        mass_kg=(1.0 + share) * mass_kg,
+        com_m=_triple(center),
+        inertia_kgm2=_triple(np.diag(tensor)),
+        products_kgm2=_triple(tensor[[0, 0, 1], [1, 2, 2]]),
+    )
+
+
+def _triple(numbers: Array) -> Vec3:
+    return float(numbers[0]), float(numbers[1]), float(numbers[2])
 
 
 def _limbs(spec: Spec) -> list[list[int]]:

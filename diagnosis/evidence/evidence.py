@@ -11,6 +11,7 @@ from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 from diagnosis.motion.recordings import white_noise
+from diagnosis.verdict.sizes import Place
 
 FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
 """No model is right to this: angles [rad; of a slide a share of its travel], and torques as a share
@@ -89,15 +90,15 @@ class Evidence:
         """What is shown (N, 3, K) as `readings` are, in floors."""
         return (shown / self.floor).transpose(2, 1, 0)[self.logged] / np.sqrt(1.0 + self.spread)
 
-    def place(self, *joints: int) -> tuple[bool, float]:
-        """Whether all of these joints slide; and a count of their encoders [rad or m], 0: unknown.
-
-        Of none: all joints.
-        """
+    def place(self, *joints: int) -> Place:
+        """What sizes on these joints are said by; of none: on all."""
         chosen = list(joints) or list(range(len(self.joints)))
-        driven = self.limb.spec.hand.driven
-        slides = all(driven[j].joint.slides for j in chosen)
-        return slides, float(self.step[chosen].min())
+        bodies = [self.limb.spec.hand.driven[j] for j in chosen]
+        return Place(
+            slides=all(body.joint.slides for body in bodies),
+            count=float(self.step[chosen].min()),
+            mass_kg=bodies[0].mass_kg if len(bodies) == 1 else 0.0,
+        )
 
     @property
     def joints(self) -> tuple[str, ...]:

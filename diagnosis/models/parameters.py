@@ -207,7 +207,8 @@ def _parameter(
     value = numbers[place]
     if kind.coordinate == "logarithm" and (value <= 0.0 or _is_unused(place, evidence)):
         return None
-    if kind.hinges_only and evidence.limb.spec.hand.driven[joint].joint.slides:
+    spec = evidence.limb.spec
+    if kind.refusal(spec.hand.driven[joint], spec) is not None:
         return None
     unit = _unit(kind, joint, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0

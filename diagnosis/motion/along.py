@@ -30,6 +30,8 @@ class Along:
     """q_m, shape (P, K)."""
     speed_rad_s: Array
     """v_m, shape (P, K)."""
+    loaded: tuple[Chain, ...] = ()
+    """L chains: each joint's own link twice as heavy, then as much at the end of each last one."""
 
     @cached_property
     def model(self) -> Model:
@@ -42,18 +44,12 @@ class Along:
         return self._swept()[:2]
 
     @cached_property
-    def by_mass(self) -> tuple[Array, Array]:
-        """What M (K, P K K) and h (K, P K) gain when a joint's own link is twice as heavy.
-
-        Who carries its weight beside the drives carries as much as before: it knows no payload.
-        """
-        chain, found = self.chain, []
-        for j in range(self.angle_rad.shape[1]):
-            own = (chain.column == j) & ~chain.follows
-            more = np.where(own, 2.0, 1.0)
-            m, h, _, _ = self._swept(mass_kg=more * chain.mass_kg, carried=chain.carried / more)
-            found.append(((m - self.model[0]).ravel(), (h - self.model[1]).ravel()))
-        return np.stack([m for m, _ in found]), np.stack([h for _, h in found])
+    def by_load(self) -> tuple[Array, Array]:
+        """What M (L, P K K) and h (L, P K) gain with each of the chains `loaded`."""
+        found = [replace(self, chain=one).without_slopes for one in self.loaded]
+        return tuple(  # type: ignore[return-value]
+            np.stack([(model[i] - self.model[i]).ravel() for model in found]) for i in (0, 1)
+        )
 
     @cached_property
     def by_tilt(self) -> tuple[Array, ...]:
@@ -67,11 +63,11 @@ class Along:
         """What of h is gravity (P, K) [Nm]."""
         return self.model[1] - self._swept(gravity_m_s2=np.zeros(3))[1]
 
-    def changed(self, mass: Array, tilt: Array) -> Model:
-        """The model with links heavier by shares `mass` (K,) and gravity turned by `tilt` (2,)."""
+    def changed(self, load: Array, tilt: Array) -> Model:
+        """The model with shares `load` (L,) of what `loaded` adds, gravity turned by `tilt`."""
         m, h, dq, dv = self.model
-        if mass.any():
-            more_m, more_h = (mass @ more for more in self.by_mass)
+        if load.any():
+            more_m, more_h = (load @ more for more in self.by_load)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
         if tilt.any():
             for angle, more_h in zip(tilt, self.by_tilt, strict=True):

@@ -15,6 +15,7 @@ COLUMNS = (
     *(f"encoder.{f.name}" for f in fields(Encoder)),
     *(f"loop.{f.name}" for f in fields(Loop)),
     "body.mass_kg",
+    "body.payload",
     "two_masses",
 )
 """What the numbers of a joint are, in the order in which the compiled replay takes them.
@@ -48,7 +49,8 @@ MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 """Numbers that show only while a joint moves: at rest no sensor tells of them."""
 OWN_STEPS = len(COLUMNS)
 """Stands for no number of a joint: how far a log is of its model's own simulator, 0 to 1."""
-MASS, TWO_MASSES = COLUMNS.index("body.mass_kg"), COLUMNS.index("two_masses")
+MASS, PAYLOAD = COLUMNS.index("body.mass_kg"), COLUMNS.index("body.payload")
+TWO_MASSES = COLUMNS.index("two_masses")
 
 
 def table(spec: Spec, rigid: bool) -> Array:

@@ -21,6 +21,7 @@ from diagnosis.motion.columns import (
     LATE,
     MASS,
     ONCE,
+    PAYLOAD,
     ROTOR,
     SCALE,
     STEP,
@@ -30,7 +31,7 @@ from diagnosis.motion.columns import (
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
-from diagnosis.replay.chain import chain
+from diagnosis.replay.chain import Chain, chain
 
 POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
@@ -121,6 +122,21 @@ class Limb:
         return tuple(r.time_s[edges[:-1]] for r, edges in pairs)
 
     @cached_property
+    def _loaded(self) -> tuple[Chain, ...]:
+        """See `Along.loaded`; who carries weight beside the drives knows of no load."""
+        hand = self.spec.hand
+        heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
+        held = [replace(hand.driven[j], payload=1.0) for j in self._ends]
+        bodies = {body.name: body for body in hand.driven}
+        worlds = (bodies | {body.name: body} for body in (*heavy, *held))
+        return tuple(chain(self.spec.with_driven(world.values())) for world in worlds)
+
+    @cached_property
+    def _ends(self) -> list[int]:
+        """Joints whose links carry no other driven one."""
+        return [self.spec.hand.driven.index(body) for body in self.spec.hand.ends]
+
+    @cached_property
     def along(self) -> tuple[Along, ...]:
         """The rigid-body model along every episode."""
         bodies, found = chain(self.spec), []
@@ -133,7 +149,7 @@ class Limb:
             read = [np.interp(points_s + late, recording.time_s, x) for x, late in pairs]
             q = unread(np.stack(read, axis=1), self.nominal)
             v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
-            found.append(Along(chain=bodies, angle_rad=q, speed_rad_s=v))
+            found.append(Along(chain=bodies, angle_rad=q, speed_rad_s=v, loaded=self._loaded))
         return tuple(found)
 
     @cached_property
@@ -216,9 +232,10 @@ class Limb:
     ) -> Array | None:
         """Joints, motors and torques after every tick of an episode (n, 3, K); None: diverged."""
         recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
-        share = numbers[:, MASS] / np.where(self.nominal[:, MASS], self.nominal[:, MASS], 1.0) - 1
-        share = np.where(self.nominal[:, MASS] > 0.0, share, 0.0)
-        model = path.changed(share, np.zeros(len(AXES)) if tilt is None else tilt)
+        mass = self.nominal[:, MASS]
+        heavier = np.where(mass > 0.0, numbers[:, MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
+        load = np.concatenate([heavier, numbers[self._ends, PAYLOAD]])
+        model = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
         sent = rounded(recording.command, numbers[:, STEP])
         asked = sent, recording.given, recording.push, clock.row
         start = unread(recording.start, numbers) + shift

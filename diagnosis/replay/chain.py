@@ -65,7 +65,7 @@ def chain(spec: Spec) -> Chain:
     """The bodies of a spec's hand; a body fixed to the world only shifts those it carries."""
     offset: dict[str | None, tuple[float, ...]] = {None: (0.0, 0.0, 0.0)}
     bodies: list[Body] = []
-    for body in spec.hand.bodies:
+    for body in (one.loaded for one in spec.hand.bodies):
         if _fixed(body) and body.parent in offset:
             offset[body.name] = _plus(offset[body.parent], body.origin_m)
         else:

@@ -219,5 +219,6 @@ def _numbers(body: Body) -> JointNumbers:
         damping=drive.viscous_nms_rad,
         frictionloss=drive.coulomb_nm,
         mass_kg=body.mass_kg,
+        payload=body.payload,
         play=drive.play_rad,
     )

@@ -12,7 +12,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.models.parameters import Parameter
-from diagnosis.motion.columns import MASS
+from diagnosis.motion.columns import MASS, PAYLOAD
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
@@ -354,7 +354,7 @@ class Search:
         for other in chosen:
             if other.effect == one.effect and None in (other.joint, one.joint):
                 return False
-        if one.joint is None or one.place == MASS:
+        if one.joint is None or one.place in (MASS, PAYLOAD):
             return True
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
         is_all = self.ordinary.exact or fit.strain2 > 0.0

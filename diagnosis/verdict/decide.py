@@ -14,7 +14,7 @@ from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
-from diagnosis.verdict.sizes import sized
+from diagnosis.verdict.sizes import Place, sized
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
@@ -117,7 +117,7 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
         effect=one.effect,
         joint=joint,
         joints=joints if joint is None else (joint,),
-        **sized(one.kind, sizes, *_place(fitter, one)),
+        **sized(one.kind, sizes, _place(fitter, one)),
         share=found.share(alone[0]) if alone else found.share(fit),
     )
 
@@ -131,7 +131,7 @@ def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
     return float(magnitude(one, u, fitter.evidence.limb.nominal[one.joint or 0]))
 
 
-def _place(fitter: Fitter, one: Parameter) -> tuple[bool, float]:
+def _place(fitter: Fitter, one: Parameter) -> Place:
     """See `Evidence.place`."""
     return fitter.evidence.place(*(() if one.joint is None else (one.joint,)))
 
@@ -165,7 +165,7 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
                 (value, end), unit = (float(np.expm1(x)) for x in ends), "%"
             else:
                 value, end = (_magnitude(fitter, one, x) for x in ends)
-                unit = one.kind.unit_of(value, _place(fitter, one)[0])
+                unit = one.kind.unit_of(value, _place(fitter, one).slides)
             value, sd = (float(x) / UNITS[unit][1] for x in (value, abs(end - value)))
             yield Nominal(effect=one.effect, joint=joint, value=value, sd=sd, unit=unit)
 

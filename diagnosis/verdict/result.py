@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect
-from diagnosis.verdict.sizes import sized
+from diagnosis.verdict.sizes import ANYWHERE, Place, sized
 
 NONE, UNKNOWN = "none", "unknown"
 Z90 = 1.645
@@ -53,7 +53,7 @@ def cause(
     share: float = 0.0,
     evidence: str = "",
     tied: tuple[str, ...] = (),
-    at: tuple[bool, float] = (False, 0.0),
+    at: Place = ANYWHERE,
 ) -> Cause:
     """A cause of a value, low and high in SI units or as shares; `unknown` out of a catalogue.
 
@@ -66,7 +66,7 @@ def cause(
         share=share,
         evidence=evidence,
         tied=tied,
-        **sized(catalogue.get(effect), sizes, *at),
+        **sized(catalogue.get(effect), sizes, at),
     )
 
 

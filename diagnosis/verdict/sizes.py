@@ -1,6 +1,7 @@
 """Sizes of effects as they are said: in the units of a hinge or a slide, and in other words."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,21 +10,33 @@ from backends.effect import UNITS, Effect
 from backends.spec import Spec
 
 
-def sized(
-    kind: type[Effect] | None, sizes: Sequence[float], slides: bool = False, count: float = 0.0
-) -> dict[str, Any]:
-    """A value and the ends of its interval [SI] as a `Cause` has them.
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """What sizes on some joints are said by."""
 
-    Without a kind as they are. `slides` and `count`: see `Evidence.place`.
-    """
-    unit = kind.unit_of(sizes[0], slides) if kind else ""
+    slides: bool = False
+    """Whether all of them slide."""
+    count: float = 0.0
+    """A count of their encoders [rad or m]; 0: unknown."""
+    mass_kg: float = 0.0
+    """Mass of the link of a single one [kg]; 0: of several."""
+
+
+ANYWHERE = Place()
+
+
+def sized(
+    kind: type[Effect] | None, sizes: Sequence[float], place: Place = ANYWHERE
+) -> dict[str, Any]:
+    """A value and the ends of its interval [SI] as a `Cause` has them; without a kind as it is."""
+    unit = kind.unit_of(sizes[0], place.slides) if kind else ""
     value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
-    also = in_other_words(kind, float(sizes[0]), unit, count) if kind else ""
+    also = in_other_words(kind, float(sizes[0]), unit, place) if kind else ""
     return {"value": value, "low": low, "high": high, "unit": unit, "also": also}
 
 
-def in_other_words(kind: type[Effect], size: float, unit: str, count: float = 0.0) -> str:
-    """A size [SI] said in a unit: from side to side, radians beside degrees, counts; or nothing."""
+def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = ANYWHERE) -> str:
+    """A size [SI] said in a unit: from side to side, beside degrees, counts, kg; or nothing."""
     size *= kind.whole
     found = []
     if kind.whole != 1.0:
@@ -31,8 +44,10 @@ def in_other_words(kind: type[Effect], size: float, unit: str, count: float = 0.
     if kind.dimension == "angle" and unit in kind.units():
         other = "mrad" if unit == "deg" else "deg"
         found.append(f"{size / UNITS[other][1]:.3g} {other}")
-    if kind.dimension == "angle" and count > 0.0:
-        found.append(f"{size / count:.3g} counts")
+    if kind.dimension == "angle" and place.count > 0.0:
+        found.append(f"{size / place.count:.3g} counts")
+    if kind.is_of("body") and place.mass_kg > 0.0:
+        found.append(f"{size * place.mass_kg:.3g} kg")
     return ", ".join(found)
 
 

@@ -1,7 +1,8 @@
 """Every effect acts in every engine: where it should, more when it is larger, and nowhere else.
 
 Three worlds of one engine have magnitude zero, m and 2 m, and are excited alike. The hand is the
-ideal one; effects on joints are put on J3, the proximal joint of the second finger.
+ideal one; effects on joints are put on J3, the proximal joint of the second finger, or on J4
+where only last links have them.
 """
 
 import dataclasses
@@ -118,10 +119,11 @@ def case_of(name: str) -> Case:
 
 
 def written(name: str, times: int) -> str:
-    """An effect of a case, its magnitude so many times, on J3 where it acts on joints."""
+    """An effect of a case, its magnitude so many times, on J3 or J4 where it acts on joints."""
     kind: type[Effect] = registry.load("effect", name)
     number, unit = re.fullmatch(r"([-.\d]+)(.*)", case_of(name).magnitude).groups()
-    return f"{name}={times * float(number)}{unit}{'@J3' if kind.per_joint else ''}"
+    joint = "" if not kind.per_joint else "@J4" if kind.ends_only else "@J3"
+    return f"{name}={times * float(number)}{unit}{joint}"
 
 
 def start(excitation: str, worlds: int, seed: int = 7) -> InitialState:

@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -16,7 +17,7 @@ from backends import sticks, trx
 from backends._mjcf_drives import DAMPING, PD_SHARE, PERIODS_S, RIGID_RAD, STIFF, STIFFNESS
 from backends.catalogue import catalogue
 from backends.drive import drive_table, motor_tick
-from backends.mjcf import MjcfError, left_out, mechanism
+from backends.mjcf import MjcfError, left_out, mechanism, written
 from backends.spec import Spec
 from backends.state import Array
 from benchmark.cli import app as cli
@@ -36,6 +37,7 @@ from diagnosis.replay.chain import chain, dynamics, workspace
 from diagnosis.replay.lanes import CHANNELS
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
+from diagnosis.replay.plain import numbers_of
 from diagnosis.replay.replay import Commands, is_closed, replay
 
 
@@ -176,6 +178,25 @@ def test_masses_and_torques_are_mujocos(name):
         dynamics(*state, bodies.numbers, work, mass, bias)
         assert np.allclose(mass, full[np.ix_(order, order)], rtol=1e-12, atol=1e-13)
         assert np.allclose(bias, data.qfrc_bias[order], rtol=1e-11, atol=1e-12)
+
+
+@worlds()
+def test_a_payload_is_a_point_at_the_end(name):
+    """Weigh and resist as MuJoCo does with a point mass that is written into the file."""
+    xml, servos = MECHANISMS[name]
+    spec = mechanism(xml, servos)
+    ends = [replace(body, payload=0.7) for body in spec.hand.ends]
+    held = {body.name: body for body in (*spec.hand.driven, *ends)}
+    loaded = spec.with_driven(held.values())
+    model = bare(written(xml, numbers_of(loaded)), 1e-3)
+    assert model.body_mass.sum() > bare(xml, 1e-3).body_mass.sum()
+    order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
+    data, bias = mujoco.MjData(model), np.zeros(len(order))
+    work = workspace(len(chain(loaded).parent), len(order))
+    data.qpos[order] = q = np.random.default_rng(1).uniform(-1, 1, len(order))
+    mujoco.mj_forward(model, data)
+    dynamics(q, np.zeros(len(order)), chain(loaded).numbers, work, np.zeros((0, 0)), bias)
+    assert np.allclose(bias, data.qfrc_bias[order], rtol=1e-9, atol=1e-9)
 
 
 COUPLED = """<mujoco><worldbody><body name="palm" pos="0 0 .4">

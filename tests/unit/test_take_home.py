@@ -109,3 +109,28 @@ def test_a_urdf_stays_one():
     assert (drive.limit, drive.damping) == (8, 0.05)
     assert 'value="0.8"' in again and 'friction="0.3"' in again
     assert written_urdf(ARM, {"a": NUMBERS}) is None
+    held = written_urdf(text, {"a": JointNumbers(**vars(NUMBERS) | {"payload": 0.5})})
+    assert mujoco.MjModel.from_xml_string(held).body_mass.sum() == pytest.approx(1.2)
+
+
+def test_a_payload_is_weighed(tmp_path, capfd):
+    """Tell a load at the end of a link from one at its centre, and write it there."""
+    held = (
+        '<body pos="0.3 0 0"><inertial mass="0.3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
+    )
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
+    read = shown(ARM.replace("</body>", f"{held}</body>"), command)
+    read += 3e-4 * rng.normal(size=len(T))
+    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(tmp_path / "r.csv")
+    (tmp_path / "arm.xml").write_text(ARM)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["payload"]
+    assert found["magnitudes"][0]["also"].endswith("kg")
+    model = found["model"]
+    assert model["after_rad"] < 0.1 * model["before_rad"]
+    (load,) = [one for one in model["changes"] if one["field"] == "body.payload"]
+    assert load["after"] * 0.8 == pytest.approx(0.3, rel=0.1)
+    assert "upper_payload" in (tmp_path / "out" / "corrected.xml").read_text()
