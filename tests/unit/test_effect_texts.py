@@ -13,7 +13,7 @@ from benchmark.parts import registry
 from benchmark.settings.effects import BUILT, effect_name, effect_text, parse_effects
 from diagnosis.verdict.result import Cause
 from diagnosis.verdict.sentences import size as said_size
-from diagnosis.verdict.sizes import sized
+from diagnosis.verdict.sizes import Place, sized
 
 HAND = trx.HAND
 KINDS: dict[str, type[Effect]] = {
@@ -82,7 +82,7 @@ def test_units_are_converted(kind: type[Effect]) -> None:
 @each(KINDS)
 def test_what_is_written_is_read_again(kind: type[Effect]) -> None:
     """Write an effect of all joints, or of one, as a text that gives the same effect."""
-    for joint in (None, HAND.joint_names[0])[: 1 + kind.per_joint]:
+    for joint in (None, HAND.ends[0].joint.name)[: 1 + kind.per_joint]:
         wanted = kind(magnitude=kind.bounds[1] / 3, joint=joint)
         (effect,) = parse_effects(effect_text(wanted, trx.spec(STICKS["reference"])), HAND)
         assert (type(effect), effect.joint) == (kind, joint)
@@ -119,14 +119,14 @@ def rail() -> Hand:
         ("backlash", 0.01, False, 0.0, "0.573 deg (0.532 to 0.62; whole 1.15 deg, 20 mrad)"),
         ("backlash", 1e-4, True, 1e-5, "100 um (92.8 to 108; whole 200 um, 20 counts)"),
         ("encoder-bias", -0.01, False, 1e-3, "-0.573 deg (-0.532 to -0.62; -10 mrad, -10 counts)"),
+        ("payload", 0.5, False, 0.0, "50 % (46.4 to 54.1; 0.4 kg)"),
     ],
 )
 def test_sizes_are_said_in_the_units_of_a_joint(name, size, slides, count, words) -> None:
-    """Say N of slides, whole play beside half of it, radians beside degrees, and counts."""
+    """Say N of slides, whole play beside half of it, radians beside degrees, counts, and kg."""
     ends = (size, size * 18 / 19.4, size * 21 / 19.4)
-    one = Cause(
-        effect=name, joint=None, joints=(), share=1.0, **sized(KINDS[name], ends, slides, count)
-    )
+    place = Place(slides=slides, count=count, mass_kg=0.8)
+    one = Cause(effect=name, joint=None, joints=(), share=1.0, **sized(KINDS[name], ends, place))
     assert said_size(one, f"{one.low:.3g} to {one.high:.3g}") == words
 
 
