@@ -101,12 +101,12 @@ def _drifting(track: Track) -> Clock | None:
 
 def _paced(track: Track) -> Clock | None:
     """Time stamps of a wrong rate: the motion is that of the nominal world at another pace."""
-    tried = {pace: track.paced(pace).misfit for pace in PACES}
+    tried = {pace: track.varied(paced=pace).misfit for pace in PACES}
     pace = min(tried, key=lambda p: tried[p])
     if not tried[pace] * BETTER < track.misfit or tried[pace] > EXACT:
         return None
     delayed = _misfit(track, _lag_s(track, track.shown))
-    if tried[pace] * RIVAL > min(delayed, track.paced(damped=1 / pace).misfit):
+    if tried[pace] * RIVAL > min(delayed, track.varied(damped=1 / pace).misfit):
         return None
     factor, how = (pace, "short") if pace > 1 else (1 / pace, "long")
     return Clock(

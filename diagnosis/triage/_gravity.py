@@ -14,14 +14,14 @@ from diagnosis.motion.along import Along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain
-from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._faults import BETTER, SCALES, Fault
 from diagnosis.triage._signals import LENGTHS, UNITS
 from diagnosis.triage._tracks import Track
 
 REST_S = 0.5
 """A joint rests at the end of so long a time without a new target."""
 STILL = 0.02
-"""Largest motion in that rest, over the joint's travel."""
+"""Largest drift in that rest, over the joint's travel."""
 LEAST_RESTS, SEEN_RAD = 5, 2e-3
 """So many rests, and so much sag, are needed [rad, m]."""
 WRONG, RIGHT = 0.5, 0.25
@@ -76,7 +76,9 @@ def _rests(recording: Recording, j: int) -> list[tuple[float, Array]]:
         target = recording.command[begin, j]
         if target == before:
             continue
-        if np.ptp(last, axis=0).max() < STILL * travel and not recording.push[begin].any():
+        first, second = (half.mean(axis=0) for half in np.array_split(last, 2))
+        still = np.abs(second - first).max() < STILL * travel
+        if still and not recording.push[begin].any():
             position, before = last.mean(axis=0), target
             found.append((float(recording.command[begin, j] - position[j]), position))
     return found
@@ -92,25 +94,37 @@ def _expected(track: Track, positions: Array, per_si: float) -> Array:
     return bias[:, track.index] / track.limb.nominal[track.index, KP]
 
 
-def _misfit(track: Track, sags: Array, positions: Array, per_si: float) -> float:
-    """Relative misfit of the sag in a unit; infinite where the joint does not reach so far."""
+def _misfit(
+    track: Track, sags: Array, positions: Array, per_si: float, other: bool = False
+) -> float:
+    """Relative misfit of the sag in a unit; infinite where the joint does not reach so far.
+
+    `other`: with another gain or mass.
+    """
     room = _room(track)
     if np.abs(positions[:, track.index]).max() / per_si > REACH * room:
         return np.inf
-    expected = _expected(track, positions, per_si)
-    return _rms(sags / per_si - expected) / max(_rms(expected), 1e-12)
+    expected, found = _expected(track, positions, per_si), sags / per_si
+    if other:
+        size = float(found @ expected) / max(float(expected @ expected), 1e-24)
+        expected = np.clip(size, *SCALES) * expected
+    return _rms(found - expected) / max(_rms(expected), 1e-12)
 
 
 def _unit(track: Track, sags: Array, positions: Array) -> Fault | None:
-    named = {n: _misfit(track, sags, positions, s) for n, s in _units(track).items()}
+    every = _units(track)
+    named = {n: _misfit(track, sags, positions, s) for n, s in every.items()}
     best = min(named, key=named.__getitem__)
+    free = [_misfit(track, sags, positions, s) for s in FREE]
+    if named[best] >= RIGHT:  # of a drive or a mass that is another
+        used = [n for n in every if not n.startswith("counts")]
+        named = {n: _misfit(track, sags, positions, every[n], other=True) for n in used}
+        best = min(named, key=named.__getitem__)
+        named[best] = np.inf if min(free) * BETTER < named[best] else named[best]
     if named[best] < RIGHT:
         return _fault(track, f"both are in {best}", "convert command and position")
     reach = max(float(np.abs(p).max()) for p in (*track.position, *track.command))
-    if reach < OUTSIDE * _room(track):
-        return None
-    free = [_misfit(track, sags, positions, s) for s in FREE]
-    if min(free) > RIGHT:
+    if reach < OUTSIDE * _room(track) or min(free) > RIGHT:
         return None
     size = float(FREE[int(np.argmin(free))])
     said = f"both are in a unit of which about {size:.2g} make one {'m' if track.slides else 'rad'}"

@@ -3,12 +3,9 @@
 import numpy as np
 
 from diagnosis.triage._faults import SCALES, Fault, best_line, less
-from diagnosis.triage._signals import CLEAR, UNITS, line, unit
+from diagnosis.triage._signals import CLEAR, line, unit
 from diagnosis.triage._tracks import Track
 
-BEYOND, WITHIN = 3.0, 1.5
-"""Commands beyond the first multiple of a joint's range are in another unit if that brings them
-within the second."""
 MOST_PUSH = 50.0
 """Largest push, as a multiple of the drive's largest torque."""
 UNKNOWN_UNIT = "counts of an unknown encoder, or another gear ratio"
@@ -28,7 +25,7 @@ def scale(track: Track) -> Fault | None:
             remedy="change the sign of the position or of the command, whichever is wrong",
         )
     if SCALES[0] <= found.slope <= SCALES[1]:
-        return _both_in_another_unit(track)
+        return None
     other = unit(abs(found.slope), track.slides)
     said = "the {} is in {}".format(*other) if other else UNKNOWN_UNIT
     si = "m" if track.slides else "rad"
@@ -37,23 +34,6 @@ def scale(track: Track) -> Fault | None:
         joints=(track.name,),
         evidence=f"{moves}: {said}",
         remedy=f"convert both to {si}" + (" and change the sign" if found.slope < 0 else ""),
-    )
-
-
-def _both_in_another_unit(track: Track) -> Fault | None:
-    """Command and position both far beyond the joint's range, and within it in another unit."""
-    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
-    reach, room = max(np.abs(c).max() for c in track.command), max(abs(low), abs(high))
-    name, size = ("millimetres", 1e3) if track.slides else ("degrees", UNITS["degrees"])
-    if reach < BEYOND * room or reach / size > WITHIN * room:
-        return None
-    si = "m" if track.slides else "rad"
-    return Fault(
-        kind="unit",
-        joints=(track.name,),
-        evidence=f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}: commands and "
-        f"positions are in {name}",
-        remedy=f"convert command and position to {si}",
     )
 
 

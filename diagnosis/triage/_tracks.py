@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.columns import KD
+from diagnosis.motion.columns import KD, LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.triage._signals import centred
@@ -20,19 +20,30 @@ class Replays:
     """What the sensors of a limb would read in the nominal world and beside it."""
 
     limb: Limb
-    found: dict[tuple[float, float], list[Array]] = field(default_factory=dict)
+    found: dict[tuple, list[Array]] = field(default_factory=dict)
     """Of worlds that all joints ask for."""
 
-    def at(self, paced: float, damped: float) -> list[Array]:
-        """Readings (T, 3, K) by episode, with time or the derivative gains multiplied."""
-        if (paced, damped) not in self.found:
+    def at(self, paced: float = 1.0, damped: float = 1.0, limited: float = 1.0) -> list[Array]:
+        """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied."""
+        if (paced, damped, limited) not in self.found:
             numbers, limb = self.limb.nominal.copy(), self.limb
             numbers[:, KD] *= damped
+            numbers[:, LIMIT] *= limited
             if paced != 1.0:
                 every = (replace(r, time_s=r.time_s * paced) for r in limb.recordings)
                 limb = replace(limb, recordings=tuple(every))
-            self.found[paced, damped] = shown_by(limb, numbers)
-        return self.found[paced, damped]
+            self.found[paced, damped, limited] = shown_by(limb, numbers)
+        return self.found[paced, damped, limited]
+
+    def in_unit(self, slides: bool, per_si: float) -> list[Array]:
+        """Readings [rad, m] where hinges, or slides, are logged in a unit of so many per SI's."""
+        if (slides, per_si, "unit") not in self.found:
+            alike = [body.joint.slides == slides for body in self.limb.spec.hand.driven]
+            size = np.where(alike, per_si, 1.0)
+            every = tuple(_converted(r, size) for r in self.limb.recordings)
+            limb = replace(self.limb, recordings=every)
+            self.found[slides, per_si, "unit"] = shown_by(limb, limb.nominal)
+        return self.found[slides, per_si, "unit"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,10 +100,10 @@ class Track:
         row = CHANNELS.index(channel)
         return [r.measured[:, row, self.index] for r in self.limb.recordings]
 
-    def nominal(self, channel: str, paced: float = 1.0, damped: float = 1.0) -> list[Array]:
+    def nominal(self, channel: str, **multiplied: float) -> list[Array]:
         """A channel of the nominal world per episode, see `Replays.at`."""
         row = CHANNELS.index(channel)
-        return [shown[:, row, self.index] for shown in self.replays.at(paced, damped)]
+        return [shown[:, row, self.index] for shown in self.replays.at(**multiplied)]
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
         """The same track beside another limb, with its own start shifted."""
@@ -100,9 +111,19 @@ class Track:
         every = shown_by(limb, limb.nominal, shift)
         return replace(self, shown=[shown[:, 0, self.index] for shown in every])
 
-    def paced(self, paced: float = 1.0, damped: float = 1.0) -> "Track":
+    def varied(self, **multiplied: float) -> "Track":
         """The same track beside another nominal world, see `Replays.at`."""
-        return replace(self, shown=self.nominal("position", paced, damped))
+        return replace(self, shown=self.nominal("position", **multiplied))
+
+    def in_unit(self, per_si: float) -> "Track":
+        """The same track where both sides are in a unit of so many per radian or metre."""
+        shown = self.replays.in_unit(self.slides, per_si)
+        return replace(
+            self,
+            command=[c / per_si for c in self.command],
+            position=[p / per_si for p in self.position],
+            shown=[one[:, 0, self.index] for one in shown],
+        )
 
     def unpushed(self) -> "Track":
         """The same track beside a nominal world that is not pushed."""
@@ -126,7 +147,7 @@ def _of_limb(limb: Limb) -> Iterator[Track]:
             time_s=[r.time_s for r in limb.recordings],
             command=[r.command[:, j] for r in limb.recordings],
             position=[r.measured[:, 0, j] for r in limb.recordings],
-            shown=[s[:, 0, j] for s in replays.at(1.0, 1.0)],
+            shown=[s[:, 0, j] for s in replays.at()],
         )
 
 
@@ -137,6 +158,19 @@ def _within_reach(recording: Recording) -> Recording:
     measured = recording.measured.copy()
     measured[:, 0] = np.where(odd, command, position)
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
+
+
+def _converted(recording: Recording, per_si: Array) -> Recording:
+    """The recording in SI units, from one of so many per SI's, by joint (K,)."""
+    measured = recording.measured.copy()
+    measured[:, :2] /= per_si
+    return replace(
+        recording,
+        command=recording.command / per_si,
+        measured=measured,
+        start=recording.start / per_si,
+        speed=None if recording.speed is None else recording.speed / per_si,
+    )
 
 
 def shown_by(limb: Limb, numbers: Array, shift: Array | float = 0.0) -> list[Array]:

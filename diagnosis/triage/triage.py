@@ -23,7 +23,7 @@ from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
-from diagnosis.triage import _clocks, _gravity, _scales, _zeros
+from diagnosis.triage import _clocks, _gravity, _scales, _units, _zeros
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._pauses import pauses
 from diagnosis.triage._signals import CLEAR, UNCLEAR, line
@@ -35,12 +35,20 @@ TESTS: tuple[Callable[[Track], Fault | None], ...] = (
     _zeros.convention,
     _gravity.weight,
     _scales.scale,
+    _units.both,
     _zeros.slips,
     _zeros.zero,
     _scales.sides,
     _scales.pushed_way,
 )
 """Tests of one joint, in order; each assumes that the earlier ones passed."""
+
+
+LOST = (
+    "the nominal world cannot follow this log: its links leave their drives at once; are positions "
+    "and commands in the units of their names, and masses and gains those of the robot?"
+)
+"""Where nothing can be compared."""
 
 
 class FaultError(LogError):
@@ -59,10 +67,13 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     every = tracks(some)
     if found := _faults(every):
         raise FaultError(found)
+    if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
+        raise LogError(LOST)
+    units = _perhaps(every)
     if some != whole:
         del every  # a long log's replays take memory
         every = tracks(whole)
-    return _remarks(every)
+    return (*units, *_remarks(every))
 
 
 def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
@@ -71,8 +82,9 @@ def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
 
 
 def remarks(log: Log, nominal: Spec) -> tuple[str, ...]:
-    """When joints did not follow for a while, and stamps that are too regular, in words."""
-    return _remarks(tracks(_limbs(log, nominal)))
+    """What may be in another unit, did not follow for a while, or is stamped too regularly."""
+    whole = _limbs(log, nominal)
+    return (*_perhaps(tracks(_excerpts(whole))), *_remarks(tracks(whole)))
 
 
 def _limbs(log: Log, nominal: Spec) -> list[Limb]:
@@ -91,6 +103,10 @@ def _excerpts(whole: Sequence[Limb]) -> list[Limb]:
 def _remarks(every: Sequence[Track]) -> tuple[str, ...]:
     stamps = [said for track in every if (said := made_up(track))]
     return (*(text for track in every for text in pauses(track)), *stamps)
+
+
+def _perhaps(every: Sequence[Track]) -> tuple[str, ...]:
+    return tuple(said for track in every if (said := _units.perhaps(track)))
 
 
 def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:

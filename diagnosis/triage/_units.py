@@ -1,0 +1,122 @@
+"""Command and position both in another unit: in which the nominal world moves as logged.
+
+Where nothing but stiffness and inertia acts, a motion looks the same in every unit. Weight, limits
+of torque and links that turn far tell units apart, and so does the joint's range.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+
+from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._signals import LENGTHS, UNITS
+from diagnosis.triage._tracks import Track
+
+BEYOND, WITHIN = 3.0, 1.5
+"""Commands beyond the first multiple of a joint's range are in another unit if that brings them
+within the second."""
+FINE, SAME = 0.05, 0.2
+"""Share of the motion that is left where no unit can be wrong, and up to which another is right."""
+RIVAL = 2.0
+"""A unit must leave less than a weight that is carried, or another limit, by this factor."""
+
+
+def both(track: Track) -> Fault | None:
+    """Both sides in another unit, by the joint's range or by how it moves."""
+    tried = _possible(track)
+    reach, room = _reach(track), _room(track)
+    if tried and reach >= BEYOND * room:
+        where = f"commands reach {reach:.3g} {_si(track)}, the joint only {room:.3g} {_si(track)}"
+        return _fault(track, f"{where}: commands and positions are in {_best(track, tried)[0]}")
+    said = _moves_as_logged(track)
+    if said is None or _rivals(track, tried[said[0]]):
+        return None
+    return _fault(track, "both are in {}: {}".format(*said))
+
+
+def perhaps(track: Track) -> str | None:
+    """What to say where another unit would explain a motion, and so would something else."""
+    said = _moves_as_logged(track)
+    rivals = _rivals(track, _possible(track)[said[0]]) if said else []
+    if said is None or not rivals:
+        return None
+    return (
+        f"commands and positions of {track.name} may be in {said[0]}: {said[1]}; or "
+        f"{' or '.join(rivals)}"
+    )
+
+
+def _possible(track: Track) -> dict[str, float]:
+    """Units in which the commands are within the joint's range."""
+    most = WITHIN * _room(track)
+    return {n: size for n, size in _units(track).items() if _reach(track) / size <= most}
+
+
+def _best(track: Track, tried: dict[str, float]) -> tuple[str, float]:
+    """The unit that leaves least, or the first where that is hardly more; and what it leaves."""
+    found = {name: _left(track.in_unit(size)) for name, size in tried.items()}
+    first, best = next(iter(found)), min(found, key=found.__getitem__)
+    best = best if found[best] * BETTER < found[first] else first
+    return best, found[best]
+
+
+def _moves_as_logged(track: Track) -> tuple[str, str] | None:
+    """The unit in which the nominal world moves as logged, and what shows it."""
+    tried, left = _possible(track), _left(track) if track.travel else 0.0
+    if not tried or left < FINE:
+        return None
+    best, then = _best(track, tried)
+    if then > SAME or then * BETTER > left:
+        return None
+    return best, (
+        f"then the nominal world moves as logged (it leaves {then:.2g} of the motion, and as they "
+        f"are {left:.2g})"
+    )
+
+
+def _rivals(track: Track, per_si: float) -> list[str]:
+    """What else leaves as little: other limits of the torque, or a weight that is carried."""
+    bare = replace(track.limb, spec=replace(track.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
+    others = {
+        "its limit of torque is another": track.varied(limited=per_si),
+        "its drive carries the weight": track.beside(bare),
+    }
+    most = RIVAL * _left(track.in_unit(per_si))
+    return [text for text, other in others.items() if _left(other) < most]
+
+
+def _left(track: Track) -> float:
+    """Share of the motion that is left with the nominal world's, of any size and a little late."""
+    shown, read = np.concatenate(track.shown), np.concatenate(track.position)
+    if not np.isfinite(shown).all():
+        return np.inf
+    pairs = zip(track.time_s, track.shown, strict=True)
+    speed = np.concatenate([np.gradient(s, t) for t, s in pairs])
+    columns = np.stack([shown, speed], axis=1)
+    rest = read - columns @ np.linalg.lstsq(columns, read)[0]
+    moved = np.concatenate([c - c.mean() for c in track.command])
+    return float(np.sqrt(np.mean(rest**2) / max(np.mean(moved**2), 1e-18)))
+
+
+def _units(track: Track) -> dict[str, float]:
+    """Units that people use; which counts of an encoder they are, no motion says."""
+    every = LENGTHS if track.slides else UNITS
+    return {name: size for name, size in every.items() if not name.startswith("counts")}
+
+
+def _reach(track: Track) -> float:
+    return max(float(np.abs(c).max()) for c in track.command)
+
+
+def _room(track: Track) -> float:
+    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
+    return max(abs(low), abs(high))
+
+
+def _si(track: Track) -> str:
+    return "m" if track.slides else "rad"
+
+
+def _fault(track: Track, evidence: str) -> Fault:
+    remedy = f"convert command and position to {_si(track)}"
+    return Fault(kind="unit", joints=(track.name,), evidence=evidence, remedy=remedy)
