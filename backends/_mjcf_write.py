@@ -41,6 +41,8 @@ class JointNumbers:
     """What its drive does that an MJCF cannot hold: written as a comment."""
     play: float = 0.0
     """Half of its gear's play: a hinge or slide behind the joint, between stops."""
+    ends: tuple[float, float] | None = None
+    """Where its end stops stand; None: as in the file."""
 
 
 def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
@@ -61,6 +63,8 @@ def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
         if one.payload:
             _set_payload(body, model, model.joint(name).bodyid[0], one.payload * one.mass_kg)
         _set_servo(root, model, name, one)
+        if one.ends:
+            joint.attrib |= _limits(root, model, name, *one.ends)
         if one.play and len(body.findall("joint")) == 1:
             _set_play(root, body, joint, model, one.play)
     ElementTree.indent(root)
@@ -133,20 +137,28 @@ def _set_play(
     body.remove(joint)
     gear.append(Element("inertial", {"pos": "0 0 0", "mass": "1e-6", "diaginertia": "1e-9 " * 3}))
     gear.extend([joint, body])
-    slides = int(model.jnt_type[j]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
-    turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
-    end = float(np.degrees(play)) if turned and not slides else play
     loose = {
         "name": f"{name}_play",
-        "type": "slide" if slides else "hinge",
+        "type": "slide" if _slides(model, name) else "hinge",
         "axis": _text(model.jnt_axis[j]),
         "pos": _text(model.jnt_pos[j]),
-        "range": f"{-end!r} {end!r}",
-        "limited": "true",
-        "solreflimit": "0.004 1",
     }
-    still = ("damping", "frictionloss", "armature", "stiffness")
-    body.insert(0, Element("joint", loose | dict.fromkeys(still, "0")))
+    still = dict.fromkeys(("damping", "frictionloss", "armature", "stiffness"), "0")
+    body.insert(0, Element("joint", loose | _limits(root, model, name, -play, play) | still))
+
+
+def _slides(model: mujoco.MjModel, name: str) -> bool:
+    return int(model.jnt_type[model.joint(name).id]) == int(mujoco.mjtJoint.mjJNT_SLIDE)
+
+
+def _limits(
+    root: Element, model: mujoco.MjModel, name: str, low: float, high: float
+) -> dict[str, str]:
+    """Attributes of firm stops for a joint like this [rad, m], in the file's unit of angles."""
+    turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
+    in_file = np.degrees if turned and not _slides(model, name) else np.asarray
+    ends = " ".join(repr(float(in_file(end))) for end in (low, high))
+    return {"range": ends, "limited": "true", "solreflimit": "0.004 1"}
 
 
 def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:

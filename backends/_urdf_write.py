@@ -25,6 +25,8 @@ def written_urdf(text: str, numbers: Mapping[str, JointNumbers]) -> str | None:
         limit = joint.find("limit")
         if limit is not None and one.limit:
             limit.set("effort", repr(one.limit))
+        if limit is not None and one.ends:
+            limit.attrib |= dict(zip(("lower", "upper"), map(repr, one.ends), strict=True))
         child = joint.find("child")
         link = links.get(child.get("link")) if child is not None else None
         mass = link.find("inertial/mass") if link is not None else None

@@ -13,7 +13,7 @@ from backends.drive import COGGING_RAD, STRIBECK_RAD_S
 
 _TURN, _TOOTH = wp.constant(wp.float64(2.0 * math.pi)), wp.constant(wp.float64(COGGING_RAD))
 _V_S = wp.constant(wp.float64(STRIBECK_RAD_S))
-_NONE = wp.constant(wp.float64(0.0))
+_NONE, _HALF = wp.constant(wp.float64(0.0)), wp.constant(wp.float64(0.5))
 
 
 @wp.func
@@ -45,7 +45,7 @@ def drive_tick(
 ):
     """Step every drive (N, J) by one period and apply its torque to its joint."""
     n, j = wp.tid()
-    p = numbers[n, j]  # in the order of the fields of `Drive`
+    p = numbers[n, j]  # as in `backends.drive.drive_table`
     kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
     coulomb, viscous, k, c = p[4], p[5], p[6], p[7]
     play, lock, stiction, load, dead = p[8], p[9], p[10], p[11], p[12]
@@ -78,6 +78,9 @@ def drive_tick(
     speed = _shrink(speed, dt / inertia * friction)
     if speed * pd <= _NONE and speed * gear < _NONE:
         speed = _shrink(speed, dt / inertia * lock)
+    past = joint + _HALF * dt * joint_speed - p[18]
+    if p[19] * past > _NONE:
+        gear -= wp.abs(p[19]) * past
     motor[n, j] += dt * speed
     motor_speed[n, j] = speed
     pd_nm[n, j] = pd

@@ -9,11 +9,13 @@ which push once the play between them is taken up:
     J motor'' = tau_pd + tau_cog - tau_gear - viscous motor' - friction
     tau_cog  = cogging sin(2 pi motor / period + phase)
     friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
+    tau      = tau_gear - k_s (joint + joint' dt / 2 - stop),        beyond a stop; it only pushes
 
 Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
 stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
-against the motor. `one_way` is friction in one direction alone. Joint positions are never
-overwritten, so the squeeze of a grasp is kept.
+against the motor. `one_way` is friction in one direction alone. A stop is pressed by the depth in
+the middle of the period, which takes energy from a bounce. Joint positions are never overwritten,
+so the squeeze of a grasp is kept.
 
 Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
 with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650); a limit that falls with speed, the DC
@@ -37,6 +39,8 @@ COGGING_RAD = np.radians(20.0)
 """Period of cogging where none is given: of 18 teeth, so coarse that a hand shows it."""
 _STICTION, _COGGING = COLUMNS.index("stiction_nm"), COLUMNS.index("cogging_nm")
 _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_phase_rad")
+_STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
+_TEETH = COLUMNS.index("gear_stiffness_nm_rad")
 
 
 @numba.njit(cache=True)
@@ -87,6 +91,8 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
         _,
         _,
         _,
+        stop,
+        firm,
     ) = p
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
@@ -104,7 +110,8 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
     speed = _shrink(speed, dt / inertia * friction)
     locked = _shrink(speed, dt / inertia * lock)
     speed = locked if (speed * pd <= 0.0) & (speed * gear < 0.0) else speed
-    return motor + dt * speed, speed, pd, gear
+    past = joint + 0.5 * dt * joint_speed - stop
+    return motor + dt * speed, speed, pd, gear - (abs(firm) * past if firm * past > 0.0 else 0.0)
 
 
 @numba.njit(cache=True, forceinline=True)
@@ -113,13 +120,13 @@ def numbers_at(p, i):
     return (
         *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
         *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i], p[14, i]),
-        *(p[15, i], p[16, i], p[17, i]),
+        *(p[15, i], p[16, i], p[17, i], p[18, i], p[19, i]),
     )
 
 
 @numba.njit(cache=True)
 def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
-    """Step one joint's drive by one period `dt`, with the numbers `p` of a `Drive` in field order.
+    """Step one joint's drive by one period `dt`, with numbers `p` as in `drive_table`.
 
     Returns the motor's new angle and speed, its PD torque and the torque on the joint.
     """
@@ -130,7 +137,7 @@ def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
 
 @numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); `p` (18, N, J) holds the numbers of all drives."""
+    """`motor_tick` for contiguous arrays (N, J); `p` (20, N, J) holds the numbers of all drives."""
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub, cog = p.reshape(p.shape[0], -1), np.zeros(len(motor)), np.zeros(len(motor))
@@ -143,8 +150,26 @@ def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of `motor_tick`, shape (J, 18)."""
-    return np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
+    """The numbers of all drives in the order of their fields, shape (J, 20).
+
+    Of end stops not how far inside they stand, but where; and the stiffness as `stops` says.
+    """
+    table = np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
+    ranges = np.array([body.joint.range_rad for body in spec.hand.driven])
+    table[:, [_STOP, _FIRM]] = stops(table[:, [_STOP, _FIRM, _TEETH]], ranges)
+    return table
+
+
+def stops(numbers: Array, ranges: Array) -> Array:
+    """Where the end stops of J joints stand [rad], and how stiff they are [Nm/rad], shape (J, 2).
+
+    Stiffness has the sign of its side; 0: no stop. From `end_stop_rad`, `end_stop_nm_rad` and
+    `gear_stiffness_nm_rad` of their drives (J, 3), and the joints' ranges (J, 2).
+    """
+    inside, firm, teeth = numbers.T
+    ends = np.where(inside > 0.0, ranges[:, 1], ranges[:, 0])
+    stiffness = np.sign(inside) * np.where(firm > 0.0, firm, teeth)
+    return np.stack([ends - inside, stiffness], axis=1)
 
 
 class DriveBank:

@@ -109,7 +109,8 @@ class Effect(ABC):
     """What a diagnosis varies, below `u`, so that nothing leaves its sign.
 
     'amount': the number grows by u natural sizes (`diagnosis.models.sizes`); 'logarithm': it is
-    multiplied by exp(u); 'compliance': its inverse grows by u natural sizes.
+    multiplied by exp(u); 'compliance': its inverse grows by u natural sizes; 'reach': u is by how
+    far a joint falls short of where its nominal drive takes it, to the side where it does so more.
     """
     nominal: ClassVar[bool] = False
     """Its number stands in the mechanism's file, so it is off by the log's nominal uncertainty."""

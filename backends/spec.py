@@ -61,6 +61,11 @@ class Drive:
     """Its period, at the joint; 0: `drive.COGGING_RAD` [rad]."""
     cogging_phase_rad: float = 0.0
     """Phase of the sine at the angle zero [rad]."""
+    end_stop_rad: float = 0.0
+    """How far inside of the upper end of the joint's range an elastic stop stands if positive, of
+    the lower end if negative [rad]; 0: there is none."""
+    end_stop_nm_rad: float = 0.0
+    """Stiffness of that stop; 0: that of the teeth [Nm/rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

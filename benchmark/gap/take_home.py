@@ -30,6 +30,7 @@ WRITTEN = {
     "body.mass_kg": ("mass", "kg", "kg"),
     "body.payload": ("the load at the end", "of the link's mass", ""),
     "drive.play_rad": ("range of the play", "rad", "m"),
+    "drive.end_stop_rad": ("end stop inside of the range", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
 HELD = WRITTEN | BESIDE

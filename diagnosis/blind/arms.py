@@ -8,12 +8,11 @@ hinge of arms with three and six joints is vertical.
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from backends.mjcf import mechanism
-from backends.spec import Body, Encoder, Spec
+from backends.spec import Encoder, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, MjcfMechanism
 
@@ -100,16 +99,10 @@ def spec(joints: int, seed: int) -> Spec:
     """The nominal world of an arm, in the range in which it is moved."""
     of = sheet(joints, seed)
     whole = mechanism(mjcf(of), _servos(of))
-    bodies = []
-    for j, body in enumerate(whole.hand.driven):
-        ends = (float(of.home_rad[j] - of.room_rad[j]), float(of.home_rad[j] + of.room_rad[j]))
-        encoder = Encoder(noise_rad=of.noise_rad)
-        bodies.append(_replaced(body, range_rad=ends, encoder=encoder))
-    return whole.with_driven(bodies)
-
-
-def _replaced(body: Body, **changes: Any) -> Body:
-    return replace(body, joint=replace(body.joint, **changes))
+    encoder = Encoder(noise_rad=of.noise_rad)
+    return whole.with_driven(
+        replace(body, joint=replace(body.joint, encoder=encoder)) for body in whole.hand.driven
+    )
 
 
 def described(joints: int, seed: int) -> MjcfMechanism:
@@ -127,7 +120,7 @@ def _servos(of: Sheet) -> dict[str, DriveSettings]:
 
 def mjcf(of: Sheet) -> str:
     """The MJCF file of an arm: its links, and what its motors have."""
-    links = ""
+    links, low, high = "", of.home_rad - of.room_rad, of.home_rad + of.room_rad
     for j, (length, mass) in enumerate(zip(of.length_m, of.mass_kg, strict=True)):
         place = "0 0 0.3" if j == 0 else f"{of.length_m[j - 1]:.6g} 0 0"
         across = mass * length**2 / 12
@@ -135,11 +128,13 @@ def mjcf(of: Sheet) -> str:
             f'<body name="link{j}" pos="{place}"><inertial mass="{mass:.6g}" '
             f'pos="{length / 2:.6g} 0 0" '
             f'diaginertia="{across / 10:.6g} {across:.6g} {across:.6g}"/>'
-            f'<joint name="j{j}" axis="{of.axes[j]}" armature="{of.armature_kgm2[j]:.6g}" '
+            f'<joint name="j{j}" axis="{of.axes[j]}" range="{low[j]:.6g} {high[j]:.6g}" '
+            f'armature="{of.armature_kgm2[j]:.6g}" '
             f'damping="{of.viscous_nms_rad[j]:.6g}" frictionloss="{of.coulomb_nm[j]:.6g}"/>'
         )
     ends = "</body>" * len(of.mass_kg)
-    return f'<mujoco model="arm"><worldbody>{links}{ends}</worldbody></mujoco>\n'
+    head = '<mujoco model="arm"><compiler angle="radian"/>'
+    return f"{head}<worldbody>{links}{ends}</worldbody></mujoco>\n"
 
 
 def spread(seed: int) -> float:

@@ -11,7 +11,6 @@ from collections.abc import Collection, Mapping
 from backends.catalogue import catalogue
 
 STRANGE: Mapping[str, tuple[str, ...]] = {
-    "hard-stop": (),
     "thermal-fade": ("torque-limit", "kp-scale"),
     "magnet-slip": ("encoder-bias",),
 }

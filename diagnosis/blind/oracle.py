@@ -210,4 +210,4 @@ def _size(one: Parameter, magnitude: float, nominal: Array) -> float:
     if one.kind.coordinate == "logarithm":
         share = magnitude if one.kind.dimension == "share" else magnitude / nominal[one.place]
         return float(np.log1p(share))
-    return magnitude / one.unit
+    return (magnitude - one.onset) / one.unit

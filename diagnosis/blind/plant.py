@@ -20,30 +20,29 @@ from backends.state import Array
 
 DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
-    *("lock", "stiction", "load", "dead", "uneven", "emf", "cogging"),
+    *("lock", "stiction", "load", "dead", "uneven", "emf", "cogging", "stop", "lower", "upper"),
 )
 """Numbers of a drive, in the order in which equations take them.
 
 `uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards;
 `emf`: torque that a motor's limit loses per speed; `cogging`: amplitude of a torque that goes as
-sin(18 motor angle).
+sin(18 motor angle); `stop`: how far inside of the upper end of its range, if positive, else of the
+lower one, the link meets an elastic stop; `lower` and `upper`: those ends.
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
     *("mass", "held", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
-    "hard-stop": "stop",
     "thermal-fade": "fade",
     "magnet-slip": "slip",
 }
 """Faults that no catalogue has, and the number that each adds to.
 
-    stop     the link meets an elastic stop so far inside of the upper end of its range [rad]
     fade     share of its torque that a motor loses at the heat of lasting full torque [1]
     slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
 """
-STRANGE_DRIVE = ("stop", "fade")
+STRANGE_DRIVE = ("fade",)
 """Those that the equations of motion implement, in their order; 0: absent."""
 NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
@@ -52,6 +51,7 @@ CHANGES = {
     "coulomb-friction": ("coulomb", "add"),
     "direction-friction": ("uneven", "add"),
     "cogging": ("cogging", "add"),
+    "end-stop": ("stop", "add"),
     "stiction": ("stiction", "add"),
     "viscous-friction": ("viscous", "add"),
     "load-friction": ("load", "add"),
@@ -148,6 +148,8 @@ class Plant:
                 "play": drive.play_rad,
                 "mass": body.mass_kg,
                 "noise": body.joint.encoder.noise_rad,
+                "lower": body.joint.range_rad[0],
+                "upper": body.joint.range_rad[1],
             }
             for name, value in known.items():
                 self.numbers[name][j] = value

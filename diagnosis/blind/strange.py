@@ -13,11 +13,10 @@ LEAST_SHARE = -0.85
 COMPLIANCE = 0.6
 """Largest compliance of a gear over 1 / kp."""
 STRANGE = {
-    "hard-stop": (1.0, "range"),
-    "thermal-fade": (30.0, None),
-    "magnet-slip": (0.1, None),
+    "thermal-fade": 30.0,
+    "magnet-slip": 0.1,
 }
-"""Largest magnitudes of `plant.STRANGE`, and what they are a share of."""
+"""Largest magnitudes of `plant.STRANGE`."""
 EITHER = ("magnet-slip",)
 """Of these what goes to either side."""
 
@@ -26,16 +25,14 @@ def largest(name: str, joint: str | None, spec: Spec, rng: np.random.Generator) 
     """The largest magnitude of a fault, to one of its sides at random."""
     bodies = [b for b in spec.hand.driven if joint in (None, b.joint.name)]
     if name in STRANGE:
-        share, of = STRANGE[name]
-        whole = {
-            "range": np.ptp(bodies[0].joint.range_rad),
-            "limit": bodies[0].joint.drive.torque_limit_nm if bodies[0].joint.drive else 0.0,
-        }
-        sign = rng.choice([-1.0, 1.0]) if name in EITHER else 1.0
-        return float(share * sign * (whole[of] if of else 1.0))
+        most = STRANGE[name]
+        return float(most * (rng.choice([-1.0, 1.0]) if name in EITHER else 1.0))
     drives = [b.joint.drive for b in bodies if b.joint.drive is not None]
     kind = catalogue()[name]
     if kind.coordinate == "compliance":
         return COMPLIANCE * min(d.gear_stiffness_nm_rad / d.kp_nm_rad for d in drives)
+    if kind.coordinate == "reach":
+        room = min(np.ptp(b.joint.range_rad) for b in bodies) / 2
+        return float(np.sign(faults.side(kind, rng)[-1]) * room)
     amount = REACH * faults.side(kind, rng)[-1]
     return max(amount, LEAST_SHARE) * faults.natural(kind, joint, spec)

@@ -98,6 +98,7 @@ class Evidence:
             slides=all(body.joint.slides for body in bodies),
             count=float(self.step[chosen].min()),
             mass_kg=bodies[0].mass_kg if len(bodies) == 1 else 0.0,
+            ends=bodies[0].joint.range_rad if len(bodies) == 1 else None,
         )
 
     @property

@@ -5,7 +5,7 @@ is a little off in most of them: so much a fit may always take. An effect is a p
 take any size within its bounds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,9 +15,11 @@ from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.along import AXES
+from diagnosis.motion.blocked import Blocked, blocked
 from diagnosis.motion.columns import (
     COGGING,
     COLUMNS,
+    FIRM,
     KD,
     KP,
     MOVING,
@@ -26,6 +28,7 @@ from diagnosis.motion.columns import (
     PHASE,
     STIFFNESS,
 )
+from diagnosis.motion.limb import Limb
 from diagnosis.motion.ripple import ripples
 
 
@@ -78,6 +81,8 @@ class Parameter:
     """Its column of the joints' numbers, or of a tilt the axis (`motion.along.AXES`)."""
     unit: float
     """Natural size: how much the number (or its inverse) grows per u, SI; 1 of a logarithm."""
+    onset: float = 0.0
+    """Where the number's change begins to show, SI: its size at u = 0 as soon as there is any."""
     tolerance: float
     """Standard deviation of u on a healthy robot; 0: healthy robots have none."""
     centre: float = 0.0
@@ -126,7 +131,7 @@ def parameters(
     some of them by joint and number; `everyday`: the share of the other tolerances that mechanisms
     of this origin have.
     """
-    found, seen = [], ripples(evidence.limb)
+    found, seen = [], (ripples(evidence.limb), blocked(evidence.limb))
     for name, kind in {**every_effect(), **catalogue, **TERMS}.items():
         if kind.least is None:
             continue
@@ -137,17 +142,34 @@ def parameters(
                 sure = _uncertainty(evidence, joint, place, uncertainty, guesses or {})
                 one = _parameter(name, kind, joint, place, evidence, sure, everyday)
                 if one is not None:
-                    if place == COGGING and evidence.limb.nominal[joint, place] == 0.0:
-                        one = replace(
-                            one, beside=tuple(zip((PERIOD, PHASE), seen[joint], strict=True))
-                        )
                     shows = not (evidence.only_rests and place in MOVING)
-                    found.append(replace(one, nameable=name in catalogue and shows))
+                    one = replace(one, nameable=name in catalogue and shows)
+                    found.append(_as_seen(one, evidence.limb, *seen))
             if kind.shared and len(evidence.joints) > 1:
                 found.append(_shared([p for p in found if p.effect == name]))
     if evidence.own_steps.any():
         found.append(_OWN)
     return tuple(found)
+
+
+def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]) -> Parameter:
+    """A parameter with the shape of its law that the log shows before its size."""
+    if one.joint is None:
+        return one
+    value = float(limb.nominal[one.joint, one.place])
+    if one.place == COGGING and value == 0.0:
+        return replace(one, beside=tuple(zip((PERIOD, PHASE), ripple[one.joint], strict=True)))
+    if one.kind.coordinate == "reach":
+        stop, teeth = stops[one.joint], float(limb.nominal[one.joint, STIFFNESS])
+        firm = stop.stiffness_nm_rad if limb.rigid else min(stop.stiffness_nm_rad, teeth)
+        return replace(
+            one,
+            unit=stop.side,
+            onset=stop.side * stop.inside_rad - value,
+            beside=((FIRM, firm),),
+            nameable=one.nameable and stop.short_rad > one.least,
+        )
+    return one
 
 
 _OWN = Parameter(
@@ -285,4 +307,4 @@ def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:
     if kind.coordinate == "logarithm":
         share = float(np.expm1(u))
         return share if kind.dimension == "share" else share * numbers[parameter.place]
-    return u * parameter.unit
+    return parameter.onset + u * parameter.unit

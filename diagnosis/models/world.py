@@ -77,7 +77,7 @@ class World:
             elif one.kind.coordinate == "compliance":
                 soft[rows] += value * one.unit
             else:
-                numbers[rows, one.place] += value * one.unit
+                numbers[rows, one.place] += one.onset + value * one.unit
         numbers[:, POSITIVE] = np.maximum(numbers[:, POSITIVE], 0.0)
         self._with_gears(numbers, soft)
         return numbers, tilt

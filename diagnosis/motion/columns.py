@@ -29,6 +29,7 @@ COGGING, PERIOD, PHASE = (
     COLUMNS.index(f"drive.cogging_{name}") for name in ("nm", "period_rad", "phase_rad")
 )
 FALL = COLUMNS.index("drive.limit_fall_nms_rad")
+STOP, FIRM = COLUMNS.index("drive.end_stop_rad"), COLUMNS.index("drive.end_stop_nm_rad")
 ONE_WAY = COLUMNS.index("drive.one_way_friction_nm")
 STICTION, LOAD = COLUMNS.index("drive.stiction_nm"), COLUMNS.index("drive.load_friction")
 PLAY, STIFFNESS = COLUMNS.index("drive.play_rad"), COLUMNS.index("drive.gear_stiffness_nm_rad")

@@ -137,21 +137,39 @@ def _invert(a):
 
 @numba.njit(cache=True, error_model="numpy")
 def integrate(
-    dt, stride, q_m, v_m, mass, bias, dq, dv, command, given, push, row, start, p, implicit, out
+    dt,
+    stride,
+    q_m,
+    v_m,
+    mass,
+    bias,
+    dq,
+    dv,
+    command,
+    given,
+    push,
+    row,
+    start,
+    p,
+    ends,
+    implicit,
+    out,
 ):
     """Write joint, motor and PD torque of K joints after every tick into `out` (n, 3, K).
 
     Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K);
     commands and pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2):
     the target's speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (K,),
-    numbers p (K, len(COLUMNS)). `implicit`: damping as MuJoCo's. False where the motion diverged.
+    numbers p (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2).
+    `implicit`: damping and stops at the end of a tick, as MuJoCo's damping. False where the motion
+    diverged.
 
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
     joints, end = len(start), len(mass) - 1
     q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
-    accel, after, rub, impulse, damped = np.zeros((5, joints))
+    accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
     rate, slow, total, lagged = np.zeros((4, joints))
     share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
     for j in range(joints):
@@ -159,7 +177,7 @@ def integrate(
         if p[j, INTEGRAL] > 0.0 or p[j, CASCADE] > 0.0:
             total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
     inverse = np.zeros((joints, joints))
-    held, at_limit = np.zeros(joints, np.bool_), False
+    held, at_limit, stopped = np.zeros(joints, np.bool_), False, np.any(ends[:, 1])
     for t in range(len(out)):
         i, k, changed = min(t // stride, end), row[t], t % stride == 0
         for j in range(joints):
@@ -213,15 +231,22 @@ def integrate(
                 held[j], damped[j] = at_limit, dt * loss
                 force[j] = pd + cog - p[j, VISCOUS] * v[j]
                 rub[j] += p[j, LOAD] * abs(gear[j])
+        for j in range(joints if stopped else 0):
+            past = ends[j, 1] * (q[j] + (dt if implicit else 0.5 * dt) * v[j] - ends[j, 0])
+            pressed[j] = np.sign(ends[j, 1]) * max(past, 0.0)
+            stiff = dt * dt * abs(ends[j, 1]) if implicit and past > 0.0 else 0.0
+            changed |= stiff != firm[j]
+            firm[j] = stiff
         if changed:
             for j in range(joints):
                 for n in range(joints):
                     inverse[j, n] = mass[i, j, n]
                 inverse[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
+                inverse[j, j] += firm[j]
             _invert(inverse)
         rubs = False
         for j in range(joints):
-            force[j] += push[k, j] - bias[i, j]
+            force[j] += push[k, j] - bias[i, j] - pressed[j]
             for n in range(joints):
                 force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
             rubs |= rub[j] > 0.0 or (p[j, ONE_WAY] != 0.0 and p[j, TWO_MASSES] == 0.0)
@@ -256,7 +281,7 @@ def integrate(
             q[j] += dt * v[j]
         for j in range(joints):
             if p[j, TWO_MASSES] == 0.0:
-                gear[j] = bias[i, j] - push[k, j]
+                gear[j] = bias[i, j] + pressed[j] - push[k, j]
                 for n in range(joints if p[j, LOAD] > 0.0 or p[j, LOCK] > 0.0 else 0):
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from backends.command import rounded
+from backends.drive import stops
 from backends.encoder import angles
 from backends.spec import Spec
 from backends.state import Array
@@ -17,6 +18,7 @@ from diagnosis.motion.columns import (
     ACROSS,
     BIAS,
     COLUMNS,
+    FIRM,
     KP,
     LATE,
     MASS,
@@ -25,6 +27,8 @@ from diagnosis.motion.columns import (
     ROTOR,
     SCALE,
     STEP,
+    STIFFNESS,
+    STOP,
     table,
     with_numbers,
 )
@@ -160,6 +164,10 @@ class Limb:
     def _at_motor(self) -> Array:
         return np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
 
+    @cached_property
+    def _ranges(self) -> Array:
+        return np.array([body.joint.range_rad for body in self.spec.hand.driven])
+
     def commanded(self, commands: Sequence[Array]) -> "Limb":
         """The same limb and motion with other targets, (T, K) by episode."""
         pairs = zip(self.recordings, commands, strict=True)
@@ -241,7 +249,8 @@ class Limb:
         start = unread(recording.start, numbers) + shift
         out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
         motion = path.angle_rad, path.speed_rad_s, *model
-        given = self.dt, self.stride, *motion, *asked, start, numbers, self.rigid
+        ends = stops(numbers[:, [STOP, FIRM, STIFFNESS]], self._ranges)
+        given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
         return out if integrate(*given, out) else None
 
 

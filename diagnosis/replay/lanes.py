@@ -47,7 +47,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
 
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
-    `start` are the angles (E, J); `drive` (J, 18) and `closed` (33,) are the numbers of the drives
+    `start` are the angles (E, J); `drive` (J, 20) and `closed` (33,) are the numbers of the drives
     and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
@@ -177,6 +177,8 @@ def _drive(x, at, dt):
             x[p + 15 * LANES],
             x[p + 16 * LANES],
             x[p + 17 * LANES],
+            x[p + 18 * LANES],
+            x[p + 19 * LANES],
         ),
     )
     joint, motor = (x[at + _ANGLE], x[at + _SPEED]), (x[at + _MOTOR], x[at + _MOTOR_SPEED])

@@ -55,18 +55,22 @@ def own_catalogue(catalogue: Mapping[str, type[Effect]], nominal: Spec) -> dict[
     """The catalogue with bounds scaled to this mechanism.
 
     An effect may be as large relative to this mechanism as to a hand. Bounds are never narrowed.
-    Shares, times and angles mean the same on every mechanism.
+    Shares, times and angles mean the same on every mechanism; of a joint's range all of it counts.
     """
     largest = {
         dimension: share * max(getattr(drive, number) for drive in nominal.drives)
         for dimension, (number, share) in OWN_BOUNDS.items()
     }
-    return {name: _widened(kind, largest) for name, kind in catalogue.items()}
+    ranges = (body.joint.range_rad for body in nominal.hand.driven)
+    room = max(high - low for low, high in ranges)
+    return {
+        name: _widened(kind, room if kind.coordinate == "reach" else largest.get(kind.dimension, 0))
+        for name, kind in catalogue.items()
+    }
 
 
-def _widened(kind: type[Effect], largest: Mapping[str, float]) -> type[Effect]:
+def _widened(kind: type[Effect], most: float) -> type[Effect]:
     low, high = kind.bounds
-    most = largest.get(kind.dimension, 0.0)
     if most <= high:
         return kind
     wide = (-most if low < 0.0 else low), most

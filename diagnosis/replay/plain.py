@@ -221,4 +221,11 @@ def _numbers(body: Body) -> JointNumbers:
         mass_kg=body.mass_kg,
         payload=body.payload,
         play=drive.play_rad,
+        ends=_ends(body, drive.end_stop_rad) if drive.end_stop_rad else None,
     )
+
+
+def _ends(body: Body, inside: float) -> tuple[float, float]:
+    """The range of a joint with an end stop so far inside of it."""
+    low, high = body.joint.range_rad
+    return (low, high - inside) if inside > 0.0 else (low - inside, high)

@@ -110,7 +110,8 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
-    sizes = [_magnitude(fitter, one, x) for x in (u, *ends)]
+    low, high = sorted(_magnitude(fitter, one, x) for x in ends)
+    sizes = [_magnitude(fitter, one, u), low, high]
     joints = fitter.evidence.joints
     joint = None if one.joint is None else joints[one.joint]
     return Cause(

@@ -20,6 +20,8 @@ class Place:
     """A count of their encoders [rad or m]; 0: unknown."""
     mass_kg: float = 0.0
     """Mass of the link of a single one [kg]; 0: of several."""
+    ends: tuple[float, float] | None = None
+    """Range of a single one [rad or m]; None: of several."""
 
 
 ANYWHERE = Place()
@@ -36,7 +38,10 @@ def sized(
 
 
 def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = ANYWHERE) -> str:
-    """A size [SI] said in a unit: from side to side, beside degrees, counts, kg; or nothing."""
+    """A size [SI] said in a unit: from side to side, beside degrees, counts, kg, where; or none."""
+    if kind.coordinate == "reach" and place.ends is not None:
+        at = (place.ends[1] if size > 0.0 else place.ends[0]) - size
+        return f"at {at / UNITS[unit][1]:.3g} {unit}"
     size *= kind.whole
     found = []
     if kind.whole != 1.0:

@@ -50,6 +50,7 @@ CASES = {
     "coulomb-friction": Case("10mNm"),
     "direction-friction": Case("10mNm"),
     "cogging": Case("10mNm"),
+    "end-stop": Case("-18deg", "fast"),
     "stiction": Case("10mNm"),
     "viscous-friction": Case("5mNms"),
     "load-friction": Case("10%", "push", "motor_rad"),

@@ -75,7 +75,7 @@ def test_a_larger_fault_changes_more(name):
     """Move a joint further by a larger fault, of the catalogue and of those outside of it."""
     spec, sound = rigs.nominal(RIG), shown(name)
     make = sides.mechanics(name)
-    for effect in ("kp-scale", "coulomb-friction", "backlash", *sorted(make.strange)):
+    for effect in ("kp-scale", "coulomb-friction", "backlash", "end-stop", *sorted(make.strange)):
         most = abs(strange.largest(effect, "j0", spec, np.random.default_rng(0)))
         changes = [
             np.sqrt(np.mean((shown(name, (fault,)) - sound)[:, 0] ** 2))
@@ -142,7 +142,7 @@ def test_a_cascade_holds_a_few_percent_more_than_kp():
     from diagnosis.blind.mechanics import _two_mass, cascade
 
     own = np.array([0.04, 0.0, 4e-4])
-    drive = np.zeros(18)
+    drive = np.zeros(20)
     drive[0], drive[2] = 10.0, 100.0
     state = np.zeros(_two_mass.STATES)
     for k in range(6000):
@@ -158,9 +158,11 @@ def test_heat_and_stops_have_closed_forms():
     for _ in range(3000):
         heat = _strange.warmed(heat, 1.0, 1e-3)
     assert heat == pytest.approx(1 - np.exp(-3.0 / _strange.HEAT_S), rel=1e-3)
-    assert _strange.stopped(0.1, 5.0, 0.2, 10.0, 1.0) == 0.0
-    assert _strange.stopped(0.3, 0.0, 0.2, 10.0, 1.0) == pytest.approx(-30 * 10.0 * 0.1)
-    assert _strange.stopped(0.201, -50.0, 0.2, 10.0, 1.0) == 0.0
+    for side in (1.0, -1.0):
+        own = 0.8 * side, -1.0, 1.0, 10.0, 1.0
+        assert _strange.stopped(side * 0.1, side * 5.0, *own) == 0.0
+        assert _strange.stopped(side * 0.3, 0.0, *own) == pytest.approx(-side * 30 * 10.0 * 0.1)
+        assert _strange.stopped(side * 0.201, side * -50.0, *own) == 0.0
 
 
 def test_plain_mujoco_falls_as_a_pendulum():

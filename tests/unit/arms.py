@@ -36,6 +36,8 @@ class Real:
     noise_rad: float = 1e-4
     armature_kgm2: float | None = None
     """Of every motor, which the file then does not say."""
+    stop_rad: float | None = None
+    """Where the last joint meets a stop, which the file does not have."""
     option: str = f'timestep="{TICK_S / 2}" integrator="implicitfast"'
     """Of the simulator, which the file has as well."""
     still: tuple[int, ...] = ()
@@ -48,6 +50,7 @@ def mjcf(
     drives: str = "",
     option: str = Real.option,
     armature: float = ARMATURE,
+    stop_rad: float | None = None,
 ) -> str:
     """A chain of equal links in a vertical plane."""
     length, mass = LINKS
@@ -58,13 +61,15 @@ def mjcf(
         dry = (coulomb_nm or {}).get(j, 0.0)
         # A stiff, fast constraint: MuJoCo's default friction creeps.
         stiff = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"' if dry else ""
+        if stop_rad is not None and j == joints - 1:
+            stiff += f' range="-3 {stop_rad}" limited="true"'
         bodies += (
             f'<body pos="{at}"><joint name="J{j}" axis="0 1 0" armature="{armature}" '
             f'damping="0.05" frictionloss="{dry}" {stiff}/>'
             f'<inertial mass="{mass}" pos="{length / 2} 0 0" '
             f'diaginertia="1e-4 {inertia} {inertia}"/>'
         )
-    head = f"<mujoco><option {option}/><worldbody>"
+    head = f'<mujoco><compiler angle="radian"/><option {option}/><worldbody>'
     return f"{head}{bodies}{'</body>' * joints}</worldbody>{drives}</mujoco>"
 
 
@@ -126,7 +131,7 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
         for j in range(real.joints)
     )
     drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
-    xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature)
+    xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature, real.stop_rad)
     model = mujoco.MjModel.from_xml_string(xml)
     data, shown = mujoco.MjData(model), []
     steps = round(1 / HZ / model.opt.timestep)

@@ -554,7 +554,7 @@ def shown(name: str, protocol: str, *effects: tuple[str, float]) -> np.ndarray:
     real = Plant(spec, sides.mechanics(name)())
     for effect, magnitude in effects:
         real.add(effect, magnitude, None if effect == "gravity-tilt" else "J0")
-    one, first = motion.motion(protocol, spec, np.random.default_rng(4)), slice(SHORT)
+    one, first = motion.motion(protocol, spec, np.random.default_rng(5)), slice(SHORT)
     played = one.target_rad[first], one.push_nm[first]
     return real.run(*played, 1 / motion.RATE_HZ, np.random.default_rng(0))["position"]
 
@@ -562,12 +562,14 @@ def shown(name: str, protocol: str, *effects: tuple[str, float]) -> np.ndarray:
 @pytest.mark.parametrize("name", ["plant", "dart", "bristle"])
 @pytest.mark.parametrize("effect", IMPLEMENTED)
 def test_plant_effects_act(effect, name):
-    """Change what a plant shows in steps or under a push by every effect, on the named joint."""
+    """Change what a plant shows in steps or under a push by every effect, to one of its sides."""
     kind = catalogue()[effect]
-    size = kind.levels[-1] * kind.natural(rigs.nominal("finger").drives[0])
+    natural = kind.natural(rigs.nominal("finger").drives[0])
     assert any(
-        np.abs(shown(name, protocol, (effect, size)) - shown(name, protocol)).max() > rigs.NOISE_RAD
+        np.abs(shown(name, protocol, (effect, levels[-1] * natural)) - shown(name, protocol)).max()
+        > rigs.NOISE_RAD
         for protocol in ("steps", "push")
+        for levels in (kind.levels, kind.opposite or kind.levels)
     )
 
 

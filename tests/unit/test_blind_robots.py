@@ -210,7 +210,7 @@ def test_near_names_are_of_the_catalogue():
     known = catalogue()
     for fault in (*STRANGE, *known):
         assert set(near.near(fault)) <= set(known) - {fault}
-    assert not near.is_near("hard-stop", []) and near.is_near("magnet-slip", ["encoder-bias"])
+    assert not near.is_near("end-stop", []) and near.is_near("magnet-slip", ["encoder-bias"])
 
 
 def test_bins_of_confidence_have_equal_counts():

@@ -497,7 +497,9 @@ def test_bounds_grow_with_the_mechanism_and_survive_other_processes():
     assert copy == effect and effect_name(copy) == "coulomb-friction"
     hand = trx.spec(sticks.STICKS["reference"])
     every = {n: registry.load("effect", n) for n in registry.names("effect")}
-    assert own_catalogue(every, hand) == every
+    found = own_catalogue(every, hand)
+    assert {n for n in every if found[n] is not every[n]} == {"end-stop"}
+    assert found["end-stop"].bounds == pytest.approx((-2.4, 2.4))
 
 
 def test_the_page_on_own_robots_describes_one_that_works():

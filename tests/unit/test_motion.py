@@ -12,7 +12,7 @@ from backends.effect import with_effects
 from backends.effects.sensor_delay import Effect as Late
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import make_log
-from diagnosis.motion.columns import KD, KP, LIMIT, LOCK, ONE_WAY
+from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LOCK, ONE_WAY, STOP
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -130,6 +130,23 @@ def test_friction_in_one_direction_holds_from_one_side(sign):
     start = limb.measured[0, 0, 0]
     assert stays == pytest.approx(start - sign * 5e-3, abs=2e-4)
     assert sign * (returns - sag) == pytest.approx(0.0, abs=2e-4)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_end_stop_holds_a_rigid_drive(side):
+    """Rest where the stop's spring and the servo balance, and nowhere beyond the stop otherwise."""
+    limb = limb_of(log_of(Real()))
+    blocks, command = limb.simulate(limb.nominal)[:, 0, 0], limb.recordings[0].command[:, 0]
+    k = int(np.argmax(side * command[: len(limb.time_s[0])])) + 1
+    rest = np.flatnonzero(command == command[k])[-1]
+    block = int(np.searchsorted(limb.time_s[0], limb.recordings[0].time_s[rest])) - 1
+    numbers, firm = limb.nominal.copy(), 9.0 * KP_NM_RAD
+    at = 0.2 * side
+    numbers[0, STOP], numbers[0, FIRM] = side * (np.pi - 0.2), firm
+    stopped = limb.simulate(numbers)[:, 0, 0]
+    wanted = at + (blocks[block] - at) * KP_NM_RAD / (KP_NM_RAD + firm)
+    assert stopped[block] == pytest.approx(wanted, abs=2e-3)
+    assert (side * stopped).max() < 0.2 + 0.05
 
 
 @pytest.mark.parametrize("late", [0, 1])

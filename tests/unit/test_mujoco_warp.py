@@ -39,6 +39,8 @@ LARGEST = Drive(
     cogging_nm=0.1,
     cogging_period_rad=0.1,
     cogging_phase_rad=3.0,
+    end_stop_rad=0.02,
+    end_stop_nm_rad=50.0,
 )
 OFTEN_ZERO = [f.name for f in fields(Drive) if f.name not in ("kp_nm_rad", "rotor_inertia_kgm2")]
 
@@ -49,7 +51,7 @@ def world(stick: str = "reference", effects: str = "built") -> Spec:
 
 
 def drives(rng: np.random.Generator) -> Array:
-    """Numbers of random drives (18, N, J), each of which is often zero where it may be."""
+    """Numbers of random drives (20, N, J), each of which is often zero where it may be."""
     largest = np.array(astuple(LARGEST))
     numbers = largest[:, None, None] * rng.uniform(0.2, 1.0, (len(largest), WORLDS, JOINTS))
     for row, field in enumerate(fields(Drive)):

@@ -50,6 +50,8 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {"direction-friction": -0.05, "coulomb-friction": 0.02},
         {"torque-speed-limit": 0.1, "torque-limit": -0.3},
         {"cogging": 0.1, "coulomb-friction": 0.02},
+        {"end-stop": 0.8, "backlash": 0.01},
+        {"end-stop": -0.8},
         {"self-lock": 0.5, "load-friction": 0.3, "encoder-scale": 0.1},
     ],
 )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from backends import sticks, trx
-from backends.drive import COGGING_RAD, STRIBECK_RAD_S, DriveBank
+from backends.drive import COGGING_RAD, STRIBECK_RAD_S, DriveBank, stops
 from backends.spec import Body, Drive, Joint, Spec
 from backends.state import Array
 
@@ -207,6 +207,39 @@ def test_cogging_is_a_sine_of_the_motors_angle(period: float) -> None:
     turn(free, 0.0, 1)
     torque = amplitude * math.sin(2 * math.pi * 0.3 / tooth + phase)
     assert free.motor_rad_s[0, 0] == pytest.approx(DT_S / FREE.rotor_inertia_kgm2 * torque)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_an_end_stop_only_pushes_and_takes_energy(side: float) -> None:
+    """Push back by k (depth in the middle of the period) beyond its angle; let a swing come off."""
+    inside, firm = 0.4, 30.0
+    drive = dataclasses.replace(FREE, end_stop_rad=side * inside, end_stop_nm_rad=firm)
+    at = side * (1.0 - inside)  # of a range of 1 rad to either side
+    for depth, speed in ((0.1, 2.0), (-0.1, 20.0), (1e-3, -5.0)):
+        free = bank([drive], start_rad=0.0)
+        joint, rate = np.array([[at + side * depth]]), np.array([[side * speed]])
+        pressed = firm * (depth + speed * DT_S / 2)
+        torque = free.step(joint, joint, rate)
+        assert torque[0, 0] == pytest.approx(-side * max(pressed, 0.0))
+    loose = bank([drive])
+    q, v, top = np.array([[at]]), np.array([[side * 1.0]]), 0.0
+    for _ in range(200):
+        v = v + DT_S / JOINT_KGM2 * loose.step(q, q, v)
+        q = q + DT_S * v
+        top = max(top, float(side * (q[0, 0] - at)))
+    omega = math.sqrt(firm / JOINT_KGM2)
+    assert top == pytest.approx(1.0 / omega, rel=0.25)
+    assert -1.0 <= side * v[0, 0] < -0.5
+
+
+@pytest.mark.parametrize(("inside", "sign"), [(0.3, 1.0), (-0.2, -1.0), (0.0, 0.0)])
+def test_end_stops_stand_inside_of_the_range(inside: float, sign: float) -> None:
+    """Give the angle, and the stiffness of the teeth unless another is said; none without one."""
+    numbers = np.array([[inside, 0.0, 20.0], [inside, 7.0, 20.0]])
+    table = stops(numbers, np.array([[-1.0, 2.0]] * 2))
+    assert table[:, 1] == pytest.approx([sign * 20.0, sign * 7.0])
+    if inside:
+        assert table[:, 0] == pytest.approx(1.7 if inside > 0.0 else -0.8)
 
 
 def test_teeth_only_push() -> None:

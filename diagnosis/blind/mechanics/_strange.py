@@ -3,23 +3,13 @@
 import numba
 import numpy as np
 
-from backends.state import Array
-from diagnosis.blind.plant import Limb
-
-ALL = frozenset({"hard-stop", "thermal-fade", "magnet-slip"})
+ALL = frozenset({"thermal-fade", "magnet-slip"})
 HEAT_S = 3.0
 """Time constant of a motor's heat [s]."""
 TEETH = 18.0
 """Periods of cogging per 2 pi rad."""
 STOP_STIFFNESS = 30.0
 """Stiffness of an end stop over the servo's kp."""
-
-
-def stops_rad(limb: Limb) -> Array:
-    """Where each link meets a stop; infinite where it has none."""
-    upper = np.array([body.joint.range_rad[1] for body in limb.bodies])
-    inside = limb.numbers["stop"]
-    return np.where(inside > 0, upper - inside, np.inf)
 
 
 @numba.njit(cache=True)
@@ -56,8 +46,13 @@ def cogged(cogging, motor):
 
 
 @numba.njit(cache=True)
-def stopped(angle, speed, stop, kp, kd):
-    """Torque of an end stop on a link: a spring with a damper that only pushes."""
-    if angle <= stop:
+def stopped(angle, speed, stop, lower, upper, kp, kd):
+    """Torque of an end stop on a link: a spring with a damper that only pushes.
+
+    It stands `stop` inside of the upper end of the range, or of the lower one where negative.
+    """
+    side = np.sign(stop)
+    depth = side * (angle - (upper if stop > 0.0 else lower) + stop)
+    if stop == 0.0 or depth <= 0.0:
         return 0.0
-    return -max(STOP_STIFFNESS * kp * (angle - stop) + kd * speed, 0.0)
+    return -side * max(STOP_STIFFNESS * kp * depth + kd * side * speed, 0.0)

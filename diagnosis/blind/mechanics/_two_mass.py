@@ -82,7 +82,6 @@ def run(
     compliance = 1 / numbers["stiffness"] - 1 / nominal  # what an effect adds to the make's own
     numbers["stiffness"] = 1 / (compliance + 1 / np.minimum(chassis.stiffness_nm_rad, nominal))
     drives = np.array([numbers[name] for name in (*DRIVE, *STRANGE_DRIVE)])
-    drives[len(DRIVE)] = _strange.stops_rad(limb)
     period = np.round(np.broadcast_to(chassis.period_s, shape) / TICK_S)
     lag = np.broadcast_to(chassis.current_s, shape)
     keeps = np.where(lag > 0, np.exp(-TICK_S / np.maximum(lag, 1e-12)), 0.0)
@@ -184,7 +183,7 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             current[j] = ready[j] + frame[1] * (current[j] - ready[j])
             current[j] = _strange.reached(current[j], w, drive[2], drive[14])
             heat[j] = _strange.warmed(heat[j], current[j] / drive[2], TICK_S)
-            pushed = current[j] * _strange.faded(drive[17], heat[j])
+            pushed = current[j] * _strange.faded(drive[19], heat[j])
             pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[15], x)
             gear, hysteresis[j] = _gear(x - q[j], w - qd[j], drive, frame, hysteresis[j])
             rubs = qd[j] if frame[6] > 0 else w
@@ -196,7 +195,8 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             speed[j] = moved / (1 + TICK_S / rotor * drive[5])
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
-            torque[j] += _strange.stopped(q[j], qd[j], drive[16], drive[0], drive[1])
+            stop, lower, upper = drive[16:19]
+            torque[j] += _strange.stopped(q[j], qd[j], stop, lower, upper, drive[0], drive[1])
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

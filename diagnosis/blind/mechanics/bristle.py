@@ -77,7 +77,6 @@ class Mechanics:
         base = self._baseline
         drives = np.array([limb.numbers[name] for name in (*DRIVE, *STRANGE_DRIVE)])
         limits = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
-        drives[len(DRIVE)] = _strange.stops_rad(limb)
         drives[DRIVE.index("play")] += base.play_rad
         drives[DRIVE.index("coulomb")] += base.friction_share * limits
         return _run(
@@ -129,7 +128,7 @@ def _run(
         for j in range(joints):
             kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
             lock, stiction, load, dead, uneven, emf, cog = drives[j, 9:16]
-            stop, fade = drives[j, 16:]
+            stop, lower, upper, fade = drives[j, 16:]
             error = wanted[tick, j] - motor[j]
             error -= min(max(error, -dead), dead)
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])
@@ -157,7 +156,7 @@ def _run(
             speed[j] = free / (1 + TICK_S / rotor * viscous)
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j]
-            torque[j] += _strange.stopped(q[j], qd[j], stop, kp, kd)
+            torque[j] += _strange.stopped(q[j], qd[j], stop, lower, upper, kp, kd)
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

@@ -81,7 +81,6 @@ class _World:
 
     def __init__(self, limb: Limb, baseline: Baseline) -> None:
         self._base, self._numbers = baseline, limb.numbers
-        self._stops_rad = _strange.stops_rad(limb).tolist()
         self._nominal_nm = [b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive]
         self._world = dart.simulation.World()
         self._world.setTimeStep(TICK_S)
@@ -137,7 +136,6 @@ class _World:
         self._links[j].setPosition(0, start_rad)
         self._rotors[j].setPosition(0, start_rad)
         numbers = {name: float(values[j]) for name, values in self._numbers.items()}
-        numbers["stop"] = self._stops_rad[j]
         return _Servo(numbers, self._base, self._nominal_nm[j], self._links[j], self._rotors[j])
 
 
@@ -191,8 +189,9 @@ class _Servo:
         rotor.setCoulombFriction(0, held)
         rotor.setForce(0, pushed - gear)
         angle = link.getPosition(0)
-        if angle > n["stop"]:
-            push_nm += _strange.stopped(angle, link.getVelocity(0), n["stop"], n["kp"], n["kd"])
+        if n["stop"]:
+            stop = (n[name] for name in ("stop", "lower", "upper", "kp", "kd"))
+            push_nm += _strange.stopped(angle, link.getVelocity(0), *stop)
         link.setForce(0, gear + push_nm)
 
     def _teeth(self, bend_rad: float, rate_rad_s: float, stiffer: float) -> float:

@@ -57,7 +57,7 @@ class _World:
     """A compiled limb at rest, and where its joints stand in MuJoCo's arrays."""
 
     def __init__(self, limb: Limb) -> None:
-        self._n, self._stop = limb.numbers, _strange.stops_rad(limb)
+        self._n = limb.numbers
         self._model = mujoco.MjModel.from_xml_string(_mjcf(limb))
         self._model.opt.gravity[:] = limb.gravity_m_s2
         names = [b.joint.name for b in limb.bodies]
@@ -119,9 +119,9 @@ class _World:
             model.actuator_gainprm[:, 0] = gain * fresh
             model.actuator_biasprm[:, 1:3] = bias[:, 1:3] * fresh[:, None]
             data.qfrc_applied[:] = 0.0
-            pressed = _strange.STOP_STIFFNESS * n["kp"] * (link - self._stop) + n["kd"] * w
-            outer = push_nm[k] - np.where(link > self._stop, np.maximum(pressed, 0.0), 0.0)
-            data.qfrc_applied[:] = self._applied(outer)
+            ends = (n[name] for name in ("stop", "lower", "upper", "kp", "kd"))
+            stopped = [_strange.stopped(*own) for own in zip(link, w, *ends, strict=True)]
+            data.qfrc_applied[:] = self._applied(push_nm[k] + stopped)
             data.qfrc_applied[self._at] += n["cogging"] * np.sin(_strange.TEETH * q)
             model.dof_frictionloss[self._at] = self._dry(w, load, torque[max(k - 1, 0)])
             mujoco.mj_step(model, data)

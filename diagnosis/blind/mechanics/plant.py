@@ -28,6 +28,8 @@ STRIBECK_RAD_S = 0.05
 """V: speed at which stiction has faded to a third."""
 TEETH = 18.0
 """Periods of an effect's cogging per 2 pi rad."""
+STOP_STIFFNESS = 30.0
+"""Stiffness of an end stop over the servo's kp."""
 CORNER = 0.05
 """Width of a dead zone's corners, as a share of it."""
 
@@ -136,7 +138,8 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
         for i in range(steps):
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
-                lock, stiction, load, dead, uneven, emf, cog, cogging, friction = drives[j, 9:]
+                lock, stiction, load, dead, uneven, emf, cog = drives[j, 9:16]
+                stop, lower, upper, cogging, friction = drives[j, 16:]
                 error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
@@ -162,6 +165,10 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
                 speed[j] = _slowed(free, decay, TICK_S / rotor * dry)
                 motor[j] += TICK_S * speed[j]
                 torque[j] = gear + push[k, j]
+                if stop != 0.0:
+                    side = np.sign(stop)
+                    deep = side * (q[j] + stop - (upper if stop > 0.0 else lower))
+                    torque[j] -= side * STOP_STIFFNESS * kp * corner * _softplus(deep / corner)
             fall(q, qd, torque, links, pull, acceleration)
             for j in range(joints):
                 qd[j] += TICK_S * acceleration[j]
