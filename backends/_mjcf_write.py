@@ -10,6 +10,7 @@ import numpy as np
 
 from backends._mjcf_actuators import acts
 from backends._mjcf_model import as_mjcf, compiled, end_m
+from backends._mjcf_play import FIRM
 from backends._mjcf_text import MjcfError
 
 KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
@@ -45,17 +46,24 @@ class JointNumbers:
     """Where its end stops stand; None: as in the file."""
 
 
-def written(xml: str, numbers: Mapping[str, JointNumbers]) -> str:
+def written(
+    xml: str,
+    numbers: Mapping[str, JointNumbers],
+    gravity_m_s2: tuple[float, float, float] | None = None,
+) -> str:
     """The text with these joints' numbers, and a position servo on each; raises MjcfError.
 
-    A URDF becomes the MJCF that MuJoCo makes of it.
+    A URDF becomes the MJCF that MuJoCo makes of it. `gravity_m_s2`: None for the file's.
     """
     model, root = compiled(xml), parsed(as_mjcf(xml))
+    if gravity_m_s2 is not None:
+        options = root.findall("option") or [ElementTree.SubElement(root, "option")]
+        options[-1].set("gravity", _text(gravity_m_s2))
     for name, one in numbers.items():
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping))
-        joint.set("frictionloss", repr(one.frictionloss))
+        _set_friction(joint, model, name, one.frictionloss)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
@@ -93,6 +101,14 @@ def _joints(parent: Element, body: Element) -> Iterator[tuple[Element, Element]]
             yield from _joints(child, body)
         elif child.tag == "body":
             yield from _joints(child, child)
+
+
+def _set_friction(joint: Element, model: mujoco.MjModel, name: str, loss: float) -> None:
+    """Write dry friction; where it is another, it holds, as friction does and MuJoCo's creeps."""
+    joint.set("frictionloss", repr(loss))
+    if loss != model.dof_frictionloss[model.joint(name).dofadr[0]]:
+        joint.set("solreffriction", f"{2 * model.opt.timestep!r} 1")
+        joint.set("solimpfriction", f"{_text(FIRM)} 0.001")
 
 
 def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:

@@ -22,6 +22,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "mNms": ("damping", 1e-3),
     "Nms": ("damping", 1.0),
     "%": ("share", 0.01),
+    "times": ("share", 1.0),
     "gcm2": ("inertia", 1e-7),
     "kgm2": ("inertia", 1.0),
     "ms": ("time", 1e-3),

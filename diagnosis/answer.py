@@ -54,6 +54,8 @@ class Diagnosis:
     """Numbers of the corrected world that differ from the nominal one, by joint and by their names
     in the spec [SI]: what was refitted and found of drives and sensors. `two_masses` is 1 where a
     gear was put between rotor and link."""
+    gravity_m_s2: tuple[float, float, float] | None = None
+    """Gravity of the corrected world, where it is another than the nominal one's."""
     limbs: tuple[LimbResult, ...] = field(repr=False)
     """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
     spots: tuple[Spot, ...]

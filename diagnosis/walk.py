@@ -3,7 +3,10 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import prod
+
+import numpy as np
 
 from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
@@ -14,6 +17,7 @@ from diagnosis.answer import Diagnosis
 from diagnosis.coverage import not_looked_for
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
+from diagnosis.motion.along import turned
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.progress import Progress, Stop, within
@@ -76,7 +80,8 @@ def diagnose(
         stopped = True
     result = combine([one.result for one in limbs], 0.0, notes)
     numbers = dict(_corrected(limbs))
-    corrected = with_numbers(world, numbers)
+    gravity = _gravity(limbs, world)
+    corrected = replace(with_numbers(world, numbers), gravity_m_s2=gravity or world.gravity_m_s2)
     held = Report() if stopped else in_hand(log, corrected, known, simulate)
     causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
     unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
@@ -105,6 +110,7 @@ def diagnose(
         shrinkage_nominal=gone_nominal,
         where=places,
         corrected=numbers,
+        gravity_m_s2=gravity,
         limbs=result.limbs,
         spots=held.spots,
         missing=(*not_looked_for(known), *held.missing),
@@ -146,13 +152,22 @@ def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]
                 yield joint, dict(by_name(row).items() - by_name(nominal).items())
 
 
+def _gravity(limbs: Sequence[Judged], nominal: Spec) -> tuple[float, float, float] | None:
+    """See `Diagnosis.gravity_m_s2`: of the limb that turns it most."""
+    known = [one for one in limbs if one.result.causes and one.result.verdict != (UNKNOWN,)]
+    tilts = [one.fitter.world.numbers(one.found.chosen.u)[1] for one in known]
+    most = max(tilts, key=lambda tilt: float(np.abs(tilt).max()), default=None)
+    return turned(nominal.gravity_m_s2, most) if most is not None and most.any() else None
+
+
 def _engine_gaps_rad(
     log: Log, nominal: Spec, corrected: Spec, simulate: Simulate | None
 ) -> tuple[float, ...]:
     """See `Diagnosis`."""
     if isinstance(log.meta.mechanism, MjcfMechanism):
-        worlds = (nominal, corrected)
-        return tuple(gap_rad(log, nominal, model_text(log, s), beside(s)) for s in worlds)
+        texts = (model_text(log, nominal), model_text(log, corrected, nominal=nominal))
+        worlds = zip(texts, (nominal, corrected), strict=True)
+        return tuple(gap_rad(log, nominal, text, beside(world)) for text, world in worlds)
     return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 

@@ -5,8 +5,7 @@ as far as they are numbers of joints.
 """
 
 import json
-from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +52,7 @@ def overlay(log: Log, nominal: Spec, found: Diagnosis | None) -> Overlay:
     order = [names.index(name) for name in nominal.hand.joint_names]
     worlds = {NOMINAL: [limb.simulate(limb.nominal) for limb in parts]}
     if found is not None:
-        worlds[CORRECTED] = [_corrected(limb, found.corrected) for limb in parts]
+        worlds[CORRECTED] = [_corrected(limb, found) for limb in parts]
     times_s = parts[0].time_s
     return Overlay(
         spec=nominal,
@@ -65,12 +64,14 @@ def overlay(log: Log, nominal: Spec, found: Diagnosis | None) -> Overlay:
     )
 
 
-def _corrected(limb: Limb, numbers: Mapping[str, Mapping[str, float]]) -> Array:
-    """What a limb's sensors show (N, 3, K) with other numbers, by joint and name."""
+def _corrected(limb: Limb, found: Diagnosis) -> Array:
+    """What a limb's sensors show (N, 3, K) in the corrected world."""
     rows = limb.nominal.copy()
     for row, joint in zip(rows, limb.joints, strict=True):
-        for name, value in numbers.get(joint, {}).items():
+        for name, value in found.corrected.get(joint, {}).items():
             row[COLUMNS.index(name)] = value
+    if found.gravity_m_s2 is not None:
+        limb = replace(limb, spec=replace(limb.spec, gravity_m_s2=found.gravity_m_s2))
     return limb.simulate(rows)
 
 

@@ -4,7 +4,7 @@ The gap before and after is measured in plain MuJoCo with the two files.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 
 from backends.effect import UNITS, Effect, NumberEffect
 from backends.mjcf import robot_file
@@ -34,6 +34,7 @@ WRITTEN = {
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
 HELD = WRITTEN | BESIDE
+GRAVITY = "spec.gravity_m_s2"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,6 +79,8 @@ class TakeHome:
     """Root mean square gap of all positions in plain MuJoCo, with the nominal numbers."""
     after_rad: float
     """The same with the corrected file."""
+    gravity_m_s2: tuple[float, float, float] | None
+    """Gravity in the file, where it is another than the nominal one."""
     world: Spec
     """The corrected world."""
 
@@ -85,10 +88,11 @@ class TakeHome:
     def words(self) -> list[str]:
         """The table of changes, and the gaps, by line."""
         gaps = f"{distance(self.before_rad, self.world)} to {distance(self.after_rad, self.world)}"
-        beside = [f"not in an MJCF: {text}" for text in self.beside]
+        gravity = " ".join(f"{g:.4g}" for g in self.gravity_m_s2 or ())
         return [
             *(one.words for one in self.changes),
-            *beside,
+            *([f"change gravity to {gravity} m/s²"] if gravity else []),
+            *(f"not in an MJCF: {text}" for text in self.beside),
             f"in plain MuJoCo with what is written, the gap goes from {gaps}",
         ]
 
@@ -96,6 +100,7 @@ class TakeHome:
         """As JSON has it."""
         return {
             "changes": [asdict(one) for one in self.changes],
+            "gravity_m_s2": self.gravity_m_s2,
             "not_in_mjcf": list(self.beside),
             "before_rad": self.before_rad,
             "after_rad": self.after_rad,
@@ -118,13 +123,15 @@ def take_home(
     numbers: dict[str, dict[str, float]] = {}
     for change in changes:
         numbers.setdefault(change.joint, {})[change.field] = change.after
-    world = with_numbers(nominal, numbers)
+    gravity = found.gravity_m_s2 or nominal.gravity_m_s2
+    world = replace(with_numbers(nominal, numbers), gravity_m_s2=gravity)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
+    held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
-    if not changes:
+    if not changes and gravity == nominal.gravity_m_s2:
         return None
-    text = model_text(log, world, {one.joint for one in changes})
+    text = model_text(log, world, {one.joint for one in changes}, nominal)
     signals = beside(world)
     return TakeHome(
         text=text,
@@ -133,7 +140,8 @@ def take_home(
         changes=tuple(changes),
         beside=tuple(others),
         before_rad=found.engine_gaps_rad[0],
-        after_rad=gap_rad(log, nominal, model_text(log, world), signals),
+        after_rad=gap_rad(log, nominal, model_text(log, world, nominal=nominal), signals),
+        gravity_m_s2=found.gravity_m_s2,
         world=world,
     )
 

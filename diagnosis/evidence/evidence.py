@@ -8,7 +8,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.logs.log import LogError
-from diagnosis.motion.columns import LIMIT
+from diagnosis.motion.columns import LIMIT, STIFFNESS
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 from diagnosis.motion.recordings import white_noise
 from diagnosis.verdict.sizes import Place
@@ -99,6 +99,8 @@ class Evidence:
             count=float(self.step[chosen].min()),
             mass_kg=bodies[0].mass_kg if len(bodies) == 1 else 0.0,
             ends=bodies[0].joint.range_rad if len(bodies) == 1 else None,
+            stiffness=float(self.limb.nominal[chosen[0], STIFFNESS]) if len(bodies) == 1 else 0.0,
+            geared=not self.limb.rigid,
         )
 
     @property

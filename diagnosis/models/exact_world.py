@@ -14,7 +14,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.parameters import Parameter
 from diagnosis.models.world import World
-from diagnosis.motion.along import AXES
+from diagnosis.motion.along import turned
 from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
@@ -61,10 +61,6 @@ class ExactWorld(World):
     def _spec(self, numbers: Array, tilt: Array) -> Spec:
         """The limb with these numbers of its joints and gravity turned by `tilt`."""
         spec = self.evidence.limb.spec
-        gravity = np.array(spec.gravity_m_s2)
-        for angle, axis in zip(tilt, AXES, strict=True):
-            gravity = np.cos(angle) * gravity + np.sin(angle) * np.cross(axis, gravity)
-        x, y, z = map(float, gravity)
-        turned = replace(spec, gravity_m_s2=(x, y, z))
+        other = replace(spec, gravity_m_s2=turned(spec.gravity_m_s2, tilt))
         joints = spec.hand.joint_names
-        return with_numbers(turned, dict(zip(joints, map(by_name, numbers), strict=True)))
+        return with_numbers(other, dict(zip(joints, map(by_name, numbers), strict=True)))

@@ -7,6 +7,7 @@ import numba
 import numpy as np
 from scipy.signal import savgol_filter
 
+from backends.spec import Vec3
 from backends.state import Array
 from diagnosis.replay.chain import Chain, dynamics, workspace
 
@@ -16,6 +17,16 @@ SMOOTH_S, SMOOTH_SLOW_S, SLOW_S = 0.02, 0.1, 6e-3
 """Readings are smoothed over so long, and over more where samples are further apart than SLOW_S."""
 AXES = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
 """Axes about which gravity may be tilted: the effect's first, then the other horizontal one."""
+
+
+def turned(gravity_m_s2: Vec3, tilt: Array) -> Vec3:
+    """Gravity turned by angles about `AXES` (2,) [rad]."""
+    gravity = np.array(gravity_m_s2)
+    for angle, axis in zip(tilt, AXES, strict=True):
+        gravity = np.cos(angle) * gravity + np.sin(angle) * np.cross(axis, gravity)
+    x, y, z = map(float, gravity)
+    return x, y, z
+
 
 Model = tuple[Array, Array, Array, Array]
 """M (P, K, K) [kg m^2], h (P, K) [Nm], G = dh/dq and C = dh/dv (P, K, K) at P points."""

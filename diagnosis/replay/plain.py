@@ -37,10 +37,12 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
     return {body.joint.name: _numbers(body) for body in spec.hand.driven}
 
 
-def model_text(log: Log, spec: Spec, joints: Collection[str] | None = None) -> str:
+def model_text(
+    log: Log, spec: Spec, joints: Collection[str] | None = None, nominal: Spec | None = None
+) -> str:
     """The text of a log's model with the numbers of a world, of some joints or all.
 
-    Raises LogError.
+    With its gravity where it is another than the nominal world's. Raises LogError.
     """
     xml, settings = model_of(log)
     every = numbers_of(spec)
@@ -50,9 +52,17 @@ def model_text(log: Log, spec: Spec, joints: Collection[str] | None = None) -> s
         if joints is None or name in joints
     }
     try:
-        return written(xml, some)
+        return written(xml, some, _gravity(spec, nominal, settings.gravity_compensation))
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
+
+
+def _gravity(spec: Spec, nominal: Spec | None, carried: float) -> tuple[float, float, float] | None:
+    """Gravity as a file has it, of which the drives carry a share; None where it is the file's."""
+    if nominal is None or spec.gravity_m_s2 == nominal.gravity_m_s2:
+        return None
+    x, y, z = (g / (1.0 - carried) for g in spec.gravity_m_s2)
+    return x, y, z
 
 
 def _note(drive: DriveSettings) -> str:

@@ -20,6 +20,8 @@ FINE, SAME = 0.05, 0.2
 RIVAL = 2.0
 """A unit must leave less than a weight that is carried, or another limit, by this factor."""
 
+LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
+
 
 def both(track: Track) -> Fault | None:
     """Both sides in another unit, by the joint's range or by how it moves."""
@@ -35,15 +37,11 @@ def both(track: Track) -> Fault | None:
 
 
 def perhaps(track: Track) -> str | None:
-    """What to say where another unit would explain a motion, and so would something else."""
+    """What to say where another unit would explain a motion, and so would another limit alone."""
     said = _moves_as_logged(track)
-    rivals = _rivals(track, _possible(track)[said[0]]) if said else []
-    if said is None or not rivals:
+    if said is None or _rivals(track, _possible(track)[said[0]]) != [LIMIT]:
         return None
-    return (
-        f"commands and positions of {track.name} may be in {said[0]}: {said[1]}; or "
-        f"{' or '.join(rivals)}"
-    )
+    return f"commands and positions of {track.name} may be in {said[0]}: {said[1]}; or {LIMIT}"
 
 
 def _possible(track: Track) -> dict[str, float]:
@@ -78,8 +76,8 @@ def _rivals(track: Track, per_si: float) -> list[str]:
     """What else leaves as little: other limits of the torque, or a weight that is carried."""
     bare = replace(track.limb, spec=replace(track.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
     others = {
-        "its limit of torque is another": track.varied(limited=per_si),
-        "its drive carries the weight": track.beside(bare),
+        LIMIT: track.varied(limited=per_si),
+        WEIGHT: track.beside(bare),
     }
     most = RIVAL * _left(track.in_unit(per_si))
     return [text for text, other in others.items() if _left(other) < most]

@@ -16,8 +16,9 @@ from diagnosis.packets.rounding import Rounding
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, Cause, cause
 
-NOISE_RAD = 8e-4
-"""Noise of ordinary sensors; more is a finding [rad; of a slide, of its travel]."""
+NOISE_RAD, NOISE_SHARE = 8e-4, 2.5e-3
+"""Noise of ordinary sensors; more is a finding: of a hinge's [rad], and of a slide's, over its
+travel, as of a linear potentiometer."""
 BEYOND = 1.5
 """So many times what the mechanism's own sensors are known to have is a finding."""
 REST_S, LEAST_RESTS = 0.3, 20
@@ -35,6 +36,7 @@ def sensor_causes(
     left = np.zeros(evidence.logged.shape)
     left[evidence.logged] = residual
     known = table(evidence.limb.spec, evidence.limb.rigid)
+    slides = [body.joint.slides for body in evidence.limb.spec.hand.driven]
     for j in range(len(evidence.joints)):
         size = evidence.size[j]
         own_noise, own_step = (known[j, COLUMNS.index(n)] for n in (NOISE, RESOLUTION))
@@ -45,7 +47,7 @@ def sensor_causes(
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
             yield _cause(evidence, RESOLUTION, (j,), [x * step for x in (1.0, *off)], catalogue)
-        elif noise > max(NOISE_RAD * size, BEYOND * own_noise):
+        elif noise > max(NOISE_SHARE * size if slides[j] else NOISE_RAD, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
             yield _cause(evidence, NOISE, (j,), [x * more for x in (1.0, *off)], catalogue)
 

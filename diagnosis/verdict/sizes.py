@@ -22,6 +22,15 @@ class Place:
     """Mass of the link of a single one [kg]; 0: of several."""
     ends: tuple[float, float] | None = None
     """Range of a single one [rad or m]; None: of several."""
+    stiffness: float = 0.0
+    """Stiffness of the gear of a single one [Nm/rad or N/m]; 0: of several."""
+    geared: bool = True
+    """Whether the nominal world has that gear; else it is what a share is of."""
+
+    @property
+    def firm(self) -> str:
+        """Unit of a stiffness."""
+        return "N/m" if self.slides else "Nm/rad"
 
 
 ANYWHERE = Place()
@@ -53,6 +62,8 @@ def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = AN
         found.append(f"{size / place.count:.3g} counts")
     if kind.is_of("body") and place.mass_kg > 0.0:
         found.append(f"{size * place.mass_kg:.3g} kg")
+    if kind.coordinate == "compliance" and place.stiffness > 0.0:
+        found.append(f"stiffness {place.stiffness / (place.geared + size):.3g} {place.firm}")
     return ", ".join(found)
 
 

@@ -120,12 +120,20 @@ def rail() -> Hand:
         ("backlash", 1e-4, True, 1e-5, "100 um (92.8 to 108; whole 200 um, 20 counts)"),
         ("encoder-bias", -0.01, False, 1e-3, "-0.573 deg (-0.532 to -0.62; -10 mrad, -10 counts)"),
         ("payload", 0.5, False, 0.0, "50 % (46.4 to 54.1; 0.4 kg)"),
+        (
+            "series-elasticity",
+            24.0,
+            False,
+            0.0,
+            "24 times (22.3 to 26; stiffness 300 Nm/rad)",
+        ),
+        ("series-elasticity", 0.5, True, 0.0, "50 % (46.4 to 54.1; stiffness 1.44e+04 N/m)"),
     ],
 )
 def test_sizes_are_said_in_the_units_of_a_joint(name, size, slides, count, words) -> None:
-    """Say N of slides, whole play beside half of it, radians beside degrees, counts, and kg."""
+    """Say N of slides, whole play beside half of it, radians beside degrees, counts, kg, Nm/rad."""
     ends = (size, size * 18 / 19.4, size * 21 / 19.4)
-    place = Place(slides=slides, count=count, mass_kg=0.8)
+    place = Place(slides=slides, count=count, mass_kg=0.8, stiffness=7200.0, geared=False)
     one = Cause(effect=name, joint=None, joints=(), share=1.0, **sized(KINDS[name], ends, place))
     assert said_size(one, f"{one.low:.3g} to {one.high:.3g}") == words
 

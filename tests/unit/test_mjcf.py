@@ -23,6 +23,7 @@ from backends.state import Array
 from benchmark.cli import app as cli
 from benchmark.parts import registry
 from benchmark.settings.effects import effect_name, parse_effects
+from diagnosis import diagnose
 from diagnosis.logs.log import (
     DriveSettings,
     Log,
@@ -512,6 +513,26 @@ def test_the_page_on_own_robots_describes_one_that_works():
     world = mechanism(xml, {name: DriveSettings(**drive) for name, drive in joints.items()})
     assert world.hand.joint_names == ("shoulder", "elbow")
     assert world.timing.drive_s == PERIODS_S[1]
+
+
+def test_ordinary_noise_of_a_slide_is_no_finding():
+    """Accuse no linear sensor of 0.13 % of its travel, and one of 1 %."""
+    xml, joints = MECHANISMS["rail"]
+    bare, time_s = robot_log(xml, joints, linear=True), np.arange(800) * 5e-3
+    target = 0.1 * np.sin(3 * time_s) * np.sin(11 * time_s)
+    commands = Commands(
+        ticks=np.round(time_s / mjcf_world(bare).timing.drive_s).astype(np.int64),
+        target=target[:, None],
+        load=np.zeros((800, 1)),
+        start=target[:1],
+    )
+    moved = replay(mjcf_world(bare), commands)[0, :, 0]
+    for share, verdict in ((1.3e-3, "none"), (1e-2, "encoder-noise")):
+        noise = share * np.ptp(moved) * np.random.default_rng(0).normal(size=800)
+        samples = pd.DataFrame(
+            {"t_s": time_s, "command_m.x": target, "position_m.x": moved + noise}
+        )
+        assert diagnose(make_log(bare.meta, samples, xml)).verdict == (verdict,)
 
 
 def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):

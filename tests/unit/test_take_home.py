@@ -20,11 +20,13 @@ NUMBERS = JointNumbers(
 T = np.arange(0, 8, 0.005)
 
 
-def shown(xml: str, command: np.ndarray, push: float = 0.0, **beside: float) -> np.ndarray:
+def shown(
+    xml: str, command: np.ndarray, push: float = 0.0, step_s: float | None = 1e-3, **beside: float
+) -> np.ndarray:
     """Positions (T,) of the arm in plain MuJoCo."""
     push_nm = np.full((len(T), 1), push)
     asked = Play(time_s=T, command=command[:, None], push=push_nm, start=np.zeros(1))
-    world = Plain(xml, ["a"], {}, timestep_s=1e-3, beside={"a": beside})
+    world = Plain(xml, ["a"], {}, timestep_s=step_s, beside={"a": beside})
     return world.positions(asked)[:, 0]
 
 
@@ -134,3 +136,35 @@ def test_a_payload_is_weighed(tmp_path, capfd):
     (load,) = [one for one in model["changes"] if one["field"] == "body.payload"]
     assert load["after"] * 0.8 == pytest.approx(0.3, rel=0.1)
     assert "upper_payload" in (tmp_path / "out" / "corrected.xml").read_text()
+
+
+def test_friction_that_was_found_holds():
+    """Let a joint stand under a load that its friction carries, in the file that is written."""
+    rubs = written(ARM, {"a": JointNumbers(**vars(NUMBERS) | {"frictionloss": 0.8})})
+    creeps = ARM.replace('damping="0.05"', 'damping="0.05" frictionloss="0.8"')
+    still = np.zeros(len(T))
+    push = 0.8 * 9.81 * 0.15 - 0.7  # less than the friction is left of the weight
+    moved = [abs(np.ptp(shown(text, still, -push)[100:])) for text in (rubs, creeps)]
+    assert moved[0] < 0.1 * moved[1]
+    own = written(creeps, {"a": JointNumbers(**vars(NUMBERS) | {"frictionloss": 0.8})})
+    assert "solreffriction" in rubs and "solreffriction" not in own
+
+
+def test_a_tilt_is_taken_home(tmp_path, capfd):
+    """Write the gravity that was found into the file's option, and measure the gap with it."""
+    rng = np.random.default_rng(1)
+    command = np.repeat(rng.uniform(-0.8, 0.8, 16), 100)
+    real = ARM.replace("<option", f'<option gravity="{9.81 * np.sin(0.2)} 0 {-9.81 * np.cos(0.2)}"')
+    read = shown(real, command, step_s=None) + 1e-4 * rng.normal(size=len(T))
+    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(tmp_path / "r.csv")
+    (tmp_path / "arm.xml").write_text(ARM)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["gravity-tilt"] and found["model"]["not_in_mjcf"] == []
+    assert found["model"]["gravity_m_s2"] == pytest.approx(
+        [9.81 * np.sin(0.2), 0, -9.81 * np.cos(0.2)], abs=0.2
+    )
+    assert found["model"]["after_rad"] < 0.2 * found["model"]["before_rad"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "corrected.xml"))
+    assert model.opt.gravity == pytest.approx(found["model"]["gravity_m_s2"])
