@@ -71,7 +71,10 @@ def drive_tick(
     lost = fall * speed
     high = limit - wp.min(wp.max(lost, _NONE), limit)
     low = wp.min(wp.max(-lost, _NONE), limit) - limit
-    pd = wp.min(wp.max(pd, low), high)
+    if pd > high:  # unlike with min and max, NaN stays NaN
+        pd = high
+    if pd < low:
+        pd = low
     friction = coulomb + load * wp.abs(gear) + rub
     speed += dt / inertia * (pd + cog - gear - viscous * speed)
     friction += wp.max(wp.where(speed > _NONE, way, -way), _NONE)

@@ -231,19 +231,25 @@ class Engine(ABC):
         `plain`.
         """
         rows, drives, encoders = team.rows, team.drives, team.encoders
-        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        angle = self.state.joint_rad[rows]
         age, seed = self._age_steps[rows], self._noise_seed[rows]
         lifts = team.lifted_ticks(age).any()
         for _ in range(self._timing.substeps):
-            torque = drives.step(team.commands.step(target_rad, age, seed), angle, speed)
-            torque = torque if load_nm is None else torque + load_nm
             force = team.lift_n(age) if lifts else None
             if pull_n is not None:
                 force = pull_n if force is None else force + pull_n
-            self._tick(rows, torque, force)
+            self._drive(team, team.commands.step(target_rad, age, seed), load_nm, force)
             age += 1
             if encoders.remembers:
                 encoders.note(angle, drives.motor_rad, age)
+
+    def _drive(
+        self, team: Team, target_rad: Array, load_nm: Array | None, stick_force_n: Array | None
+    ) -> None:
+        """Step a team's worlds by one drive period under targets (N, J), loads and forces."""
+        rows, state = team.rows, self.state
+        torque = team.drives.step(target_rad, state.joint_rad[rows], state.joint_rad_s[rows])
+        self._tick(rows, torque if load_nm is None else torque + load_nm, stick_force_n)
 
     def _refuse(self, specs: Sequence[Spec]) -> None:
         """Raise ValueError for a number that is not zero and that this engine cannot realise."""

@@ -73,6 +73,16 @@ class Backend(Engine):
             batch.push(torque_nm[batch.ids], force, ticks)
             batch.read_joints(self.state)
 
+    def _drive(
+        self, team: Team, target_rad: Array, load_nm: Array | None, stick_force_n: Array | None
+    ) -> None:
+        """As in `_period`, so that a world moves alike beside worlds of either kind."""
+        for batch in self._batches:
+            ids = batch.ids
+            more = [None if one is None else one[ids] for one in (load_nm, stick_force_n)]
+            batch.drive(target_rad[ids], np.zeros(len(ids)), team, 1, *more)
+            batch.read_joints(self.state)
+
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
     ) -> None:
@@ -174,8 +184,16 @@ class _Batch:
         for _ in range(ticks):
             mjw.step(self._model, self._data)
 
-    def drive(self, target_rad: Array, lifted: Array, team: Team, ticks: int) -> None:
-        """Step under the drives, which hold the targets (n, J)."""
+    def drive(
+        self,
+        target_rad: Array,
+        lifted: Array,
+        team: Team,
+        ticks: int,
+        load_nm: Array | None = None,
+        force_n: Array | None = None,
+    ) -> None:
+        """Step under the drives, which hold the targets (n, J), and under loads and forces."""
         bank = team.drives
         rotors = [
             (self._motor, bank.motor_rad),
@@ -187,21 +205,28 @@ class _Batch:
         self._lifted.assign(lifted.astype(np.int32))
         for here, there in rotors:
             here.assign(there[self.ids])
+        bare = load_nm is None and force_n is None
         for _ in range(ticks):
-            if self._graph is None:
-                self._tick()
-            else:
+            if bare and self._graph is not None:
                 wp.capture_launch(self._graph)
-        if self._graph is None and wp.get_device().is_cuda:
+            else:
+                self._tick(load_nm, force_n)
+        if bare and self._graph is None and wp.get_device().is_cuda:
             with wp.ScopedCapture() as capture:
                 self._tick()
             self._graph = capture.graph
         for here, there in rotors:
             there[self.ids] = here.numpy()
 
-    def _tick(self) -> None:
+    def _tick(self, load_nm: Array | None = None, force_n: Array | None = None) -> None:
         wp.launch(drive_tick, dim=self._target.shape, inputs=self._drives)
         wp.launch(carry_tick, dim=len(self.ids), inputs=self._carry)
+        if load_nm is not None or force_n is not None:
+            applied = self._data.qfrc_applied.numpy()
+            applied[:, self._joint_v] += 0.0 if load_nm is None else load_nm
+            stick = slice(self._stick_v.start, self._stick_v.start + 3)
+            applied[:, stick] += 0.0 if force_n is None else force_n
+            self._data.qfrc_applied.assign(applied)
         mjw.step(self._model, self._data)
 
     def read_joints(self, state: State) -> None:
