@@ -1,6 +1,6 @@
 """Worlds side by side on an engine, each under its own targets and loads."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Sequence
 
 import numpy as np
 
@@ -32,7 +32,7 @@ def together(rows: Sequence[Array]) -> Array:
 
 def states(
     simulator: Simulator, start: InitialState, target: Array, load: Array, pull: Array | None = None
-) -> Iterator[State]:
+) -> Generator[State, None, None]:
     """The state of N worlds at every row of targets and loads (T, N, J) and pulls (T, N).
 
     A state is valid until the next one. The engine is closed at the end.

@@ -1,4 +1,4 @@
-"""Record every sample of an engine, in the columns of a robot's log."""
+"""The samples of an engine, in the columns of a robot's log."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -25,44 +25,29 @@ NEEDS_STICK = ("touch", "contact", "stick", "pull")
 
 
 class Tape:
-    """N worlds on an engine; readings and commands are stored before every advance.
+    """The samples of N worlds: readings, and what acts from each sample on.
 
     If `held`, the stick is in the hand, and touch and its pose are stored too: 'touch' is the
     pressed depth [m], 'contact' is whether each taxel is active.
     """
 
-    def __init__(self, simulator: Simulator, channels: Sequence[str], held: bool) -> None:
-        self._simulator, self._held = simulator, held
+    def __init__(self, specs: Sequence[Spec], channels: Sequence[str], held: bool) -> None:
+        self._hand, self._held = specs[0].hand, held
         self._channels = tuple(c for c in channels if held or c not in NEEDS_STICK)
         feels = held and ("touch" in channels or "contact" in channels)
-        self._skin = Skin(simulator.specs) if feels else None
-        self._dt_s = simulator.specs[0].timing.policy_s
-        self._rows: list[dict[str, Array]] = []
-        self._state: State | None = None
-
-    def reset(self, initial: InitialState) -> State:
-        """Start all worlds and the recording."""
-        self._rows = []
-        everywhere = np.ones(len(initial.joint_rad), dtype=bool)
-        self._state = self._simulator.reset(initial, everywhere)
-        return self._state
-
-    def advance(
-        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
-    ) -> State:
-        """Store this sample and hold the targets (N, J) until the next one."""
-        self.note(target_rad, load_nm, pull_n)
-        self._state = self._simulator.advance(target_rad, load_nm, pull_n)
-        return self._state
+        self._skin = Skin(specs) if feels else None
+        self._dt_s = specs[0].timing.policy_s
+        self.rows: list[dict[str, Array]] = []
 
     def note(
-        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+        self,
+        state: State,
+        target_rad: Array,
+        load_nm: Array | None = None,
+        pull_n: Array | None = None,
     ) -> None:
-        """Store the current readings and the targets, loads (N, J) and pulls (N,) that act next."""
-        state = self._state
-        if state is None:
-            raise RuntimeError("reset the recording first")
-        now_s = len(self._rows) * self._dt_s
+        """Store the readings and the targets, loads (N, J) and pulls (N,) that act next."""
+        now_s = len(self.rows) * self._dt_s
         bad = state.first_bad_signal()
         if bad is not None:
             raise SimulationDivergedError(f"{bad} is not finite at {now_s:.2f} s or before")
@@ -75,16 +60,11 @@ class Tape:
             touch = self._skin.feel(state, np.full(len(target_rad), now_s))
             row["touch"] = touch.reading_m.astype(np.float32)
             row["contact"] = touch.active.astype(np.float32)
-        self._rows.append({kind: row[kind] for kind in ("stick", *self._channels)})
+        self.rows.append({kind: row[kind] for kind in ("stick", *self._channels)})
 
-    def close(self) -> None:
-        """Free the engine."""
-        self._simulator.close()
-
-    def frames(self, lengths: Sequence[int] | None = None) -> list[pd.DataFrame]:
-        """The samples of every world, up to `lengths` or until its stick falls."""
-        taken = {kind: np.stack([row[kind] for row in self._rows]) for kind in self._rows[0]}
-        ends = lengths or [len(self._rows)] * len(self._simulator.specs)
+    def frames(self, ends: Sequence[int]) -> list[pd.DataFrame]:
+        """The samples of every world, so many or until its stick falls."""
+        taken = {kind: np.stack([row[kind] for row in self.rows]) for kind in self.rows[0]}
         if self._held:
             height = taken["stick"][..., 2]
             ends = [min(e, _fall(height[:e, n])) for n, e in enumerate(ends)]
@@ -93,7 +73,6 @@ class Tape:
         ]
 
     def _frame(self, taken: dict[str, Array]) -> pd.DataFrame:
-        hand = self._simulator.specs[0].hand
         columns: dict[str, object] = {"t_s": np.arange(len(taken["command"])) * self._dt_s}
         for kind in self._channels:
             if kind == "stick":
@@ -101,10 +80,10 @@ class Tape:
             elif kind == "pull":
                 columns[PULL] = taken[kind]
             elif kind in ("touch", "contact"):
-                for f, tip in enumerate(hand.fingertips):
+                for f, tip in enumerate(self._hand.fingertips):
                     columns[f"touch.{tip.finger}"] = list(taken[kind][:, f])
             else:
-                for j, body in enumerate(hand.driven):
+                for j, body in enumerate(self._hand.driven):
                     name = name_of(kind, body.joint.name, body.joint.slides)
                     columns[name] = taken[kind][:, j]
         return pd.DataFrame(columns)
@@ -116,27 +95,30 @@ def _fall(height_m: Array) -> int:
     return max(int(np.argmax(fallen)), MIN_SAMPLES) if fallen.any() else len(height_m)
 
 
-class SlowFace:
-    """A recording for a task: every advance holds the targets for several samples."""
+class TapedSimulator:
+    """A simulator for a task, on tape: every advance holds the targets for several samples."""
 
-    def __init__(self, tape: Tape, specs: Sequence[Spec], policy_s: float) -> None:
-        timing = dataclasses.replace(specs[0].timing, policy_s=policy_s)
-        self.specs = tuple(dataclasses.replace(s, timing=timing) for s in specs)
-        self._tape = tape
-        self._samples = round(policy_s / specs[0].timing.policy_s)
+    def __init__(self, simulator: Simulator, tape: Tape, policy_s: float) -> None:
+        timing = simulator.specs[0].timing
+        self._simulator, self._tape = simulator, tape
+        self._samples = round(policy_s / timing.policy_s)
+        slow = dataclasses.replace(timing, policy_s=policy_s)
+        self.specs = tuple(dataclasses.replace(s, timing=slow) for s in simulator.specs)
 
     def reset(self, initial: InitialState, mask: Array) -> State:
         """See `Simulator.reset`; all worlds start together."""
-        return self._tape.reset(initial)
+        self.state = self._simulator.reset(initial, np.ones_like(mask))
+        return self.state
 
     def advance(
         self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
     ) -> State:
         """See `Simulator.advance`."""
         for _ in range(self._samples):
-            state = self._tape.advance(target_rad, load_nm, pull_n)
-        return state
+            self._tape.note(self.state, target_rad, load_nm, pull_n)
+            self.state = self._simulator.advance(target_rad, load_nm, pull_n)
+        return self.state
 
     def close(self) -> None:
         """Free the engine."""
-        self._tape.close()
+        self._simulator.close()

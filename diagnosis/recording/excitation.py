@@ -144,18 +144,11 @@ def triangle(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitat
 
 def multisine(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
     """Sines of constant speed amplitude; no two joints share a frequency."""
-    rng = np.random.default_rng([seed, 3])
     sines_hz = [f for f in SINES_HZ if f <= rate_hz / SAMPLES_PER_SINE]
     t = _times(2 * LEAD_S + SINE_S, rate_hz)
-    inside = np.clip(t - LEAD_S, 0, SINE_S)
-    moved = np.zeros((len(t), len(joints.names)))
-    for j in range(len(joints.names)):
-        for cycles in _own_cycles(sines_hz, SINE_S, j, len(joints.names)):
-            phase = rng.uniform(0, 2 * np.pi)
-            moved[:, j] += np.sin(2 * np.pi * cycles * inside / SINE_S + phase) / cycles
-    moved *= _fade(inside, SINE_S)[:, None]
-    size = SINE_SHARE * joints.room_rad / np.abs(moved).max(axis=0)
-    return _about(joints, "multisine", t, size * moved)
+    rng = np.random.default_rng([seed, 3])
+    moved = _sines(t, sines_hz, SINE_S, len(joints.names), rng, lambda cycles: 1 / cycles)
+    return _about(joints, "multisine", t, SINE_SHARE * joints.room_rad * moved)
 
 
 def push(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
@@ -184,15 +177,9 @@ def push(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
 
 def grasp(joints: Joints, rate_hz: float = RATE_HZ, seed: int = 0) -> Excitation:
     """Small motions with the stick in the hand: slow sines of every joint about the grip."""
-    rng = np.random.default_rng([seed, 5])
     t = _times(2 * LEAD_S + GRASP_S, rate_hz)
-    inside = np.clip(t - LEAD_S, 0, GRASP_S)
-    moved = np.zeros((len(t), len(joints.names)))
-    for j in range(len(joints.names)):
-        for cycles in _own_cycles(GRASP_HZ, GRASP_S, j, len(joints.names)):
-            phase = rng.uniform(0, 2 * np.pi)
-            moved[:, j] += np.sin(2 * np.pi * cycles * inside / GRASP_S + phase)
-    moved *= _fade(inside, GRASP_S)[:, None] / np.abs(moved).max(axis=0)
+    rng = np.random.default_rng([seed, 5])
+    moved = _sines(t, GRASP_HZ, GRASP_S, len(joints.names), rng, lambda cycles: 1.0)
     return _about(joints, "grasp", t, np.minimum(GRASP_RAD, joints.room_rad) * moved)
 
 
@@ -231,16 +218,27 @@ def _times(length_s: float, rate_hz: float) -> Array:
     return np.arange(round(length_s * rate_hz) + 1) / rate_hz
 
 
-def _own_cycles(wanted_hz: Sequence[float], length_s: float, joint: int, joints: int) -> list:
-    """Cycles per episode near the wanted frequencies; no two joints share one."""
-    blocks = sorted({int(f * length_s) // joints for f in wanted_hz})
-    return [joints * b + joint + 1 for b in blocks]
+def _sines(
+    t_s: Array,
+    wanted_hz: Sequence[float],
+    length_s: float,
+    joints: int,
+    rng: np.random.Generator,
+    height: Callable[[int], float],
+) -> Array:
+    """Sums of sines (T, J) near the wanted frequencies, at most 1; no two joints share one.
 
-
-def _fade(inside_s: Array, length_s: float) -> Array:
-    """A window that rises and falls within half a second at its ends."""
-    edge = np.minimum(inside_s, length_s - inside_s) / 0.5
-    return np.sin(np.pi / 2 * np.clip(edge, 0, 1)) ** 2
+    `height`: of a sine with so many cycles. They rise and fall within half a second at the ends.
+    """
+    inside = np.clip(t_s - LEAD_S, 0, length_s)
+    moved = np.zeros((len(t_s), joints))
+    for j in range(joints):
+        for block in sorted({int(f * length_s) // joints for f in wanted_hz}):
+            cycles, phase = joints * block + j + 1, rng.uniform(0, 2 * np.pi)
+            moved[:, j] += height(cycles) * np.sin(2 * np.pi * cycles * inside / length_s + phase)
+    edge = np.minimum(inside, length_s - inside) / 0.5
+    moved *= np.sin(np.pi / 2 * np.clip(edge, 0, 1))[:, None] ** 2
+    return moved / np.abs(moved).max(axis=0)
 
 
 def _press(since_s: Array) -> Array:

@@ -6,6 +6,7 @@ names its mechanism but not its effects, because a diagnosis has to find them.
 
 import dataclasses
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +15,9 @@ import pandas as pd
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
-from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest
+from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest, states, together
 from diagnosis.recording import excitation
-from diagnosis.recording._tape import SlowFace, Tape
+from diagnosis.recording._tape import Tape, TapedSimulator
 from diagnosis.recording.excitation import Excitation
 from tasks.batch import BatchEnv
 from tasks.initial_states import sample_initial_states
@@ -169,23 +170,17 @@ def _open_loop(
     held = episodes[0].protocol in HELD
     starts = [_start(spec, plan, k) for k in chosen]
     motions = [_motion(spec, plan, e, s) for e, s in zip(episodes, starts, strict=True)]
-    lengths = [len(motion.t_s) for motion in motions]
-    tape = Tape(simulate([_world(spec, plan, held)] * len(chosen)), plan.channels, held)
-    try:
-        tape.reset(_together(starts))
-        for t in range(max(lengths)):
-            now = [min(t, length - 1) for length in lengths]
-            target = np.stack([m.target_rad[k] for m, k in zip(motions, now, strict=True)])
-            load = np.stack([m.push_nm[k] for m, k in zip(motions, now, strict=True)])
-            pull = np.array([m.pull_n[k] for m, k in zip(motions, now, strict=True)])
-            if t + 1 < max(lengths):
-                tape.advance(target, load, pull if held else None)
-            else:
-                tape.note(target, load, pull)
-            progress((t + 1) / max(lengths))
-        return dict(zip(chosen, tape.frames(lengths), strict=True))
-    finally:
-        tape.close()
+    target, load, pull = (
+        together([getattr(motion, name) for motion in motions])
+        for name in ("target_rad", "push_nm", "pull_n")
+    )
+    worlds = [_world(spec, plan, held)] * len(chosen)
+    tape = Tape(worlds, plan.channels, held)
+    with closing(states(simulate(worlds), _together(starts), target, load, pull)) as every:
+        for t, state in enumerate(every):
+            tape.note(state, target[t], load[t], pull[t])
+            progress((t + 1) / len(target))
+    return dict(zip(chosen, tape.frames([len(motion.t_s) for motion in motions]), strict=True))
 
 
 def _closed_loop(
@@ -196,17 +191,17 @@ def _closed_loop(
     policy: Policy,
     progress: Progress,
 ) -> dict[int, pd.DataFrame]:
-    world = _world(spec, plan, held=True)
-    tape = Tape(simulate([world] * len(chosen)), plan.channels, held=True)
-    face = SlowFace(tape, [world] * len(chosen), spec.timing.policy_s)
+    worlds = [_world(spec, plan, held=True)] * len(chosen)
+    tape = Tape(worlds, plan.channels, held=True)
+    face = TapedSimulator(simulate(worlds), tape, spec.timing.policy_s)
     env = BatchEnv(face, policy.task, policy.observation, plan.seed)
     try:
         observation = env.reset(start=_together([_start(spec, plan, k) for k in chosen]))
         for step in range(env.horizon):
             observation = env.step(policy.act(observation)).observation
             progress((step + 1) / env.horizon)
-        tape.note(env.target_rad)
-        return dict(zip(chosen, tape.frames(), strict=True))
+        tape.note(face.state, env.target_rad)
+        return dict(zip(chosen, tape.frames([len(tape.rows)] * len(chosen)), strict=True))
     finally:
         env.close()
 
