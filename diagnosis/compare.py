@@ -16,10 +16,10 @@ and slips; a damaged place asks for effort there, each time, and does not hunt.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 from scipy.signal import savgol_filter
 from scipy.stats import t as student
 
@@ -136,35 +136,33 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     today = _matched(list(_motions(joint, log)), sound[0], joint)
     sound = [_matched(one, sound[0], joint) for one in sound]
     others = [[one for one in sound if one is not left] for left in sound]
-    about = [_statistics(one, rest) for one, rest in zip(sound, others, strict=True)]
-    found = _statistics(today, sound)
-    floor = LEAST * np.sqrt(np.mean([row.pop("gap") ** 2 for row in about]))
+    tables = (_beside(one, rest) for one, rest in zip(sound, others, strict=True))
+    about = pd.DataFrame([_statistics(table) for table in tables])
+    table = _beside(today, sound)
+    found = _statistics(table)
+    least = dict.fromkeys(SIGNATURES, LEAST * float(np.sqrt(np.mean(about.pop("gap") ** 2))))
     del found["gap"]
     level = FALSE / len(found) / len(log.joints) / 2
-    differences = tuple(
-        _difference(
-            name,
-            found[name],
-            np.array([row[name] for row in about]),
-            floor if name in SIGNATURES else FLOOR,
-            level,
-        )
-        for name in found
-    )
-    group = _group(today, sound, {one.name: one for one in differences})
-    oddest = max(_odd(one.name, one.score) for one in differences)
+    by = {
+        name: _difference(name, value, about[name], least.get(name, FLOOR), level)
+        for name, value in found.items()
+    }
+    group = _group(table, by)
+    oddest = max(_odd(one.name, one.score) for one in by.values())
     odd = min(1.0, 2 * float(student.sf(oddest, len(sound) - 1)) * len(found) * len(log.joints))
     return Compared(
         joint=joint,
         group=group,
         confidence=odd if group == NONE else 1.0 - odd,
-        place=_place(today, sound) if group == LOCAL else None,
-        differences=differences,
+        place=_place(table) if group == LOCAL else None,
+        differences=tuple(by.values()),
     )
 
 
-def _difference(name: str, value: float, sound: Array, least: float, level: float) -> Difference:
-    spread = max(float(sound.std(ddof=1)), least)
+def _difference(
+    name: str, value: float, sound: pd.Series, least: float, level: float
+) -> Difference:
+    spread = max(float(sound.std()), least)
     score = float((value - sound.mean()) / spread / np.sqrt(1 + 1 / len(sound)))
     return Difference(
         name=name,
@@ -217,127 +215,98 @@ def _matched(motions: Sequence[_Motion], like: Sequence[_Motion], joint: str) ->
     return found
 
 
-@dataclass(frozen=True)
-class _Beside:
-    """Motions of a log beside the mean of healthy ones; all arrays one after the other (T,)."""
+def _beside(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> pd.DataFrame:
+    """All motions of a log beside the mean of healthy ones, a row per sample.
 
-    speed: Array
-    moving: Array
-    calm: Array
-    """Whether it hardly accelerates, so that errors are what loads make of them."""
-    error: Array
-    """Command minus position, of healthy logs."""
-    place: Array
-    """Position, of healthy logs."""
-    position: Array
-    """Mean over repetitions, minus that of healthy logs."""
-    effort: Array | None
-    along: Array
-    """Sign of the effort that the motion asks for."""
-    unshared: Array | None
-    """Motion that no repetition shares; None of single ones."""
-    noise: Array
-    """From one sample to the next, at rest."""
-
-    @classmethod
-    def of(cls, today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> "_Beside":
-        """All motions of a log."""
-        parts = [_beside(one, [log[k] for log in sound]) for k, one in enumerate(today)]
-        whole: dict[str, Any] = {
-            one.name: None if values[0] is None else np.concatenate(values)
-            for one in fields(cls)
-            for values in [[getattr(part, one.name) for part in parts]]
-        }
-        return cls(**whole)
+    Columns: `speed` and `place` of healthy logs, and their `error`, command minus position; whether
+    the joint is `moving`, and `calm`: it hardly accelerates, so that errors are what loads make of
+    them; mean `position` over repetitions and mean `effort`, where logged, minus those of healthy
+    logs; `along`, the sign of the effort that the motion asks for; `unshared`, the motion that no
+    repetition shares, where there are some; and `noise`, from one sample to the next at rest.
+    """
+    pairs = [(one, [log[k] for log in sound]) for k, one in enumerate(today)]
+    return pd.concat([_rows(*pair) for pair in pairs], ignore_index=True)
 
 
-def _beside(today: _Motion, sound: Sequence[_Motion]) -> _Beside:
+def _rows(today: _Motion, sound: Sequence[_Motion]) -> pd.DataFrame:
     n = min(len(one.command) for one in (today, *sound))
     place = np.mean([one.position[:, :n].mean(axis=0) for one in sound], axis=0)
     speed = np.gradient(place)
     moving = np.abs(speed) > MOVING * np.abs(speed).max()
-    position = today.position[:, :n]
-    unshared = None
+    position, hard = today.position[:, :n], np.abs(np.gradient(speed))
+    jitter = np.pad(np.diff(position, 2, axis=1), ((0, 0), (1, 1)))
+    found = {
+        "speed": speed,
+        "place": place,
+        "error": today.command[:n] - place,
+        "moving": moving,
+        "calm": hard < CALM * hard.max(),
+        "position": position.mean(axis=0) - place,
+        "along": np.sign(speed),
+        "noise": np.sqrt(np.mean(jitter**2, axis=0) / 6.0) * ~moving,
+    }
     if len(position) > 1:
         apart = position - position.mean(axis=0)
         apart = apart - savgol_filter(apart, max(5, round(SLOW * n) | 1), 2, axis=1)
-        unshared = np.sqrt(np.sum(apart**2, axis=0) / (len(position) - 1))
-    hard = np.abs(np.gradient(speed))
-    jitter = np.pad(np.diff(position, 2, axis=1), ((0, 0), (1, 1)))
-    effort, along = None, np.sign(speed)
-    efforts = [one.effort for one in sound if one.effort is not None]
+        found["unshared"] = np.sqrt(np.sum(apart**2, axis=0) / (len(position) - 1))
     if today.effort is not None:
-        usual = np.mean([one[:, :n].mean(axis=0) for one in efforts], axis=0)
-        effort = today.effort[:, :n].mean(axis=0) - usual
+        efforts = [one.effort[:, :n] for one in sound if one.effort is not None]
+        usual = np.mean([one.mean(axis=0) for one in efforts], axis=0)
+        found["effort"] = today.effort[:, :n].mean(axis=0) - usual
         if usual.min() >= 0.0 or usual.max() <= 0.0:  # an amount: no sign says which way
-            along = np.full(n, np.sign(usual.sum()))
-    return _Beside(
-        speed=speed,
-        moving=moving,
-        calm=hard < CALM * hard.max(),
-        error=today.command[:n] - place,
-        place=place,
-        position=position.mean(axis=0) - place,
-        effort=effort,
-        along=along,
-        unshared=unshared,
-        noise=np.sqrt(np.mean(jitter**2, axis=0) / 6.0) * ~moving,
-    )
+            found["along"] = np.full(n, np.sign(usual.sum()))
+    return pd.DataFrame(found)
 
 
-def _signatures(one: _Beside) -> dict[str, tuple[float, float]]:
+def _signatures(table: pd.DataFrame) -> dict[str, tuple[float, float]]:
     """What each cause alone makes of the position, and the share of the difference that it takes.
 
     The first is a root mean square [rad, m], with the cause's sign.
     """
-    calm, apart = one.calm, one.position[one.calm]
+    calm = table[table["calm"]]
+    apart = calm["position"].to_numpy()
     shapes = {
-        "delay": -one.speed,
-        "gain": -one.error,
-        "drag": -np.sign(one.speed) * one.moving,
-        "offset": np.ones_like(one.speed),
+        "delay": -calm["speed"],
+        "gain": -calm["error"],
+        "drag": -np.sign(calm["speed"]) * calm["moving"],
+        "offset": np.ones_like(apart),
     }
     found = {}
     for name, shape in shapes.items():
-        along, square = float(shape[calm] @ apart), float(shape[calm] @ shape[calm])
-        size = along / max(np.sqrt(square * calm.sum()), FLOOR)
+        along, square = float(shape @ apart), float(shape @ shape)
+        size = along / max(np.sqrt(square * len(apart)), FLOOR)
         found[name] = float(size), along**2 / max(square * float(apart @ apart), FLOOR**2)
     return found
 
 
-def _statistics(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> dict[str, float]:
+def _statistics(table: pd.DataFrame) -> dict[str, float]:
     """The statistics of a log, by name."""
-    one = _Beside.of(today, sound)
-    found = {name: size for name, (size, _) in _signatures(one).items()}
-    found["gap"] = float(np.sqrt(np.mean(one.position[one.calm] ** 2)))
-    found["noise"] = _level(one.noise[~one.moving])
-    if one.unshared is not None:
-        noise = np.mean(one.noise[~one.moving] ** 2) if not one.moving.all() else 0.0
-        square = one.unshared[one.moving] ** 2
-        found["hunting"] = _level(np.sqrt(max(square.mean() - noise, WHITE * square.mean())))
-    if one.effort is not None:
-        effort, along = one.effort[one.moving], one.along[one.moving]
-        found["effort"] = float(np.mean(along * effort))
-        found["ripple"] = _level(effort - found["effort"] * along)
+    found = {name: size for name, (size, _) in _signatures(table).items()}
+    found["gap"] = float(np.sqrt(np.mean(table["position"][table["calm"]] ** 2)))
+    moving, still = table[table["moving"]], table[~table["moving"]]
+    found["noise"] = _level(still["noise"])
+    if "unshared" in table:
+        noise = np.mean(still["noise"] ** 2) if len(still) else 0.0
+        square = np.mean(moving["unshared"] ** 2)
+        found["hunting"] = _level(np.sqrt(max(square - noise, WHITE * square)))
+    if "effort" in table:
+        found["effort"] = float(np.mean(moving["along"] * moving["effort"]))
+        found["ripple"] = _level(moving["effort"] - found["effort"] * moving["along"])
     return found
 
 
-def _level(values: Array) -> float:
+def _level(values: Array | pd.Series) -> float:
     """Logarithm of a root mean square."""
     return float(np.log(np.sqrt(np.mean(values**2)) + FLOOR)) if np.size(values) else 0.0
 
 
-def _group(
-    today: Sequence[_Motion],
-    sound: Sequence[Sequence[_Motion]],
-    by: Mapping[str, Difference],
-) -> str:
+def _group(table: pd.DataFrame, by: Mapping[str, Difference]) -> str:
     """The group that the differences speak of."""
     beyond = {name for name, one in by.items() if one.beyond}
     if not beyond:
         return NONE
     up = {name for name in beyond if by[name].score > 0.0}
-    shares = {n: share for n, (_, share) in _signatures(_Beside.of(today, sound)).items()}
+    shares = {n: share for n, (_, share) in _signatures(table).items()}
     best = max(shares, key=shares.__getitem__)
     ripple = float(np.exp(by["ripple"].value)) if "ripple" in by else 0.0
     takes = best in beyond and shares[best] >= SHARE
@@ -354,10 +323,8 @@ def _group(
     return SENSOR if "noise" in up else UNKNOWN
 
 
-def _place(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> float:
+def _place(table: pd.DataFrame) -> float:
     """Where the effort differs most from its mean."""
-    one = _Beside.of(today, sound)
-    assert one.effort is not None
-    steady = np.abs(one.speed) > STEADY * np.abs(one.speed).max()
-    off = np.abs(one.effort - np.mean((one.along * one.effort)[steady]) * one.along)
-    return float(one.place[np.argmax(off * steady)])
+    steady = table[table["speed"].abs() > STEADY * table["speed"].abs().max()]
+    mean = np.mean(steady["along"] * steady["effort"])
+    return float(steady["place"][(steady["effort"] - mean * steady["along"]).abs().idxmax()])
