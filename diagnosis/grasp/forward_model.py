@@ -22,15 +22,8 @@ GONE_M = 0.1
 """Where all sticks have fallen by this, nothing follows: they stay where they are [m]."""
 SETTLED_S = 0.3
 """Gaps and forces are taken after this."""
-EPS = (5e-5, 5e-5, 5e-4)
-"""Replays on one engine differ by this where they start differently by rounding [m, rad, Nm]."""
 ENGINES = (2e-3, 4e-3, 12e-3)
 """Nominal worlds on Bullet and SAPIEN differ by this from their replay on MuJoCo [m, rad, Nm]."""
-ALIKE_S = 0.5
-"""Time in which residuals tell as much as one."""
-SAME = 0.25
-"""A gap under this is left where the log is from the nominal engine; others move the stick
-otherwise by 0.35 and more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -46,32 +39,20 @@ class GraspReplay:
     force_n: Array
     """Normal force on every tip, shape (T, F)."""
 
-    def motion_gap(self, part: Held, length_m: float) -> tuple[float, float]:
-        """How it moves otherwise than a log: cost [nats], and the squared gap over `ENGINES`.
-
-        Every channel's spread is profiled out.
-        """
+    def motion_gap(self, part: Held, length_m: float) -> float:
+        """How it moves otherwise than a log: the mean square of the gaps over `ENGINES`."""
         pairs = (
             (ends_m(self.stick, length_m), ends_m(part.stick, length_m)),
             (self.joint_rad, part.joint_rad),
             (self.torque_nm, part.torque_nm),
         )
-        nats, ratios = 0.0, []
-        for (model, real), eps, far in zip(pairs, EPS, ENGINES, strict=True):
+        ratios = []
+        for (model, real), far in zip(pairs, ENGINES, strict=True):
             if np.isfinite(real).all():
                 square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
                 noise = float(np.mean(white_noise(real) ** 2))
-                count = real.shape[1] * part.time_s[-1] / ALIKE_S
-                nats += count / 2 * float(np.log(square + eps**2 + noise))
                 ratios.append(max(square - noise, 0.0) / far**2)
-        return nats, float(np.mean(ratios))
-
-
-def judged(shown: Sequence[GraspReplay], parts: Sequence[Held], world: Spec) -> tuple[Array, float]:
-    """Cost by episode (E,) [nats] of how a world moves, and the gap over `ENGINES`."""
-    pairs = zip(shown, parts, strict=True)
-    nats, squares = zip(*(s.motion_gap(p, world.stick.length_m) for s, p in pairs), strict=True)
-    return np.array(nats), float(np.sqrt(np.mean(squares)))
+        return float(np.mean(ratios))
 
 
 def ends_m(stick: Array, length_m: float) -> Array:

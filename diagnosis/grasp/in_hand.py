@@ -1,8 +1,7 @@
 """What is wrong with touch, stick and contact, from episodes with the stick in the hand.
 
 Radius and softness show in how near tips and stick are (`shape`), friction and mass where the stick
-is pulled out (`pull_test`); where it is not, in how it moves (`motion_fit`). Faults of the skin
-show on the stick that is there.
+is pulled out (`pull_test`). Faults of the skin show on the stick that is there.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,8 +11,7 @@ from backends.catalogue import of_part
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.grasp import pull_test
-from diagnosis.grasp.forward_model import RADIUS, SOFTNESS
-from diagnosis.grasp.motion_fit import MOTION, YIELDING, motions
+from diagnosis.grasp.forward_model import FRICTION, MASS, RADIUS, SOFTNESS
 from diagnosis.grasp.shape import Shape, shape
 from diagnosis.logs.log import Log
 from diagnosis.motion.batch import Simulate
@@ -27,8 +25,6 @@ PULLS = (
     "stick and pull"
 )
 NO_MODEL = "not looked for: no test of a grasp here shows it"
-WHOLE = 0.95
-"""An effect that explains this share of the squared gap by itself leaves nothing to the shape."""
 
 
 def in_hand(
@@ -55,45 +51,25 @@ def stick_report(
 ) -> Report:
     """The effects of stick and contact that a log shows, and why it cannot show others."""
     names = of_part(catalogue, "stick", "contact")
-    known = (RADIUS, SOFTNESS, *MOTION)
+    known = (RADIUS, SOFTNESS, FRICTION, MASS)
     report = Report(missing=missing([n for k, n in names.items() if k not in known], NO_MODEL))
     names = {number: names[number] for number in known if number in names}
     if not names:
         return report
     if simulate is None:
         return report + Report(missing=missing(names.values(), NEEDS))
+    slips = missing([name for k, name in names.items() if k in (FRICTION, MASS)], PULLS)
     parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
     if not parts:
-        still = missing([name for k, name in names.items() if k not in MOTION], NEEDS)
-        moving = missing([name for k, name in names.items() if k in MOTION], PULLS)
-        return report + Report(missing=(*still, *moving))
+        still = missing([name for k, name in names.items() if k in (RADIUS, SOFTNESS)], NEEDS)
+        return report + Report(missing=(*still, *slips))
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
     slipped = _pulled_out(nominal, parts, pulls, simulate) if pulls else None
-    if slipped is not None:
-        found, pulled = slipped
-        return report + found.report(nominal, catalogue) + pulled.report(catalogue)
-    return report + _moved(nominal, parts, names, catalogue, simulate)
-
-
-def _moved(
-    nominal: Spec,
-    parts: Sequence[Held],
-    names: Mapping[str, str],
-    catalogue: Mapping[str, type[Effect]],
-    simulate: Simulate,
-) -> Report:
-    """What grasps without pulls tell; `names` of effects are by the number that they change."""
-    moved, yielding = (
-        {names[number]: catalogue[names[number]] for number in some if number in names}
-        for some in (MOTION, YIELDING)
-    )
-    alone = motions(nominal, parts, moved | yielding if moved else {}, simulate)
-    if any(one.share >= WHOLE for one in alone.causes):
-        return alone
-    found = shape(nominal, parts, simulate)
-    world = found.on(nominal)
-    again = motions(world, parts, moved, simulate) if world != nominal else alone
-    return found.report(nominal, catalogue) + again
+    if slipped is None:
+        found = shape(nominal, parts, simulate)
+        return report + found.report(nominal, catalogue) + Report(missing=slips)
+    found, pulled = slipped
+    return report + found.report(nominal, catalogue) + pulled.report(catalogue)
 
 
 def _pulled_out(

@@ -26,7 +26,6 @@ from diagnosis.grasp.forward_model import (
     RADIUS,
     SOFTNESS,
     GraspReplay,
-    judged,
     settled,
     simulate_grasps,
     touch_m,
@@ -48,7 +47,7 @@ FORCE_SHARE = 0.05
 """Forces are those of a replay, whose drives are known no better."""
 OWN = 0.3
 """A replay on the nominal engine is this near where the log is from it; of others no replay comes
-nearer than 0.35, see `judged`."""
+nearer than 0.35, see `Fit.moved`."""
 ROUNDS = 3
 """A softer or thicker world squeezes with another force: replays with what was found so far."""
 MISPLACED = (
@@ -73,7 +72,7 @@ class Fit:
     std: tuple[float, float] = (0.0, 0.0)
     """Of radius and compliance, by their scatter."""
     moved: float = np.inf
-    """How far its replay moves from the log, see `judged`."""
+    """How far its replay moves from the log, over `ENGINES`."""
 
     @property
     def worst(self) -> float:
@@ -140,6 +139,7 @@ class Fit:
         inverse = np.linalg.pinv(slopes)
         radius_m, compliance_m_n, mass = step = inverse @ left
         left = left - slopes @ step
+        gaps = [s.motion_gap(p, nominal.stick.length_m) for s, p in zip(shown, parts, strict=True)]
         scatter = float(np.sqrt(left @ left / max(left.size - sum(free), 1)))
         std = scatter * np.linalg.norm(inverse, axis=1)
         return replace(
@@ -149,7 +149,7 @@ class Fit:
             compliance_m_n=self.compliance_m_n + float(compliance_m_n),
             mass=float(np.clip(self.mass + mass, -HEAVIEST, HEAVIEST)),
             std=(float(std[0]), float(std[1])),
-            moved=judged(shown, parts, nominal)[1],
+            moved=float(np.sqrt(np.mean(gaps))),
         )
 
 
