@@ -36,7 +36,6 @@ from diagnosis.replay.agreement import apart_rad
 from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions
-from diagnosis.report import wording
 from diagnosis.report.report import page
 from diagnosis.verdict.result import NONE
 from diagnosis.verdict.sizes import distance
@@ -194,6 +193,8 @@ def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float
         return plain_apart(log, world.spec)
     try:
         return apart_rad(_on(engine), world.spec, log)
+    except LogError:
+        raise
     except ValueError as error:
         raise UsageError(f"--nominal {name}: {error}; choose another engine") from error
 
@@ -252,7 +253,7 @@ def _result(
         "verdict": list(row.pop("verdict")),
         "effects": effects,
         "next": _commands(effects, folder, log, asked, path),
-        "sentence": wording.sentence(found),
+        "sentence": " ".join(found.sentences),
         "warnings": list(log.warnings),
         **row,
     }

@@ -1,6 +1,6 @@
-"""Figures of a diagnosis: measured and simulated signals with residuals, and how the gap shrinks.
+"""Figures of a diagnosis: measured and simulated signals with residuals.
 
-The figures are HTML fragments; their page must contain plotly.js once.
+They are HTML fragments; their page must contain plotly.js once.
 """
 
 import numpy as np
@@ -8,9 +8,7 @@ from plotly import graph_objects as go
 from plotly.subplots import make_subplots
 
 from backends.state import Array
-from diagnosis.answer import NOISE_FLOOR, Diagnosis
 from diagnosis.signals import Signals
-from diagnosis.verdict.result import NONE
 
 EXCERPT_S = 3.0
 """Length of the excerpt that is shown first, around the largest residual [s]."""
@@ -57,38 +55,7 @@ def overlay(one: Signals) -> str:
     figure.update_yaxes(range=shown, title=title, row=1, col=1)
     shown = _around([*left, *floors], inside)
     figure.update_yaxes(range=shown, title=f"residual [{unit}]", row=2, col=1)
-    return _html(figure)
-
-
-def shrinking(found: Diagnosis) -> str:
-    """The held-out gap before and after, with the noise floor and what is ordinary."""
-    bars = {
-        "nominal world": found.gaps.before,
-        "nominal numbers refitted": found.gaps.nominal,
-        "with the causes": found.gaps.after,
-    }
-    if found.verdict == (NONE,):
-        del bars["with the causes"]
-    figure = go.Figure()
-    for (name, gap), color in zip(bars.items(), COLORS, strict=False):
-        low, high = gap.interval
-        error = {"array": [high - gap.value], "arrayminus": [gap.value - low], "color": MEASURED}
-        figure.add_bar(
-            x=[gap.value],
-            y=[f"{name}<br><b>{gap.value:.3g}</b>"],
-            orientation="h",
-            marker_color=color,
-            error_x={"type": "data", "symmetric": False, **error},
-        )
-    limits = ((NOISE_FLOOR, "noise floor", "right"), (found.ordinary, "ordinary", "left"))
-    for x, text, side in limits:
-        figure.add_vline(x=x, line_dash="dash", line_color="#555")
-        at = {"x": x, "y": 1.0, "yref": "paper", "yanchor": "bottom", "xanchor": side}
-        figure.add_annotation(**at, text=text, showarrow=False)
-    figure.update_layout(**_LAYOUT, height=230, showlegend=False, bargap=0.35)
-    figure.update_yaxes(autorange="reversed")
-    figure.update_xaxes(title="gap [noise floors]", rangemode="tozero")
-    return _html(figure)
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG)
 
 
 def _line(figure: go.Figure, row: int, points: tuple[Array, Array], name: str, color: str) -> None:
@@ -104,7 +71,3 @@ def _around(lines: list[Array], inside: Array) -> list[float]:
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.06 * max(high - low, 1e-6)
     return [low - margin, high + margin]
-
-
-def _html(figure: go.Figure) -> str:
-    return figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG)

@@ -16,9 +16,10 @@ from diagnosis.logs.log import Log
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
 from diagnosis.report import wording
-from diagnosis.report._figures import overlay, shrinking
+from diagnosis.report._figures import overlay
 from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
+from diagnosis.verdict.sentences import named
 from diagnosis.where import PHASES, Place
 
 LARGEST = 8
@@ -62,9 +63,10 @@ def page(
         plotly=get_plotlyjs(),
         found=found,
         words=wording,
+        named=named,
         facts={"log": "a log", "source": log.meta.source} | dict(facts or {}),
         commands=commands,
-        parts=list(parts(found)),
+        parts=parts(found),
         quiet=found.gaps.before.value <= QUIET,
         heat=_heat(found.where, log),
         largest=[p for p in found.where if p.share >= FAINT][:LARGEST],
@@ -72,47 +74,39 @@ def page(
         fingers=_fingers(found.spots),
         held=[one for one in found.magnitudes if one.evidence],
         overlays=[(one, overlay(one)) for one in found.signals],
-        shrinking=shrinking(found),
         episodes=[_episode(log, e.episode, e.protocol) for e in log.episodes],
         channels=_channels(log),
         warnings=log.warnings,
     )
 
 
-def parts(found: Diagnosis) -> Iterator[Part]:
+def parts(found: Diagnosis) -> list[Part]:
     """What takes which share of the squared gap beyond one floor.
 
     Where nothing is named: the nominal numbers, refitted, and the rest. Else the causes, of what
     these numbers leave.
     """
+    nominal = found.shrinkage_nominal.value
     if found.verdict == (NONE,):
-        taken = _within(found.shrinkage_nominal.value)
-        yield from _shown(Part(name="nominal numbers", share=taken, kind="nominal"))
+        taken = min(max(nominal, 0.0), 1.0)
+        shares = [Part(name="nominal numbers", share=taken, kind="nominal")]
     else:
-        before = max(1.0 - found.shrinkage_nominal.value, 1e-9)
-        taken = _within(1.0 - (1.0 - found.shrinkage.value) / before)
-        yield from _causes(found, taken)
-    yield from _shown(Part(name="left", share=1.0 - taken, kind="left"))
-
-
-def _within(share: float) -> float:
-    return min(max(share, 0.0), 1.0)
-
-
-def _shown(part: Part) -> Iterator[Part]:
-    if part.share > FAINT:
-        yield part
+        after = (1.0 - found.shrinkage.value) / max(1.0 - nominal, 1e-9)
+        taken = min(max(1.0 - after, 0.0), 1.0)
+        shares = list(_causes(found, taken))
+    shares.append(Part(name="left", share=1.0 - taken, kind="left"))
+    return [part for part in shares if part.share > FAINT]
 
 
 def _causes(found: Diagnosis, taken: float) -> Iterator[Part]:
     """What causes take together, split by what each takes by itself."""
     if found.verdict == (UNKNOWN,) or not found.magnitudes:
-        yield from _shown(Part(name="leading causes", share=taken, kind="second"))
+        yield Part(name="leading causes", share=taken, kind="second")
         return
     own = [max(cause.share, 0.0) for cause in found.magnitudes]
     for number, (cause, share) in enumerate(zip(found.magnitudes, own, strict=True)):
         part, kind = taken * share / max(sum(own), 1e-9), "second" if number else "cause"
-        yield from _shown(Part(name=wording.place(cause), share=part, kind=kind))
+        yield Part(name=wording.place(cause), share=part, kind=kind)
 
 
 def _heat(where: tuple[Place, ...], log: Log) -> dict:
@@ -162,12 +156,12 @@ def _fingers(spots: tuple[Spot, ...]) -> dict:
 
 def _episode(log: Log, number: int, protocol: str) -> dict:
     """How an episode was used."""
-    frame = log.episode(number)
+    time_s = log.episode(number)["t_s"]
     return {
         "number": number,
         "protocol": protocol,
-        "samples": len(frame),
-        "seconds": float(frame["t_s"].iloc[-1] - frame["t_s"].iloc[0]),
+        "samples": len(time_s),
+        "seconds": float(time_s.iloc[-1] - time_s.iloc[0]),
         "use": _use(log, number, protocol),
     }
 
@@ -192,10 +186,9 @@ def _channels(log: Log) -> list[str]:
     found = []
     for kind in (*CHANNELS, "push"):
         joints = [joint for joint in log.joints if log.has(kind, joint)]
-        if joints:
-            found.append(
-                kind if len(joints) == len(log.joints) else f"{kind} ({', '.join(joints)})"
-            )
-    stick = any(log.stick(e.episode) is not None for e in log.episodes)
-    pull = any(log.pull(e.episode) is not None for e in log.episodes)
-    return [*found, *["touch"] * bool(log.fingers), *["stick"] * stick, *["pull"] * pull]
+        some = f" ({', '.join(joints)})" if len(joints) < len(log.joints) else ""
+        found += [kind + some] * bool(joints)
+    numbers = [episode.episode for episode in log.episodes]
+    held = {"stick": log.stick, "pull": log.pull}
+    seen = [kind for kind, of in held.items() if any(of(n) is not None for n in numbers)]
+    return [*found, *["touch"] * bool(log.fingers), *seen]

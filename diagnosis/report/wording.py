@@ -4,22 +4,10 @@ from collections.abc import Iterable, Iterator
 
 from diagnosis.answer import Diagnosis
 from diagnosis.shrinkage import Share
-from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult, Nominal
-from diagnosis.verdict.sentences import placed
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal
 
-ORIGINS = {
-    "robot": "healthy robots of many designs",
-    "simulator": "a simulator with this drive law",
-    "healthy logs": "the healthy logs that were given",
-}
-"""What an ordinary gap is known from."""
 SURE = 99.5
 """No verdict is certain: a larger probability is not written as 100 [%]."""
-
-
-def sentence(found: Diagnosis) -> str:
-    """The verdict in a few sentences."""
-    return " ".join(found.sentences)
 
 
 def probability(found: Diagnosis) -> str:
@@ -46,11 +34,6 @@ def gaps(found: Diagnosis) -> str:
     )
 
 
-def ordinary(found: Diagnosis) -> str:
-    """What is ordinary, and where that is known from."""
-    return f"up to {found.ordinary:.1f} noise floors, known from {ORIGINS[found.ordinary_from]}"
-
-
 def next_steps(found: Diagnosis) -> Iterator[str]:
     """What would make the verdict surer."""
     if found.verdict == (UNKNOWN,):
@@ -63,9 +46,6 @@ def next_steps(found: Diagnosis) -> Iterator[str]:
                 "If a leading cause is plausible, state it with --known-effects and diagnose what "
                 "is left"
             )
-    for limb in found.limbs:
-        if limb.experiment:
-            yield f"To distinguish {listed([*limb.verdict])} from the others: {limb.experiment}"
 
 
 def place(cause: Cause) -> str:
@@ -74,22 +54,10 @@ def place(cause: Cause) -> str:
     return f"{cause.effect} on {where}" if where else cause.effect
 
 
-def size(cause: Cause) -> str:
-    """A size with its 90 % interval."""
-    more = f"; {cause.also}" if cause.also else ""
-    return f"{number(cause.value)} {cause.unit} ({number(cause.low)} to {number(cause.high)}{more})"
-
-
 def moved(one: Nominal) -> str:
     """A nominal number that took part of the gap, with its standard deviation."""
     where = f" on {one.joint}" if one.joint else ""
     return f"{one.effect}{where} {one.value:+.3g} ± {one.sd:.2g} {one.unit}"
-
-
-def tie(limb: LimbResult, names: Iterable[str]) -> str:
-    """A set of causes that a log cannot distinguish from the verdict, and what would."""
-    text = f"{listed(map(placed, names))} would explain this log as well as {listed(limb.verdict)}"
-    return f"{text}; to distinguish them, {limb.experiment}" if limb.experiment else text
 
 
 def spread(share: Share) -> str:
@@ -103,18 +71,6 @@ def spread(share: Share) -> str:
 def percent(share: Share) -> str:
     """A share with its interval in percent."""
     return "{:.1f} % ({:.1f} to {:.1f})".format(*(100 * v for v in (share.value, *share.interval)))
-
-
-def digits(value: float) -> str:
-    """A gap in three digits."""
-    return f"{value:.3g}"
-
-
-def number(value: float) -> str:
-    """A number with two to four digits, without an exponent where possible."""
-    if abs(value) >= 1e4:
-        return f"{value:.0f}"
-    return f"{value:.4g}" if abs(value) >= 0.001 or value == 0 else f"{value:.2g}"
 
 
 def listed(items: Iterable[str]) -> str:

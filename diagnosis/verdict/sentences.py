@@ -66,7 +66,7 @@ def _sentences(result: LimbResult) -> Iterator[str]:
         if result.strain:
             left = _floors(result.gap_nominal)
             yield f"Refitted, the nominal numbers leave {left}, but {strained}."
-        yield f"{' and '.join(map(_named, result.causes))} {_takes(result, limit)}."
+        yield f"{' and '.join(map(named, result.causes))} {_takes(result, limit)}."
     for cause in result.sensors:
         yield f"In addition, this log shows {_cause(cause)}."
     if result.tied:
@@ -93,7 +93,7 @@ def placed(name: str) -> str:
     return name.replace("@", " on ")
 
 
-def _named(cause: Cause) -> str:
+def named(cause: Cause) -> str:
     """A cause with the 90 % interval of its size."""
     return _cause(cause, f"{cause.low:.3g} to {cause.high:.3g}")
 

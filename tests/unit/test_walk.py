@@ -17,7 +17,6 @@ from diagnosis import Diagnosis, diagnose, page
 from diagnosis.grasp.in_hand import stick_report
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
-from diagnosis.report.wording import sentence
 
 FEW = (
     "coulomb-friction",
@@ -75,7 +74,7 @@ def test_joints_touch_and_stick_together(held):
     sizes = {m.effect: m for m in held.magnitudes}
     assert sizes["stick-radius"].low <= 10 <= sizes["stick-radius"].high
     assert sizes["taxel-threshold"].value == pytest.approx(0.3, abs=0.03)
-    text = sentence(held)
+    text = " ".join(held.sentences)
     assert "taxel-threshold" in text and "coulomb-friction of" in text
 
 
