@@ -6,12 +6,11 @@ import numpy as np
 from rich.table import Table
 from rich.text import Text
 
-from backends.effect import UNITS, Effect
+from backends.effect import Effect
 from backends.spec import Spec
-from benchmark.settings.effects import PAPER_SPREAD, effect_name, effect_text
-from diagnosis.calibration.calibrate import Calibration, JointGains
+from benchmark.settings.effects import PAPER_SPREAD, effect_text
+from diagnosis.calibration.calibrate import Calibration
 from diagnosis.calibration.result import Backlash, CalibrationFile, Gains
-from diagnosis.calibration.spread import Confusion
 
 _SET = {
     *("drive.play_rad", "drive.lock_nm", "drive.kp_nm_rad", "drive.kd_nms_rad"),
@@ -35,20 +34,11 @@ def spread_text(found: Calibration) -> str:
     for name, joint in found.joints.items():
         for k, gain in enumerate(_GAINS):
             size = paper[gain]
-            if isinstance(joint, JointGains):
-                size = f"{100 * joint.spread.std[k]:.3g}%"
+            if isinstance(joint.gains, Gains):
+                fit = (joint.gains.kp_nm_rad, joint.gains.kd_nms_rad)[k]
+                size = f"{100 * fit.std / fit.mean:.3g}%"
             items.append(f"{gain}={size}@{name}")
     return ",".join([*items, *(f"{k}={v}" for k, v in paper.items() if k not in _GAINS)])
-
-
-def confusion_text(found: Confusion) -> str:
-    """An effect that is confounded with gains, and by how much."""
-    size = UNITS[found.effect.unit][1]
-    kp, kd = 100 * found.reads_as
-    return (
-        f"{effect_name(found.effect)}: {found.effect.magnitude / size:g} {found.effect.unit} "
-        f"would look like kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * found.share:.1f} % of it)"
-    )
 
 
 def table(content: CalibrationFile) -> Table:

@@ -25,12 +25,11 @@ from benchmark.settings.effects import (
 )
 from benchmark.settings.run_spec import ideal
 from diagnosis.calibration import plot
-from diagnosis.calibration.calibrate import TOTAL, Calibration, JointGains, calibrate
+from diagnosis.calibration.calibrate import TOTAL, Calibration, calibrate
 from diagnosis.calibration.result import (
     SCHEMA,
     CalibrationError,
     CalibrationFile,
-    joints_of,
     read_calibration,
     write_calibration,
 )
@@ -138,11 +137,6 @@ def _known_effects(log: Log, asked: Asked) -> str:
 def _content(
     found: Calibration, log: Log, ideal: Spec, known: EffectSet, asked: Asked, seed: int
 ) -> CalibrationFile:
-    confounded = {
-        name: tuple(texts.confusion_text(c) for c in joint.spread.confused)
-        for name, joint in found.joints.items()
-        if isinstance(joint, JointGains)
-    }
     content = CalibrationFile(
         schema=SCHEMA,
         log=str(asked.log),
@@ -154,7 +148,7 @@ def _content(
         seed=seed,
         effects=texts.effects_text(found, ideal, known.effects),
         spread=texts.spread_text(found),
-        joints=joints_of(found, confounded),
+        joints=found.joints,
         tactile=found.touch,
     )
     parse_effects(content.effects, ideal.hand)

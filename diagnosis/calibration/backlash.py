@@ -19,11 +19,10 @@ import numpy as np
 
 from backends.spec import Drive, Spec
 from backends.state import Array
-from diagnosis.calibration.robust import least_absolute
-from diagnosis.calibration.worlds import Motion, replay
+from diagnosis.calibration.worlds import replay
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.presses import Press, places, presses
-from diagnosis.motion.recordings import REST_SAMPLES
+from diagnosis.motion.recordings import REST_SAMPLES, Recording
 
 PUSHED_SHARE = 0.3
 """Samples with less than this share of a press's largest push are left out: the joint may be
@@ -39,6 +38,8 @@ one."""
 STUCK_SHARE = 0.2
 """A joint counts as stuck if it moves by less than this share of the nominal deflection of its
 teeth."""
+SWEEPS = 40
+"""Number of reweightings of a fit by least absolute errors."""
 NO_PUSH = "not identifiable from this log: it is never pushed in both directions while it is held"
 STUCK = (
     "not identifiable from this log: it does not move under the push, not even as far as its teeth "
@@ -92,7 +93,9 @@ class Play:
         return float(self.half_rad.std(ddof=1)) if len(self.half_rad) > 1 else 0.0
 
 
-def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> dict[str, Play | str]:
+def push_test(
+    simulate: Simulate, nominal: Spec, pushes: Sequence[Recording]
+) -> dict[str, Play | str]:
     """Per joint its play, or the reason why it is not identifiable from this log."""
     names = nominal.hand.joint_names
     if not pushes:
@@ -105,13 +108,13 @@ def push_test(simulate: Simulate, nominal: Spec, pushes: Sequence[Motion]) -> di
     return {name: _test(nominal, pushes, shown, j) for j, name in enumerate(names)}
 
 
-def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -> Play | str:
+def _test(nominal: Spec, pushes: Sequence[Recording], shown: list[Array], j: int) -> Play | str:
     """The play of joint `j`; `shown` is a replay of two worlds: without and with a lock."""
     if nominal.hand.driven[j].joint.sensor == "motor":
         return MOTOR_SIDE
     nominal_give = 1.0 / nominal.drives[j].gear_stiffness_nm_rad
-    replayed = [[s[world, 1, :, j] for s in shown] for world in (0, 1)]
-    logged = [motion.read_rad[1, :, j] for motion in pushes]
+    replayed = [[s[world, :, 1, j] for s in shown] for world in (0, 1)]
+    logged = [motion.measured[:, 1, j] for motion in pushes]
     free, locked = (
         _fit(pushes, motor, j, nominal_give, reference="replayed") for motor in replayed
     )
@@ -126,15 +129,15 @@ def _test(nominal: Spec, pushes: Sequence[Motion], shown: list[Array], j: int) -
     return dataclasses.replace(best, locks=locks)
 
 
-def _is_stuck(pushes: Sequence[Motion], j: int, nominal_give: float) -> bool:
+def _is_stuck(pushes: Sequence[Recording], j: int, nominal_give: float) -> bool:
     """Whether the readings of joint `j` hardly change although it is pushed."""
-    moved = max(float(np.ptp(np.quantile(m.read_rad[0, :, j], (0.01, 0.99)))) for m in pushes)
-    pushed_nm = max(float(np.ptp(m.push_nm[:, j])) for m in pushes)
+    moved = max(float(np.ptp(np.quantile(m.measured[:, 0, j], (0.01, 0.99)))) for m in pushes)
+    pushed_nm = max(float(np.ptp(m.push[:, j])) for m in pushes)
     return moved < STUCK_SHARE * nominal_give * pushed_nm
 
 
 def _fit(
-    pushes: Sequence[Motion], motor_rad: list[Array], j: int, nominal_give: float, reference: str
+    pushes: Sequence[Recording], motor_rad: list[Array], j: int, nominal_give: float, reference: str
 ) -> Play | None:
     """Fit by least absolute errors: an end of the play per position and side, and one compliance.
 
@@ -142,8 +145,8 @@ def _fit(
     """
     found, rests, loads, beyonds = list[Press](), list[float](), list[Array](), list[Array]()
     for motion, motor in zip(pushes, motor_rad, strict=True):
-        load, relative = motion.push_nm[:, j], motion.read_rad[0, :, j] - motor
-        for press in presses(motion.command_rad[:, j], load):
+        load, relative = motion.push[:, j], motion.measured[:, 0, j] - motor
+        for press in presses(motion.command[:, j], load):
             hard, start = press.hard(load, PUSHED_SHARE), press.pushed.start
             found.append(press)
             rests.append(float(relative[max(start - REST_SAMPLES, 0) : start + 1].mean()))
@@ -177,3 +180,18 @@ def _fit(
 def lock_of(drive: Drive) -> float:
     """A lock that a push test cannot distinguish from a perfect one [Nm]."""
     return max(LOCK_NM, LOCK_LIMITS * drive.torque_limit_nm)
+
+
+def least_absolute(miss: Array, columns: Array, times: Array | float = 1.0) -> Array:
+    """The x (C,) that minimises the sum of times |miss - columns x| over T samples.
+
+    A few outliers hardly change it. By reweighted least squares (Schlossmacher, J. Am. Stat. Assoc.
+    68, 1973).
+    """
+    smallest = 1e-3 * np.median(np.abs(miss)) + 1e-9
+    x = np.zeros(columns.shape[1])
+    for _ in range(SWEEPS):
+        weight = times / np.maximum(np.abs(miss - columns @ x), smallest)
+        weighted = columns * weight[:, None]
+        x = np.linalg.lstsq(weighted.T @ columns, weighted.T @ miss, rcond=None)[0]
+    return x

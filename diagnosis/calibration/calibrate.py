@@ -12,26 +12,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.spec import Spec
-from backends.state import Array
 from diagnosis.calibration import gains
 from diagnosis.calibration.backlash import Play, lock_of, push_test
-from diagnosis.calibration.refine import ROUNDS, Refined, refine
-from diagnosis.calibration.spread import Spread, spreads
+from diagnosis.calibration.confounded import confusions
+from diagnosis.calibration.result import Backlash, Gain, Gains, Joint
 from diagnosis.calibration.tactile import TouchSensor, calibrate_touch
-from diagnosis.calibration.worlds import Motion, motions, replay
+from diagnosis.calibration.worlds import replay
 from diagnosis.logs.log import Log, LogError
 from diagnosis.motion.batch import Simulate
-from diagnosis.motion.recordings import LEAST_S as COMPARED_S
+from diagnosis.motion.excerpt import excerpt
+from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.triage.triage import triage
 
-FREE_AIR = ("steps", "multisine", "triangle", "free", "push")
-"""Protocols to which gains are fitted; the push only where its torque is known."""
-SEARCH_S, REFINE_S, LEAST_S = 24.0, 72.0, 4.0
-"""Duration that a candidate replays in the search and after it, shared by the episodes, each from
-its start; and the minimum per episode [s]."""
+SEARCHED_S, REFINED_S = 100.0, 400.0
+"""Joint-seconds without pushes that a candidate replays in the search and after it."""
 YES = 0.5
 """Threshold of readings that are 0 or 1."""
-TOTAL = gains.GENERATIONS + ROUNDS
+TOTAL = gains.GENERATIONS + gains.ROUNDS
 """Number of progress steps that are reported."""
 FLOATS = (
     "not identifiable from this log: it floats between its teeth nearly all the time; log its "
@@ -42,37 +39,18 @@ LARGEST_STD = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class JointGains:
-    """The gains of one joint."""
-
-    scale: Array
-    """kp and kd over nominal, shape (2,)."""
-    search: gains.GainFit
-    """Result of CMA-ES, from which the linearised replays start."""
-    spread: Spread
-    channel: int
-    """Row of `READINGS` that was compared."""
-    samples: int
-    """Number of samples that were compared in the end."""
-    error_rad: tuple[float, float]
-    """Mean absolute error of the compared samples, in the nominal and in the calibrated world."""
-
-
-@dataclass(frozen=True, kw_only=True)
 class Calibration:
     """The calibration that a log gives; where it gives none, a reason instead of a number."""
 
     nominal: Spec
     calibrated: Spec
     """The nominal world with the identified gains, play and locks."""
-    joints: Mapping[str, JointGains | str]
-    plays: Mapping[str, Play | str]
+    joints: dict[str, Joint]
     touch: dict[str, TouchSensor] | str
     touch_unit: str
     """Unit of the taxels' readings: m, or 1 for contact or none."""
-    motions: tuple[Motion, ...]
-    """Episodes, or their beginnings, to which gains were fitted."""
-    pushes: tuple[Motion, ...]
+    motions: tuple[Recording, ...]
+    """Episodes, or parts of them, to which gains were fitted, and one with pushes."""
 
 
 def calibrate(
@@ -85,90 +63,108 @@ def calibrate(
 ) -> Calibration:
     """Calibrate `nominal` to a log; raises LogError for another mechanism or faulty data."""
     names = nominal.hand.joint_names
-    _same_joints(log, names)
-    drive_s = nominal.timing.drive_s
-    found = motions(log, names, drive_s, FREE_AIR)
-    if drive_s * sum(motion.tick[-1] for motion in found) >= COMPARED_S:
-        triage(log, nominal)
-    pushes = [motion for motion in found if motion.push_nm.any()]
-    moved = [motion for motion in found if motion.protocol != "push" or motion.push_nm.any()]
-    free = _shortened(_telling(moved), REFINE_S / drive_s, LEAST_S / drive_s)
-    fitted, world = _gains(simulate, nominal, free, pushes, rng, progress)
+    found = recordings(log, nominal)
+    if strange := [name for name in log.joints if name not in names]:
+        raise LogError(
+            f"this log has joints that its mechanism lacks: {', '.join(strange)}; known: "
+            f"{', '.join(names)}; drop their columns"
+        )
+    triage(log, nominal)
+    pushes = [motion for motion in found if motion.push.any()]
+    fitted, world = _gains(simulate, nominal, found, pushes, rng, progress)
     plays = push_test(simulate, world, pushes)
-    taxels, unit = nominal.hand.taxels, _touch_unit(log)
+    taxels, channel = nominal.hand.taxels, log.meta.channels.get("touch")
+    unit = channel.unit if channel else "m"
     level = threshold_m if unit == "m" else YES
     return Calibration(
         nominal=nominal,
         calibrated=_with_plays(world, plays),
-        joints=fitted,
-        plays=plays,
+        joints={
+            name: Joint(
+                gains=fitted[name],
+                backlash=Backlash.of(play) if isinstance(play, Play) else play,
+            )
+            for name, play in plays.items()
+        },
         touch=calibrate_touch(log, (taxels.rows, taxels.columns), level),
         touch_unit=unit,
-        motions=tuple(free),
-        pushes=tuple(pushes),
+        motions=_telling(found, REFINED_S),
     )
+
+
+def _telling(found: Sequence[Recording], enough_s: float) -> tuple[Recording, ...]:
+    """An excerpt of so many joint-seconds of the motions, and the first push whose torque is known.
+
+    Pushes fix the scale of all torques.
+    """
+    moved = [motion for motion in found if motion.protocol != "push"]
+    pushed = [motion for motion in found if motion.protocol == "push" and motion.push.any()]
+    return (*(excerpt(moved, enough_s) if moved else ()), *pushed[:1])
 
 
 def _gains(
     simulate: Simulate,
     nominal: Spec,
-    free: Sequence[Motion],
-    pushes: Sequence[Motion],
+    found: Sequence[Recording],
+    pushes: Sequence[Recording],
     rng: np.random.Generator,
     progress: gains.Progress,
-) -> tuple[dict[str, JointGains | str], Spec]:
+) -> tuple[dict[str, Gains | str], Spec]:
     """The gains by joint, and the nominal world with play and the identified gains."""
-    names, drive_s = nominal.hand.joint_names, nominal.timing.drive_s
+    names, free = nominal.hand.joint_names, _telling(found, REFINED_S)
     world = _with_plays(nominal, push_test(simulate, nominal, pushes))
-    against = {j: gains.reason_against(free, j) for j in range(len(names))}
-    joints = [j for j, reason in against.items() if reason is None]
+    reasons = {j: gains.reason_against(free, j) for j in range(len(names))}
+    joints = [j for j, reason in reasons.items() if reason is None]
     if not joints:
-        return {names[j]: reason or "" for j, reason in against.items()}, world
-    short = _shortened(free, SEARCH_S / drive_s, LEAST_S / drive_s)
-    found = gains.search(simulate, world, short, joints, rng, progress)
-    start = _scale(nominal, found)
-    plays = push_test(simulate, gains.with_gains(world, start), pushes)
-    world = _with_plays(nominal, plays)
-    refined = refine(
+        return {names[j]: reason or "" for j, reason in reasons.items()}, world
+    first = gains.search(simulate, world, _telling(found, SEARCHED_S), joints, rng, progress)
+    start = np.ones((len(names), 2))
+    start[joints] = [first[j].scale for j in joints]
+    world = _with_plays(nominal, push_test(simulate, gains.with_gains(world, start), pushes))
+    fits, compared = gains.refine(
         simulate, world, start, free, joints, rng, lambda k: progress(gains.GENERATIONS + k)
     )
-    best = gains.with_gains(world, refined.scale)
-    spread = spreads(simulate, best, free, refined, rng)
-    shown = replay(simulate, [nominal, best], free)
-    fitted = {
-        names[j]: reason or _joint(j, found[j], refined, spread, shown, free)
-        for j, reason in against.items()
-    }
-    sure = [[not isinstance(fitted[name], str)] for name in names]
-    return fitted, gains.with_gains(world, np.where(sure, refined.scale, 1.0))
+    samples = compared.used.sum(axis=0)
+    for j in joints:
+        reasons[j] = _reason_against(fits[j]) if j in fits else FLOATS
+    joints = [j for j in joints if reasons[j] is None]
+    scale = np.ones((len(names), 2))
+    for j in joints:
+        scale[j] = fits[j].scale
+    best = gains.with_gains(world, scale)
+    confused = confusions(simulate, best, free, compared, joints)
+    errors = compared.errors(replay(simulate, [nominal, best], free), free).sum(axis=1)
+    errors_mrad = 1e3 * errors / np.maximum(samples, 1)
+    return {
+        names[j]: reason
+        or Gains(
+            kp_nm_rad=_gain(nominal.drives[j].kp_nm_rad, 0, first[j], fits[j]),
+            kd_nms_rad=_gain(nominal.drives[j].kd_nms_rad, 1, first[j], fits[j]),
+            correlation=fits[j].correlation,
+            compared="motor" if compared.is_motor[j] else "position",
+            samples=int(samples[j]),
+            error_nominal_mrad=errors_mrad[0, j],
+            error_calibrated_mrad=errors_mrad[1, j],
+            confounded=confused[j],
+        )
+        for j, reason in reasons.items()
+    }, best
 
 
-def _joint(
-    j: int,
-    found: gains.GainFit,
-    refined: Refined,
-    spread: Mapping[int, Spread],
-    shown: Sequence[Array],
-    free: Sequence[Motion],
-) -> JointGains | str:
-    """The gains of joint `j`, or the reason why the fit is not accepted."""
-    if j not in refined.linear:
-        return FLOATS
-    linear = refined.linear[j]
-    before, after = gains.errors(shown, free, linear.trace, j)
-    return _open(refined.scale[j], spread[j]) or JointGains(
-        scale=refined.scale[j],
-        search=found,
-        spread=spread[j],
-        channel=linear.trace.channel,
-        samples=len(linear.columns),
-        error_rad=(float(before), float(after)),
+def _gain(nominal: float, k: int, first: gains.GainFit, fit: gains.GainFit) -> Gain:
+    """A gain, kp or kd (0 or 1), by CMA-ES and by the fits around its result."""
+    return Gain(
+        mean=nominal * fit.scale[k],
+        std=nominal * fit.scale[k] * fit.std[k],
+        relative=fit.scale[k] - 1,
+        cma_mean=nominal * first.scale[k],
+        cma_std=nominal * first.scale[k] * first.std[k],
     )
 
 
-def _open(scale: Array, spread: Spread) -> str | None:
+def _reason_against(fit: gains.GainFit) -> str | None:
     """The reason why a fit is not accepted, if there is one."""
-    both = zip(("kp", "kd"), scale, spread.std, gains.SCALES, strict=True)
+    both = zip(("kp", "kd"), fit.scale, fit.std, gains.SCALES, strict=True)
     for name, ratio, std, (low, high) in both:
         if not low < ratio < high:
             return (
@@ -183,13 +179,6 @@ def _open(scale: Array, spread: Spread) -> str | None:
     return None
 
 
-def _scale(spec: Spec, found: Mapping[int, gains.GainFit]) -> Array:
-    scale = np.ones((len(spec.drives), 2))
-    for j, gain in found.items():
-        scale[j] = gain.scale
-    return scale
-
-
 def _with_plays(spec: Spec, plays: Mapping[str, Play | str]) -> Spec:
     """The world with the play and the lock of every joint that the push test identifies."""
     drives = []
@@ -201,38 +190,3 @@ def _with_plays(spec: Spec, plays: Mapping[str, Play | str]) -> Spec:
             drive = dataclasses.replace(drive, play_rad=half_rad, lock_nm=lock_nm)
         drives.append(drive)
     return spec.with_drives(drives)
-
-
-def _same_joints(log: Log, names: Sequence[str]) -> None:
-    missing = [name for name in names if name not in log.joints]
-    strange = [name for name in log.joints if name not in names]
-    if missing:
-        raise LogError(f"this log has no columns for {', '.join(missing)}; record every joint")
-    if strange:
-        raise LogError(
-            f"this log has joints that its mechanism lacks: {', '.join(strange)}; known: "
-            f"{', '.join(names)}; drop their columns"
-        )
-
-
-def _telling(found: Sequence[Motion]) -> list[Motion]:
-    """The first motion of each protocol, and later ones that move other joints."""
-    kept: list[Motion] = []
-    seen: set[tuple[str, int]] = set()
-    for motion in found:
-        moved = np.flatnonzero(np.ptp(motion.command_rad, axis=0) > gains.LEAST_MOTION_RAD)
-        places = {(motion.protocol, int(j)) for j in moved}
-        if places - seen or motion.protocol not in {k.protocol for k in kept}:
-            kept.append(motion)
-        seen |= places
-    return kept
-
-
-def _shortened(found: Sequence[Motion], ticks: float, least: float) -> list[Motion]:
-    """The beginnings of the motions, with this number of drive periods in total."""
-    return [motion.first(round(max(ticks / len(found), least))) for motion in found]
-
-
-def _touch_unit(log: Log) -> str:
-    channel = log.meta.channels.get("touch")
-    return channel.unit if channel else "m"

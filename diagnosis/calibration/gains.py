@@ -11,6 +11,12 @@ is world k. Fingers hardly move each other, and this coupling vanishes as the se
 q is the motor's angle where it was logged, because the PD law sees that; else the joint's. A joint
 with play floats between its teeth, and a thousandth of a degree decides where. Such samples say
 nothing about gains. So samples at which slightly different worlds disagree are left out.
+
+CMA-ES stops where the error is rough, and its standard deviations only say how far it converged.
+So candidates around its result are replayed, each in a slightly different world, and lines are
+fitted to the angles that they show: the least error follows, without samples that are not linear. A
+block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of the log and
+candidates with replacement and asks for the least error each time.
 """
 
 import dataclasses
@@ -23,8 +29,10 @@ import numpy as np
 from backends.effects import kd_scale, kp_scale
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.calibration.worlds import READINGS, Motion, replay
+from diagnosis.calibration.backlash import least_absolute
+from diagnosis.calibration.worlds import replay
 from diagnosis.motion.batch import Simulate
+from diagnosis.motion.recordings import Recording
 
 CANDIDATES, GENERATIONS = 12, 25
 FIRST_STD, CONVERGED_STD = 0.1, 1e-3
@@ -34,6 +42,10 @@ SCALES = 1 + np.array([kp_scale.Effect.bounds, kd_scale.Effect.bounds])
 TO_LOG_GAINS = np.array([[2.0, 0.0], [2.0, 1.0]])
 """Coordinates of the search, as logarithms: kp and kd together, which few motions show and which
 gets double steps, and kd over kp, which decides how fast a joint follows."""
+ROUNDS, AROUND, NEAR_STD, LARGEST_STEP = 3, 48, 0.02, 0.1
+"""How often candidates around the result are replayed, how many, their standard deviation in the
+coordinates of the search, and the largest step of a gain's logarithm."""
+BLOCK_S, DRAWS = 0.5, 100
 LEAST_MOTION_RAD = np.radians(0.5)
 LEAST_SAMPLES = 200
 JITTERED, JITTER_PLAY, JITTER_START = 16, 0.03, 0.3
@@ -48,28 +60,32 @@ Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Trace:
-    """The data on which the gains of one joint are judged."""
+class Compared:
+    """The readings by which gains are judged, those of all motions end to end."""
 
-    channel: int
-    """Row of `READINGS`."""
-    used: tuple[Array, ...]
-    """Per motion, the samples that are used, shape (T,), bool."""
+    is_motor: Array
+    """Whether a joint's motor is compared, else its position, shape (J,), bool."""
+    used: Array
+    """Which samples count, shape (T, J), bool."""
 
-    @property
-    def samples(self) -> int:
-        """Number of samples that are used."""
-        return int(sum(used.sum() for used in self.used))
+    def angles(self, readings: Sequence[Array]) -> Array:
+        """What is compared, (..., T, J), of readings (..., T, 2 or more, J) by motion."""
+        whole = np.concatenate(list(readings), axis=-3)
+        return np.where(self.is_motor, whole[..., 1, :], whole[..., 0, :])
+
+    def errors(self, shown: Sequence[Array], motions: Sequence[Recording]) -> Array:
+        """Absolute errors of a replay [rad], 0 of what does not count, shape (W, T, J)."""
+        miss = self.angles(shown) - self.angles([m.measured for m in motions])
+        return np.nan_to_num(np.abs(miss) * self.used, nan=_DIVERGED_RAD, posinf=_DIVERGED_RAD)
 
 
 @dataclass(frozen=True, kw_only=True)
 class GainFit:
-    """The final distribution of a search: kp and kd of one joint."""
+    """kp and kd of one joint: the mean over nominal and the relative standard deviations, (2,)."""
 
     scale: Array
-    """Its mean, over nominal, shape (2,)."""
     std: Array
-    """Its relative standard deviations, shape (2,)."""
+    correlation: float = 0.0
 
 
 def with_gains(spec: Spec, scale: Array) -> Spec:
@@ -84,70 +100,61 @@ def with_gains(spec: Spec, scale: Array) -> Spec:
     )
 
 
-def reason_against(motions: Sequence[Motion], j: int) -> str | None:
+def reason_against(motions: Sequence[Recording], j: int) -> str | None:
     """The reason why these motions cannot identify the gains of joint `j`, if there is one."""
     if not motions:
         return "not identifiable from this log: it has no steps, multisine, triangle or known push"
-    ends = [np.quantile(m.read_rad[0, :, j], (0.01, 0.99)) for m in motions]
+    ends = [np.quantile(m.measured[:, 0, j], (0.01, 0.99)) for m in motions]
     moved = max(float(high - low) for low, high in ends)
     if moved < LEAST_MOTION_RAD:
         return (
             f"not identifiable from this log: it moves by {np.degrees(moved):.2g} deg in free air; "
             f"needed: {np.degrees(LEAST_MOTION_RAD):g} deg"
         )
-    samples = sum(len(m.tick) for m in motions)
+    samples = sum(len(m.time_s) for m in motions)
     if samples < LEAST_SAMPLES:
         return f"not identifiable from this log: {samples} samples; needed: {LEAST_SAMPLES}"
     return None
 
 
-def _jittered(world: Spec, rng: np.random.Generator) -> tuple[list[Spec], Array]:
+def _jittered(world: Spec, count: int, rng: np.random.Generator) -> tuple[list[Spec], Array]:
     """W slightly different worlds, and the offsets of their start [rad], shape (W, J)."""
     play = np.array([d.play_rad for d in world.drives])
     specs = []
-    for share in rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (JITTERED, len(play))):
+    for share in rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (count, len(play))):
         pairs = zip(world.drives, play * share, strict=True)
         specs.append(world.with_drives(dataclasses.replace(d, play_rad=float(p)) for d, p in pairs))
-    return specs, play * rng.uniform(-JITTER_START, JITTER_START, (JITTERED, len(play)))
+    return specs, play * rng.uniform(-JITTER_START, JITTER_START, (count, len(play)))
 
 
 def judge(
-    simulate: Simulate, world: Spec, motions: Sequence[Motion], rng: np.random.Generator
-) -> tuple[list[Trace], list[Array]]:
-    """The data of each joint, and the replay of worlds that differ slightly from `world`.
-
-    All worlds of that replay explain the log equally well.
-    """
-    specs, offset_rad = _jittered(world, rng)
-    alike = replay(simulate, specs, motions, offset_rad)
-    apart = [shown.std(axis=0) for shown in alike]
-    found = []
-    for j in range(len(world.drives)):
-        motor = all(np.isfinite(m.read_rad[1, :, j]).all() for m in motions)
-        used = tuple(a[int(motor), :, j] < PREDICTABLE_RAD for a in apart)
-        found.append(Trace(channel=READINGS.index("motor" if motor else "position"), used=used))
-    return found, alike
+    simulate: Simulate, world: Spec, motions: Sequence[Recording], rng: np.random.Generator
+) -> Compared:
+    """What is compared of each joint: samples on which worlds agree that differ slightly."""
+    specs, offset_rad = _jittered(world, JITTERED, rng)
+    every = _compared(motions)
+    apart = every.angles(replay(simulate, specs, motions, offset_rad)).std(axis=0)
+    return dataclasses.replace(every, used=apart < PREDICTABLE_RAD)
 
 
-def errors(shown: Sequence[Array], motions: Sequence[Motion], trace: Trace, j: int) -> Array:
-    """Mean absolute error of joint `j` [rad] in each world of a replay, shape (W,)."""
-    total = np.zeros(len(shown[0]))
-    for path, motion, used in zip(shown, motions, trace.used, strict=True):
-        miss = path[:, trace.channel, :, j] - motion.read_rad[trace.channel, :, j]
-        total += np.abs(miss[:, used]).sum(axis=1)
-    return np.nan_to_num(total / max(trace.samples, 1), nan=_DIVERGED_RAD)
+def _compared(motions: Sequence[Recording]) -> Compared:
+    """All readings, the motor's where it was logged all the time."""
+    logged = [np.isfinite(m.measured[:, 1]).all(axis=0) for m in motions]
+    samples = sum(len(m.time_s) for m in motions)
+    is_motor = np.all(logged, axis=0)
+    return Compared(is_motor=is_motor, used=np.ones((samples, len(is_motor)), dtype=bool))
 
 
 def search(
     simulate: Simulate,
     world: Spec,
-    motions: Sequence[Motion],
+    motions: Sequence[Recording],
     joints: Sequence[int],
     rng: np.random.Generator,
     progress: Progress = lambda generations: None,
 ) -> dict[int, GainFit]:
     """The gains of `joints` by CMA-ES; other joints keep those of `world`."""
-    judged, _ = judge(simulate, world, motions, rng)
+    compared = judge(simulate, world, motions, rng)
     searches = {j: _cma(rng) for j in joints}
     for generation in range(GENERATIONS):
         asked = {j: es.ask() for j, es in searches.items()}
@@ -155,9 +162,9 @@ def search(
             with_gains(world, _scales(world, {j: asked[j][k] for j in joints}))
             for k in range(CANDIDATES)
         ]
-        shown = replay(simulate, candidates, motions)
+        errors = compared.errors(replay(simulate, candidates, motions), motions).mean(axis=1)
         for j, es in searches.items():
-            es.tell(asked[j], list(errors(shown, motions, judged[j], j)))
+            es.tell(asked[j], list(errors[:, j]))
         progress(generation + 1)
         if all(es.result.stds.max() < CONVERGED_STD for es in searches.values()):
             break
@@ -186,3 +193,59 @@ def _found(search: cma.CMAEvolutionStrategy) -> GainFit:
     covariance = TO_LOG_GAINS @ (search.sigma**2 * search.sm.C) @ TO_LOG_GAINS.T
     mean = np.exp(TO_LOG_GAINS @ search.result.xfavorite)
     return GainFit(scale=np.clip(mean, *SCALES.T), std=np.sqrt(np.diag(covariance)))
+
+
+def refine(
+    simulate: Simulate,
+    nominal: Spec,
+    scale: Array,
+    motions: Sequence[Recording],
+    joints: Sequence[int],
+    rng: np.random.Generator,
+    progress: Progress = lambda rounds: None,
+) -> tuple[dict[int, GainFit], Compared]:
+    """The gains of `joints` with the least error, from `scale` over `nominal` (J, 2) on."""
+    blocks = [motion.time_s // BLOCK_S for motion in motions]
+    block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
+    for done in range(ROUNDS):
+        world = with_gains(nominal, scale)
+        specs, offset_rad = _jittered(world, AROUND, rng)
+        points = np.zeros((AROUND, *scale.shape))
+        points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
+        points = NEAR_STD * points @ TO_LOG_GAINS.T
+        candidates = [with_gains(*pair) for pair in zip(specs, np.exp(points), strict=True)]
+        compared = _compared(motions)
+        shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
+        read = compared.angles([motion.measured for motion in motions])
+        scale, fits = scale.copy(), {}
+        for j in joints:
+            terms = np.column_stack([np.ones(AROUND), points[:, j]])
+            linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
+            used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
+            compared.used[:, j] = used
+            if used.sum() >= LEAST_SAMPLES:
+                steps = least_error(terms, shown[:, used, j], read[used, j], block[used], rng)
+                step = np.clip(steps[0], -LARGEST_STEP, LARGEST_STEP)
+                scale[j] = np.clip(scale[j] * np.exp(step), *SCALES.T)
+                std, both = steps[1:].std(axis=0, ddof=1), np.corrcoef(steps[1:].T)
+                fits[j] = GainFit(scale=scale[j], std=std, correlation=float(both[0, 1]))
+        progress(done + 1)
+    return fits, compared
+
+
+def least_error(
+    terms: Array, shown: Array, read: Array, block: Array, rng: np.random.Generator
+) -> Array:
+    """Which gains show the angles read (T,): in all, then by each of `DRAWS` draws, (1 + DRAWS, 2).
+
+    `terms` (W, 3): 1 and the logarithms of the gains of worlds that show angles (W, T). Worlds and
+    blocks (T,) of samples are drawn.
+    """
+    rows, found = np.arange(len(terms)), []
+    times: Array = np.ones(int(block.max()) + 1)
+    for _ in range(1 + DRAWS):
+        about, *columns = np.linalg.lstsq(terms[rows], shown[rows])[0]
+        found.append(least_absolute(read - about, np.transpose(columns), times[block]))
+        rows = rng.integers(len(terms), size=len(terms))
+        times = rng.multinomial(len(times), np.full(len(times), 1 / len(times)))
+    return np.array(found)

@@ -1,6 +1,5 @@
 """calibration.yaml: the result of a calibration as plain data, which is checked when it is read."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,7 +9,6 @@ from pydantic import Field, ValidationError
 from pydantic_core import ErrorDetails
 
 from diagnosis.calibration.backlash import Play
-from diagnosis.calibration.calibrate import Calibration, JointGains
 from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
@@ -69,6 +67,21 @@ class Backlash(Part):
     """Source of the motor's own motion, which is subtracted."""
     self_lock: bool
 
+    @classmethod
+    def of(cls, play: Play) -> "Backlash":
+        """The result of a push test."""
+        low, high = np.degrees(play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
+        return cls(
+            half_deg=np.degrees(play.mean_rad),
+            std_deg=np.degrees(play.std_rad) if len(play.held_rad) > 1 else None,
+            range_deg=(low, high),
+            positions=len(play.held_rad),
+            stiffness_nm_rad=1 / play.give_rad_nm if play.give_rad_nm > 0 else None,
+            residual_mrad=1e3 * play.residual_rad,
+            motor="logged" if play.reference == "logged" else "replayed",
+            self_lock=bool(play.locks),
+        )
+
 
 class Joint(Part):
     """One joint; a text says why a number is not identifiable from this log."""
@@ -94,20 +107,6 @@ class CalibrationFile(Part):
     """Domain randomisation around it: standard deviations, half widths for stick and contact."""
     joints: dict[str, Joint]
     tactile: dict[str, TouchSensor] | str
-
-
-def joints_of(found: Calibration, confounded: Mapping[str, tuple[str, ...]]) -> dict[str, Joint]:
-    """The joints of a calibration as plain data, with the given texts on confounded effects."""
-    drives = dict(zip(found.nominal.hand.joint_names, found.nominal.drives, strict=True))
-    return {
-        name: Joint(
-            gains=gains
-            if isinstance(gains, str)
-            else _gains(gains, (drive.kp_nm_rad, drive.kd_nms_rad), confounded[name]),
-            backlash=_backlash(found.plays[name]),
-        )
-        for (name, gains), drive in zip(found.joints.items(), drives.values(), strict=True)
-    }
 
 
 def write_calibration(path: Path, content: CalibrationFile) -> None:
@@ -137,42 +136,3 @@ def _problem(error: ErrorDetails) -> str:
     where = ".".join(map(str, error["loc"])) or "the file"
     given = "" if error["type"] == "missing" else f" (given: {str(error['input'])[:60]!r})"
     return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}{given}"
-
-
-def _gains(gains: JointGains, nominal: tuple[float, float], confounded: tuple[str, ...]) -> Gains:
-    kp, kd = (
-        Gain(
-            mean=nominal[k] * gains.scale[k],
-            std=nominal[k] * gains.scale[k] * gains.spread.std[k],
-            relative=gains.scale[k] - 1,
-            cma_mean=nominal[k] * gains.search.scale[k],
-            cma_std=nominal[k] * gains.search.scale[k] * gains.search.std[k],
-        )
-        for k in (0, 1)
-    )
-    return Gains(
-        kp_nm_rad=kp,
-        kd_nms_rad=kd,
-        correlation=gains.spread.correlation,
-        compared="motor" if gains.channel else "position",
-        samples=gains.samples,
-        error_nominal_mrad=1e3 * gains.error_rad[0],
-        error_calibrated_mrad=1e3 * gains.error_rad[1],
-        confounded=confounded,
-    )
-
-
-def _backlash(play: Play | str) -> Backlash | str:
-    if isinstance(play, str):
-        return play
-    low, high = np.degrees(play.ends_rad - play.rest_rad[:, None]).mean(axis=0)
-    return Backlash(
-        half_deg=np.degrees(play.mean_rad),
-        std_deg=np.degrees(play.std_rad) if len(play.held_rad) > 1 else None,
-        range_deg=(low, high),
-        positions=len(play.held_rad),
-        stiffness_nm_rad=1 / play.give_rad_nm if play.give_rad_nm > 0 else None,
-        residual_mrad=1e3 * play.residual_rad,
-        motor="logged" if play.reference == "logged" else "replayed",
-        self_lock=bool(play.locks),
-    )

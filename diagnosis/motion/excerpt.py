@@ -62,17 +62,8 @@ def _pieces(recording: Recording, longest_s: float) -> Iterator[Recording]:
 def _piece(recording: Recording, begin: int, end: int) -> Recording:
     before = max(begin - max(3, (end - begin) // 200), 0)
     read = recording.measured[before : begin + 1, 0]
-    return replace(
-        recording,
-        time_s=recording.time_s[begin:end] - recording.time_s[begin],
-        command=recording.command[begin:end],
-        push=recording.push[begin:end],
-        speed=None if recording.speed is None else recording.speed[begin:end],
-        torque=None if recording.torque is None else recording.torque[begin:end],
-        own=None if recording.own is None else recording.own[begin:end],
-        measured=recording.measured[begin:end],
-        start=recording.start if begin == 0 else np.nanmean(read, axis=0),
-    )
+    start = recording.start if begin == 0 else np.nanmean(read, axis=0)
+    return replace(recording.part(begin, end), start=start)
 
 
 def _rests(recording: Recording) -> Array:

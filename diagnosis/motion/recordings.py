@@ -1,8 +1,9 @@
 """The free-air episodes of a log as arrays: what was asked of a limb, and what it then showed."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -44,6 +45,13 @@ class Recording:
     own: Array | None = None
     """How much further the model's own simulator moves the joints, with its step, integrator and
     soft friction, than small steps with firm friction do [rad], shape (T, K); None: not known."""
+
+    def part(self, begin: int, end: int) -> "Recording":
+        """Its samples from `begin` to before `end`."""
+        names = ("command", "push", "measured", "speed", "torque", "own")
+        every = {name: getattr(self, name) for name in names}
+        rows: dict[str, Any] = {k: None if v is None else v[begin:end] for k, v in every.items()}
+        return replace(self, time_s=self.time_s[begin:end] - self.time_s[begin], **rows)
 
     @cached_property
     def given(self) -> Array:

@@ -12,11 +12,10 @@ import numpy as np
 from backends.spec import Body, Spec
 from backends.state import Array
 from diagnosis.calibration import worlds
-from diagnosis.calibration.worlds import Motion
 from diagnosis.logs.log import Log
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording
+from diagnosis.motion.recordings import CHANNELS, Recording, recordings
 from diagnosis.replay.parts import limbs
 
 HORIZON_S = 2.0
@@ -29,18 +28,17 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     Random parts, which a replay leaves out, are switched off: noise, encoder steps, lost and
     unpunctual targets.
     So is play: rounding errors of a joint that rattles in it grow tenfold in a quarter of a second,
-    in every simulation. Zero if there is no such episode. Raises ValueError if the engine refuses a
-    number of the world.
+    in every simulation. Raises LogError if there is no such episode, ValueError if the engine
+    refuses a number of the world.
     """
     spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
-    names, drive_s = spec.hand.joint_names, spec.timing.drive_s
-    horizon = round(HORIZON_S / drive_s)
-    motions = [_unread(m.first(horizon)) for m in worlds.motions(log, names, drive_s, FREE_AIR)]
-    if not motions:
-        return 0.0
+    every = recordings(log, spec)
+    ends = [int(np.searchsorted(m.time_s, HORIZON_S, side="right")) for m in every]
+    motions = [_unread(m.part(0, end)) for m, end in zip(every, ends, strict=True)]
     shown = worlds.replay(simulate, [spec], motions)
+    names = spec.hand.joint_names
     return max(
-        _apart_rad(part, motion, engine[0, 0], [names.index(n) for n in part.hand.joint_names])
+        _apart_rad(part, motion, engine[0, :, 0], [names.index(n) for n in part.hand.joint_names])
         for part in limbs(spec)
         for motion, engine in zip(motions, shown, strict=True)
     )
@@ -51,23 +49,21 @@ def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tupl
 
     Raises ValueError if the engine refuses a number of a world.
     """
-    names, drive_s = specs[0].hand.joint_names, specs[0].timing.drive_s
-    motions = worlds.motions(log, names, drive_s, FREE_AIR)
+    motions = recordings(log, specs[0])
     shown = worlds.replay(simulate, specs, motions)
-    off = [s[:, 0] - m.read_rad[0] for s, m in zip(shown, motions, strict=True)]
+    off = [s[:, :, 0] - m.measured[:, 0] for s, m in zip(shown, motions, strict=True)]
     squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
     return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())
 
 
-def _apart_rad(part: Spec, motion: Motion, engine: Array, columns: list[int]) -> float:
+def _apart_rad(part: Spec, motion: Recording, engine: Array, columns: list[int]) -> float:
     """The same of one limb in one episode, replayed about what the engine (T, J) shows."""
     position = engine[:, columns]
     blank = np.full(position.shape, np.nan)
-    recording = Recording(
-        protocol=motion.protocol,
-        time_s=motion.tick * part.timing.drive_s,
-        command=motion.command_rad[:, columns],
-        push=motion.push_nm[:, columns],
+    recording = dataclasses.replace(
+        motion,
+        command=motion.command[:, columns],
+        push=motion.push[:, columns],
         measured=np.stack([position, *[blank] * (len(CHANNELS) - 1)], axis=1),
         start=position[0],
     )
@@ -84,8 +80,8 @@ def _sure(body: Body) -> Body:
     return dataclasses.replace(body, joint=joint)
 
 
-def _unread(motion: Motion) -> Motion:
+def _unread(motion: Recording) -> Recording:
     """The motion without motor angles: both sides start with the motor at the joint's angle."""
-    read_rad = motion.read_rad.copy()
-    read_rad[worlds.READINGS.index("motor")] = np.nan
-    return dataclasses.replace(motion, read_rad=read_rad)
+    measured = motion.measured.copy()
+    measured[:, CHANNELS.index("motor")] = np.nan
+    return dataclasses.replace(motion, measured=measured)

@@ -14,6 +14,7 @@ from benchmark.parts import registry
 from benchmark.settings.effects import parse_effects
 from diagnosis.calibration import worlds
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
+from diagnosis.motion.recordings import recordings
 from diagnosis.recording.excitation import FREE, Excitation, Joints
 from diagnosis.replay.nominal import mjcf_world
 
@@ -114,10 +115,9 @@ def _frame(episode: int, motion: Excitation, read_rad: np.ndarray | None = None)
 def _played(spec: Spec, log: Log) -> list[np.ndarray]:
     """Positions in every episode after its rest."""
     engine = registry.load("backend", "mujoco")
-    motions = worlds.motions(log, tuple(DRIVES), spec.timing.drive_s, FREE)
 
     def start(specs):
         return simulate(engine, specs, 1)
 
-    shown = worlds.replay(start, [spec], motions)
-    return [positions[0, 0, REST:] for positions in shown]
+    shown = worlds.replay(start, [spec], recordings(log, spec))
+    return [positions[0, REST:, 0] for positions in shown]

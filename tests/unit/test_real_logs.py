@@ -13,8 +13,8 @@ from backends.shard import simulate
 from benchmark.parts import registry
 from diagnosis import Diagnosis, diagnose
 from diagnosis.calibration.backlash import Play, push_test
-from diagnosis.calibration.worlds import motions
 from diagnosis.logs.log import Log
+from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.verdict.result import UNKNOWN
 
@@ -65,7 +65,7 @@ def test_bam_is_load_dependent_friction(gain):
 
 def played(log: Log) -> list[Play]:
     world = mjcf_world(log)
-    pushes = motions(log, world.hand.joint_names, world.timing.drive_s, ("push",))
+    pushes = recordings(log, world)
     engine = registry.load("backend", "mujoco")
     plays = push_test(lambda specs: simulate(engine, specs, 1), world, pushes).values()
     assert all(isinstance(play, Play) for play in plays)

@@ -9,6 +9,7 @@ from backends.encoder import angles
 from benchmark.parts import registry
 from diagnosis.blind import motion, rigs
 from diagnosis.calibration import worlds
+from diagnosis.motion.recordings import Recording
 from diagnosis.replay.expansion import SMALL_RAD, turned_a_little, wave
 from diagnosis.replay.lanes import LANES
 from diagnosis.replay.replay import Batch, Commands, replay, replays
@@ -67,18 +68,18 @@ def test_closed_form_is_the_engines_motion(rig, effects):
     errors = [vars(b.joint.encoder) for b in spec.hand.driven]
     names = ("bias_rad", "scale_error", "eccentricity_rad", "eccentricity_sine_rad")
     angle = angles(one.start, *(np.array([e[name] for e in errors]) for name in names))
-    moved = worlds.Motion(
-        episode=0,
+    moved = Recording(
         protocol="steps",
-        tick=one.ticks,
-        command_rad=one.target,
-        push_nm=one.load,
-        read_rad=np.broadcast_to(angle, (2, *one.target.shape)).copy(),
+        time_s=one.ticks * spec.timing.drive_s,
+        command=one.target,
+        push=one.load,
+        measured=np.broadcast_to(angle, (len(one.ticks), 3, len(angle))),
+        start=angle,
     )
     engine = registry.load("backend", "mujoco")
-    ((real,),) = worlds.replay(lambda specs: engine(specs), [spec], [moved])
-    assert np.ptp(real[0], axis=0).min() > 0.05
-    assert np.abs(shown[:2] - real).max() < 1e-6
+    (real,) = worlds.replay(lambda specs: engine(specs), [spec], [moved])
+    assert np.ptp(real[0, :, 0], axis=0).min() > 0.05
+    assert np.abs(shown[:2] - real[0].swapaxes(0, 1)).max() < 1e-6
 
 
 def without_noise(spec):
