@@ -10,7 +10,7 @@ is world k. Fingers hardly move each other, and this coupling vanishes as the se
 
 q is the motor's angle where it was logged, because the PD law sees that; else the joint's. A joint
 with play floats between its teeth, and a thousandth of a degree decides where. Such samples say
-nothing about gains. So samples at which slightly different worlds disagree are left out.
+nothing about gains.
 
 CMA-ES stops where the error is rough, and its standard deviations only say how far it converged.
 So candidates around its result are replayed, each in a slightly different world, and lines are
@@ -48,10 +48,10 @@ coordinates of the search, and the largest step of a gain's logarithm."""
 BLOCK_S, DRAWS = 0.5, 100
 LEAST_MOTION_RAD = np.radians(0.5)
 LEAST_SAMPLES = 200
-JITTERED, JITTER_PLAY, JITTER_START = 16, 0.03, 0.3
+JITTER_PLAY, JITTER_START = 0.03, 0.3
 """Slightly different worlds: they differ by shares of the play, in its size and in the start."""
 PREDICTABLE_RAD = 1e-3
-"""Samples are left out where the standard deviation over these worlds is larger [rad]."""
+"""Samples are left out where the standard deviation of worlds about lines is larger [rad]."""
 _DIVERGED_RAD = 1e3
 """Error of a candidate whose simulation diverges [rad]."""
 
@@ -67,6 +67,13 @@ class Compared:
     """Whether a joint's motor is compared, else its position, shape (J,), bool."""
     used: Array
     """Which samples count, shape (T, J), bool."""
+
+    @classmethod
+    def of(cls, motions: Sequence[Recording]) -> "Compared":
+        """All readings, the motor's where it was logged all the time."""
+        is_motor = np.all([np.isfinite(m.measured[:, 1]).all(axis=0) for m in motions], axis=0)
+        shape = sum(len(m.time_s) for m in motions), len(is_motor)
+        return cls(is_motor=is_motor, used=np.ones(shape, dtype=bool))
 
     def angles(self, readings: Sequence[Array]) -> Array:
         """What is compared, (..., T, J), of readings (..., T, 2 or more, J) by motion."""
@@ -127,24 +134,6 @@ def _jittered(world: Spec, count: int, rng: np.random.Generator) -> tuple[list[S
     return specs, play * rng.uniform(-JITTER_START, JITTER_START, (count, len(play)))
 
 
-def judge(
-    simulate: Simulate, world: Spec, motions: Sequence[Recording], rng: np.random.Generator
-) -> Compared:
-    """What is compared of each joint: samples on which worlds agree that differ slightly."""
-    specs, offset_rad = _jittered(world, JITTERED, rng)
-    every = _compared(motions)
-    apart = every.angles(replay(simulate, specs, motions, offset_rad)).std(axis=0)
-    return dataclasses.replace(every, used=apart < PREDICTABLE_RAD)
-
-
-def _compared(motions: Sequence[Recording]) -> Compared:
-    """All readings, the motor's where it was logged all the time."""
-    logged = [np.isfinite(m.measured[:, 1]).all(axis=0) for m in motions]
-    samples = sum(len(m.time_s) for m in motions)
-    is_motor = np.all(logged, axis=0)
-    return Compared(is_motor=is_motor, used=np.ones((samples, len(is_motor)), dtype=bool))
-
-
 def search(
     simulate: Simulate,
     world: Spec,
@@ -154,7 +143,7 @@ def search(
     progress: Progress = lambda generations: None,
 ) -> dict[int, GainFit]:
     """The gains of `joints` by CMA-ES; other joints keep those of `world`."""
-    compared = judge(simulate, world, motions, rng)
+    compared = Compared.of(motions)
     searches = {j: _cma(rng) for j in joints}
     for generation in range(GENERATIONS):
         asked = {j: es.ask() for j, es in searches.items()}
@@ -214,7 +203,7 @@ def refine(
         points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
         points = NEAR_STD * points @ TO_LOG_GAINS.T
         candidates = [with_gains(*pair) for pair in zip(specs, np.exp(points), strict=True)]
-        compared = _compared(motions)
+        compared = Compared.of(motions)
         shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
         read = compared.angles([motion.measured for motion in motions])
         scale, fits = scale.copy(), {}

@@ -133,9 +133,8 @@ def _finger(
 
 def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
     """Slopes, their standard deviations and the noise about them, each (T,)."""
-    pieces = [_pieces(time_s, touch) for time_s, touch in rest]
-    time_s = np.concatenate([t - t.mean() for t, _ in pieces])
-    means = np.concatenate([m - m.mean(axis=0) for _, m in pieces])
+    pieces = [[_means(values) for values in episode] for episode in rest]
+    time_s, means = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
     squares = float(time_s @ time_s)
     slope = time_s @ means / squares
     free = max(len(time_s) - len(pieces) - 1, 1)
@@ -144,13 +143,10 @@ def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
     return slope, np.sqrt(left / squares), np.concatenate(level).std(axis=0)
 
 
-def _pieces(time_s: Array, touch: Array) -> tuple[Array, Array]:
-    """Means over the pieces of an episode: times (P,) and readings (P, T)."""
-    parts = np.array_split(np.arange(len(time_s)), PIECES)
-    return (
-        np.array([time_s[p].mean() for p in parts]),
-        np.stack([touch[p].mean(axis=0) for p in parts]),
-    )
+def _means(values: Array) -> Array:
+    """Means over the pieces of an episode, about their mean, shape (P, ...)."""
+    means = np.stack([piece.mean(axis=0) for piece in np.array_split(values, PIECES)])
+    return np.asarray(means - means.mean(axis=0))
 
 
 def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[int, ...], int]:

@@ -194,12 +194,13 @@ def test_floating_joints_do_not_count(moved):
     """Leave out samples of joints between their teeth, and none of joints without play."""
     spec = world("backlash=1deg@J0")
     blind = [dataclasses.replace(m, measured=m.measured * [[1], [np.nan], [1]]) for m in moved]
-    judged = gains.judge(mujoco, spec, blind, np.random.default_rng(0))
+    rng, start = np.random.default_rng(0), np.ones((6, 2))
+    _, judged = gains.refine(mujoco, spec, start, blind, range(6), rng)
     share = judged.used.mean(axis=0)
     assert not judged.is_motor.any()
     assert 0.05 < share[0] < 0.9
     assert (share[2:] == 1.0).all()
-    logged = gains.judge(mujoco, spec, moved, np.random.default_rng(0))
+    _, logged = gains.refine(mujoco, spec, start, moved, range(6), rng)
     assert logged.is_motor.all()
     assert logged.used[:, 0].mean() > share[0]
 
@@ -254,8 +255,7 @@ def test_the_bootstrap_gives_the_standard_error():
 
 def test_viscous_friction_reads_as_damping(moved):
     """Say that a log without torque takes viscous friction for derivative gain."""
-    spec, rng = world(), np.random.default_rng(0)
-    found = confounded.confusions(mujoco, spec, moved, gains.judge(mujoco, spec, moved, rng), [1])
+    found = confounded.confusions(mujoco, world(), moved, gains.Compared.of(moved), [1])
     confused = dict(text.split(": ") for text in found[1])
     assert "command-delay" not in confused
     kp, kd = (float(x) / 100 for x in re.findall(r"k[pd] (\S+) %", confused["viscous-friction"]))
