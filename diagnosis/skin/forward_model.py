@@ -36,10 +36,6 @@ NEVER = 1e-9
 """A chance under this is none."""
 ALIKE = 2.5
 """Samples that tell as much as one: a grasp moves slowly."""
-SURE_NATS = math.log(1 - WILD) / ALIKE
-"""What an answer tells that only a wild one would not be; most do."""
-FAR = 9.5
-"""Standard deviations beyond which a chance beside `WILD` is 0 or 1 to the last digit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,11 +70,6 @@ class Pressed:
             parts = (_eased(depth, hysteresis)[rows] for depth, rows in self.history)
             self._eased[hysteresis] = np.concatenate(list(parts))
         return self._eased[hysteresis]
-
-    def some(self, rows: Array) -> "Pressed":
-        """A part of the samples."""
-        names = ("time_s", "depth_m", "reading", "touched")
-        return replace(self, **{k: getattr(self, k)[rows] for k in names})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,9 +140,7 @@ def _chance(depth_m, short_m, blur_m, drift_blur_m):
 
 @numba.njit(cache=True)
 def _below(deviations):
-    """The standard normal distribution function; nearly all is far from its bend."""
-    if deviations < -FAR or deviations > FAR:
-        return 1.0 if deviations > 0 else 0.0
+    """The standard normal distribution function."""
     return 0.5 * math.erfc(-math.sqrt(0.5) * deviations)
 
 
@@ -197,8 +186,7 @@ def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
 
 @numba.vectorize(cache=True)
 def _nats_of_answer(reading, shown):
-    chance = shown if reading > 0.5 else 1 - shown
-    return SURE_NATS if chance == 1 - WILD else math.log(chance) / ALIKE
+    return math.log(shown if reading > 0.5 else 1 - shown) / ALIKE
 
 
 @numba.vectorize(cache=True)

@@ -1,14 +1,14 @@
 """The samples of a skin: how deep geometry says that every taxel is pressed, and what it read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.motion.held import CALMER, Held, blur_m, gaps_m, pressed_m, smoothed
-from diagnosis.skin.forward_model import Faults, Pressed, joined, nats
+from diagnosis.skin.forward_model import Faults, Pressed, joined
 
 PERIOD_S = 0.2
 """Samples are thinned to this."""
@@ -27,8 +27,6 @@ BLUR_M = 1e-5
 """The geometry is at least so uncertain."""
 ASKEW = 1.12
 """Taxels beside the nearest point are inclined, and get half of the noise along them as well."""
-MOVED_M = 5e-5
-"""Blur while a misplaced tip is moved."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,15 +47,14 @@ def samples(nominal: Spec, parts: Sequence[Held], binary: bool) -> Samples:
         parts, noise = [smoothed(part) for part in parts], noise * CALMER * ASKEW
     blur = max(BLUR_M, float(np.hypot(noise, steps)))
     pressed = [_pressed(nominal, part, binary, blur) for part in parts]
-    wrong = {nominal.hand.fingertips[f].finger for _, fingers in pressed for f in fingers}
     return Samples(
         pressed=joined([data for data, _ in pressed]),
         start=Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur),
-        misplaced=tuple(sorted(wrong)),
+        misplaced=tuple(sorted({finger for _, fingers in pressed for finger in fingers})),
     )
 
 
-def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[int]]:
+def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[str]]:
     """Thinned samples, and the fingers that the geometry puts elsewhere than they are."""
     period_s = float(np.median(np.diff(part.time_s)))
     finer = max(round(FINER_S / period_s), 1)
@@ -78,10 +75,10 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
     )
     off, slack = np.median(gap_m, axis=0), SURE * MEDIAN * blur / np.sqrt(len(gap_m))
     deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
-    wrong = [f for f in range(len(off)) if not -deepest_m - slack <= off[f] <= OUT_M + slack]
-    for f in wrong:
-        data.depth_m[:, f] = _moved(nominal, part, data, f, float(off[f]))
-    return data, wrong
+    wrong = (off < -deepest_m - slack) | (off > OUT_M + slack)
+    return data, [
+        tip.finger for tip, out in zip(nominal.hand.fingertips, wrong, strict=True) if out
+    ]
 
 
 def _history(nominal: Spec, part: Held, blur: float) -> Array:
@@ -89,20 +86,3 @@ def _history(nominal: Spec, part: Held, blur: float) -> Array:
     assert part.touch is not None
     touched = part.touch.any(axis=2) | (gaps_m(nominal, part) < -OUT_M - SURE * blur)
     return np.asarray(np.maximum(pressed_m(nominal, part), 0.0) * touched[..., None])
-
-
-def _moved(nominal: Spec, part: Held, data: Pressed, finger: int, off_m: float) -> Array:
-    """Depths of one finger (S, K), the tip moved along its normal to where it fits best."""
-    faults = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=MOVED_M)
-    best_m, width_m = off_m / 2, abs(off_m) / 2 + YIELD_M
-    for _ in range(3):
-        tries = {}
-        for shift_m in best_m + width_m * np.linspace(-1, 1, 13):
-            radius_m = max(nominal.stick.radius_m + shift_m, 1e-4)
-            world = replace(nominal, stick=replace(nominal.stick, radius_m=radius_m))
-            depth = data.depth_m.copy()
-            depth[:, finger] = pressed_m(world, part)[:, finger]
-            score = float(nats(replace(data, depth_m=depth), faults)[:, finger].sum())
-            tries[float(shift_m)] = score, depth[:, finger]
-        best_m, width_m = max(tries, key=lambda shift: tries[shift][0]), width_m / 6
-    return tries[best_m][1]

@@ -68,33 +68,20 @@ def _identified(
         return Report(missing=missing(names.values(), other))
     binary = log.meta.channels["touch"].unit == "1"
     seen = samples(nominal, parts, binary)
+    if seen.misplaced:
+        misplaced = MISPLACED.format(", ".join(seen.misplaced))
+        return Report(missing=missing(names.values(), misplaced))
     fitting, starts = Fitting(seen.pressed, grid), [seen.start]
     if mended and binary:
         starts.insert(0, _offset(fitting, seen.start))
-    misplaced = MISPLACED.format(", ".join(seen.misplaced))
-    mute, why = _mute(binary, bool(seen.misplaced), misplaced)
-    deaf = DEPTHS if binary else ()
-    found = search(fitting, starts, [fault for fault in names if fault not in (*mute, *deaf)])
-    if seen.misplaced and found.is_unknown:
-        return Report(missing=missing(names.values(), misplaced))
+    unseen, channels = (DEPTHS, "stick and touch") if binary else (ANSWERS, "stick and contact")
+    found = search(fitting, starts, [fault for fault in names if fault not in unseen])
+    deaf = [names[fault] for fault in unseen if fault in names]
     return Report(
         causes=tuple(_causes(found, names, nominal.hand.taxels, catalogue)),
         spots=_spots(nominal, fitting, found),
-        missing=(
-            *missing([names[fault] for fault in mute if fault in names], why),
-            *missing(
-                [names[fault] for fault in deaf if fault in names],
-                GRASP.format("stick and touch"),
-            ),
-        ),
+        missing=missing(deaf, GRASP.format(channels)),
     )
-
-
-def _mute(binary: bool, is_misplaced: bool, misplaced: str) -> tuple[tuple[str, ...], str]:
-    """Faults that such samples do not show, and why."""
-    if not binary:
-        return ANSWERS, GRASP.format("stick and contact")
-    return ((THRESHOLD,) if is_misplaced else ()), misplaced
 
 
 def _offset(skin: Fitting, start: Faults) -> Faults:

@@ -1,5 +1,6 @@
 """Fits of one fault of a skin at a time: its best size, interval and what the skin then is."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -55,7 +56,7 @@ class Guess:
     interval: tuple[float, float]
     faults: Faults
     """The skin with it."""
-    evidence: str
+    evidence: str = ""
     extreme: bool = False
     """Whether the size is at an end of what there is, so that another may be meant."""
 
@@ -91,7 +92,7 @@ class Fitting:
     def _turned(self, pair: tuple[str, ...], start: Faults, tries: list[Faults]) -> Faults:
         if THRESHOLD in pair:
             other = next(name for name in pair if name != THRESHOLD)
-            late = (replace(start, threshold_m=float(t)) for t in THRESHOLDS_M[::2])
+            late = _thresholds(start, THRESHOLDS_M[::2])
             tries += [self.alone(other, skin, skin) for skin in late]
         elif set(pair) == {DRIFT, HALO}:
             tries.append(self._spreading(start))
@@ -122,70 +123,56 @@ class Fitting:
         return self._apart < faults.halo_m if faults.halo_m > 0 else None
 
     def _threshold(self, faults: Faults) -> Guess | None:
-        best, low, high = self._best_threshold(faults, THRESHOLDS_M)
-        finer = best + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
-        finer = finer[finer >= THRESHOLDS_M[0] - NEXT_M / 10]
-        best, low, high = self._best_threshold(faults, finer)
-        if low <= faults.threshold_m <= high:
+        rough = THRESHOLDS_M[int(np.argmax(self._scores(_thresholds(faults, THRESHOLDS_M))))]
+        values = rough + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
+        values = values[values >= THRESHOLDS_M[0] - NEXT_M / 10]
+        tries = _thresholds(faults, values)
+        guess = _best(THRESHOLD, values, self._scores(tries), tries.__getitem__)
+        if guess.interval[0] <= faults.threshold_m <= guess.interval[1]:
             return None
-        return Guess(
-            fault=THRESHOLD,
-            value=best,
-            interval=(low, high),
-            faults=replace(faults, threshold_m=best),
-            evidence=f"taxels respond from {1e3 * (THRESHOLD_M + best):.2f} mm of press on",
-            extreme=best < THRESHOLDS_M[0] + NEXT_M / 10,
+        return replace(
+            guess,
+            evidence=f"taxels respond from {1e3 * (THRESHOLD_M + guess.value):.2f} mm of press on",
+            extreme=guess.value < THRESHOLDS_M[0] + NEXT_M / 10,
         )
 
-    def _best_threshold(self, faults: Faults, values: Array) -> tuple[float, float, float]:
-        tries = [self.nats(replace(faults, threshold_m=float(t))) for t in values]
-        return profile(values, np.array(tries))
+    def _scores(self, skins: Sequence[Faults]) -> Array:
+        return np.array([self.nats(skin) for skin in skins])
 
     def _halo(self, faults: Faults) -> Guess | None:
         steps = np.unique(np.round(self._apart / NEXT_M)) * NEXT_M
         ends = np.append(steps[steps <= HALO_M], HALO_M)
         middles = (ends[:-1] + ends[1:]) / 2
         tries = [replace(faults, halo_m=float(m)) for m in middles]
-        scores = np.array([self.nats(t) for t in tries])
-        best = int(np.argmax(scores))
-        if best == 0:
-            return None
-        good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
-        low, high = float(ends[good[0]]), float(ends[good[-1] + 1])
-        return Guess(
-            fault=HALO,
-            value=(low + high) / 2,
-            interval=(low, high),
-            faults=tries[best],
-            evidence=f"taxels respond within {1e3 * middles[best]:.1f} mm of a pressed one",
-        )
+        ends_m = ends[:-1], ends[1:]
+        guess = _best(HALO, middles, self._scores(tries), tries.__getitem__, ends_m)
+        text = f"taxels respond within {1e3 * guess.value:.1f} mm of a pressed one"
+        none = guess.value == middles[0]
+        return None if none else replace(guess, value=sum(guess.interval) / 2, evidence=text)
 
     def _gain(self, faults: Faults) -> Guess | None:
         found = None if self._data.binary else gains(self._data, faults)
         if found is None:
             return None
-        best, low, high = profile(SPREADS, found.evidence(SPREADS))
-        return Guess(
-            fault=GAIN,
-            value=best,
-            interval=(max(low, 0.0), high),
-            faults=replace(faults, gain=1.0 + np.clip(found.more, -best, best), gain_spread=best),
-            evidence=f"{found.known} taxels read up to {100 * best:.0f} % more or less than others",
-        )
+        more = found.more
+
+        def skin(best: int) -> Faults:
+            most = float(SPREADS[best])
+            return replace(faults, gain=1.0 + np.clip(more, -most, most), gain_spread=most)
+
+        guess = _best(GAIN, SPREADS, found.evidence(SPREADS), skin)
+        most = f"{100 * guess.value:.0f} %"
+        return replace(guess, evidence=f"{found.known} taxels read up to {most} more or less")
 
     def _hysteresis(self, faults: Faults) -> Guess | None:
         found = hysteresis(self._data, faults)
         if found is None:
             return None
-        best, low, high = found
-        return Guess(
-            fault=HYSTERESIS,
-            value=best,
-            interval=(max(low, 0.0), high),
-            faults=replace(faults, hysteresis=best),
-            evidence=f"readings of an easing press are up to {100 * best:.0f} % larger",
-            extreme=best > 1.0 - NEXT_M,
-        )
+        sizes, scores = found
+        skins = [replace(faults, hysteresis=float(size)) for size in sizes]
+        guess = _best(HYSTERESIS, sizes, scores, skins.__getitem__)
+        text = f"readings of an easing press are up to {100 * guess.value:.0f} % larger"
+        return replace(guess, evidence=text, extreme=guess.value > 1.0 - NEXT_M)
 
     def _drift(self, faults: Faults) -> Guess | None:
         coarse, _ = self._drifts(faults, DRIFTS_M_S)
@@ -194,17 +181,14 @@ class Fitting:
             return None
         tried = np.unique([*DRIFTS_M_S[: near + 1], *(DRIFTS_M_S[near + 1] * AROUND)])
         scores, mean = self._drifts(faults, tried)
-        best = int(np.argmax(scores))
-        good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
-        value = float(tried[best + 1])
-        return Guess(
-            fault=DRIFT,
-            value=value,
-            interval=(float(tried[good[0]]), float(tried[min(good[-1] + 2, len(tried) - 1)])),
-            faults=replace(faults, slope_m_s=mean[best], fastest_m_s=value),
-            evidence=f"readings grow by up to {1e3 * value:.3g} mm/s, pressed or not",
-            extreme=value > DRIFTS_M_S[-2],
-        )
+        fastest, ends = tried[1:], (tried[:-1], np.append(tried[2:], tried[-1]))
+
+        def skin(best: int) -> Faults:
+            return replace(faults, slope_m_s=mean[best], fastest_m_s=float(fastest[best]))
+
+        guess = _best(DRIFT, fastest, scores, skin, ends)
+        text = f"readings grow by up to {1e3 * guess.value:.3g} mm/s, pressed or not"
+        return replace(guess, evidence=text, extreme=guess.value > DRIFTS_M_S[-2])
 
     def _spreading(self, start: Faults) -> Faults:
         """A drift and the halo that it spreads by, roughly."""
@@ -275,18 +259,17 @@ class Fitting:
         shares = DEAD_SHARES[:, None, None]
         with np.errstate(divide="ignore"):
             each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
-        best, low, high = profile(DEAD_SHARES, each.sum(axis=(1, 2)))
-        silent = dead - alive > np.log(1 / max(best, 1e-9))
-        if best == 0.0 or not silent.any():
-            return None
+
+        def skin(best: int) -> Faults:
+            share = float(DEAD_SHARES[best])
+            silent = dead - alive > np.log(1 / max(share, 1e-9))
+            return replace(faults, dead=silent, dead_share=share)
+
+        guess = _best(DEAD, DEAD_SHARES, each.sum(axis=(1, 2)), skin)
+        count = int(guess.faults.dead.sum())
         known = int((np.abs(dead - alive) > 1.0).sum())
-        return Guess(
-            fault=DEAD,
-            value=best,
-            interval=(max(low, 0.0), min(high, 1.0)),
-            faults=replace(faults, dead=silent, dead_share=best),
-            evidence=f"{int(silent.sum())} of {known} taxels that should respond never do",
-        )
+        text = f"{count} of {known} taxels that should respond never do"
+        return replace(guess, evidence=text) if guess.value and count else None
 
 
 def _without(fault: str, start: Faults, faults: Faults) -> Faults:
@@ -294,9 +277,27 @@ def _without(fault: str, start: Faults, faults: Faults) -> Faults:
     return replace(faults, **{name: getattr(start, name) for name in FIELDS[fault]})
 
 
-def profile(values: Array, scores: Array) -> tuple[float, float, float]:
-    """The best of some values and its 90 % interval."""
+def _thresholds(faults: Faults, values: Array) -> list[Faults]:
+    return [replace(faults, threshold_m=float(t)) for t in values]
+
+
+def _best(
+    fault: str,
+    values: Array,
+    scores: Array,
+    skin: Callable[[int], Faults],
+    ends: tuple[Array, Array] | None = None,
+) -> Guess:
+    """The best of some sizes (D,) with its 90 % interval, and its skin, by its number.
+
+    `ends`: of what each size stands for; by default, of sizes that are evenly apart. Shares and
+    lengths are not negative.
+    """
+    half = (values[1] - values[0]) / 2
+    low, high = ends or (values - half, values + half)
+    if values[0] >= 0.0:
+        low = np.maximum(low, 0.0)
     best = int(np.argmax(scores))
     good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
-    half = (values[1] - values[0]) / 2
-    return float(values[best]), float(values[good[0]] - half), float(values[good[-1]] + half)
+    interval = float(low[good[0]]), float(high[good[-1]])
+    return Guess(fault=fault, value=float(values[best]), interval=interval, faults=skin(best))
