@@ -12,9 +12,6 @@ from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import Cause, LimbResult, Nominal
 from diagnosis.where import Place
 
-NOISE_FLOOR = 1.0
-"""Gaps are in noise floors."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class Diagnosis:
@@ -80,13 +77,19 @@ class Diagnosis:
         """As JSON has it: the fields, and what follows from them under the names of the format."""
         return asdict(self) | {
             "confidence": self.probability,
-            "magnitudes": [_with_interval(one) for one in self.magnitudes],
+            "magnitudes": [
+                asdict(one) | {"interval": [one.low, one.high]} for one in self.magnitudes
+            ],
             "gap_before": self.gaps.before.value,
             "gap_nominal": self.gaps.nominal.value,
             "gap_after": self.gaps.after.value,
-            "noise_floor": NOISE_FLOOR,
+            "noise_floor": 1.0,
             "nominal_numbers": [asdict(one) for one in self.nominal],
-            "ranking": [_ranked(limb, one) for limb in self.limbs for one in limb.ranking],
+            "ranking": [
+                {"limb": list(limb.joints), **asdict(one)}
+                for limb in self.limbs
+                for one in limb.ranking
+            ],
             "leading": [asdict(one) for limb in self.limbs for one in limb.leading],
             "indistinguishable": [
                 {"effects": [*limb.verdict], "or": list(tie), "experiment": limb.experiment}
@@ -105,11 +108,3 @@ class Diagnosis:
     def of(cls, data: Mapping[str, Any]) -> "Diagnosis":
         """From JSON; raises ValueError where it is none."""
         return TypeAdapter(cls).validate_python(data)
-
-
-def _with_interval(cause: Cause) -> dict[str, Any]:
-    return asdict(cause) | {"interval": [cause.low, cause.high]}
-
-
-def _ranked(limb: LimbResult, one: Any) -> dict[str, Any]:
-    return {"limb": list(limb.joints), **asdict(one)}

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import pandas as pd
 
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
-from diagnosis.evidence.gap import excess, root_weights
+from diagnosis.evidence.gap import root_weights
 from diagnosis.search.fit import RIDGE, Fit, Fitter
 from diagnosis.search.problem import Problem
 from diagnosis.search.quadratic import lowest
@@ -65,49 +66,38 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
 
 def by_second(evidence: Evidence, residual: Array) -> Array:
     """Root mean square of residuals (M,) by joint and second (K, S); NaN where there are none."""
-    count = int(evidence.second.max()) + 1
-    found = np.full((len(evidence.parts), count), np.nan)
-    for j, part in enumerate(evidence.parts):
-        samples = np.bincount(evidence.seconds[part], minlength=count)
-        squares = np.bincount(evidence.seconds[part], residual[part] ** 2, minlength=count)
-        there = samples > 0
-        found[j, there] = np.sqrt(squares[there] / samples[there])
-    return found
+    joints = range(len(evidence.parts))
+    joint = np.repeat(joints, [part.stop - part.start for part in evidence.parts])
+    squares = pd.Series(residual**2).groupby([joint, evidence.seconds]).mean().unstack()
+    return np.sqrt(squares.reindex(joints).to_numpy())
 
 
-def gaps_and_shares(
-    limbs: Sequence[tuple[Array, Array, Array]], seed: int = 0
-) -> tuple[Gaps, Share, Share]:
+def gaps_and_shares(limbs: Sequence[tuple[Array, Array, Array]]) -> tuple[Gaps, Share, Share]:
     """Gaps, and the shares of the squared gap beyond one floor that are gone.
 
     The second share is that of the nominal numbers alone. `limbs`: of each, `by_second` before,
     with its nominal numbers refitted, and with its causes.
     """
-    rng = np.random.default_rng(seed)
-    counts = [limb[0].shape[1] for limb in limbs]
-    picks = [[rng.integers(count, size=count) for count in counts] for _ in range(RESAMPLES)]
-    value = _figures(limbs, [np.arange(count) for count in counts])
-    low, high = np.percentile([_figures(limbs, one) for one in picks], [5, 95], axis=0)
-    before, nominal, after, gone, gone_nominal = (
-        Share(value=float(v), interval=(float(a), float(b)))
-        for v, a, b in zip(value, low, high, strict=True)
-    )
-    return Gaps(before=before, nominal=nominal, after=after), gone, gone_nominal
+    rng, means = np.random.default_rng(0), []
+    for limb in limbs:
+        count = limb[0].shape[1]
+        drawn = rng.multinomial(count, np.full(count, 1 / count), size=RESAMPLES)
+        means.append([_means(one, np.vstack([np.ones(count), drawn])) for one in limb])
+    squares = [np.concatenate(parts, axis=1) ** 2 for parts in zip(*means, strict=True)]
+    before, nominal, after = (np.maximum(gap2 - 1.0, 0.0).sum(axis=1) for gap2 in squares)
+    whole = np.maximum(before, 1e-9)
+    worst = [np.sqrt(gap2.max(axis=1)) for gap2 in squares]
+    shares = [_share(one) for one in (*worst, 1 - after / whole, 1 - nominal / whole)]
+    return Gaps(before=shares[0], nominal=shares[1], after=shares[2]), shares[3], shares[4]
 
 
-def _figures(limbs: Sequence[tuple[Array, Array, Array]], picks: Sequence[Array]) -> list[float]:
-    """The three gaps and the two shares, from the seconds picked in every limb."""
-    gaps = []
-    for number in range(3):
-        pairs = zip(limbs, picks, strict=True)
-        gaps.append(np.concatenate([_means(limb[number][:, pick]) ** 2 for limb, pick in pairs]))
-    before, nominal, after = (excess(gap2) for gap2 in gaps)
-    whole = max(before, 1e-9)
-    worst = [float(np.sqrt(gap2.max())) for gap2 in gaps]
-    return [*worst, 1 - after / whole, 1 - nominal / whole]
-
-
-def _means(values: Array) -> Array:
-    """Means over seconds (K, S) -> (K,), of the seconds that a joint has."""
+def _means(values: Array, times: Array) -> Array:
+    """Means (R, K) of values (K, S) over the seconds there are, which count so often (R, S)."""
     there = np.isfinite(values)
-    return np.where(there, values, 0.0).sum(axis=1) / np.maximum(there.sum(axis=1), 1)
+    return times @ np.where(there, values, 0.0).T / np.maximum(times @ there.T, 1)
+
+
+def _share(drawn: Array) -> Share:
+    """The first value, with its interval by the others."""
+    low, high = np.percentile(drawn[1:], [5, 95])
+    return Share(value=float(drawn[0]), interval=(float(low), float(high)))

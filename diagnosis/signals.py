@@ -52,7 +52,9 @@ def signals(
     inside = slice(begin, begin + len(time_s))
     residual = np.abs(np.nan_to_num(left[inside, channel]))
     worst_s = float(time_s[int(np.argmax(residual))])
-    kept = _excerpt(time_s, worst_s) & np.isfinite(evidence.measured[inside, channel, joint])
+    begin_s = float(np.clip(worst_s - EXCERPT_S / 2, 0.0, max(time_s[-1] - EXCERPT_S, 0.0)))
+    kept = (time_s >= begin_s) & (time_s <= begin_s + EXCERPT_S)
+    kept &= np.isfinite(evidence.measured[inside, channel, joint])
 
     def line(values: Array) -> tuple[float, ...]:
         return tuple(float(f"{v:.{DIGITS}g}") for v in values[inside, channel, joint][kept])
@@ -77,17 +79,8 @@ def drawable(lines: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, .
 
 def _worst(evidence: Evidence, left: Array) -> tuple[int, int]:
     """Episode and channel with the largest mean square of what is left (N, 3)."""
-    sizes, begin = [], 0
-    for time_s in evidence.limb.time_s:
-        end = begin + len(time_s)
-        there = np.isfinite(left[begin:end])
-        squares = np.where(there, left[begin:end], 0.0) ** 2
-        sizes.append(squares.sum(axis=0) / np.maximum(there.sum(axis=0), 1))
-        begin = end
-    number, channel = np.unravel_index(int(np.argmax(sizes)), np.shape(sizes))
+    ends = np.cumsum([len(time_s) for time_s in evidence.limb.time_s])[:-1]
+    squares = [np.ma.masked_invalid(part**2) for part in np.split(left, ends)]
+    sizes = np.stack([one.mean(axis=0).filled(0.0) for one in squares])
+    number, channel = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
     return int(number), int(channel)
-
-
-def _excerpt(time_s: Array, worst_s: float) -> Array:
-    begin_s = float(np.clip(worst_s - EXCERPT_S / 2, 0.0, max(time_s[-1] - EXCERPT_S, 0.0)))
-    return (time_s >= begin_s) & (time_s <= begin_s + EXCERPT_S)

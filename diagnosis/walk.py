@@ -32,7 +32,7 @@ from diagnosis.verdict import probability
 from diagnosis.verdict.combine import combine
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Result
+from diagnosis.verdict.result import NONE, UNKNOWN, Result
 from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
@@ -84,6 +84,7 @@ def diagnose(
     corrected = replace(with_numbers(world, numbers), gravity_m_s2=gravity or world.gravity_m_s2)
     held = Report() if stopped else in_hand(log, corrected, known, simulate)
     causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
+    named = tuple(dict.fromkeys(cause.effect for cause in causes))
     unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
     accused = {joint for cause in causes for joint in cause.joints}
     worst = max(limbs, key=lambda one: one.result.gap_nominal)
@@ -95,7 +96,7 @@ def diagnose(
         tell("done", 1.0)
     places = tuple(locate([one.nominal for one in limbs]))
     return Diagnosis(
-        verdict=(UNKNOWN,) if unknown else _names(causes) or (NONE,),
+        verdict=(UNKNOWN,) if unknown else named or (NONE,),
         joints=tuple(j for one in limbs for j in one.evidence.joints if j in accused),
         magnitudes=causes,
         probability=_probability(result, held),
@@ -136,10 +137,6 @@ def _forward(progress: Progress) -> Progress:
 def _cpu_s() -> float:
     """CPU time of this process and of the children it has waited for [s]."""
     return sum(os.times()[:4])
-
-
-def _names(causes: Sequence[Cause]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(cause.effect for cause in causes))
 
 
 def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]]:

@@ -49,7 +49,7 @@ class Place:
     samples: int
 
 
-def locate(limbs: Sequence[World], seed: int = 0) -> list[Place]:
+def locate(limbs: Sequence[World]) -> list[Place]:
     """The gap between a log and the nominal worlds of its limbs, largest part first."""
     tables = [table for number, one in enumerate(limbs) for table in _tables(number, one)]
     table = pd.concat(tables, ignore_index=True)
@@ -63,7 +63,7 @@ def locate(limbs: Sequence[World], seed: int = 0) -> list[Place]:
     )
     found["share"] /= max(float(found["share"].sum()), 1e-300)
     by_second = table.pivot_table("square", ["limb", "second"], KEYS, "sum", 0.0)
-    ends = _interval(by_second[list(found.index)].to_numpy(), np.random.default_rng(seed))
+    ends = _interval(by_second[list(found.index)].to_numpy(), np.random.default_rng(0))
     places = [
         Place(
             **dict(zip(KEYS, index, strict=True)),

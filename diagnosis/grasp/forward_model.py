@@ -5,12 +5,12 @@ follow from a replay: how tips and stick touch, how the stick moves, and how har
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from backends.spec import Spec
-from backends.state import Array, InitialState, State, quat_z_axis
+from backends.state import Array, InitialState, quat_z_axis
 from diagnosis.motion.batch import Simulate, states, together
 from diagnosis.motion.held import Held, tip_gaps_m
 from diagnosis.motion.recordings import white_noise
@@ -79,7 +79,8 @@ def simulate_grasps(
     Joints and stick start where the log has them; all episodes have one rate.
     """
     dt_s = float(np.median(np.diff(parts[0].time_s)))
-    pairs = [(_at_rate(world, dt_s), part) for world in worlds for part in parts]
+    timed = [replace(w, timing=replace(w.timing, policy_s=dt_s)) for w in worlds]
+    pairs = [(world, part) for world in timed for part in parts]
     start = InitialState(
         joint_rad=np.stack([p.joint_rad[0] for _, p in pairs]),
         stick_pos_m=np.stack([p.stick[0, :3] for _, p in pairs]),
@@ -91,29 +92,22 @@ def simulate_grasps(
     )
     rows = []
     for state in states(simulate([world for world, _ in pairs]), start, target, load, pull):
-        rows.append(_row(state))
-        if (state.stick_pos_m[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
+        stick = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
+        force_n = np.linalg.norm(state.contact_force_n, axis=-1)
+        rows.append((state.joint_rad.copy(), state.drive_torque_nm.copy(), stick, force_n))
+        if (stick[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
             break
     rows += rows[-1:] * (len(target) - len(rows))
-    taken = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
-    names = [field.name for field in fields(GraspReplay)]
+    joint, torque, stick, force = (np.stack(column, axis=1) for column in zip(*rows, strict=True))
+    ends = [len(part.time_s) for _, part in pairs]
     shown = [
-        GraspReplay(**dict(zip(names, (v[n, : len(p.time_s)] for v in taken), strict=True)))
-        for n, (_, p) in enumerate(pairs)
+        GraspReplay(
+            joint_rad=joint[n, :end],
+            torque_nm=torque[n, :end],
+            stick=stick[n, :end],
+            force_n=force[n, :end],
+        )
+        for n, end in enumerate(ends)
     ]
     count = len(parts)
     return [shown[w * count : (w + 1) * count] for w in range(len(worlds))]
-
-
-def _row(state: State) -> tuple[Array, ...]:
-    """The fields of `GraspReplay`."""
-    return (
-        state.joint_rad.copy(),
-        state.drive_torque_nm.copy(),
-        np.hstack([state.stick_pos_m, state.stick_quat_wxyz]),
-        np.linalg.norm(state.contact_force_n, axis=-1),
-    )
-
-
-def _at_rate(world: Spec, dt_s: float) -> Spec:
-    return replace(world, timing=replace(world.timing, policy_s=dt_s))

@@ -106,6 +106,12 @@ class PullFit:
         return abs(self.friction) > SURE_Z * self.friction_std, mass
 
     @property
+    def surely(self) -> tuple[float, float]:
+        """Friction and mass as far as they are sure, as logarithms."""
+        friction, mass = self.sure
+        return friction * self.friction, mass * self.mass
+
+    @property
     def doubt(self) -> str:
         """Why these pulls do not tell the mass; empty where they do."""
         if self.left >= ODD:
@@ -119,16 +125,13 @@ class PullFit:
 
     def beside(self, other: "PullFit") -> "PullFit":
         """This, seen in a world that has what is sure in another one already."""
-        friction, mass = (
-            v * s for v, s in zip((other.friction, other.mass), other.sure, strict=True)
-        )
+        friction, mass = other.surely
         return replace(self, friction=self.friction + friction, mass=self.mass + mass)
 
 
 def corrected(world: Spec, fit: PullFit) -> Spec:
     """The world with what is sure."""
-    friction, mass = (v * s for v, s in zip((fit.friction, fit.mass), fit.sure, strict=True))
-    return changed(world, friction, mass)
+    return changed(world, *fit.surely)
 
 
 def pull_fit(
@@ -158,15 +161,15 @@ def pull_fit(
 
 def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> PullFit:
     """The mass that Newton's law tells, and friction over what the forces of replays can hold."""
-    real, held_n = newton(seen, world.stick.mass_kg), np.array([one.held_n for one in shown])
-    ratios = np.log(real.friction_n / (world.stick.friction * held_n))
+    mass, mass_std, friction_n, left = newton(seen, world.stick.mass_kg)
+    ratios = np.log(friction_n / (world.stick.friction * np.array([one.held_n for one in shown])))
     wander = float(np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen]))
     return PullFit(
         friction=float(ratios.mean()),
         friction_std=_spread(ratios, FRICTION_FLOOR),
-        mass=real.log_mass,
-        mass_std=float(np.linalg.norm([real.log_mass_std, wander, MASS_FLOOR])),
-        left=real.left,
+        mass=mass,
+        mass_std=float(np.linalg.norm([mass_std, wander, MASS_FLOOR])),
+        left=left,
         episodes=len(seen),
     )
 

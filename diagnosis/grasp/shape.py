@@ -13,7 +13,7 @@ nominal engine's contacts come first where a replay moves as the log does, and l
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -37,11 +37,13 @@ from diagnosis.verdict.ordinary import SIMULATORS, is_named, is_worth, share_of
 from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
 
 SUBSETS = ((), (RADIUS,), (SOFTNESS,), (RADIUS, SOFTNESS))
+NUMBERS = (RADIUS, SOFTNESS, MASS)
 PROBE, HEAVIEST = 0.2, 2.0
 """Logarithms of a mass: a step for its slope, and the most that it is off."""
+MOST = np.array([-np.inf, -np.inf, -HEAVIEST]), np.array([np.inf, np.inf, HEAVIEST])
 LEAST_M_N = 0.03e-3
 """Smallest compliance that is worth a name: MuJoCo's own changes by 0.02 with the mass."""
-GIVEN_M_N = 0.1e-3
+GIVEN = np.array([0.0, 0.1e-3, 0.0])
 """A fit begins with this softness: contacts that have one yield otherwise than those without."""
 FORCE_SHARE = 0.05
 """Forces are those of a replay, whose drives are known no better."""
@@ -63,14 +65,11 @@ class Fit:
     rigid: bool
     left_m: Array
     """What it leaves of the gaps, shape (E, F)."""
-    radius_m: float = 0.0
-    """Beyond the nominal one; so is the compliance."""
-    compliance_m_n: float = 0.0
-    mass: float = 0.0
-    """Logarithm of the stick's mass over the nominal one: contacts of the nominal engine yield by
-    it, so it is free beside them, and never named by gaps."""
-    std: tuple[float, float] = (0.0, 0.0)
-    """Of radius and compliance, by their scatter."""
+    sizes: Array = field(default_factory=lambda: np.zeros(3))
+    """`NUMBERS` beyond the nominal ones [m, m/N], the mass as the logarithm of a ratio: contacts of
+    the nominal engine yield by it, so it is free beside them, and never named by gaps."""
+    std: Array = field(default_factory=lambda: np.zeros(3))
+    """Of these, by their scatter."""
     moved: float = np.inf
     """How far its replay moves from the log, over `ENGINES`."""
 
@@ -103,18 +102,16 @@ class Fit:
     def on(self, nominal: Spec) -> Spec:
         """The world that it stands for; rigid contacts are as hard as its drive period allows."""
         stick, contact = nominal.stick, nominal.contact
+        radius_m, compliance_m_n, mass = map(float, self.sizes)
         if self.rigid:
             contact = replace(contact, time_constant_s=2 * nominal.timing.drive_s)
-        soft_m_n = max(contact.compliance_m_n + self.compliance_m_n, 0.0)
-        return replace(
-            nominal,
-            stick=replace(
-                stick,
-                radius_m=max(stick.radius_m + self.radius_m, FLOOR_M),
-                mass_kg=stick.mass_kg * float(np.exp(self.mass)),
-            ),
-            contact=replace(contact, compliance_m_n=soft_m_n),
+        soft_m_n = max(contact.compliance_m_n + compliance_m_n, 0.0)
+        stick = replace(
+            stick,
+            radius_m=max(stick.radius_m + radius_m, FLOOR_M),
+            mass_kg=stick.mass_kg * float(np.exp(mass)),
         )
+        return replace(nominal, stick=stick, contact=replace(contact, compliance_m_n=soft_m_n))
 
     def closer(
         self,
@@ -131,24 +128,21 @@ class Fit:
             for some in (shown, heavier)
         )
         by_mass = (other - model) / PROBE
-        if self.rigid:
-            model = self.radius_m - self.compliance_m_n * force
+        slopes = np.stack([np.ones(force.size), -force.ravel(), by_mass.ravel()], axis=1)
         left = (real - model).ravel()
-        free = np.isin((RADIUS, SOFTNESS, MASS), self.numbers)
-        slopes = np.stack([np.ones(left.size), -force.ravel(), by_mass.ravel()], axis=1) * free
-        inverse = np.linalg.pinv(slopes)
-        radius_m, compliance_m_n, mass = step = inverse @ left
+        if self.rigid:
+            left = real.ravel() - slopes[:, :2] @ self.sizes[:2]
+        free = np.isin(NUMBERS, self.numbers)
+        inverse = np.linalg.pinv(slopes * free)
+        step = inverse @ left
         left = left - slopes @ step
+        scatter = np.sqrt(left @ left / max(left.size - sum(free), 1))
         gaps = [s.motion_gap(p, nominal.stick.length_m) for s, p in zip(shown, parts, strict=True)]
-        scatter = float(np.sqrt(left @ left / max(left.size - sum(free), 1)))
-        std = scatter * np.linalg.norm(inverse, axis=1)
         return replace(
             self,
             left_m=left.reshape(real.shape),
-            radius_m=self.radius_m + float(radius_m),
-            compliance_m_n=self.compliance_m_n + float(compliance_m_n),
-            mass=float(np.clip(self.mass + mass, -HEAVIEST, HEAVIEST)),
-            std=(float(std[0]), float(std[1])),
+            sizes=np.clip(self.sizes + step, *MOST),
+            std=scatter * np.linalg.norm(inverse, axis=1),
             moved=float(np.sqrt(np.mean(gaps))),
         )
 
@@ -167,12 +161,13 @@ class Shape:
 
     def on(self, nominal: Spec) -> Spec:
         """The world with what was found, whether or not the catalogue has a name for it."""
-        return nominal if self.is_misplaced else replace(self.chosen, mass=0.0).on(nominal)
+        shape = replace(self.chosen, sizes=self.chosen.sizes * (1.0, 1.0, 0.0))
+        return nominal if self.is_misplaced else shape.on(nominal)
 
     @property
     def mass(self) -> float:
         """Logarithm of the mass over the nominal one, as far as gaps ask for another."""
-        return 0.0 if self.is_misplaced else self.chosen.mass
+        return 0.0 if self.is_misplaced else float(self.chosen.sizes[2])
 
     @property
     def is_soft(self) -> bool:
@@ -196,31 +191,24 @@ class Shape:
         self, nominal: Spec, names: Mapping[str, str], catalogue: Mapping[str, type[Effect]]
     ) -> Iterator[Cause]:
         share = share_of(self.chosen, self.nominal)
-        sized = {RADIUS: self._radius(nominal), SOFTNESS: self._softness()}
-        for number in (n for n in self.chosen.numbers if n in sized):
-            sizes, text = sized[number]
-            effect = names.get(number, UNKNOWN)
-            yield cause(effect, sizes, catalogue, share=share, evidence=text)
-
-    def _radius(self, nominal: Spec) -> tuple[tuple[float, float, float], str]:
-        """Relative change of the radius, its 90 % interval, and what says so."""
-        half = Z90 * float(np.hypot(self.chosen.std[0], FLOOR_M))
-        ends = [f.radius_m for f in self.alike]
-        sizes = self.chosen.radius_m, min(ends) - half, max(ends) + half
-        text = (
-            f"tips touch {1e3 * self.chosen.radius_m:+.2f} mm from where the nominal stick's "
-            "surface is; so would they if all joint zeros were off alike"
+        radius_m, compliance_m_n, _ = self.chosen.sizes
+        # forces are those of a replay; a radius is stated as a share
+        floors = FLOOR_M, FORCE_SHARE * compliance_m_n
+        units = nominal.stick.radius_m, 1.0
+        texts = (
+            f"tips touch {1e3 * radius_m:+.2f} mm from where the nominal stick's surface is; so "
+            "would they if all joint zeros were off alike",
+            f"tips sink into the stick by {1e3 * compliance_m_n:.2f} mm/N more than at nominal "
+            "contacts",
         )
-        value, low, high = (size / nominal.stick.radius_m for size in sizes)
-        return (value, low, high), text
-
-    def _softness(self) -> tuple[tuple[float, float, float], str]:
-        """The compliance, as sure as it is known of which kind the contacts are."""
-        value = self.chosen.compliance_m_n
-        half = Z90 * float(np.hypot(self.chosen.std[1], FORCE_SHARE * value))
-        ends = [f.compliance_m_n for f in self.alike]
-        text = f"tips sink into the stick by {1e3 * value:.2f} mm/N more than at nominal contacts"
-        return (value, max(min(ends) - half, 0.0), max(ends) + half), text
+        for k, number in enumerate(NUMBERS[:2]):
+            if number in self.chosen.numbers:
+                half = Z90 * float(np.hypot(self.chosen.std[k], floors[k]))
+                ends = [fit.sizes[k] for fit in self.alike]
+                low = min(ends) - half if number == RADIUS else max(min(ends) - half, 0.0)
+                sizes = [v / units[k] for v in (self.chosen.sizes[k], low, max(ends) + half)]
+                effect = names.get(number, UNKNOWN)
+                yield cause(effect, sizes, catalogue, share=share, evidence=texts[k])
 
     def _spots(self, nominal: Spec) -> Iterator[Spot]:
         """Gaps at every finger before and after."""
@@ -255,13 +243,17 @@ def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     """All subsets with both kinds of contacts, and a mass beside the nominal engine's."""
     gaps = np.array([touch_m(nominal, part, part) for part in parts])
     found = [
-        Fit(numbers=some, rigid=rigid, left_m=gaps, compliance_m_n=GIVEN_M_N * (SOFTNESS in some))
+        Fit(numbers=some, rigid=rigid, left_m=gaps, sizes=GIVEN * (SOFTNESS in some))
         for some in SUBSETS
         for rigid in (False, True)
     ]
     found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
-        probed = [replace(fit, mass=fit.mass + PROBE) for fit in found if MASS in fit.numbers]
+        probed = [
+            replace(fit, sizes=fit.sizes + (0.0, 0.0, PROBE))
+            for fit in found
+            if MASS in fit.numbers
+        ]
         worlds = [fit.on(nominal) for fit in (*found, *probed)]
         shown = simulate_grasps(simulate, worlds, parts)
         heavier = iter(shown[len(found) :])
@@ -276,5 +268,5 @@ def _explains(fit: Fit, nominal: Fit) -> bool:
     """Whether a fit takes its share of the gaps and leaves what is ordinary."""
     if not fit.numbers:
         return fit.worst <= SIMULATORS.floors
-    enough = not fit.is_soft or fit.compliance_m_n >= LEAST_M_N
+    enough = not fit.is_soft or fit.sizes[1] >= LEAST_M_N
     return enough and is_named(fit, nominal, SIMULATORS)

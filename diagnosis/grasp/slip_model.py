@@ -50,14 +50,12 @@ class Slip:
     @property
     def slipping(self) -> int:
         """Number of the first sample by which it has slipped; T if it never has."""
-        out = self.travel_m > SLIPPED_M
-        return int(np.argmax(out)) if out.any() else len(out)
+        return int(np.argmax(np.append(self.travel_m, np.inf) > SLIPPED_M))
 
     @property
     def end(self) -> int:
         """Number of the first sample at which it is gone."""
-        out = self.travel_m > GONE_M
-        return int(np.argmax(out)) if out.any() else len(out)
+        return int(np.argmax(np.append(self.travel_m, np.inf) > GONE_M))
 
     @property
     def slipped_n(self) -> float:
@@ -110,30 +108,19 @@ def slip(part: Held, gravity_m_s2: Sequence[float], force_n: Array | None = None
     )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Newton:
-    """Slips by Newton's law: one mass, and friction by episode."""
+def newton(slips: Sequence[Slip], mass_kg: float) -> tuple[float, float, Array, float]:
+    """What makes Newton's law fit: the mass, as a logarithm over `mass_kg`, and frictions [N].
 
-    log_mass: float
-    log_mass_std: float
-    friction_n: Array
-    left: float
-
-
-def newton(slips: Sequence[Slip], mass_kg: float) -> Newton:
-    """The mass, as a logarithm over `mass_kg`, and the frictions that make Newton's law fit."""
+    That is the mass and its standard deviation, the friction by episode, and what is left, root
+    mean square.
+    """
     masses = mass_kg * np.array(MASSES)
     costs, forces = zip(*(_friction_costs(s, masses) for s in slips), strict=True)
     total = np.sum(costs, axis=0)
     best, half = valley(np.log(MASSES), total)
     k = int(np.argmin(total))
-    count = sum(s.end for s in slips)
-    return Newton(
-        log_mass=best,
-        log_mass_std=half,
-        friction_n=np.array([force[k] for force in forces]),
-        left=float(np.sqrt(total[k] / count)),
-    )
+    left = float(np.sqrt(total[k] / sum(s.end for s in slips)))
+    return best, half, np.array([force[k] for force in forces]), left
 
 
 def valley(places: Array, costs: Array) -> tuple[float, float]:
