@@ -19,7 +19,7 @@ from diagnosis.report import wording
 from diagnosis.report._figures import overlay
 from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
-from diagnosis.verdict.sentences import named
+from diagnosis.verdict.sentences import FROM, named
 from diagnosis.where import PHASES, Place
 
 LARGEST = 8
@@ -64,6 +64,7 @@ def page(
         found=found,
         words=wording,
         named=named,
+        ordinary=f"{FROM[found.ordinary_from]} {found.ordinary:.1f}",
         facts={"log": "a log", "source": log.meta.source} | dict(facts or {}),
         commands=commands,
         parts=parts(found),
