@@ -1,8 +1,9 @@
 """The drives that a user's MJCF itself has: what its actuators do on each joint.
 
 The force of an actuator is gain * ctrl + bias0 + bias1 * length + bias2 * velocity, where length is
-the joint's position times the gear. So position servos, dampers, and general actuators alike are
-PD laws whose numbers are sums over a joint's actuators; motors only bound the torque.
+the joint's position times a lever: the gear, of a fixed tendon times its coefficient. So position
+servos, dampers, and general actuators alike are PD laws whose numbers are sums over a joint's
+actuators; motors only bound the torque.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,9 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from backends._mjcf_followers import followers, line
+
+TENDON = int(mujoco.mjtTrn.mjTRN_TENDON)
 JOINT = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 FIXED, AFFINE = mujoco.mjtGain.mjGAIN_FIXED, mujoco.mjtBias.mjBIAS_AFFINE
 LINEAR = (mujoco.mjtBias.mjBIAS_NONE, AFFINE)
@@ -36,18 +40,17 @@ class FileDrive:
 def file_drive(model: mujoco.MjModel, j: int) -> FileDrive:
     """The drive of joint `j`, a hinge or slide."""
     dof = model.jnt_dofadr[j]
-    own = [a for a in range(model.nu) if acts(model, a, j)]
+    own = {a: by for a in range(model.nu) if (by := lever(model, a, j))}
     kp, kd, most, odd = 0.0, 0.0, 0.0, list[str]()
     armature, damping = float(model.dof_armature[dof]), float(model.dof_damping[dof])
-    for a in own:
-        gear = float(model.actuator_gear[a, 0])
-        armature += gear**2 * float(model.actuator_armature[a])
-        damping += gear**2 * float(model.actuator_damping[a])
+    for a, by in own.items():
+        armature += by**2 * float(model.actuator_armature[a])
+        damping += by**2 * float(model.actuator_damping[a])
         odd += _odd(model, a)
-        most += _limit(model, a, gear)
+        most += _limit(model, a, by)
         if int(model.actuator_biastype[a]) == AFFINE:
-            kp -= gear**2 * float(model.actuator_biasprm[a, 1])
-            kd -= gear**2 * float(model.actuator_biasprm[a, 2])
+            kp -= by**2 * float(model.actuator_biasprm[a, 1])
+            kd -= by**2 * float(model.actuator_biasprm[a, 2])
     limit = most if own else np.inf
     if model.jnt_actfrclimited[j]:
         limit = min(limit, float(np.abs(model.jnt_actfrcrange[j]).min()))
@@ -61,9 +64,19 @@ def file_drive(model: mujoco.MjModel, j: int) -> FileDrive:
     )
 
 
-def acts(model: mujoco.MjModel, a: int, j: int) -> bool:
-    """Whether actuator `a` drives joint `j` itself."""
-    return int(model.actuator_trntype[a]) in JOINT and int(model.actuator_trnid[a, 0]) == j
+def lever(model: mujoco.MjModel, a: int, j: int) -> float:
+    """How far actuator `a` moves per move of joint `j`, with all that follows it; 0: not at all.
+
+    Through the joint itself or a fixed tendon, whose other joints stand still.
+    """
+    gear, at = float(model.actuator_gear[a, 0]), int(model.actuator_trnid[a, 0])
+    if int(model.actuator_trntype[a]) in JOINT:
+        return gear if at == j else 0.0
+    pulls = line(model, at) if int(model.actuator_trntype[a]) == TENDON else None
+    if pulls is None:
+        return 0.0
+    led = followers(model, [j], ())[0].items()
+    return gear * (pulls.get(j, 0.0) + sum(pulls.get(k, 0.0) * one.rate for k, one in led))
 
 
 def _limit(model: mujoco.MjModel, a: int, gear: float) -> float:

@@ -7,11 +7,12 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from backends._mjcf_followers import followers
+from backends._mjcf_followers import followers, line
 
 KINDS = ("free", "ball", "slide", "hinge")
 """Joint types in MuJoCo's numbering."""
 ALLOWED = ("slide", "hinge")
+SITE = int(mujoco.mjtWrap.mjWRAP_SITE)
 WELD, CONNECT = (int(getattr(mujoco.mjtEq, f"mjEQ_{kind}")) for kind in ("WELD", "CONNECT"))
 
 
@@ -46,7 +47,7 @@ def problems(
         ]
     every = [j for j, name in enumerate(joints) if name in there]
     found = [] if fix_base else _floating(model, every)
-    return found + _foreign(model, every, set(held)) + _forces(model, every)
+    return found + _foreign(model, every, set(held)) + _forces(model, every) + _pulled(model, every)
 
 
 def _unknown(joints: Sequence[str], named: Sequence[str]) -> list[str]:
@@ -126,9 +127,32 @@ def _pulling(model: Any, moving: Sequence[int]) -> bool:
             kind, at = int(model.wrap_type[w]), int(model.wrap_objid[w])
             if kind == int(mujoco.mjtWrap.mjWRAP_JOINT) and at in moving:
                 return True
-            if kind == int(mujoco.mjtWrap.mjWRAP_SITE) and int(model.site_bodyid[at]) in bodies:
+            if kind == SITE and int(model.site_bodyid[at]) in bodies:
                 return True
     return False
+
+
+def _pulled(model: Any, moving: Sequence[int]) -> list[str]:
+    """Actuators on tendons that move more than one joint, or run over sites."""
+    found, bodies = [], moved(model, moving)
+    for a in np.flatnonzero(model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_TENDON)):
+        t = int(model.actuator_trnid[a, 0])
+        pulls = line(model, t)
+        wraps = range(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t])
+        sites = [w for w in wraps if int(model.wrap_type[w]) == SITE]
+        name = f"actuator '{model.actuator(a).name or f'number {a}'}'"
+        own = [model.joint(j).name for j in pulls or () if j in moving]
+        if pulls is None and {int(model.site_bodyid[model.wrap_objid[w]]) for w in sites} & bodies:
+            found.append(
+                f"{name} pulls a tendon over sites; allowed: fixed tendons; put a position "
+                "actuator on each joint of the log in its place"
+            )
+        elif len(own) > 1:
+            found.append(
+                f"{name} moves {listed(own)} at once, by a tendon; simulated is one of them, with "
+                "what follows it by an equality: bind the others to it, and leave their columns out"
+            )
+    return found
 
 
 def _forces(model: Any, moving: Sequence[int]) -> list[str]:

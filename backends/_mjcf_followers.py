@@ -90,20 +90,20 @@ def _sums(model: Any, e: int) -> _Sums | None:
         rest = [float(model.qpos0[model.jnt_qposadr[j]]) for j in (one, other)]
         moved = course(Polynomial([-rest[1], 1.0]))
         return _Sums({one: Polynomial([0.0, 1.0]), other: -moved}, -rest[0])
-    lines = [_line(model, t) for t in (one, other) if t >= 0]
-    if any(line is None for line in lines) or (len(lines) == 2 and any(course.coef[2:])):
+    lines = [line(model, t) for t in (one, other) if t >= 0]
+    if any(pulls is None for pulls in lines) or (len(lines) == 2 and any(course.coef[2:])):
         return None
     terms: dict[int, Polynomial] = {}
     constant = -float(course.coef[0])
-    for line, share in zip(lines, (1.0, -float(course.coef[1])), strict=False):
-        for j, coefficient in (line or {}).items():
+    for pulls, share in zip(lines, (1.0, -float(course.coef[1])), strict=False):
+        for j, coefficient in (pulls or {}).items():
             zero = float(model.qpos0[model.jnt_qposadr[j]])
             terms[j] = terms.get(j, Polynomial([0.0])) + Polynomial([0.0, share * coefficient])
             constant -= share * coefficient * zero
     return _Sums(terms, constant)
 
 
-def _line(model: Any, t: int) -> dict[int, float] | None:
+def line(model: Any, t: int) -> dict[int, float] | None:
     """The coefficients of a fixed tendon by joint; None of one that runs over sites."""
     wraps = range(model.tendon_adr[t], model.tendon_adr[t] + model.tendon_num[t])
     if any(int(model.wrap_type[w]) != IN_TENDON for w in wraps):

@@ -48,7 +48,9 @@ class Signals:
         self.servos = [
             (int(model.actuator_ctrladr[a]), float(model.actuator_gear[a, 0]))
             for a in range(model.nu)
-            if model.actuator_trnid[a, 0] == j and model.actuator_biasprm[a, 1] != 0.0
+            if model.actuator_trnid[a, 0] == j
+            and model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT
+            and model.actuator_biasprm[a, 1] != 0.0
         ]
         self.late, self.read_late = own.get("delay_s", 0.0) / dt, own.get("late_s", 0.0) / dt
         slowness = own.get("slowness_s_rad", 0.0)

@@ -1,14 +1,15 @@
 """Write numbers of joints and drives into the text of a user's MJCF; all else stays as it is."""
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from xml.etree.ElementTree import Element
 
 import mujoco
 import numpy as np
 
-from backends._mjcf_actuators import acts
+from backends._mjcf_actuators import TENDON, file_drive, lever
+from backends._mjcf_followers import followers
 from backends._mjcf_model import as_mjcf, compiled, end_m
 from backends._mjcf_play import FIRM
 from backends._mjcf_text import MjcfError
@@ -50,12 +51,15 @@ def written(
     xml: str,
     numbers: Mapping[str, JointNumbers],
     gravity_m_s2: tuple[float, float, float] | None = None,
+    held: Collection[str] = (),
 ) -> str:
     """The text with these joints' numbers, and a position servo on each; raises MjcfError.
 
-    A URDF becomes the MJCF that MuJoCo makes of it. `gravity_m_s2`: None for the file's.
+    A URDF becomes the MJCF that MuJoCo makes of it. `gravity_m_s2`: None for the file's. `held`:
+    joints that follow none.
     """
     model, root = compiled(xml), parsed(as_mjcf(xml))
+    numbers = _without_followers(model, numbers, held)
     if gravity_m_s2 is not None:
         options = root.findall("option") or [ElementTree.SubElement(root, "option")]
         options[-1].set("gravity", _text(gravity_m_s2))
@@ -77,6 +81,23 @@ def written(
             _set_play(root, body, joint, model, one.play)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _without_followers(
+    model: mujoco.MjModel, numbers: Mapping[str, JointNumbers], held: Collection[str]
+) -> dict[str, JointNumbers]:
+    """Joints' numbers less what joints that follow them have in the file, and keep."""
+    found = {model.joint(name).id: one for name, one in numbers.items()}
+    for j, one in followers(model, list(found), held)[0].items():
+        own, file, far = found[one.leader], file_drive(model, j), abs(one.rate)
+        loss = far * float(model.dof_frictionloss[model.jnt_dofadr[j]])
+        found[one.leader] = replace(
+            own,
+            armature=max(own.armature - far**2 * file.armature, 0.0),
+            damping=max(own.damping - far**2 * file.damping, 0.0),
+            frictionloss=max(own.frictionloss - loss, 0.0),
+        )
+    return {model.joint(j).name: one for j, one in found.items()}
 
 
 def parsed(text: str) -> Element:
@@ -178,11 +199,18 @@ def _limits(
 
 
 def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:
-    """Put a position servo in the place of a joint's actuators."""
+    """Put a position servo in the place of a joint's actuators, those on its tendons too."""
     sections = root.findall("actuator") or [ElementTree.SubElement(root, "actuator")]
     servo, first = Element("position", {"joint": name}), None
+    own = {a: by for a in range(model.nu) if (by := lever(model, a, model.joint(name).id))}
+    by_tendon = [a for a in own if int(model.actuator_trntype[a]) == TENDON]
+    tendons = {model.tendon(model.actuator_trnid[a, 0]).name for a in by_tendon}
     for section in sections:
-        for old in [e for e in section if name in (e.get("joint"), e.get("jointinparent"))]:
+        for old in [
+            e
+            for e in section
+            if name in (e.get("joint"), e.get("jointinparent")) or e.get("tendon") in tendons
+        ]:
             if first is None:
                 first = old
                 section.insert(list(section).index(old), servo)
@@ -194,12 +222,12 @@ def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumber
     if one.note:
         section = next(part for part in sections if servo in list(part))
         section.insert(list(section).index(servo), ElementTree.Comment(f" {one.note} "))
-    j = model.joint(name).id
-    own = [a for a in range(model.nu) if acts(model, a, j)]
-    gear = float(model.actuator_gear[own[0], 0]) if own else 1.0
-    servo.set("kp", repr(one.kp / gear**2))
-    servo.set("kv", repr(one.kd / gear**2))
+    by = next(iter(own.values()), 1.0)
+    if by_tendon:
+        servo.set("gear", repr(by))
+    servo.set("kp", repr(one.kp / by**2))
+    servo.set("kv", repr(one.kd / by**2))
     servo.set("forcelimited", "true" if one.limit else "false")
     if one.limit:
-        most = one.limit / abs(gear)
+        most = one.limit / abs(by)
         servo.set("forcerange", f"{-most!r} {most!r}")

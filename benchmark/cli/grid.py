@@ -84,7 +84,7 @@ def transfer(
         bool,
         Setting(
             kind=Switch(),
-            help="Say which difference of two worlds makes each loss of a matrix among RUN.",
+            help="Say which difference of two worlds makes each loss of a matrix, given as RUN.",
         ),
     ] = False,
     include_smoke: IncludeSmoke = False,
@@ -95,8 +95,8 @@ def transfer(
 
     --backend mujoco@3.6.0 is another version of an engine, in an environment of its own.
 
-    --explain takes a folder that this command wrote beside the policies' folders, and deploys them
-    again with one difference of two worlds switched at a time.
+    --explain takes a folder that this command wrote, and deploys its policies again with one
+    difference of two worlds switched at a time; give their folders, too, if they were moved.
 
     Example: [bold]bench transfer runs --backend mujoco,bullet --out transfer[/bold]
     """

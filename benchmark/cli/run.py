@@ -5,6 +5,7 @@ from typing import Annotated, Any
 
 from rich.console import Group
 from rich.table import Table
+from rich.text import Text as Line
 
 from backends.spec import Timing
 from benchmark.cli.command import OF_RUN, command
@@ -125,7 +126,8 @@ def evaluate(
     from benchmark.runs.evaluate import evaluate_policy
 
     row = evaluate_policy(run_folder, settings, episodes, out, workers)
-    return row, row_table(row, SHOWN[:9])
+    kept = " and ".join(row["written"]) or "nothing; --out FOLDER keeps the row and its episodes"
+    return row, Group(row_table(row, SHOWN[:9]), Line(f"Wrote {kept}."))
 
 
 @command(

@@ -27,7 +27,7 @@ from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
 from diagnosis.blind.make import write_case, write_sound
-from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, engine, mechanics
+from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, carries, engine, mechanics
 
 KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
 """Real sides on which no solver may be tuned; only sets that name them contain them."""
@@ -61,7 +61,7 @@ def settings(
         raise UsageError(f"--protocol has no '{GRASP}', in which the stick is held; add it")
     return draw.Settings(
         cases=cases,
-        reals=_reals(real, holding),
+        reals=_reals(real, places),
         rigs=places,
         modes=_words("mode", modes, tuple(draw.SHARES)),
         effects=chosen,
@@ -90,9 +90,9 @@ def _rigs(text: str) -> tuple[str, ...]:
     return places
 
 
-def _reals(text: str, holding: bool) -> tuple[str, ...]:
-    """Real sides; 'all' are those that can carry the rig, without those that must be named."""
-    engines = registry.names("backend")
+def _reals(text: str, places: Sequence[str]) -> tuple[str, ...]:
+    """Real sides; 'all' are those that can carry the rigs, without those that must be named."""
+    engines, holding = registry.names("backend"), places[0] in rigs.HOLDING
     if holding and set(STICKLESS) & set(text.split(",")):
         raise UsageError(
             f"--real {text}: {', '.join(STICKLESS)} have joints alone and no contacts, so they "
@@ -101,8 +101,21 @@ def _reals(text: str, holding: bool) -> tuple[str, ...]:
     known = engines if holding else (*engines, *STICKLESS)
     if text == "all":
         named = {*engines} - {*registry.usual("backend")}
-        return tuple(real for real in known if real not in named and real not in KEPT_APART)
-    return _words("real side", text, known)
+        some = (real for real in known if real not in named and real not in KEPT_APART)
+        return tuple(real for real in some if _carries(real, places))
+    chosen = _words("real side", text, known)
+    if weak := [real for real in chosen if not _carries(real, places)]:
+        able = [real for real in known if real not in weak and _carries(real, places)]
+        raise UsageError(
+            f"--real {', '.join(weak)} cannot move --rig {','.join(places)}: its equations are of "
+            f"one or two parallel hinges; known: {', '.join(able)}, or all"
+        )
+    return chosen
+
+
+def _carries(real: str, places: Sequence[str]) -> bool:
+    """Whether a real side moves all rigs of these names; those that are not drawn, all do."""
+    return all(carries(real, rigs.nominal(arm)) for arm in rigs.arms_of(places))
 
 
 def make(

@@ -89,11 +89,13 @@ def _sources(sources: Sequence[Path]) -> tuple[Path, list[Path]]:
     """The matrix, and where the policies are; raises UsageError."""
     found = [folder for folder in sources if (folder / ABOUT_FILE).exists()]
     others = [folder for folder in sources if folder not in found]
-    if len(found) != 1 or not others:
+    if len(found) != 1:
         raise UsageError(
-            "--explain takes one folder that 'bench transfer --out' wrote, and the policies': "
+            "--explain takes one folder that 'bench transfer --out' wrote: "
             f"{', '.join(map(str, sources))}"
         )
+    if not others and not (others := transfer.policies_of(found[0])):
+        raise UsageError(f"the policies of {found[0]} are not where they were; give their folders")
     return found[0], others
 
 

@@ -5,6 +5,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -35,7 +36,8 @@ SETTINGS = tuple(name for name in DEPLOYED if name not in ("backend", "effects")
 """Settings that may differ between training and deployment, besides engine and effects."""
 EVALUATIONS = "evaluations"
 """Folder of the evaluations, in the output folder."""
-SUMMARY_FILE = "transfer.json"
+SUMMARY_FILE, POLICIES = "transfer.json", "policies"
+"""What is said of a matrix, and there the policies' folders, as seen from it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,8 +123,20 @@ def transfer(
     scores = pd.concat(frames, ignore_index=True)
     files = write_transfer(scores, HOME, [*left_out, *problems], out)
     result, table = _summary(scores, [*files, out / SUMMARY_FILE], left_out, problems)
+    result[POLICIES] = [
+        os.path.relpath(policy.folder.resolve(), out.resolve()) for policy in policies
+    ]
     run_folder.write_atomically(out / SUMMARY_FILE, json.dumps(result, indent=2) + "\n")
     return result, table
+
+
+def policies_of(matrix: Path) -> list[Path]:
+    """The folders of a matrix's policies, as far as they are still where they were."""
+    try:
+        said = json.loads((matrix / SUMMARY_FILE).read_text())[POLICIES]
+        return [folder for one in said if (folder := matrix / one).is_dir()]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
 
 
 def _worlds(engines: str, effects: Sequence[str], settings: Sequence[str]) -> dict[str, World]:

@@ -27,6 +27,7 @@ from tasks.observation import Observation
 
 FOREIGN = "foreign"
 """The algorithm of a policy that another program made."""
+EVAL_FILE = "eval.json"
 EVALUATION_SEED = 20260101
 """Seed of initial states and headings in the evaluation; training seeds are hashed."""
 
@@ -221,5 +222,6 @@ def evaluate_policy(
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
         write_episodes(found, out / run_folder.EPISODES_FILE)
-        run_folder.write_atomically(out / "eval.json", json.dumps(row, indent=2) + "\n")
-    return row
+        run_folder.write_atomically(out / EVAL_FILE, json.dumps(row, indent=2) + "\n")
+    files = () if out is None else (out / run_folder.EPISODES_FILE, out / EVAL_FILE)
+    return row | {"written": [str(file) for file in files]}

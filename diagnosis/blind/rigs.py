@@ -115,6 +115,12 @@ def family(rig: str) -> str:
     return rig.split("-")[0]
 
 
+def arms_of(names: Sequence[str]) -> list[str]:
+    """Of arms that are drawn one of each kind."""
+    rng = np.random.default_rng(0)
+    return [individual(name, rng) for name in members(names) if name in ARMS]
+
+
 def robot(rig: str) -> int | None:
     """The seed of a drawn arm, which is one robot; None for a rig that is always the same."""
     return int(rig.split("-")[1]) if "-" in rig else None

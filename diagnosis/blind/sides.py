@@ -7,9 +7,14 @@ no stick. A file in `engines` is an engine that is no backend: free air only.
 import importlib
 from pathlib import Path
 
-from backends.engine import Engine
-from diagnosis.blind.plant import IMPLEMENTED, STRANGE, Mechanics
+import numpy as np
 
+from backends.engine import Engine
+from backends.spec import Spec
+from diagnosis.blind.plant import IMPLEMENTED, STRANGE, Mechanics, Plant
+
+SAMPLE_S = 0.01
+"""Of a motion by which a plant shows what it can move."""
 HERE = Path(__file__).parent
 
 
@@ -34,6 +39,18 @@ def engine(name: str) -> type[Engine]:
 def mechanics(name: str) -> type[Mechanics]:
     """The equations of one of PLANTS; without arguments they are those of a typical robot."""
     return importlib.import_module(f"diagnosis.blind.mechanics.{name}").Mechanics
+
+
+def carries(name: str, spec: Spec) -> bool:
+    """Whether a real side can move a mechanism: a plant what its equations hold for."""
+    if name not in PLANTS:
+        return True
+    still, rng = np.zeros((2, len(spec.hand.driven))), np.random.default_rng(0)
+    try:
+        Plant(spec, mechanics(name)()).run(still, still, SAMPLE_S, rng)
+    except ValueError:
+        return False
+    return True
 
 
 def has(name: str, effect: str) -> bool:

@@ -52,7 +52,8 @@ def model_text(
         if joints is None or name in joints
     }
     try:
-        return written(xml, some, _gravity(spec, nominal, settings.gravity_compensation))
+        gravity = _gravity(spec, nominal, settings.gravity_compensation)
+        return written(xml, some, gravity, settings.hold)
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
 

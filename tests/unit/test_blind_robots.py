@@ -12,6 +12,7 @@ import pytest
 from backends.catalogue import catalogue
 from benchmark.errors import UsageError
 from benchmark.gap import blind
+from benchmark.parts import registry
 from benchmark.parts.registry import ROOT
 from diagnosis.blind import (
     calibrate,
@@ -127,6 +128,14 @@ def test_arms_are_drawn_evenly():
     families = [rigs.family(case.rig) for case in cases]
     assert {f: families.count(f) for f in families} == {"arm2": 3, "arm3": 3, "arm6": 3}
     assert len({case.rig for case in cases}) == 9
+
+
+def test_real_sides_are_those_that_carry_the_arms():
+    """Leave plants out that have no equations for an arm, and refuse them where they are named."""
+    assert "plant" in blind.settings(9, "all", "arm1", **WORDS).reals
+    assert blind.settings(9, "all", "arm", **WORDS).reals == tuple(registry.usual("backend"))
+    with pytest.raises(UsageError, match="--real plant cannot move --rig arm.*known: .*plain"):
+        blind.settings(9, "plant", "arm", **WORDS)
 
 
 def test_arms_and_hands_are_not_mixed():

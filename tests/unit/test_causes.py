@@ -107,13 +107,18 @@ def test_a_loss_of_a_real_run_is_explained(tmp_path: Path, capfd):
     episodes.loc[lost, "tracked"] = own - 0.5
     write_transfer(episodes, reference, notes, Path(matrix))
     capfd.readouterr()
-    assert cli.call(["transfer", matrix, run, "--explain", "--out", out, *options]) == 0
+    assert cli.call(["transfer", matrix, "--explain", "--out", out, *options]) == 0
     found = json.loads(capfd.readouterr().out)
     lines = {line["difference"]: line for line in found["causes"]}
     assert lines.keys() == {"backlash", "self-lock", TOGETHER}
     assert lines[TOGETHER]["tracked"] == pytest.approx(own)
     assert lines[TOGETHER]["won"] == pytest.approx(1.0)
     assert all(Path(file).exists() for file in found["written"])
+    Path(run).rename(tmp_path / "moved")
+    again = ["transfer", matrix, "--explain", "--out", str(tmp_path / "again"), *options]
+    assert cli.call(again) == 2
+    assert "are not where they were; give their folders" in capfd.readouterr().err
+    assert cli.call([*again, str(tmp_path / "moved")]) == 0
 
 
 @pytest.mark.parametrize("given", [[], ["elsewhere"]])

@@ -191,12 +191,16 @@ def test_eval_changes_world_task_and_stick(finished, tmp_path, capfd):
     assert (row["backend"], row["task"], row["stick"]) == ("bullet", "eight", "fabric")
     assert row["radius_m"] == pytest.approx(0.03)
     assert json.loads((out / "eval.json").read_text())["tracked"] == row["tracked"]
+    assert row["written"] == [str(out / "episodes.parquet"), str(out / "eval.json")]
 
 
-def test_eval_takes_fewer_episodes(finished, capfd):
-    """Evaluate the first of the fixed episodes alone."""
+def test_eval_takes_fewer_episodes_and_says_what_it_keeps(finished, capfd):
+    """Evaluate the first of the fixed episodes alone, and say that nothing is written."""
     assert cli.call(["eval", str(finished), "--episodes", "2", "--json"]) == 0
-    assert json.loads(capfd.readouterr().out)["episodes"] == 2
+    row = json.loads(capfd.readouterr().out)
+    assert row["episodes"] == 2 and row["written"] == []
+    assert cli.call(["eval", str(finished), "--episodes", "2"]) == 0
+    assert "Wrote nothing; --out FOLDER keeps" in " ".join(capfd.readouterr().out.split())
 
 
 def test_an_exported_policy_acts_as_the_network_does(tmp_path):
