@@ -101,6 +101,8 @@ class Effect(ABC):
     """Whether slides cannot have it."""
     ends_only: ClassVar[bool] = False
     """Whether only links that carry no driven one have it."""
+    by_weight: ClassVar[bool] = False
+    """Whether it shows only on joints that weight turns: a hand with upright axes has none."""
     gear: ClassVar[str | None] = None
     """Without a named joint it acts only on joints with this gear; None: on all joints."""
     spread: ClassVar[str] = "normal"

@@ -19,6 +19,7 @@ from backends.encoder import EncoderBank
 from backends.spec import Spec, field_names
 from backends.state import Array, InitialState, State, quat_z_axis
 from backends.touch import stick_shape
+from backends.weight import WeightBank
 
 EXACT = "exact"
 OUTRUN_M_S = 10.0
@@ -33,7 +34,8 @@ SHARED_SUPPORT: Mapping[str, str] = {
         for name in field_names()
         if name.split(".")[0] in _SHARED | {"loop"} and name != "joint.axis"
     },
-    **dict.fromkeys(("joint.follows", "joint.course", "body.carried"), _REPLAYED),
+    **dict.fromkeys(("joint.follows", "joint.course"), _REPLAYED),
+    "body.carried": EXACT,
     "contact.touch_n": EXACT,
 }
 """Support entries of the fields that shared code computes, the same for every engine."""
@@ -72,8 +74,11 @@ class Team:
         self.rows = rows
         self.commands, self.encoders = CommandBank(own), EncoderBank(own)
         self.drives = DriveBank(own)
-        self.plain = not self.commands.acts and not self.encoders.remembers
-        """Whether targets reach the drives unchanged and no sensor is late."""
+        self.weight = WeightBank(own)
+        signals = self.commands.acts or self.encoders.remembers
+        self.plain = not signals and not self.weight.acts
+        """Whether targets reach the drives unchanged, no sensor is late, and no weight is carried.
+        """
         gravity = np.array([s.gravity_m_s2 for s in own])
         self.carry_n = -gravity * np.array([[s.stick.mass_kg] for s in own])
         """Forces (N, 3) [N] that carry the sticks."""
@@ -235,10 +240,14 @@ class Engine(ABC):
         age, seed = self._age_steps[rows], self._noise_seed[rows]
         lifts = team.lifted_ticks(age).any()
         for _ in range(self._timing.substeps):
+            load = load_nm
+            if team.weight.acts:
+                carried = team.weight.torque_nm(angle)
+                load = carried if load_nm is None else load_nm + carried
             force = team.lift_n(age) if lifts else None
             if pull_n is not None:
                 force = pull_n if force is None else force + pull_n
-            self._drive(team, team.commands.step(target_rad, age, seed), load_nm, force)
+            self._drive(team, team.commands.step(target_rad, age, seed), load, force)
             age += 1
             if encoders.remembers:
                 encoders.note(angle, drives.motor_rad, age)

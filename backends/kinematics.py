@@ -105,22 +105,31 @@ class TipChains:
 @numba.njit(cache=True)
 def _walk(joint, parent, column, offset, axis, tip_body, center, axes, origin, rotation):
     at, turn = np.zeros((len(parent) + 1, 3)), np.zeros((len(parent) + 1, 3, 3))
-    hinge = np.eye(3)
-    for i in range(3):
-        turn[-1, i, i] = 1.0
     for n in range(joint.shape[0]):
-        for b in range(len(parent)):
-            _place(at[parent[b]], turn[parent[b]], offset[b], at[b])
-            if column[b] < 0:
-                for i in range(3):
-                    for j in range(3):
-                        turn[b, i, j] = turn[parent[b], i, j]
-            else:
-                _hinge(axis[b], joint[n, column[b]], hinge)
-                _multiply(turn[parent[b]], hinge, turn[b])
+        placed(joint[n], parent, column, offset, axis, at, turn)
         for f in range(len(tip_body)):
             _place(at[tip_body[f]], turn[tip_body[f]], center[f], origin[n, f])
             _multiply(turn[tip_body[f]], axes[f], rotation[n, f])
+
+
+@numba.njit(cache=True)
+def placed(joint, parent, column, offset, axis, at, turn):
+    """Write origins (B + 1, 3) and rotations of all bodies at angles (J,); the last: the world's.
+
+    `parent` (B,): -1: the world; `column` (B,): its joint, -1: none; `offset` and `axis` (B, 3).
+    """
+    hinge = np.empty((3, 3))
+    for i in range(3):
+        turn[-1, i, i] = 1.0
+    for b in range(len(parent)):
+        _place(at[parent[b]], turn[parent[b]], offset[b], at[b])
+        if column[b] < 0:
+            for i in range(3):
+                for j in range(3):
+                    turn[b, i, j] = turn[parent[b], i, j]
+        else:
+            _hinge(axis[b], joint[column[b]], hinge)
+            _multiply(turn[parent[b]], hinge, turn[b])
 
 
 @numba.njit(cache=True)

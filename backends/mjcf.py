@@ -93,7 +93,7 @@ def mechanism(
     hand = dataclasses.replace(
         trx.HAND,
         name=_name(xml),
-        bodies=tuple(_bodies(model, data, joints)),
+        bodies=tuple(_bodies(model, data, joints, carried)),
         fingertips=(),
         grasp_rad=(0.0,) * len(own),
         preload_rad=(0.0,) * len(own),
@@ -103,7 +103,7 @@ def mechanism(
         stick=sticks.STICKS["reference"],
         contact=trx.CONTACT,
         timing=Timing(drive_s=period_s),
-        gravity_m_s2=_vec(model.opt.gravity * ((1.0 - carried) if _weighs(model) else 0.0)),
+        gravity_m_s2=_vec(model.opt.gravity * float(_weighs(model))),
     )
 
 
@@ -251,7 +251,9 @@ def _refuse_weightless(names: Sequence[str], inertias: Inertias) -> None:
             )
 
 
-def _bodies(model: mujoco.MjModel, data: mujoco.MjData, joints: Mapping[int, Joint]) -> list[Body]:
+def _bodies(
+    model: mujoco.MjModel, data: mujoco.MjData, joints: Mapping[int, Joint], carried: float
+) -> list[Body]:
     """The moving bodies in kinematic order; a body with several joints becomes several bodies."""
     moves = moved(model, list(joints))
     carriers: dict[int, tuple[str | None, Array]] = {}
@@ -272,7 +274,7 @@ def _bodies(model: mujoco.MjModel, data: mujoco.MjData, joints: Mapping[int, Joi
             parent, at_m = found[-1].name, anchor_m
         joint, anchor_m = axes[-1] if axes else (_fixed(name), data.xpos[b])
         body = _empty(name, parent, anchor_m - at_m, joint)
-        found.append(_filled(body, model, data, b, anchor_m))
+        found.append(_filled(body, model, data, b, anchor_m, carried))
         carriers[b] = (name, anchor_m)
     return found
 
@@ -291,7 +293,12 @@ def _empty(name: str, parent: str | None, origin_m: Array, joint: Joint) -> Body
 
 
 def _filled(
-    empty: Body, model: mujoco.MjModel, data: mujoco.MjData, b: int, anchor_m: Array
+    empty: Body,
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    b: int,
+    anchor_m: Array,
+    carried: float,
 ) -> Body:
     """A body with mass and inertia of the model's body `b`, axes parallel to the world frame."""
     turn, frame = data.ximat[b].reshape(3, 3), data.xmat[b].reshape(3, 3)
@@ -299,7 +306,7 @@ def _filled(
     return dataclasses.replace(
         empty,
         mass_kg=float(model.body_mass[b]),
-        carried=float(model.body_gravcomp[b]),
+        carried=1.0 - (1.0 - float(model.body_gravcomp[b])) * (1.0 - carried),
         com_m=_vec(data.xipos[b] - anchor_m),
         inertia_kgm2=_vec(np.diag(inertia)),
         products_kgm2=_vec(inertia[[0, 0, 1], [1, 2, 2]]),

@@ -194,7 +194,7 @@ class Body:
 
     @property
     def loaded(self) -> "Body":
-        """The body with its payload as a part of it (parallel axes); nobody carries that."""
+        """The body with its payload as a part of it (parallel axes)."""
         if not self.payload:
             return self
         share = self.payload / (1.0 + self.payload)
@@ -214,7 +214,6 @@ class Body:
                 zz + reduced * (x * x + y * y),
             ),
             products_kgm2=(xy - reduced * x * y, xz - reduced * x * z, yz - reduced * y * z),
-            carried=self.carried / (1.0 + self.payload),
         )
 
 

@@ -36,6 +36,11 @@ class Fault:
 
 
 def in_free_air() -> tuple[str, ...]:
+    """Effects that hands show in free air: their joints are upright."""
+    return tuple(name for name in _free() if not every_effect()[name].by_weight)
+
+
+def _free() -> tuple[str, ...]:
     """Effects that show in free air."""
     return tuple(
         name for name, kind in every_effect().items() if kind.drawn and not kind.shows_in_hand()
@@ -52,7 +57,7 @@ def in_hand() -> tuple[str, ...]:
 def of_arms() -> tuple[str, ...]:
     """Effects that an arm can have: its file has no gear whose damping could be off."""
     kinds = every_effect()
-    return tuple(n for n in in_free_air() if not (is_of_gear(kinds[n]) and kinds[n].either_sign))
+    return tuple(n for n in _free() if not (is_of_gear(kinds[n]) and kinds[n].either_sign))
 
 
 def is_of_gear(kind: type[Effect]) -> bool:

@@ -31,7 +31,7 @@ lower one, the link meets an elastic stop; `lower` and `upper`: those ends.
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
-    *("mass", "held", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
+    *("mass", "held", "carried", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
     "thermal-fade": "fade",
@@ -52,6 +52,7 @@ CHANGES = {
     "direction-friction": ("uneven", "add"),
     "cogging": ("cogging", "add"),
     "end-stop": ("stop", "add"),
+    "gravity-compensation": ("carried", "add"),
     "stiction": ("stiction", "add"),
     "viscous-friction": ("viscous", "add"),
     "load-friction": ("load", "add"),
@@ -197,8 +198,8 @@ class Plant:
         return {"position": position, "motor": motor, "torque": torque}
 
     def _limb(self, columns: list[int]) -> Limb:
-        mass, held = (self.numbers[name] for name in ("mass", "held"))
-        bodies = (_holding(self._driven[j], float(mass[j]), float(held[j])) for j in columns)
+        loads = np.stack([self.numbers[name] for name in ("mass", "held", "carried")], axis=1)
+        bodies = (_holding(self._driven[j], *map(float, loads[j])) for j in columns)
         return Limb(
             bodies=tuple(bodies),
             numbers={name: self.numbers[name][columns] for name in (*DRIVE, *STRANGE_DRIVE)},
@@ -253,8 +254,11 @@ def _follow(wanted_rad, most_rad):
         wanted_rad[k] = wanted_rad[k - 1] + min(max(move, -most_rad), most_rad)
 
 
-def _holding(body: Body, mass_kg: float, share: float) -> Body:
-    """A link of this mass and a point at its end, of so much of it, as one rigid body."""
+def _holding(body: Body, mass_kg: float, share: float, carried: float) -> Body:
+    """A link of this mass and a point at its end, of so much of it, as one rigid body.
+
+    `carried`: the share of the link's own weight that is.
+    """
     own, point = np.array(body.com_m), np.array(body.end_m)
     center = (own + share * point) / (1.0 + share)
     (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
@@ -264,6 +268,7 @@ def _holding(body: Body, mass_kg: float, share: float) -> Body:
     return dataclasses.replace(
         body,
         mass_kg=(1.0 + share) * mass_kg,
+        carried=carried / (1.0 + share),
         com_m=_triple(center),
         inertia_kgm2=_triple(np.diag(tensor)),
         products_kgm2=_triple(tensor[[0, 0, 1], [1, 2, 2]]),

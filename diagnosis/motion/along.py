@@ -42,7 +42,8 @@ class Along:
     speed_rad_s: Array
     """v_m, shape (P, K)."""
     loaded: tuple[Chain, ...] = ()
-    """L chains: each joint's own link twice as heavy, then as much at the end of each last one."""
+    """L chains: each joint's own link twice as heavy, as much at the end of each last one, and each
+    link with its whole weight carried beside the drives, on top of what is."""
 
     @cached_property
     def model(self) -> Model:

@@ -16,6 +16,7 @@ COLUMNS = (
     *(f"loop.{f.name}" for f in fields(Loop)),
     "body.mass_kg",
     "body.payload",
+    "body.carried",
     "two_masses",
 )
 """What the numbers of a joint are, in the order in which the compiled replay takes them.
@@ -51,7 +52,7 @@ MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 OWN_STEPS = len(COLUMNS)
 """Stands for no number of a joint: how far a log is of its model's own simulator, 0 to 1."""
 MASS, PAYLOAD = COLUMNS.index("body.mass_kg"), COLUMNS.index("body.payload")
-TWO_MASSES = COLUMNS.index("two_masses")
+CARRIED, TWO_MASSES = COLUMNS.index("body.carried"), COLUMNS.index("two_masses")
 
 
 def table(spec: Spec, rigid: bool) -> Array:

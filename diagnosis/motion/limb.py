@@ -17,6 +17,7 @@ from diagnosis.motion.along import AXES, Along, smoothed
 from diagnosis.motion.columns import (
     ACROSS,
     BIAS,
+    CARRIED,
     COLUMNS,
     FIRM,
     KP,
@@ -131,8 +132,9 @@ class Limb:
         hand = self.spec.hand
         heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
         held = [replace(hand.driven[j], payload=1.0) for j in self._ends]
+        light = [replace(b, carried=b.carried + 1.0) for b in hand.driven]
         bodies = {body.name: body for body in hand.driven}
-        worlds = (bodies | {body.name: body} for body in (*heavy, *held))
+        worlds = (bodies | {body.name: body} for body in (*heavy, *held, *light))
         return tuple(chain(self.spec.with_driven(world.values())) for world in worlds)
 
     @cached_property
@@ -242,7 +244,8 @@ class Limb:
         recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
         mass = self.nominal[:, MASS]
         heavier = np.where(mass > 0.0, numbers[:, MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
-        load = np.concatenate([heavier, numbers[self._ends, PAYLOAD]])
+        carried = numbers[:, CARRIED] - self.nominal[:, CARRIED]
+        load = np.concatenate([heavier, numbers[self._ends, PAYLOAD], carried])
         model = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
         sent = rounded(recording.command, numbers[:, STEP])
         asked = sent, recording.given, recording.push, clock.row

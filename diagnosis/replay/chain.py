@@ -16,7 +16,7 @@ from functools import cached_property, lru_cache
 import numba
 import numpy as np
 
-from backends.spec import Body, Spec
+from backends.spec import Body, Joint, Spec
 from backends.state import Array
 
 HINGE, SLIDE, FIXED = 0, 1, 2
@@ -65,11 +65,11 @@ def chain(spec: Spec) -> Chain:
     """The bodies of a spec's hand; a body fixed to the world only shifts those it carries."""
     offset: dict[str | None, tuple[float, ...]] = {None: (0.0, 0.0, 0.0)}
     bodies: list[Body] = []
-    for body in (one.loaded for one in spec.hand.bodies):
+    for body in spec.hand.bodies:
         if _fixed(body) and body.parent in offset:
             offset[body.name] = _plus(offset[body.parent], body.origin_m)
         else:
-            bodies.append(body)
+            bodies += [body, _load(body)] if body.payload else [body]
     names, joints = [b.name for b in bodies], spec.hand.joint_names
     rows = tuple(
         (
@@ -88,6 +88,20 @@ def chain(spec: Spec) -> Chain:
         for b in bodies
     )
     return _chain(rows, spec.gravity_m_s2)
+
+
+def _load(body: Body) -> Body:
+    """What a body holds at its end, which nobody carries."""
+    name, nowhere = f"{body.name} load", (0.0, 0.0, 0.0)
+    return Body(
+        name=name,
+        parent=body.name,
+        origin_m=body.end_m,
+        joint=Joint(name=name, axis=body.joint.axis, range_rad=(0.0, 0.0), drive=None),
+        mass_kg=body.payload * body.mass_kg,
+        com_m=nowhere,
+        inertia_kgm2=nowhere,
+    )
 
 
 def _fixed(body: Body) -> bool:

@@ -42,6 +42,8 @@ class Case:
     lets it slide. 'twist': two fingers of a weak grasp move against each other."""
     signal: str = "joint_rad"
     """The signal that has to change."""
+    beside: str = "none"
+    """What the hand has in all worlds."""
 
 
 CASES = {
@@ -58,6 +60,7 @@ CASES = {
     "gear-damping": Case("50%"),
     "rotor-inertia": Case("1000gcm2"),
     "link-mass": Case("50%"),
+    "gravity-compensation": Case("50%", beside="gravity-tilt=30deg"),
     "gravity-tilt": Case("5deg", "free", "stick_pos_m"),
     "kp-scale": Case("10%"),
     "kd-scale": Case("10%"),
@@ -93,9 +96,8 @@ every_effect = pytest.mark.parametrize("name", registry.names("effect"))
 Run = dict[str, Array]
 
 
-def world(text: str) -> Spec:
-    """The ideal hand with effects."""
-    spec = IDEAL
+def world(text: str, spec: Spec = IDEAL) -> Spec:
+    """The ideal hand, or another world, with effects."""
     for effect in parse_effects(text, spec.hand):
         spec = effect.on_spec(spec)
     return spec
@@ -190,9 +192,9 @@ def run(engine: type[Engine], specs: list[Spec], excitation: str, seed: int = 7)
 
 
 @cache
-def nominal(engine: type[Engine], excitation: str) -> Run:
-    """A run of the ideal world alone."""
-    return run(engine, [IDEAL], excitation)
+def nominal(engine: type[Engine], excitation: str, beside: str) -> Run:
+    """A run of the world alone that an effect is put into."""
+    return run(engine, [world(beside)], excitation)
 
 
 def change(signal: Array, world: int) -> float:
@@ -227,8 +229,9 @@ def test_more_is_more_and_nothing_else_changes(engine: type[Engine], name: str) 
     An effect on J3 spares the joints of the other fingers, which move freely here.
     """
     case = case_of(name)
-    runs = run(engine, [world(written(name, k)) for k in (0, 1, 2)], case.excitation)
-    for signal, alone in nominal(engine, case.excitation).items():
+    worlds = [world(written(name, k), world(case.beside)) for k in (0, 1, 2)]
+    runs = run(engine, worlds, case.excitation)
+    for signal, alone in nominal(engine, case.excitation, case.beside).items():
         assert np.array_equal(runs[signal][:, :1], alone), signal
     assert 0.0 < change(runs[case.signal], 1) < change(runs[case.signal], 2)
     assert [s for s in spared(name) if not equal(runs[s])] == []

@@ -36,6 +36,8 @@ class Real:
     noise_rad: float = 1e-4
     armature_kgm2: float | None = None
     """Of every motor, which the file then does not say."""
+    carried: float = 0.0
+    """Share of all weight that its drives carry beside their laws."""
     stop_rad: float | None = None
     """Where the last joint meets a stop, which the file does not have."""
     option: str = f'timestep="{TICK_S / 2}" integrator="implicitfast"'
@@ -132,7 +134,7 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
     )
     drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
     xml = mjcf(real.joints, real.coulomb_nm, drives, real.option, armature, real.stop_rad)
-    model = mujoco.MjModel.from_xml_string(xml)
+    model = mujoco.MjModel.from_xml_string(xml.replace("<body", f'<body gravcomp="{real.carried}"'))
     data, shown = mujoco.MjData(model), []
     steps = round(1 / HZ / model.opt.timestep)
     late = round(real.delay_s / model.opt.timestep)

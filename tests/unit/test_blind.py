@@ -548,12 +548,12 @@ def test_a_plant_knows_no_branches():
 
 
 @cache
-def shown(name: str, protocol: str, *effects: tuple[str, float]) -> np.ndarray:
-    """What a finger of a plant shows with effects, its first joint's where they act on joints."""
-    spec = rigs.nominal("finger")
-    real = Plant(spec, sides.mechanics(name)())
+def shown(name: str, protocol: str, *effects: tuple[str, float], rig: str = "finger") -> np.ndarray:
+    """What a rig of a plant shows with effects, its first joint's where they act on joints."""
+    spec = rigs.nominal(rig)
+    real, joint = Plant(spec, sides.mechanics(name)()), spec.hand.joint_names[0]
     for effect, magnitude in effects:
-        real.add(effect, magnitude, None if effect == "gravity-tilt" else "J0")
+        real.add(effect, magnitude, None if effect == "gravity-tilt" else joint)
     one, first = motion.motion(protocol, spec, np.random.default_rng(5)), slice(SHORT)
     played = one.target_rad[first], one.push_nm[first]
     return real.run(*played, 1 / motion.RATE_HZ, np.random.default_rng(0))["position"]
@@ -564,9 +564,13 @@ def shown(name: str, protocol: str, *effects: tuple[str, float]) -> np.ndarray:
 def test_plant_effects_act(effect, name):
     """Change what a plant shows in steps or under a push by every effect, to one of its sides."""
     kind = catalogue()[effect]
-    natural = kind.natural(rigs.nominal("finger").drives[0])
+    rig = "joint" if kind.by_weight else "finger"
+    natural = kind.natural(rigs.nominal(rig).drives[0])
     assert any(
-        np.abs(shown(name, protocol, (effect, levels[-1] * natural)) - shown(name, protocol)).max()
+        np.abs(
+            shown(name, protocol, (effect, levels[-1] * natural), rig=rig)
+            - shown(name, protocol, rig=rig)
+        ).max()
         > rigs.NOISE_RAD
         for protocol in ("steps", "push")
         for levels in (kind.levels, kind.opposite or kind.levels)
@@ -582,7 +586,7 @@ def test_no_plant_is_changed_by_zero(name):
 
 def test_plants_know_what_engines_know():
     """Have a number of the plants for every effect that they implement, all of the catalogue."""
-    assert set(IMPLEMENTED) <= set(faults.in_free_air())
+    assert set(IMPLEMENTED) <= {*faults.in_free_air(), *faults.of_arms()}
     assert {number for number, _ in CHANGES.values()} <= set(NUMBERS)
 
 

@@ -84,7 +84,7 @@ def test_drives_that_carry_weight_carry_no_payload():
         for spec in (part, carrying)
     )
     assert np.abs(plain.model[1] - carried.model[1]).max() > 1.0
-    for one, other in zip(plain.by_mass, carried.by_mass, strict=True):
+    for one, other in zip(plain.by_load, carried.by_load, strict=True):
         assert np.allclose(one, other, atol=1e-9)
 
 

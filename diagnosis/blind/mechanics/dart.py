@@ -89,11 +89,13 @@ class _World:
         awake.mEnabled = False  # DART puts what rests for half a second to sleep, friction or not
         self._world.setDeactivationOptions(awake)
         self._chain = dart.dynamics.Skeleton("limb")
-        self._links = []
+        self._links, self._lifts = [], []
         node = None
         for body in limb.bodies:
             joint, node = _link(self._chain, node, body)
             self._links.append(joint)
+            lift = -body.carried * body.mass_kg * np.array(limb.gravity_m_s2)
+            self._lifts.append((node, lift, body.com_m))
         for joint, limit in zip(self._links, self._nominal_nm, strict=True):
             joint.setCoulombFriction(0, baseline.bearing_share * limit)
         self._world.addSkeleton(self._chain)
@@ -129,6 +131,8 @@ class _World:
             if tick + 1 < len(wanted_rad):
                 for j, servo in enumerate(servos):
                     servo.drive(wanted[tick][j], push[sample][j])
+                for node, lift, center in self._lifts:
+                    node.addExtForce(lift, center, False, True)
                 self._world.step()
         return angle, motor, torque
 

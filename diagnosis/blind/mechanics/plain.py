@@ -171,7 +171,7 @@ def _link(body: Body, n: dict[str, float]) -> str:
     assert drive is not None
     (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
     axis = " ".join(map(str, joint.axis))
-    place = f'<body pos="{" ".join(map(str, body.origin_m))}">'
+    place, carried = f'pos="{" ".join(map(str, body.origin_m))}"', f'gravcomp="{body.carried}"'
     mass = (
         f'<inertial mass="{body.mass_kg}" pos="{" ".join(map(str, body.com_m))}" '
         f'fullinertia="{x} {y} {z} {xy} {xz} {yz}"/>'
@@ -179,7 +179,7 @@ def _link(body: Body, n: dict[str, float]) -> str:
     motor = f'<joint name="{joint.name}" axis="{axis}" armature="{n["rotor"]}" '
     motor += f'damping="{n["viscous"]}" frictionloss="{n["coulomb"]}" {_FRICTION}/>'
     if not _two(body, n):
-        return f"{place}{mass}{motor}"
+        return f"<body {place} {carried}>{mass}{motor}"
     if n["play"] > 0:
         held = f'range="{-n["play"]} {n["play"]}" limited="true" '
         held += 'solreflimit="0.003 1" solimplimit="0.98 0.999 0.0001"'
@@ -188,4 +188,4 @@ def _link(body: Body, n: dict[str, float]) -> str:
     second = f'<joint name="{joint.name}.link" axis="{axis}" armature="{2e-3 * n["rotor"]}" '
     second += f'damping="{0.02 * n["kd"]}" {held}/>'
     empty = '<inertial mass="1e-4" pos="0 0 0" diaginertia="1e-7 1e-7 1e-7"/>'
-    return f"{place}{empty}{motor}<body>{mass}{second}"
+    return f"<body {place}>{empty}{motor}<body {carried}>{mass}{second}"
