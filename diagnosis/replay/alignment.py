@@ -9,11 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from backends.catalogue import catalogue
+from backends.state import Array
 from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError
 from diagnosis.models.parameters import parameters
 from diagnosis.models.world import World
+from diagnosis.motion.columns import DELAY
 from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
@@ -23,6 +25,8 @@ from diagnosis.search.fit import Fitter
 
 NEARER = 0.4
 """Commands are a row late where they leave, a row earlier, so much of the squared gap at most."""
+MOST_ROWS = 0.2
+"""Commands that are a row late are not found to be delayed by more of a row, of all joints."""
 FREE = 1.0
 """Standard deviation of the nominal numbers, relative, that are fitted to either: a fault moves no
 command."""
@@ -38,17 +42,18 @@ def with_commands_first(log: Log) -> Log:
 
     As it is where its nominal world cannot be built, or shows nothing.
     """
-    as_is = earlier = 0.0
+    as_is, earlier, delays = 0.0, 0.0, np.zeros(0)
     try:
         for part in limbs(mjcf_world(log)):
             some = excerpt(recordings(log, part), ENOUGH_S)
             limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
             sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
-            as_is += _left(limb)
-            earlier += _left(limb.commanded(sent)) if as_is > 0.0 else 0.0
+            left, delay_rows = _left(limb)
+            as_is, delays = as_is + left, np.append(delays, delay_rows)
+            earlier += _left(limb.commanded(sent))[0] if as_is > 0.0 else 0.0
     except LogError:
         return log
-    if not earlier < NEARER * as_is:
+    if not earlier < NEARER * as_is or delays.mean() > MOST_ROWS:
         return log
     samples = log.samples.copy()
     columns = [name for name in samples.columns if str(name).startswith(SENT)]
@@ -57,7 +62,12 @@ def with_commands_first(log: Log) -> Log:
     return replace(log, samples=samples, warnings=(*log.warnings, SAID))
 
 
-def _left(limb: Limb) -> float:
-    """Squared gap beyond one floor that is left with the nominal numbers fitted."""
+def _left(limb: Limb) -> tuple[float, Array]:
+    """What the nominal numbers, fitted, leave, and the delays of commands among them (K,).
+
+    The squared gap beyond one floor; delays in rows.
+    """
     said = evidence(limb)
-    return Fitter(World(said, parameters(catalogue(), said, FREE, 1.0))).fit().excess
+    fitter = Fitter(World(said, parameters(catalogue(), said, FREE, 1.0)))
+    fit = fitter.fit()
+    return fit.excess, fitter.world.numbers(fit.u)[0][:, DELAY] / limb.period_s
