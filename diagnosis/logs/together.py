@@ -19,7 +19,7 @@ from diagnosis.logs.stamps import Timed, timed
 
 ENDS = (".csv", ".parquet", ".tsv", ".txt", ".dat")
 """Ends of the names of tables in a folder: those with the first of these that there are."""
-MOST_FILES, NAMED = 500, 4
+MOST_FILES, NAMED, MOST_NAMED = 500, 4, 12
 SAME_S = 1e-7
 """Times as near as this are one."""
 LABELS = {"joint", "name", "motor", "servo", "axis", "actuator", "id", "dof", "signal", "channel"}
@@ -50,8 +50,8 @@ def read_tables(paths: Sequence[Path], joints: Sequence[str]) -> Table:
     if len(said) > NAMED:
         said = [*said[:NAMED], f"and {len(said) - NAMED} more files"]
     parts = dict(zip(_stems(files), (frame for _, frame, _ in read), strict=True))
-    if not all(len(frame) for frame in parts.values()):
-        raise LogError(f"{next(k for k, f in parts.items() if not len(f))} has no rows")
+    if bare := [file for file, frame, _ in read if not len(frame)]:
+        raise LogError(f"{bare[0]} has no rows; it should hold a header and a row per sample")
     wide = {name: _wide(frame, joints) for name, frame in parts.items()}
     long = [one for one in wide.values() if one.said]
     said += list(dict.fromkeys(text for one in long for text in one.said))
@@ -137,7 +137,10 @@ def _wide(frame: pd.DataFrame, joints: Sequence[str]) -> Table:
 
 
 def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
-    """Columns that say of which joint a row is, and of which of its kinds or in which unit."""
+    """Columns that say of which joint a row is, and of which of its kinds or in which unit.
+
+    Raises LogError where they name other joints than the model's.
+    """
     columns = list(frame.columns)
     if any(joint_named(name, joints) for name in columns):
         return
@@ -149,11 +152,23 @@ def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
     found = [n for n in by_name if any(joint_named(text, joints) for text in texts[n])]
     found += [n for n in numbers - {*found} if len(texts[n]) == len(joints) and not found]
     if not found:
+        if not roles(columns, joints):
+            _refuse_strange({n: texts[n] for n in by_name if _is_label(n)}, joints)
         return
     yield from found[:1]
     for name in by_name - {*found, *numbers, PROTOCOL}:
         if all(set(words(text)) <= SAYING for text in texts[name]):
             yield name
+
+
+def _refuse_strange(labels: Mapping[str, Sequence[str]], joints: Sequence[str]) -> None:
+    """Raise LogError for labels that are no joints of the model, and no kinds."""
+    for name, texts in labels.items():
+        if not all(set(words(text)) <= SAYING for text in texts):
+            raise LogError(
+                f"the column '{name}' names {', '.join(sorted(texts)[:MOST_NAMED])}, and the model "
+                f"has {', '.join(joints)}; give both the same names"
+            )
 
 
 def _is_label(name: str) -> bool:

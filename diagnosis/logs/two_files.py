@@ -236,7 +236,8 @@ def _guess(
     for (joint, kind), role in columns.items():
         if kind not in ("command", "position") or ranges[joint][2] != slides or role.unit:
             continue
-        reach = float(np.nanmax(np.abs(pd.to_numeric(frame[role.column], errors="coerce"))))
+        read = np.abs(pd.to_numeric(frame[role.column], errors="coerce").to_numpy(float))
+        reach = float(read[np.isfinite(read)].max(initial=0.0))
         room = BEYOND * max(map(abs, ranges[joint][:2]))
         over += reach > room
         fits &= reach / size <= room

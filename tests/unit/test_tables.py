@@ -90,6 +90,20 @@ def test_episodes_of_a_long_table_stay_apart(folder):
         assert len(log.episodes) == 2 and same(log, 0) and same(log, 1)
 
 
+def test_a_column_of_names_beside_numbered_joints(folder):
+    """Take numbered columns as they are beside a column that names the robot."""
+    table("q_des_#", "q_#", name="robot 7").to_csv(folder / "run.csv", index=False)
+    assert same(read(folder, "run.csv"))
+
+
+def test_labels_that_are_no_joints_are_named(folder):
+    """Say which names a long table has, where the model has others."""
+    strange = long().replace({"joint": dict(zip(NAMES, ("wheel", "tail"), strict=True))})
+    strange.to_csv(folder / "run.csv", index=False)
+    with pytest.raises(LogError, match="'joint' names tail, wheel, and the model has shoulder_pan"):
+        read(folder, "run.csv")
+
+
 def test_joints_that_are_read_after_each_other(folder):
     """Take readings of other instants between those beside them, and say so."""
     late = long()
@@ -147,6 +161,7 @@ def test_a_few_empty_cells_are_left_out(folder):
     frame = table("{}_cmd", "{}_pos").astype(object)
     frame.loc[40:42, "shoulder_pan_pos"] = ["", "nan", "timeout"]
     frame.loc[100, "elbow_flex_cmd"] = frame.loc[50, "t"] = None
+    frame.loc[41, "shoulder_pan_pos"] = np.inf
     frame.to_csv(folder / "run.csv", index=False)
     log = read(folder, "run.csv")
     kept = np.setdiff1d(np.arange(len(T)), [40, 41, 42, 50])
