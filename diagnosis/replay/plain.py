@@ -52,18 +52,10 @@ def model_text(
         if joints is None or name in joints
     }
     try:
-        gravity = _gravity(spec, nominal, settings.gravity_compensation)
-        return written(xml, some, gravity, settings.hold)
+        turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
+        return written(xml, some, spec.gravity_m_s2 if turned else None, settings.hold)
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
-
-
-def _gravity(spec: Spec, nominal: Spec | None, carried: float) -> tuple[float, float, float] | None:
-    """Gravity as a file has it, of which the drives carry a share; None where it is the file's."""
-    if nominal is None or spec.gravity_m_s2 == nominal.gravity_m_s2:
-        return None
-    x, y, z = (g / (1.0 - carried) for g in spec.gravity_m_s2)
-    return x, y, z
 
 
 def _note(drive: DriveSettings) -> str:
