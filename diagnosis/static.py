@@ -216,11 +216,9 @@ def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
 
 def _sides(target: np.ndarray) -> np.ndarray:
     """The side that a target was moved to (T,); 0: unknown."""
-    side = np.zeros(len(target))
-    for k in range(1, len(target)):
-        move = target[k] - target[k - 1]
-        side[k] = np.sign(move) if abs(move) > 1e-9 else side[k - 1]
-    return side
+    moves = np.diff(target, prepend=target[:1])
+    sides = pd.Series(np.where(np.abs(moves) > 1e-9, np.sign(moves), np.nan))
+    return sides.ffill().fillna(0.0).to_numpy()
 
 
 def _fit(

@@ -10,8 +10,6 @@ from plotly.subplots import make_subplots
 from backends.state import Array
 from diagnosis.signals import Signals
 
-EXCERPT_S = 3.0
-"""Length of the excerpt that is shown first, around the largest residual [s]."""
 MEASURED = "#1c1c1c"
 COLORS = ("#d9822b", "#7a9e3f", "#2b6cb0")
 """Of the nominal world, of refitted nominal numbers, and with causes."""
@@ -43,18 +41,10 @@ def overlay(one: Signals) -> str:
     floor = scale * one.floor
     band = {"fillcolor": "#999", "opacity": 0.25, "line_width": 0, "row": 2, "col": 1}
     figure.add_hrect(y0=-2 * floor, y1=2 * floor, **band)
-    begin_s = max(min(one.worst_s - EXCERPT_S / 2, time_s[-1] - EXCERPT_S), time_s[0])
-    inside = (time_s >= begin_s) & (time_s <= begin_s + EXCERPT_S)
-    floors = [np.full(len(time_s), sign * 2.5 * floor) for sign in (-1, 1)]
-    left = [measured - line for line in lines.values()]
     figure.update_layout(**_LAYOUT, height=440, hovermode="x unified")
-    figure.update_xaxes(range=[begin_s, begin_s + EXCERPT_S])
     figure.update_xaxes(title="time [s]", row=2, col=1)
-    title = f"{one.channel} [{unit}]"
-    shown = _around([measured, *lines.values()], inside)
-    figure.update_yaxes(range=shown, title=title, row=1, col=1)
-    shown = _around([*left, *floors], inside)
-    figure.update_yaxes(range=shown, title=f"residual [{unit}]", row=2, col=1)
+    figure.update_yaxes(title=f"{one.channel} [{unit}]", row=1, col=1)
+    figure.update_yaxes(title=f"residual [{unit}]", row=2, col=1)
     return figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG)
 
 
@@ -63,11 +53,3 @@ def _line(figure: go.Figure, row: int, points: tuple[Array, Array], name: str, c
     style = {"color": color, "width": 2.4 if name == "measured" else 1.4}
     shown = {"name": name, "line": style, "showlegend": row == 1, "legendgroup": name}
     figure.add_scatter(x=time_s, y=values, row=row, col=1, **shown)
-
-
-def _around(lines: list[Array], inside: Array) -> list[float]:
-    """An axis range that contains the lines within an excerpt."""
-    values = np.concatenate([line[inside] for line in lines])
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    margin = 0.06 * max(high - low, 1e-6)
-    return [low - margin, high + margin]

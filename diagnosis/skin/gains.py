@@ -4,8 +4,6 @@ Geometry is off as well, but for all taxels of a finger at once. So gains are no
 beside what a sample's taxels have in common.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.special import ndtr
 
@@ -23,45 +21,12 @@ STRAY = 0.02
 """Share of the taxels whose gain geometry gets wrong by any amount."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gains:
-    """How much more than 1 the gain of every taxel is, by least squares."""
+def gains(data: Pressed, faults: Faults) -> tuple[Array, Array] | None:
+    """How much more than 1 the gain of every taxel is, and its standard deviation, both (F, K).
 
-    more: Array
-    """Shape (F, K), 0 where a taxel was never pressed."""
-    sd: Array
-    """Its standard deviation, infinite where a taxel was never pressed, shape (F, K)."""
-
-    @classmethod
-    def of(cls, off: Array, depth: Array, blur_m: float) -> "Gains":
-        """Of readings that are off at depths (S, F, K) [m], both 0 where a taxel is not pressed."""
-        weight = (depth**2).sum(axis=0)
-        known = weight > 0.0
-        divisor = np.where(known, weight, 1.0)
-        more = np.where(known, (off * depth).sum(axis=0) / divisor, 0.0)
-        left = (off - more * depth)[depth > 0.0]
-        scatter_m = max(blur_m, float(np.sqrt(np.mean(left**2))))
-        return cls(more=more, sd=np.where(known, scatter_m * np.sqrt(ALIKE / divisor), np.inf))
-
-    @property
-    def known(self) -> int:
-        """How many taxels were pressed."""
-        return int(np.isfinite(self.sd).sum())
-
-    def evidence(self, spreads: Array) -> Array:
-        """Log-evidence of spreads (D,) over that of none [nats]: gains are spread evenly."""
-        known = np.isfinite(self.sd)
-        more, sd = self.more[known], self.sd[known]
-        most = spreads[:, None]
-        inside = ndtr((most - more) / sd) - ndtr((-most - more) / sd)
-        some = (1.0 - STRAY) * inside / (2.0 * most) + STRAY / 2.0
-        none = np.exp(-0.5 * (more / sd) ** 2) / (np.sqrt(2.0 * np.pi) * sd)
-        none = (1.0 - STRAY) * none + STRAY / 2.0
-        return np.asarray((np.log(some) - np.log(none)).sum(axis=1))
-
-
-def gains(data: Pressed, faults: Faults) -> Gains | None:
-    """The gains beside a skin's other faults, of depths alone; None where they are none."""
+    Beside a skin's other faults, of depths alone; None where gains are none. A taxel that was never
+    pressed has 0 and an infinite deviation.
+    """
     depth = data.eased_m(faults.hysteresis)
     pressed = (depth > PRESSED * faults.blur_m) & (data.reading > 0.0)
     pressed &= (pressed.sum(axis=2) >= LEAST)[..., None]
@@ -69,8 +34,30 @@ def gains(data: Pressed, faults: Faults) -> Gains | None:
         return None
     off = data.reading - data.time_s[:, None, None] * faults.slope_m_s - depth
     together = np.ma.median(np.ma.array(off, mask=~pressed), axis=2).filled(0.0)[..., None]
-    off, depth = np.where(pressed, off, 0.0), np.where(pressed, depth, 0.0)
-    beside = Gains.of(np.where(pressed, off - together, 0.0), depth, faults.blur_m)
-    if beside.evidence(SPREADS).max() < ACCUSE_NATS:
+    depth = np.where(pressed, depth, 0.0)
+    beside = _fitted(np.where(pressed, off - together, 0.0), depth, faults.blur_m)
+    if evidence(*beside).max() < ACCUSE_NATS:
         return None
-    return Gains.of(off, depth, faults.blur_m)
+    return _fitted(np.where(pressed, off, 0.0), depth, faults.blur_m)
+
+
+def _fitted(off: Array, depth: Array, blur_m: float) -> tuple[Array, Array]:
+    """Least squares of readings that are off at depths (S, F, K) [m], both 0 if not pressed."""
+    weight = (depth**2).sum(axis=0)
+    known = weight > 0.0
+    divisor = np.where(known, weight, 1.0)
+    more = np.where(known, (off * depth).sum(axis=0) / divisor, 0.0)
+    left = (off - more * depth)[depth > 0.0]
+    scatter_m = max(blur_m, float(np.sqrt(np.mean(left**2))))
+    return more, np.where(known, scatter_m * np.sqrt(ALIKE / divisor), np.inf)
+
+
+def evidence(more: Array, sd: Array) -> Array:
+    """Log-evidence of `SPREADS` (D,) over that of none [nats]: gains are spread evenly."""
+    known, most = np.isfinite(sd), SPREADS[:, None]
+    more, sd = more[known], sd[known]
+    inside = ndtr((most - more) / sd) - ndtr((-most - more) / sd)
+    some = (1.0 - STRAY) * inside / (2.0 * most) + STRAY / 2.0
+    none = np.exp(-0.5 * (more / sd) ** 2) / (np.sqrt(2.0 * np.pi) * sd)
+    none = (1.0 - STRAY) * none + STRAY / 2.0
+    return np.asarray((np.log(some) - np.log(none)).sum(axis=1))

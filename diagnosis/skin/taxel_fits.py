@@ -8,7 +8,7 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
-from diagnosis.skin.gains import SPREADS, gains
+from diagnosis.skin.gains import SPREADS, evidence, gains
 from diagnosis.skin.hysteresis import hysteresis
 from diagnosis.verdict.result import CLOSE_NATS
 
@@ -154,15 +154,17 @@ class Fitting:
         found = None if self._data.binary else gains(self._data, faults)
         if found is None:
             return None
-        more = found.more
+        more, sd = found
 
         def skin(best: int) -> Faults:
             most = float(SPREADS[best])
             return replace(faults, gain=1.0 + np.clip(more, -most, most), gain_spread=most)
 
-        guess = _best(GAIN, SPREADS, found.evidence(SPREADS), skin)
+        guess = _best(GAIN, SPREADS, evidence(more, sd), skin)
         most = f"{100 * guess.value:.0f} %"
-        return replace(guess, evidence=f"{found.known} taxels read up to {most} more or less")
+        return replace(
+            guess, evidence=f"{np.isfinite(sd).sum()} taxels read up to {most} more or less"
+        )
 
     def _hysteresis(self, faults: Faults) -> Guess | None:
         found = hysteresis(self._data, faults)
