@@ -90,16 +90,15 @@ def _decoded(
     limb = world.evidence.limb
     command = np.concatenate([r.command for r in limb.recordings])
     mask = np.isin(np.arange(command.shape[1]), lossy)
-    lost, left, worth = first, flat, np.zeros(len(command))
+    lost, left = first, flat
     for _ in range(ROUNDS):
         weight, memory = _scale(left, logged)
         price = float(np.log(1.0 / share - 1.0))
         given = found.block, found.template, found.unit, flat, weight, memory
         lost, worth, left = decode(command, found.begins, mask, first, price, *given)
         clear = np.abs(worth) >= CLEAR_NATS
-        share = float(np.clip((lost[clear].sum() + 0.5) / (clear.sum() + 1.0), *SHARES))
-    clear = np.abs(worth) >= CLEAR_NATS
-    count, clear_count = int(lost[clear].sum()), int(clear.sum())
+        count, clear_count = int(lost[clear].sum()), int(clear.sum())
+        share = float(np.clip((count + 0.5) / (clear_count + 1.0), *SHARES))
     share = count / max(clear_count, 1)
     nats = _cost(flat, weight, memory) - _cost(left, weight, memory)
     nats -= price * (int(lost.sum()) - int(first.sum()))
@@ -108,14 +107,13 @@ def _decoded(
     if nats < LEAST_NATS and not first.any():
         return None
     wide = NINETY * np.sqrt(share * (1 - share) / clear_count)
-    parts = np.split(lost, found.begins[1:-1])
     return Losses(
         joints=tuple(lossy),
         share=share,
         low=max(share - wide, 0.0),
         high=min(share + wide, 1.0),
         nats=float(nats),
-        lost=tuple(parts),
+        lost=tuple(np.split(lost, found.begins[1:-1])),
     )
 
 

@@ -1,7 +1,6 @@
 """The samples of a skin: how deep geometry says that every taxel is pressed, and what it read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -29,29 +28,21 @@ ASKEW = 1.12
 """Taxels beside the nearest point are inclined, and get half of the noise along them as well."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Samples:
-    """What the episodes of a log say of a skin."""
+def samples(
+    nominal: Spec, parts: Sequence[Held], binary: bool
+) -> tuple[Pressed, Faults, tuple[str, ...]]:
+    """Thinned samples of some episodes, `binary` where taxels answer yes or no; the nominal skin.
 
-    pressed: Pressed
-    start: Faults
-    """The nominal skin."""
-    misplaced: tuple[str, ...]
-    """Fingers that the geometry puts elsewhere than they are."""
-
-
-def samples(nominal: Spec, parts: Sequence[Held], binary: bool) -> Samples:
-    """Thinned samples of some episodes, `binary` where taxels answer yes or no."""
+    And the fingers that the geometry puts elsewhere than they are.
+    """
     noise, steps = np.max([blur_m(nominal, part) for part in parts], axis=0)
     if noise > BLUR_M:
         parts, noise = [smoothed(part) for part in parts], noise * CALMER * ASKEW
     blur = max(BLUR_M, float(np.hypot(noise, steps)))
     pressed = [_pressed(nominal, part, binary, blur) for part in parts]
-    return Samples(
-        pressed=joined([data for data, _ in pressed]),
-        start=Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur),
-        misplaced=tuple(sorted({finger for _, fingers in pressed for finger in fingers})),
-    )
+    misplaced = sorted({finger for _, fingers in pressed for finger in fingers})
+    skin = Faults(threshold_m=nominal.hand.taxels.threshold_m, blur_m=blur)
+    return joined([data for data, _ in pressed]), skin, tuple(misplaced)
 
 
 def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pressed, list[str]]:

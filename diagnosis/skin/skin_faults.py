@@ -67,13 +67,13 @@ def _identified(
         other = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
         return Report(missing=missing(names.values(), other))
     binary = log.meta.channels["touch"].unit == "1"
-    seen = samples(nominal, parts, binary)
-    if seen.misplaced:
-        misplaced = MISPLACED.format(", ".join(seen.misplaced))
-        return Report(missing=missing(names.values(), misplaced))
-    fitting, starts = Fitting(seen.pressed, grid), [seen.start]
+    data, skin, misplaced = samples(nominal, parts, binary)
+    if misplaced:
+        why = MISPLACED.format(", ".join(misplaced))
+        return Report(missing=missing(names.values(), why))
+    fitting, starts = Fitting(data, grid), [skin]
     if mended and binary:
-        starts.insert(0, _offset(fitting, seen.start))
+        starts.insert(0, _offset(fitting, skin))
     unseen, channels = (DEPTHS, "stick and touch") if binary else (ANSWERS, "stick and contact")
     found = search(fitting, starts, [fault for fault in names if fault not in unseen])
     deaf = [names[fault] for fault in unseen if fault in names]

@@ -197,8 +197,8 @@ def test_a_lone_fault_explains_what_seems_an_offset():
     """Fit a drift to the nominal skin too, where a threshold within the error was put first."""
     parts = held(log("taxel-drift=0.05mm/s", "contact"), NOMINAL)
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    seen = samples(NOMINAL, parts, binary=True)
-    fitting, start = Fitting(seen.pressed, grid), seen.start
+    data, start, _ = samples(NOMINAL, parts, binary=True)
+    fitting = Fitting(data, grid)
     offset = replace(start, threshold_m=-0.03 * MM)
     assert search(fitting, [offset, start], [DRIFT]).chosen.skin.threshold_m == start.threshold_m
 
@@ -207,8 +207,8 @@ def test_a_further_fault_needs_a_gap_of_its_own():
     """Name dead taxels alone where a drift that is none fits nothing."""
     parts = held(log("taxel-dropout=20%", "contact"), NOMINAL)
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
-    seen = samples(NOMINAL, parts, binary=True)
-    found = search(Fitting(seen.pressed, grid), [seen.start], [DEAD, DRIFT])
+    data, skin, _ = samples(NOMINAL, parts, binary=True)
+    found = search(Fitting(data, grid), [skin], [DEAD, DRIFT])
     assert found.chosen.names == (DEAD,) and found.tied == () and not found.is_unknown
 
 
