@@ -64,24 +64,19 @@ def stick_report(
         still = missing([name for k, name in names.items() if k in (RADIUS, SOFTNESS)], NEEDS)
         return report + Report(missing=(*still, *slips))
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
-    slipped = _pulled_out(nominal, parts, pulls, simulate) if pulls else None
-    if slipped is None:
-        found = shape(nominal, parts, simulate)
-        return report + found.report(nominal, catalogue) + Report(missing=slips)
-    found, pulled = slipped
-    return report + found.report(nominal, catalogue) + pulled.report(catalogue)
+    found, pulled = _pulled_out(nominal, parts, pulls, simulate)
+    slipped = pulled.report(catalogue) if pulled else Report(missing=slips)
+    return report + found.report(nominal, catalogue) + slipped
 
 
 def _pulled_out(
     nominal: Spec, parts: Sequence[Held], pulls: Sequence[Held], simulate: Simulate
-) -> tuple[Shape, pull_test.PullFit] | None:
+) -> tuple[Shape, pull_test.PullFit | None]:
     """The shape, and what pulls tell of a stick of that shape; None where no stick slips."""
     found = shape(nominal, parts, simulate)
     pulled = _pull(nominal, found, pulls, simulate)
-    if pulled is None:
-        return None
-    world = pull_test.corrected(nominal, pulled)
-    if world != nominal:  # another friction or mass is squeezed otherwise
+    world = pull_test.corrected(nominal, pulled) if pulled else nominal
+    if pulled and world != nominal:  # another friction or mass is squeezed otherwise
         found = shape(world, parts, simulate)
         again = _pull(world, found, pulls, simulate)
         pulled = again.beside(pulled) if again else pulled
