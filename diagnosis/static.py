@@ -33,6 +33,8 @@ SURE, LEAST_RAD = 0.999, 1e-3
 much at the most [rad; m]; 90 % intervals are said."""
 FLOOR_RAD = 1e-4
 """No reading at rest is surer than this [rad; m]."""
+FAR = 3.0
+"""Targets so many times beyond a joint's range are in another unit."""
 ALIKE = 1.5
 """Another term says the same where it leaves no more than so many times the rest."""
 
@@ -96,6 +98,8 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
         known = weights.get(joint, None if push is None else np.zeros(len(rows)))
         torque = known if push is None else known - np.nan_to_num(push)
         keep = np.isfinite(target) & np.isfinite(reading)
+        if xml is not None:
+            _refuse_far(joint, target[keep], ranges[joint])
         found.append(
             Rests(
                 joint=joint,
@@ -116,6 +120,19 @@ def _ranges(frame: pd.DataFrame, asked: Asked) -> dict[str, tuple[float, float, 
     if asked.unit is None and not {"rad", "deg", "turns"} & {w for n in frame for w in words(n)}:
         raise LogError("the columns name no unit; say it with --unit, or give --robot")
     return dict.fromkeys(names, (-np.inf, np.inf, False))
+
+
+def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) -> None:
+    """Raise LogError for targets so far beyond a joint's range that they are in another unit."""
+    low, high, slides = ends
+    room = max(abs(low), abs(high)) if np.isfinite([low, high]).all() else np.pi
+    reach = float(target.abs().max()) if len(target) else 0.0
+    si, other = ("m", "mm") if slides else ("rad", "deg")
+    if reach > FAR * room:
+        raise LogError(
+            f"targets of {joint} reach {reach:.3g} {si}, the joint only {room:.3g} {si}: in which "
+            f"unit are they? Say it with --unit, such as --unit {other}"
+        )
 
 
 def _of_model(

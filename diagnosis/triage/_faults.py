@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from backends.state import Array
-from diagnosis.triage._signals import CLEAR, Regression, line
+from diagnosis.triage._signals import CLEAR, OPTIONS, Regression, line
 from diagnosis.triage._tracks import Track
 
 SCALES = (0.4, 2.5)
@@ -27,6 +27,12 @@ class Fault:
 
     def __str__(self) -> str:
         return f"{self.kind} of {', '.join(self.joints)}: {self.evidence}; {self.remedy}"
+
+
+def in_si(unit: str, si: str) -> str:
+    """What to do with commands and positions that are in a unit."""
+    option = f", or read the table with --unit {OPTIONS[unit]}" if unit in OPTIONS else ""
+    return f"convert command and position to {si}{option}"
 
 
 def best_line(track: Track) -> tuple[Regression, str]:

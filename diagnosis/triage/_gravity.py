@@ -14,7 +14,7 @@ from diagnosis.motion.along import Along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain
-from diagnosis.triage._faults import BETTER, SCALES, Fault
+from diagnosis.triage._faults import BETTER, SCALES, Fault, in_si
 from diagnosis.triage._signals import LENGTHS, UNITS
 from diagnosis.triage._tracks import Track
 
@@ -122,15 +122,14 @@ def _unit(track: Track, sags: Array, positions: Array) -> Fault | None:
         best = min(named, key=named.__getitem__)
         named[best] = np.inf if min(free) * BETTER < named[best] else named[best]
     if named[best] < RIGHT:
-        return _fault(track, f"both are in {best}", "convert command and position")
+        return _fault(track, f"both are in {best}", in_si(best, _si(track)))
     reach = max(float(np.abs(p).max()) for p in (*track.position, *track.command))
     if reach < OUTSIDE * _room(track) or min(free) > RIGHT:
         return None
     size = float(FREE[int(np.argmin(free))])
-    said = f"both are in a unit of which about {size:.2g} make one {'m' if track.slides else 'rad'}"
-    return _fault(
-        track, said, "they may be of a calibration, or on the motor's side of a gear: convert them"
-    )
+    said = f"both are in a unit of which about {size:.2g} make one {_si(track)}"
+    where = "they may be of a calibration, or on the motor's side of a gear: convert them to"
+    return _fault(track, said, f"{where} {_si(track)}")
 
 
 def _units(track: Track) -> dict[str, float]:
@@ -140,12 +139,11 @@ def _units(track: Track) -> dict[str, float]:
 
 
 def _fault(track: Track, said: str, remedy: str) -> Fault:
-    si = "m" if track.slides else "rad"
     return Fault(
         kind="unit",
         joints=(track.name,),
         evidence=f"{said}: so says the sag of the joint under its weight, and its range",
-        remedy=f"{remedy} to {si}",
+        remedy=remedy,
     )
 
 
@@ -189,6 +187,10 @@ def _carried(track: Track, sags: Array, expected: Array) -> Fault | None:
         remedy="the drive compensates gravity: say --gravity-compensation, or `gravity_compensation"
         ": true` under mechanism; or it has an integral: write its `ki`",
     )
+
+
+def _si(track: Track) -> str:
+    return "m" if track.slides else "rad"
 
 
 def _room(track: Track) -> float:

@@ -20,6 +20,9 @@ UNITS = {
 """Units in which an angle may be given, per radian."""
 LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
 """Units in which a length may be given, per metre."""
+OPTIONS = {"degrees": "deg", "turns": "turn", "milliradians": "mrad", "millimetres": "mm"}
+OPTIONS |= {"centimetres": "cm", "micrometres": "um"}
+"""Units that a table may be said to be in, as `--unit` has them."""
 NEAR = 0.12
 """Largest relative distance of a scale from that of a unit."""
 

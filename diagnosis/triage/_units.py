@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._faults import BETTER, Fault, in_si
 from diagnosis.triage._signals import LENGTHS, UNITS
 from diagnosis.triage._tracks import Track
 
@@ -29,11 +29,12 @@ def both(track: Track) -> Fault | None:
     reach, room = _reach(track), _room(track)
     if tried and reach >= BEYOND * room:
         where = f"commands reach {reach:.3g} {_si(track)}, the joint only {room:.3g} {_si(track)}"
-        return _fault(track, f"{where}: commands and positions are in {_best(track, tried)[0]}")
+        best = _best(track, tried)[0]
+        return _fault(track, best, f"{where}: commands and positions are in {best}")
     said = _moves_as_logged(track)
     if said is None or _rivals(track, tried[said[0]]):
         return None
-    return _fault(track, "both are in {}: {}".format(*said))
+    return _fault(track, said[0], "both are in {}: {}".format(*said))
 
 
 def perhaps(track: Track) -> str | None:
@@ -115,6 +116,6 @@ def _si(track: Track) -> str:
     return "m" if track.slides else "rad"
 
 
-def _fault(track: Track, evidence: str) -> Fault:
-    remedy = f"convert command and position to {_si(track)}"
+def _fault(track: Track, unit: str, evidence: str) -> Fault:
+    remedy = in_si(unit, _si(track))
     return Fault(kind="unit", joints=(track.name,), evidence=evidence, remedy=remedy)

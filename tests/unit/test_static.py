@@ -99,3 +99,17 @@ def test_play_shows_where_a_load_is_reversed(tmp_path, capfd):
     found = answer(tmp_path, capfd, read, **{"a_load_nm": load})
     assert found["shown"]["play"]["value"] == pytest.approx(0.01, rel=0.1)
     assert "by the side that the load presses on" in found["said"]
+
+
+def test_degrees_under_a_header_of_radians_are_asked_for(tmp_path, capfd):
+    """Ask for the unit where targets are far beyond the joint's range, and take what is said."""
+    read = rows(kp=25.0)
+    frame = pd.DataFrame({"a_target_rad": np.degrees(TARGET), "a_reading_rad": np.degrees(read)})
+    frame.to_csv(tmp_path / "rests.csv", index=False)
+    (tmp_path / "arm.xml").write_text(ARM)
+    words = ["diagnose", "--robot", str(tmp_path / "arm.xml")]
+    words += ["--static", str(tmp_path / "rests.csv"), "--json"]
+    assert cli.call(words) == 2
+    assert "reach 60 rad, the joint only 1.57 rad: in which unit" in capfd.readouterr().err
+    assert cli.call([*words, "--unit", "deg"]) == 0
+    assert "its drive says 40, which is another" in capfd.readouterr().out

@@ -69,7 +69,7 @@ def test_degrees_are_known_by_weight_and_motion(joints, motion, size):
     """Name degrees, with rests and without, where the angles are far and where they are not."""
     found = faults(one := log(arm(joints), motion(size), DEGREES), mjcf_world(one))
     assert found and {fault.kind for fault in found} == {"unit"}
-    assert all("degrees" in str(fault) for fault in found)
+    assert all("degrees" in str(fault) and "--unit deg" in fault.remedy for fault in found)
 
 
 @pytest.mark.parametrize("joints", [1, 3])
