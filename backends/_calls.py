@@ -21,7 +21,7 @@ from numba.core import types
 from numba.core.types import ExternalFunction
 from numba.extending import intrinsic
 
-from backends.drive import COLUMNS, DriveBank, motor_tick, numbers_at
+from backends.drive import COLUMNS, MEMORY, DriveBank, motor_tick
 from backends.state import Array
 
 
@@ -69,7 +69,7 @@ def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
 
 _HEAD = 9
 """Length of the argument block: worlds, joints, period, then the addresses of six arrays."""
-_NUMBERS = len(COLUMNS)
+_NUMBERS = len(COLUMNS) + len(MEMORY)
 
 
 def _pointer(typing_context, address):
@@ -100,9 +100,9 @@ def motor_step(address, n, angle, rate):
     speed, p = array_at(head[5], shape), array_at(head[6], (_NUMBERS, shape[0] * joints))
     pd, gear = array_at(head[7], shape), array_at(head[8], shape)
     for j in range(joints):
-        own = numbers_at(p, n * joints + j)
+        rotor = motor[n, j], speed[n, j], pd[n, j]
         motor[n, j], speed[n, j], pd[n, j], gear[n, j] = motor_tick(
-            target[n, j], angle[j], rate[j], motor[n, j], speed[n, j], own, dt
+            target[n, j], angle[j], rate[j], *rotor, p, n * joints + j, dt
         )
     return gear[n]
 
@@ -111,7 +111,7 @@ class DriveCallArgs:
     """The arguments with which compiled code advances the motors of a drive bank."""
 
     def __init__(self, drives: DriveBank) -> None:
-        motor, speed, parameters, dt_s, pd, gear = drives.rotors
+        motor, speed, parameters, dt_s, pd, gear, _ = drives.rotors
         self.target_rad: Array = np.zeros_like(motor)
         """Target angles (N, J) [rad]; write them before each policy period."""
         self._arrays = (self.target_rad, motor, speed, parameters, pd, gear)

@@ -9,9 +9,11 @@ import math
 
 import warp as wp
 
-from backends.drive import COGGING_RAD, STRIBECK_RAD_S
+from backends.drive import BRISTLE_RAD, COGGING_RAD, HEAT_S, MOST_FADED, STRIBECK_RAD_S
 
 _TURN, _TOOTH = wp.constant(wp.float64(2.0 * math.pi)), wp.constant(wp.float64(COGGING_RAD))
+_WARM, _MOST = wp.constant(wp.float64(HEAT_S)), wp.constant(wp.float64(MOST_FADED))
+_BRISTLE = wp.constant(wp.float64(BRISTLE_RAD))
 _V_S = wp.constant(wp.float64(STRIBECK_RAD_S))
 _NONE, _HALF = wp.constant(wp.float64(0.0)), wp.constant(wp.float64(0.5))
 
@@ -59,6 +61,19 @@ def drive_tick(
     if p[15] != _NONE:
         period = wp.where(p[16] > _NONE, p[16], _TOOTH)
         cog = p[15] * wp.sin(_TURN * motor[n, j] / period + p[17])
+    if p[20] > _NONE:  # heat
+        share = _NONE
+        if limit > _NONE:
+            share = pd_nm[n, j] / limit
+        heat = numbers[n, j, 24]
+        heat += dt / wp.where(p[21] > _NONE, p[21], _WARM) * (share * share - heat)
+        numbers[n, j, 24] = heat
+        cog -= wp.min(p[20] * heat, _MOST) * pd_nm[n, j]
+    if p[22] > _NONE:  # bristles
+        slid = dt * speed / wp.where(p[23] > _NONE, p[23], _BRISTLE)
+        bend = (numbers[n, j, 25] + slid) / (wp.float64(1.0) + wp.abs(slid))
+        numbers[n, j, 25] = bend
+        cog -= p[22] * bend
     gap = motor[n, j] - joint
     press = gap + play
     if gap > _NONE:

@@ -6,20 +6,23 @@ which push once the play between them is taken up:
     tau_pd   = clip(kp dead_zone(target - motor) - kd motor', low, high)     (the paper's PD law)
     high     = limit - fall motor',  -low = limit + fall motor',             within 0 and limit
     tau_gear = k dead_band(motor - joint, play) + c (motor' - joint'),       teeth only push
-    J motor'' = tau_pd + tau_cog - tau_gear - viscous motor' - friction
+    J motor'' = tau_pd + tau_cog + tau_mem - tau_gear - viscous motor' - friction
     tau_cog  = cogging sin(2 pi motor / period + phase)
     friction = coulomb + one_way + stiction exp(-|motor'| / v_s) + load_friction |tau_gear|
     tau      = tau_gear - k_s (joint + joint' dt / 2 - stop),        beyond a stop; it only pushes
+
+    tau_mem  = -fade heat tau_pd - presliding z
+    heat'    = ((tau_pd / limit)^2 - heat) / T,    z' = (motor' - |motor'| z) / d,    |z| <= 1
 
 Friction and the worm's self-lock act on the rotor's momentum after the free update. So they can
 stop a rotor and never reverse it. The worm resists, up to `lock_nm`, when the load drives the rotor
 against the motor. `one_way` is friction in one direction alone. A stop is pressed by the depth in
 the middle of the period, which takes energy from a bounce. Joint positions are never overwritten,
-so the squeeze of a grasp is kept.
+so the squeeze of a grasp is kept. Heat takes the torque of the period before.
 
 Sources: the Stribeck curve, Armstrong-Helouvry et al., Automatica 30 (1994); friction that grows
 with the load, Duclusaud et al., ICRA 2025 (arXiv 2410.08650); a limit that falls with speed, the DC
-motor of Isaac Lab.
+motor of Isaac Lab; bristles, Dahl, Aerospace report TOR-0158 (1968).
 """
 
 from collections.abc import Sequence
@@ -37,6 +40,14 @@ STRIBECK_RAD_S = 0.05
 """v_s: speed at which stiction has fallen to a third. Fits to servos give 0.1 rad/s and more."""
 COGGING_RAD = np.radians(20.0)
 """Period of cogging where none is given: of 18 teeth, so coarse that a hand shows it."""
+HEAT_S, MOST_FADED = 10.0, 0.9
+"""Time constant of a motor's heat where none is given, and the largest share of torque it takes."""
+BRISTLE_RAD = 3e-3
+"""How far bristles bend where nothing is given."""
+MEMORY = ("heat", "bend")
+"""What a drive remembers beside its rotor: the rows behind its numbers in a table."""
+_LIMIT, _FADE = COLUMNS.index("torque_limit_nm"), COLUMNS.index("thermal_fade")
+_SLIDING, _HEAT = COLUMNS.index("presliding_nm"), len(COLUMNS)
 _STICTION, _COGGING = COLUMNS.index("stiction_nm"), COLUMNS.index("cogging_nm")
 _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_phase_rad")
 _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
@@ -66,9 +77,27 @@ def cogged(motor, amplitude, period, phase):
     )
 
 
+@numba.njit(cache=True)
+def remembered(speed, pd, dt, limit, fade, warm_s, sliding, bristle, heat, bend):
+    """The torque on a motor of its heat and its bristles [Nm], and both after a period.
+
+    `pd` is its torque in the period before.
+    """
+    torque = 0.0
+    if fade > 0.0:
+        load = pd / limit if limit > 0.0 else 0.0
+        heat += dt / (warm_s if warm_s > 0.0 else HEAT_S) * (load * load - heat)
+        torque -= min(fade * heat, MOST_FADED) * pd
+    if sliding > 0.0:
+        slid = dt * speed / (bristle if bristle > 0.0 else BRISTLE_RAD)
+        bend = (bend + slid) / (1.0 + abs(slid))
+        torque -= sliding * bend
+    return torque, heat, bend
+
+
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
-    """`motor_tick` with given stiction `rub` and cogging `cog`.
+    """`motor_tick` with given stiction `rub`, and `cog`: cogging and what is remembered.
 
     Without branches and inline: so it vectorises.
     """
@@ -116,7 +145,7 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
 
 @numba.njit(cache=True, forceinline=True)
 def numbers_at(p, i):
-    """Column `i` of `p` as a tuple; as an array it would keep SIMD away."""
+    """What `turn_motor` takes of column `i` of `p`; as an array it would keep SIMD away."""
     return (
         *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
         *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i], p[14, i]),
@@ -125,39 +154,66 @@ def numbers_at(p, i):
 
 
 @numba.njit(cache=True)
-def motor_tick(target, joint, joint_speed, motor, speed, p, dt):
-    """Step one joint's drive by one period `dt`, with numbers `p` as in `drive_table`.
+def _recalled(speed, pd, p, i, dt):
+    """`remembered` by the numbers in column `i` of `p`, where its memory is written."""
+    if p[_FADE, i] <= 0.0 and p[_SLIDING, i] <= 0.0:
+        return 0.0
+    law = p[_LIMIT, i], p[_FADE, i], p[_FADE + 1, i], p[_SLIDING, i], p[_SLIDING + 1, i]
+    torque, heat, bend = remembered(speed, pd, dt, *law, p[_HEAT, i], p[_HEAT + 1, i])
+    p[_HEAT, i], p[_HEAT + 1, i] = heat, bend
+    return torque
 
-    Returns the motor's new angle and speed, its PD torque and the torque on the joint.
+
+@numba.njit(cache=True)
+def _recall(speed, pd, p, dt, cog):
+    """Add what drives (M,) remember to torques `cog`; apart, for writing `p` keeps SIMD away."""
+    for i in range(len(cog)):
+        cog[i] += _recalled(speed[i], pd[i], p, i, dt)
+
+
+@numba.njit(cache=True)
+def motor_tick(target, joint, joint_speed, motor, speed, pd, p, i, dt):
+    """Step one joint's drive by one period `dt`, with the numbers in column `i` of `p`.
+
+    They are as in `drive_table`, and their memory is written; `pd` is the last PD torque. Returns
+    the motor's new angle and speed, its PD torque and the torque on the joint.
     """
-    rub = rubbing(speed, p[_STICTION])
-    cog = cogged(motor, p[_COGGING], p[_PERIOD], p[_PHASE])
-    return turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p)
+    rub, cog = (
+        rubbing(speed, p[_STICTION, i]),
+        cogged(motor, p[_COGGING, i], p[_PERIOD, i], p[_PHASE, i]),
+    )
+    cog += _recalled(speed, pd, p, i, dt)
+    return turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, numbers_at(p, i))
 
 
 @numba.njit(cache=True, error_model="numpy")
-def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear):
-    """`motor_tick` for contiguous arrays (N, J); `p` (20, N, J) holds the numbers of all drives."""
+def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear, remembers=True):
+    """`motor_tick` for contiguous arrays (N, J); `p` (26, N, J) holds the numbers of all drives.
+
+    `remembers`: whether any of them has a memory.
+    """
     target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
     motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
     p, rub, cog = p.reshape(p.shape[0], -1), np.zeros(len(motor)), np.zeros(len(motor))
     for i in range(len(motor)):
         rub[i] = rubbing(motor_speed[i], p[_STICTION, i])
         cog[i] = cogged(motor[i], p[_COGGING, i], p[_PERIOD, i], p[_PHASE, i])
+    if remembers:
+        _recall(motor_speed, pd, p, dt, cog)
     for i in range(len(motor)):
         own = target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], cog[i]
         motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(*own, dt, numbers_at(p, i))
 
 
 def drive_table(spec: Spec) -> Array:
-    """The numbers of all drives in the order of their fields, shape (J, 20).
+    """The numbers of all drives in the order of their fields, then an empty `MEMORY`, (J, 26).
 
     Of end stops not how far inside they stand, but where; and the stiffness as `stops` says.
     """
     table = np.array([[getattr(drive, name) for name in COLUMNS] for drive in spec.drives])
     ranges = np.array([body.joint.range_rad for body in spec.hand.driven])
     table[:, [_STOP, _FIRM]] = stops(table[:, [_STOP, _FIRM, _TEETH]], ranges)
-    return table
+    return np.pad(table, ((0, 0), (0, len(MEMORY))))
 
 
 def stops(numbers: Array, ranges: Array) -> Array:
@@ -195,6 +251,7 @@ class DriveBank:
             self._dt_s,
             self.pd_nm,
             self.gear_nm,
+            bool(self._parameters[[_FADE, _SLIDING]].any()),
         )
         """The arguments of `drive_step` after target, joint angle and joint speed."""
 
@@ -203,6 +260,7 @@ class DriveBank:
         self.motor_rad[mask] = joint_rad[mask]
         for rate in (self.motor_rad_s, self.pd_nm, self.gear_nm):
             rate[mask] = 0.0
+        self._parameters[_HEAT:, mask] = 0.0
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
         """Advance the rotors by one drive period; returns the joint torques [Nm], (N, J)."""

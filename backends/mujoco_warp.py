@@ -15,7 +15,7 @@ from mujoco.batch import MODEL_FIELDS
 
 from backends._mujoco_worlds import differences
 from backends._warp_drive import carry_tick, drive_tick
-from backends.drive import drive_table
+from backends.drive import MEMORY, drive_table
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.mujoco import Backend as Mujoco
 from backends.mujoco import compiled
@@ -138,10 +138,11 @@ class _Batch:
             wp.zeros(shape, dtype=wp.float64) for _ in range(5)
         )
         numbers = np.array([drive_table(specs[n]) for n in ids])
+        self._numbers = wp.array(numbers, dtype=wp.float64)
         self._drives = [
             *(self._target, self._data.qpos, self._data.qvel),
             *(wp.array(self._joint_q), wp.array(self._joint_v)),
-            *(wp.array(numbers, dtype=wp.float64), wp.float64(specs[0].timing.drive_s)),
+            *(self._numbers, wp.float64(specs[0].timing.drive_s)),
             *(self._motor, self._speed, self._pd, self._gear, self._data.qfrc_applied),
         ]
         self._lifted = wp.zeros(len(ids), dtype=int)
@@ -174,6 +175,9 @@ class _Batch:
             [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
         )
         self._data.qpos.assign(qpos)
+        numbers = self._numbers.numpy()
+        numbers[mask, :, -len(MEMORY) :] = 0.0
+        self._numbers.assign(numbers)
 
     def push(self, torque_nm: Array, force_n: Array | float, ticks: int) -> None:
         """Step under given torques (n, J) and forces on the sticks (n, 3)."""

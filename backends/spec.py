@@ -66,6 +66,14 @@ class Drive:
     the lower end if negative [rad]; 0: there is none."""
     end_stop_nm_rad: float = 0.0
     """Stiffness of that stop; 0: that of the teeth [Nm/rad]."""
+    thermal_fade: float = 0.0
+    """Share of its torque that the motor loses at the heat of lasting torque at its limit [1]."""
+    thermal_s: float = 0.0
+    """Time constant of that heat; 0: `drive.HEAT_S` [s]."""
+    presliding_nm: float = 0.0
+    """Dry friction on the motor side whose bristles bend before they slide [Nm]."""
+    presliding_rad: float = 0.0
+    """How far they bend; 0: `drive.BRISTLE_RAD` [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)

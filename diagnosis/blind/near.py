@@ -11,10 +11,9 @@ from collections.abc import Collection, Mapping
 from backends.catalogue import catalogue
 
 STRANGE: Mapping[str, tuple[str, ...]] = {
-    "thermal-fade": ("torque-limit", "kp-scale"),
     "magnet-slip": ("encoder-bias",),
 }
-"""By fault that no catalogue has: a motor that fades is weak, and a magnet that slips is a bias."""
+"""By fault that no catalogue has: a magnet that slips is a bias."""
 
 
 def near(fault: str) -> tuple[str, ...]:

@@ -21,29 +21,27 @@ from backends.state import Array
 DRIVE = (
     *("kp", "kd", "limit", "rotor", "coulomb", "viscous", "stiffness", "damping", "play"),
     *("lock", "stiction", "load", "dead", "uneven", "emf", "cogging", "stop", "lower", "upper"),
+    "fade",
 )
 """Numbers of a drive, in the order in which equations take them.
 
 `uneven`: dry friction where the motor turns upwards, if positive, else where it turns downwards;
 `emf`: torque that a motor's limit loses per speed; `cogging`: amplitude of a torque that goes as
 sin(18 motor angle); `stop`: how far inside of the upper end of its range, if positive, else of the
-lower one, the link meets an elastic stop; `lower` and `upper`: those ends.
+lower one, the link meets an elastic stop; `lower` and `upper`: those ends; `fade`: share of its
+torque that a motor loses at the heat of lasting torque at its limit.
 """
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
     *("mass", "held", "carried", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
 )
 STRANGE = {
-    "thermal-fade": "fade",
     "magnet-slip": "slip",
 }
 """Faults that no catalogue has, and the number that each adds to.
 
-    fade     share of its torque that a motor loses at the heat of lasting full torque [1]
     slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
 """
-STRANGE_DRIVE = ("fade",)
-"""Those that the equations of motion implement, in their order; 0: absent."""
 NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
 CHANGES = {
     "backlash": ("play", "add"),
@@ -65,6 +63,7 @@ CHANGES = {
     "gear-damping": ("damping", "scale"),
     "torque-limit": ("limit", "scale"),
     "torque-speed-limit": ("emf", "add"),
+    "thermal-fade": ("fade", "add"),
     "command-delay": ("delay", "add"),
     "command-rate-limit": ("slowness", "add"),
     "command-dropout": ("loss", "add"),
@@ -202,7 +201,7 @@ class Plant:
         bodies = (_holding(self._driven[j], *map(float, loads[j])) for j in columns)
         return Limb(
             bodies=tuple(bodies),
-            numbers={name: self.numbers[name][columns] for name in (*DRIVE, *STRANGE_DRIVE)},
+            numbers={name: self.numbers[name][columns] for name in DRIVE},
             gravity_m_s2=self._gravity,
         )
 

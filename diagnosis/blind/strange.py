@@ -13,7 +13,6 @@ LEAST_SHARE = -0.85
 COMPLIANCE = 0.6
 """Largest compliance of a gear over 1 / kp."""
 STRANGE = {
-    "thermal-fade": 30.0,
     "magnet-slip": 0.1,
 }
 """Largest magnitudes of `plant.STRANGE`."""

@@ -30,6 +30,8 @@ COGGING, PERIOD, PHASE = (
     COLUMNS.index(f"drive.cogging_{name}") for name in ("nm", "period_rad", "phase_rad")
 )
 FALL = COLUMNS.index("drive.limit_fall_nms_rad")
+FADE, WARM = COLUMNS.index("drive.thermal_fade"), COLUMNS.index("drive.thermal_s")
+SLIDING, BRISTLE = COLUMNS.index("drive.presliding_nm"), COLUMNS.index("drive.presliding_rad")
 STOP, FIRM = COLUMNS.index("drive.end_stop_rad"), COLUMNS.index("drive.end_stop_nm_rad")
 ONE_WAY = COLUMNS.index("drive.one_way_friction_nm")
 STICTION, LOAD = COLUMNS.index("drive.stiction_nm"), COLUMNS.index("drive.load_friction")

@@ -18,13 +18,15 @@ begins where the drive carries the weight at the start.
 import numba
 import numpy as np
 
-from backends.drive import STRIBECK_RAD_S, cogged
+from backends.drive import STRIBECK_RAD_S, cogged, remembered
 from diagnosis.motion.columns import (
+    BRISTLE,
     CASCADE,
     COGGING,
     COULOMB,
     DEAD_ZONE,
     DELAY,
+    FADE,
     FALL,
     FILTER,
     FULL,
@@ -42,6 +44,7 @@ from diagnosis.motion.columns import (
     PLAY,
     PROFILE,
     ROTOR,
+    SLIDING,
     SLOWNESS,
     STICTION,
     STIFFNESS,
@@ -49,6 +52,7 @@ from diagnosis.motion.columns import (
     TWO_MASSES,
     UNLIMITED,
     VISCOUS,
+    WARM,
 )
 
 SWEEPS = 3
@@ -170,7 +174,7 @@ def integrate(
     q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
-    rate, slow, total, lagged = np.zeros((4, joints))
+    rate, slow, total, lagged, heat, bend, last_pd = np.zeros((7, joints))
     share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
@@ -214,6 +218,12 @@ def integrate(
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t, 2, j] = pd
             cog = cogged(motor[j], p[j, COGGING], p[j, PERIOD], p[j, PHASE])
+            if p[j, FADE] > 0.0 or p[j, SLIDING] > 0.0:
+                law = p[j, LIMIT], p[j, FADE], p[j, WARM], p[j, SLIDING], p[j, BRISTLE]
+                more, heat[j], bend[j] = remembered(
+                    speed[j], last_pd[j], dt, *law, heat[j], bend[j]
+                )
+                cog, last_pd[j] = cog + more, pd
             rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
             loss = share[j] * quick[j] * p[j, KD] * (p[j, UNLIMITED] if at_limit else 1.0)
             loss += p[j, VISCOUS] + (p[j, FALL] if at_limit else 0.0)

@@ -8,7 +8,7 @@ import numba
 import numpy as np
 from llvmlite.binding import get_host_cpu_features
 
-from backends.drive import COLUMNS, cogged, rubbing, turn_motor
+from backends.drive import COLUMNS, MEMORY, cogged, remembered, rubbing, turn_motor
 from diagnosis.replay.expansion import (
     SMALL_RAD,
     accelerate_one,
@@ -34,7 +34,10 @@ _INERTIA, _STICTION, _COGGING, _PERIOD, _PHASE = (
         *("cogging_nm", "cogging_period_rad", "cogging_phase_rad"),
     )
 )
-_JOINT = _DRIVE + LANES * len(COLUMNS)
+_MEMORIES = COLUMNS.index("thermal_fade"), COLUMNS.index("presliding_nm")
+_FADE, _SLIDING = (_DRIVE + LANES * column for column in _MEMORIES)
+_LIMIT, _HEAT = _DRIVE + LANES * COLUMNS.index("torque_limit_nm"), _DRIVE + LANES * len(COLUMNS)
+_JOINT = _HEAT + LANES * len(MEMORY)
 _CLOSED, _SIZE = 2 * _JOINT, 2 * _JOINT + 33 * LANES
 """Behind two joints are the coefficients of `expand`."""
 _FOREVER = 2**62
@@ -47,7 +50,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
 
     Of episode e are the spans `begin[e]` to `begin[e + 1]`, one or more. `spans` are of all: ticks
     (S,), whether it is a sample's first (S,), targets and loads (S, J), constant in a span. At the
-    `start` are the angles (E, J); `drive` (J, 20) and `closed` (33,) are the numbers of the drives
+    `start` are the angles (E, J); `drive` (J, 26) and `closed` (33,) are the numbers of the drives
     and of `expand`. Into `out` (S, 4, J) goes what is shown after each span: `CHANNELS`, by
     sensors without bias or scale.
     """
@@ -55,6 +58,7 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
     x = np.zeros(_SIZE)  # all in one array: several might overlap, for all the compiler knows
     span, end, left = np.zeros((3, LANES), np.int64)
     episode, idle, joints = 0, 0, len(at_motor)
+    remembers = np.any(drive[:, _MEMORIES[0]]) or np.any(drive[:, _MEMORIES[1]])
     lanes = min(-(-len(start) // REGISTER) * REGISTER, LANES)
     while True:
         for w in range(lanes):
@@ -82,9 +86,9 @@ def together(begin, spans, start, drive, closed, at_motor, dt, out):
         for w in range(lanes):
             now = min(now, left[w])
         if joints == 1:
-            _one(now, x, lanes, dt)
+            _one(now, x, lanes, dt, remembers)
         else:
-            _two(now, x, lanes, dt)
+            _two(now, x, lanes, dt, remembers)
         for w in range(lanes):
             left[w] -= now
 
@@ -118,10 +122,12 @@ def _show(x, w, at_motor, out, k):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _one(ticks, x, lanes, dt):
+def _one(ticks, x, lanes, dt, remembers):
     """Take lone joints through some ticks."""
     for _ in range(ticks):
         _rub(x, 0, lanes)
+        if remembers:
+            _recall(x, 0, lanes, dt)
         for w in range(lanes):
             gear = _drive(x, w, dt)
             own = x[w + _COS], x[w + _SIN]
@@ -130,11 +136,14 @@ def _one(ticks, x, lanes, dt):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _two(ticks, x, lanes, dt):
+def _two(ticks, x, lanes, dt, remembers):
     """Take two joints each through some ticks."""
     for _ in range(ticks):
         _rub(x, 0, lanes)
         _rub(x, _JOINT, lanes)
+        if remembers:
+            _recall(x, 0, lanes, dt)
+            _recall(x, _JOINT, lanes, dt)
         for w in range(lanes):
             v = w + _JOINT
             gear, gear2 = _drive(x, w, dt), _drive(x, v, dt)
@@ -158,6 +167,18 @@ def _rub(x, at, lanes):
         if x[at + _COGGING + w] != 0.0:
             law = x[at + _COGGING + w], x[at + _PERIOD + w], x[at + _PHASE + w]
             x[at + _COG + w] = cogged(x[at + _MOTOR + w], *law)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _recall(x, at, lanes, dt):
+    """Add what motors remember to their cogging: apart, for most remember nothing."""
+    for w in range(lanes):
+        fade, slides, memory = at + _FADE + w, at + _SLIDING + w, at + _HEAT + w
+        own = x[fade], x[fade + LANES], x[slides], x[slides + LANES]
+        state = x[memory], x[memory + LANES]
+        now = x[at + _MOTOR_SPEED + w], x[at + _TORQUE + w], dt, x[at + _LIMIT + w]
+        more, x[memory], x[memory + LANES] = remembered(*now, *own, *state)
+        x[at + _COG + w] = more + (x[at + _COG + w] if x[at + _COGGING + w] != 0.0 else 0.0)
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)

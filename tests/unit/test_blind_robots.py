@@ -169,23 +169,23 @@ def robot(effect: str, left: float) -> Case:
         (["none"], 9.0, 0, False, False),
         (["none"], 3.5, 0, True, False),
         (["none"], 3.5, 2, False, False),
-        (["torque-limit"], 9.0, 0, False, True),
+        (["encoder-bias"], 9.0, 0, False, True),
         (["kd-scale"], 9.0, 0, False, False),
-        (["torque-limit", "kd-scale"], 9.0, 0, False, False),
+        (["encoder-bias", "kd-scale"], 9.0, 0, False, False),
     ],
 )
 def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
     """Take `none` below what is ordinary, and a mechanic's name apart from `unknown`."""
     said = {"verdict": verdict, "joints": ["j0"] if near else []}
-    case = robot("thermal-fade", left)
+    case = robot("magnet-slip", left)
     beyond = not judged.is_ordinary(case, healthy)
     assert judged.rightness(case, said, catalogue(), beyond) == (right, near)
 
 
 def test_a_near_name_on_another_joint_is_wrong():
     """Ask a near name to stand on the joint that is at fault."""
-    said = {"verdict": ["torque-limit"], "joints": ["j5"]}
-    case = robot("thermal-fade", 9.0)
+    said = {"verdict": ["encoder-bias"], "joints": ["j5"]}
+    case = robot("magnet-slip", 9.0)
     assert judged.rightness(case, said, catalogue(), True) == (False, False)
 
 

@@ -125,21 +125,24 @@ def bare(xml: str, dt_s: float) -> mujoco.MjModel:
 
 def simulated(model: mujoco.MjModel, spec: Spec, asked: Commands) -> Array:
     """Joint and motor angles (2, T, J) by MuJoCo with the project's drive law, in spec order."""
-    names, table = spec.hand.joint_names, drive_table(spec)
+    names, table = spec.hand.joint_names, drive_table(spec).T.copy()
     data, at = mujoco.MjData(model), [model.joint(n).qposadr[0] for n in names]
     data.qpos[at] = asked.start
     motor, speed, out = asked.start.copy(), np.zeros(len(names)), []
+    pd = np.zeros(len(names))
     for k in range(len(asked.target)):
         out.append((data.qpos[at].copy(), motor.copy()))
         for _ in range(TICKS):
             for j in range(len(names)):
-                motor[j], speed[j], _, gear = motor_tick(
+                motor[j], speed[j], pd[j], gear = motor_tick(
                     asked.target[k, j],
                     data.qpos[at[j]],
                     data.qvel[at[j]],
                     motor[j],
                     speed[j],
-                    table[j],
+                    pd[j],
+                    table,
+                    j,
                     model.opt.timestep,
                 )
                 data.qfrc_applied[at[j]] = gear + asked.load[k, j]

@@ -9,7 +9,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from backends.drive import drive_step
+from backends.drive import MEMORY, drive_step
 from backends.spec import Drive, Spec
 from backends.state import Array, State
 from benchmark.parts import registry
@@ -41,6 +41,10 @@ LARGEST = Drive(
     cogging_phase_rad=3.0,
     end_stop_rad=0.02,
     end_stop_nm_rad=50.0,
+    thermal_fade=5.0,
+    thermal_s=0.01,
+    presliding_nm=0.1,
+    presliding_rad=0.002,
 )
 OFTEN_ZERO = [f.name for f in fields(Drive) if f.name not in ("kp_nm_rad", "rotor_inertia_kgm2")]
 
@@ -51,13 +55,13 @@ def world(stick: str = "reference", effects: str = "built") -> Spec:
 
 
 def drives(rng: np.random.Generator) -> Array:
-    """Numbers of random drives (20, N, J), each of which is often zero where it may be."""
+    """Numbers of random drives (26, N, J), each of which is often zero where it may be."""
     largest = np.array(astuple(LARGEST))
     numbers = largest[:, None, None] * rng.uniform(0.2, 1.0, (len(largest), WORLDS, JOINTS))
     for row, field in enumerate(fields(Drive)):
         if field.name in OFTEN_ZERO:
             numbers[row] *= rng.random((WORLDS, JOINTS)) < 0.6
-    return numbers
+    return np.concatenate([numbers, np.zeros((len(MEMORY), WORLDS, JOINTS))])
 
 
 def test_the_drive_law_is_the_same_to_1e_6():

@@ -53,6 +53,8 @@ def test_what_is_not_late_is_what_is_late_by_nothing(rig, late):
         {"cogging": 0.1, "coulomb-friction": 0.02},
         {"end-stop": 0.8, "backlash": 0.01},
         {"end-stop": -0.8},
+        {"thermal-fade": 16.0, "presliding": 0.05, "cogging": 0.05},
+        {"presliding": 0.1, "backlash": 0.01},
         {"self-lock": 0.5, "load-friction": 0.3, "encoder-scale": 0.1},
     ],
 )

@@ -105,22 +105,24 @@ def test_many_drives_at_a_time_equal_one_by_one() -> None:
     spec = trx.spec(sticks.STICKS["reference"])
     law = [Drive(**{k: v * rng.uniform(0.5, 2) for k, v in own.items()}) for _ in spec.drives]
     spec = spec.with_drives(law)
-    bank, table = DriveBank([spec] * 3), drive.drive_table(spec)
-    motor, motor_speed = np.zeros((2, 3, len(law)))
+    bank, table = DriveBank([spec] * 3), np.array([drive.drive_table(spec).T] * 3)
+    motor, motor_speed, pd = np.zeros((3, 3, len(law)))
     for _ in range(200):
         target, joint, speed_ = rng.normal(0, 0.05, (3, 3, len(law)))
         torque = bank.step(target, joint, speed_)
         for n, j in np.ndindex(motor.shape):
-            motor[n, j], motor_speed[n, j], pd, gear = drive.motor_tick(
+            motor[n, j], motor_speed[n, j], pd[n, j], gear = drive.motor_tick(
                 target[n, j],
                 joint[n, j],
                 speed_[n, j],
                 motor[n, j],
                 motor_speed[n, j],
-                table[j],
+                pd[n, j],
+                table[n],
+                j,
                 spec.timing.drive_s,
             )
-            assert (pd, gear) == (bank.pd_nm[n, j], torque[n, j])
+            assert (pd[n, j], gear) == (bank.pd_nm[n, j], torque[n, j])
         assert np.array_equal(bank.motor_rad, motor)
         assert np.array_equal(bank.motor_rad_s, motor_speed)
     assert np.abs(torque).max() > 0

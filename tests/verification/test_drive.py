@@ -209,6 +209,37 @@ def test_cogging_is_a_sine_of_the_motors_angle(period: float) -> None:
     assert free.motor_rad_s[0, 0] == pytest.approx(DT_S / FREE.rotor_inertia_kgm2 * torque)
 
 
+def test_a_motor_fades_as_it_gets_warm() -> None:
+    """Lose fade (1 - exp(-t / T)) of the torque at its limit, at most 0.9, until a reset."""
+    warm_s, limit = 0.5, FREE.torque_limit_nm
+    drives = [dataclasses.replace(FREE, thermal_fade=f, thermal_s=warm_s) for f in (0.5, 5.0)]
+    warm = bank(drives)
+    for k in range(1, 1001):
+        warm.motor_rad[:], warm.motor_rad_s[:] = 0.0, 0.0
+        turn(warm, 100.0, 1)  # beyond the limit
+        if k in (1, 50, 1000):
+            heat = 1.0 - math.exp(-(k - 1) * DT_S / warm_s)
+            left = [1.0 - min(fade * heat, 0.9) for fade in (0.5, 5.0)]
+            speed = DT_S / FREE.rotor_inertia_kgm2 * limit * np.array(left)
+            assert warm.motor_rad_s[:, 0] == pytest.approx(speed, rel=2e-3)
+    warm.reset(np.zeros((2, 1)), np.array([True, False]))
+    turn(warm, 100.0, 1)
+    assert warm.motor_rad_s[0, 0] == pytest.approx(DT_S / FREE.rotor_inertia_kgm2 * limit)
+
+
+def test_bristles_bend_before_they_slide() -> None:
+    """Hold as a spring of level / bend at first, and by the level in the direction of a slide."""
+    level, bend = 0.05, 2e-3
+    drive = dataclasses.replace(FREE, kp_nm_rad=0.0, presliding_nm=level, presliding_rad=bend)
+    free, slow = bank([drive]), 1e-3
+    for speed, steps, share in ((slow, 10, slow * 10 * DT_S / bend), (-2.0, 50, -1.0)):
+        for _ in range(steps):
+            free.motor_rad_s[:] = speed
+            turn(free, 0.0, 1)
+        torque = FREE.rotor_inertia_kgm2 / DT_S * (free.motor_rad_s[0, 0] - speed)
+        assert torque == pytest.approx(-level * share, rel=0.01)
+
+
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_an_end_stop_only_pushes_and_takes_energy(side: float) -> None:
     """Push back by k (depth in the middle of the period) beyond its angle; let a swing come off."""

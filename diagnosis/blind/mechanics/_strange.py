@@ -3,7 +3,7 @@
 import numba
 import numpy as np
 
-ALL = frozenset({"thermal-fade", "magnet-slip"})
+ALL = frozenset({"magnet-slip"})
 HEAT_S = 3.0
 """Time constant of a motor's heat [s]."""
 TEETH = 18.0

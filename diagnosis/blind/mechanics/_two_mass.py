@@ -26,7 +26,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.blind.mechanics import _strange
 from diagnosis.blind.mechanics._chain import fall, geometry
-from diagnosis.blind.plant import DRIVE, STRANGE_DRIVE, Course, Limb
+from diagnosis.blind.plant import DRIVE, Course, Limb
 
 TICK_S = 5e-5
 STRIBECK_RAD_S = 0.05
@@ -81,7 +81,7 @@ def run(
     nominal = np.array([b.joint.drive.gear_stiffness_nm_rad for b in limb.bodies if b.joint.drive])
     compliance = 1 / numbers["stiffness"] - 1 / nominal  # what an effect adds to the make's own
     numbers["stiffness"] = 1 / (compliance + 1 / np.minimum(chassis.stiffness_nm_rad, nominal))
-    drives = np.array([numbers[name] for name in (*DRIVE, *STRANGE_DRIVE)])
+    drives = np.array([numbers[name] for name in DRIVE])
     period = np.round(np.broadcast_to(chassis.period_s, shape) / TICK_S)
     lag = np.broadcast_to(chassis.current_s, shape)
     keeps = np.where(lag > 0, np.exp(-TICK_S / np.maximum(lag, 1e-12)), 0.0)

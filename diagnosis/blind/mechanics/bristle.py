@@ -23,7 +23,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.blind.mechanics import _strange
 from diagnosis.blind.mechanics._chain import fall, geometry
-from diagnosis.blind.plant import DRIVE, STRANGE_DRIVE, Course, Limb
+from diagnosis.blind.plant import DRIVE, Course, Limb
 
 TICK_S = 1e-4
 STRIBECK_RAD_S = 0.05
@@ -75,7 +75,7 @@ class Mechanics:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""
         links, pull = geometry(limb)
         base = self._baseline
-        drives = np.array([limb.numbers[name] for name in (*DRIVE, *STRANGE_DRIVE)])
+        drives = np.array([limb.numbers[name] for name in DRIVE])
         limits = np.array([b.joint.drive.torque_limit_nm for b in limb.bodies if b.joint.drive])
         drives[DRIVE.index("play")] += base.play_rad
         drives[DRIVE.index("coulomb")] += base.friction_share * limits

@@ -28,6 +28,8 @@ STRIBECK_RAD_S = 0.05
 """V: speed at which stiction has faded to a third."""
 TEETH = 18.0
 """Periods of an effect's cogging per 2 pi rad."""
+HEAT_S = 3.0
+"""Time constant of a motor's heat [s]."""
 STOP_STIFFNESS = 30.0
 """Stiffness of an end stop over the servo's kp."""
 CORNER = 0.05
@@ -129,7 +131,7 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
     torque, acceleration = np.zeros(joints), np.zeros(joints)
     angle = np.zeros(wanted.shape)
     motor_out, torque_out = np.zeros((samples, joints)), np.zeros((samples, joints))
-    pd = np.zeros(joints)
+    pd, heat = np.zeros(joints), np.zeros(joints)
     angle[0] = q
     for k in range(samples):
         motor_out[k], torque_out[k] = motor, pd
@@ -139,13 +141,15 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
             for j in range(joints):
                 kp, kd, limit, rotor, coulomb, viscous, stiff, damping, play = drives[j, :9]
                 lock, stiction, load, dead, uneven, emf, cog = drives[j, 9:16]
-                stop, lower, upper, cogging, friction = drives[j, 16:]
+                stop, lower, upper, fade, cogging, friction = drives[j, 16:]
                 error = wanted[k * steps + i, j] - motor[j]
                 if dead > 0.0:
                     error = _band(error, dead, CORNER * dead)
                 asked = kp * error - kd * speed[j]
                 most = max(limit - emf * abs(speed[j]) * (asked * speed[j] > 0.0), 1e-3 * limit)
                 pd[j] = asked / (1 + (asked / most) ** 8) ** 0.125
+                heat[j] += TICK_S / HEAT_S * ((pd[j] / limit) ** 2 - heat[j])
+                pd[j] /= 1.0 + fade * heat[j]
                 bend = motor[j] - q[j]
                 pressed = _band(bend, play, corner)
                 gear = stiff * pressed * (1 + stiffening * pressed * pressed)
