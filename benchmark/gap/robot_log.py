@@ -71,7 +71,8 @@ def read_beside(path: Path, source: Source, today: Log) -> Log:
     Raises UsageError, or LogError.
     """
     mechanism = today.meta.mechanism
-    if is_log(path) or not isinstance(mechanism, MjcfMechanism):
+    is_table = path.exists() or path.suffix
+    if is_log(path) or not is_table or not isinstance(mechanism, MjcfMechanism):
         return read_log(path)
     _require_reader([path])
     made = put_together(today.mjcf_xml or "", mechanism, [path], asked_of(source))
