@@ -7,9 +7,11 @@ from leaderboard._wording import count, with_interval
 from leaderboard.paper import PAPER
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
-from leaderboard.publish.words import listed
+from leaderboard.publish.words import million, shown
+from leaderboard.row import Row
 
 LEAD = "centers-and-lead"
+ERRORS = ("p_err [cm]", "q_err [deg]")
 
 
 @block
@@ -30,27 +32,40 @@ def figures(kept: Kept) -> str:
 
 
 @block
-def nearer(kept: Kept) -> str:
-    """On which figures the errors are below the paper's."""
-    lines = {task: kept.line(task).cells for task in PAPER}
-    lower = [task for task in PAPER if lines[task]["p_err_cm"] < PAPER[task].p_err_cm]
-    axis = [task for task in PAPER if lines[task]["q_err_deg"] < PAPER[task].q_err_deg]
-    return (
-        f"The lower end is nearer to its reference than in the paper on {listed(lower)}, and the "
-        f"axis on {listed(axis)}."
-    )
-
-
-@block
 def lead(kept: Kept) -> str:
     """The figures with the observation that also shows how far the targets lead."""
     head = ("figure", "tracked", "held", "p_err [cm]", "the paper's", "q_err [deg]", "the paper's")
     rows = []
-    for task in ("line", "circle", "eight"):
+    for task in PAPER:
         cells = kept.line(task, observation=LEAD).cells
         name, tracked, *errors = _short(task, cells)
         rows.append((name, tracked, f"{cells['held']:.3f}", *errors))
     return grid(head, rows)
+
+
+@block
+def search(kept: Kept) -> str:
+    """Single runs with other learners and hyperparameters than the table's."""
+    head = ("figure", "engine", "learner", "steps", "seed", *("tracked", "held"), *ERRORS)
+    found = [
+        (line.cells, row)
+        for task in PAPER
+        for line in kept.lines(task, backend=..., algo=..., steps=...)
+        for row in line.rows
+        if row.spec.overrides
+    ]
+    return grid(head, [_single(cells, row) for cells, row in found])
+
+
+def _single(cells: dict[str, Any], row: Row) -> tuple[str, ...]:
+    scores = row.scores
+    assert scores is not None  # the board's rows are done
+    return (
+        *(cells["task"], shown(cells["backend"]), f"`{cells['algo']}`"),
+        *(million(cells["steps"]), str(row.spec.seed)),
+        *(f"{scores.tracked:.2f}", f"{scores.held:.3f}"),
+        *(f"{scores.p_err_cm:.2f}", f"{scores.q_err_deg:.2f}"),
+    )
 
 
 def _short(task: str, cells: dict[str, Any]) -> tuple[str, ...]:

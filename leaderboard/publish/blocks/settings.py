@@ -1,17 +1,22 @@
-"""The circle's policies where they were not trained: other paces, sizes and sticks."""
+"""The paper's table: its figures, and its circle at other paces and sizes and with other sticks."""
+
+from collections.abc import Iterator, Mapping
 
 from leaderboard._grid import grid
 from leaderboard.paper import PAPER, SETTINGS
+from leaderboard.publish.blocks.paper import LEAD
 from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
+from leaderboard.publish.words import listed
 
 COLUMNS = {
-    "`circle`": "circle-settings",
-    "`circle-mixed-entry`": "circle-entry-settings",
-    "`circle`, lead": "circle-lead-settings",
-    "`circle-mixed-entry`, lead": "circle-entry-lead-settings",
+    "`contact-centers`": ("circle-settings", "contact-centers"),
+    "mixed entry": ("circle-entry-settings", None),
+    "`centers-and-lead`": ("circle-lead-settings", LEAD),
+    "with mixed entry": ("circle-entry-lead-settings", None),
 }
-"""Transfer folders by what their policies were trained on and with."""
+"""Folders of the circle's transfers by what it was trained with, and observations of the figures'
+policies."""
 REFERENCE, OWN_TASK = "mujoco built", "task=circle"
 TRAINED = "as trained: 2 cm, pi rad/s"
 Cells = dict[str, dict]
@@ -19,22 +24,45 @@ Cells = dict[str, dict]
 
 
 @block
-def settings(kept: Kept) -> str:
-    """Errors in the paper's settings, beside the paper's."""
-    changes = {TRAINED: ("", PAPER["circle"])}
-    changes |= {f"{k}: {s.words}": (s.change, s.row) for k, s in SETTINGS.items()}
-    found = [_changed(kept, folder) for folder in COLUMNS.values()]
-    rows = [
-        [name, *(_errors(cells[change]) for cells in found), f"{p.p_err_cm:.2f}, {p.q_err_deg:.2f}"]
-        for name, (change, p) in changes.items()
-    ]
+def whole(kept: Kept) -> str:
+    """Errors in the paper's figures and settings, beside the paper's."""
+    rows = [[name, *map(_errors, cells), _errors(vars(own))] for name, own, *cells in _whole(kept)]
     return grid(["p_err [cm], q_err [deg]", *COLUMNS, "the paper's"], rows)
+
+
+@block
+def below(kept: Kept) -> str:
+    """In which rows both errors are at or below the paper's, by observation."""
+    found: dict[str, tuple[str, ...]] = dict.fromkeys(COLUMNS, ())
+    for name, own, *cells in _whole(kept):
+        for column, one in zip(COLUMNS, cells, strict=True):
+            if one is not None and all(one[error] <= vars(own)[error] for error in vars(own)):
+                found[column] = (*found[column], name.partition(":")[0])
+    first, mixed, lead, both = (listed(list(names)) for names in found.values())
+    return (
+        f"Both errors are at or below the paper's on {first} with `contact-centers` ({mixed} with "
+        f"mixed entry), and on {lead} with `centers-and-lead` ({both} with mixed entry)."
+    )
+
+
+def _whole(kept: Kept) -> Iterator[tuple]:
+    """A row per figure and setting: its name, the paper's errors, and the cells of each column."""
+    settings = [_changed(kept, folder) for folder, _ in COLUMNS.values()]
+    for task, own in PAPER.items():
+        seen = [seen for _, seen in COLUMNS.values()]
+        figures = [kept.line(task, observation=one).cells if one else None for one in seen]
+        if task == "circle":
+            figures = [cells[""] for cells in settings]
+        yield task, own, *figures
+    for name, setting in SETTINGS.items():
+        words = f"{name}: {setting.words}"
+        yield words, setting.row, *(cells[setting.change] for cells in settings)
 
 
 @block
 def settings_held(kept: Kept) -> str:
     """What is tracked and held in the paper's settings and with other sticks."""
-    found = [_changed(kept, folder) for folder in COLUMNS.values()]
+    found = [_changed(kept, folder) for folder, _ in COLUMNS.values()]
     names = {"": TRAINED} | {s.change: f"{k}: {s.words}" for k, s in SETTINGS.items()}
     rows = [
         [names.get(change, _stick(change)), *(_fractions(cells[change]) for cells in found)]
@@ -56,8 +84,8 @@ def _stick(change: str) -> str:
     return f"{change.removeprefix('stick=')} stick"
 
 
-def _errors(line: dict) -> str:
-    return f"{line['p_err_cm']:.2f}, {line['q_err_deg']:.2f}"
+def _errors(line: Mapping[str, float] | None) -> str:
+    return "" if line is None else f"{line['p_err_cm']:.2f}, {line['q_err_deg']:.2f}"
 
 
 def _fractions(line: dict) -> str:
