@@ -18,8 +18,7 @@ class Diagnosis:
     """What is wrong with a mechanism, by one log. Gaps are root mean squares in noise floors."""
 
     verdict: tuple[str, ...]
-    """Names of effects; `none`; or `unknown`, where a gap is beyond what is ordinary and no effect
-    of the catalogue explains it."""
+    """Names of effects; `none`; or `unknown`, where none explains a gap beyond the ordinary."""
     joints: tuple[str, ...]
     """Joints that the verdict is about."""
     magnitudes: tuple[Cause, ...]
@@ -39,8 +38,8 @@ class Diagnosis:
     gaps: Gaps
     """The gap on seconds that the fits have not seen."""
     engine_gaps_rad: tuple[float, ...] = ()
-    """Root mean square distance of all positions from the log's, replayed in full on the nominal
-    engine, a user's robot in plain MuJoCo: nominal and corrected [rad; of slides m]; else none."""
+    """Root mean square distance of all positions from the log's in the nominal engine, of a user's
+    robot in plain MuJoCo: nominal and corrected [rad; of slides m]; or none."""
     shrinkage: Share
     """Share of the squared gap beyond one floor, over all joints, that the causes take there."""
     shrinkage_nominal: Share
@@ -48,13 +47,12 @@ class Diagnosis:
     where: tuple[Place, ...]
     """Parts of the gap, the largest first."""
     corrected: dict[str, dict[str, float]] = field(repr=False)
-    """Numbers of the corrected world that differ from the nominal one, by joint and by their names
-    in the spec [SI]: what was refitted and found of drives and sensors. `two_masses` is 1 where a
-    gear was put between rotor and link."""
+    """Numbers of the corrected world that differ from the nominal one's, by joint and name in the
+    spec [SI]. `two_masses` is 1 where a gear was put between rotor and link."""
     gravity_m_s2: tuple[float, float, float] | None = None
-    """Gravity of the corrected world, where it is another than the nominal one's."""
+    """Gravity of the corrected world, where it is another."""
     limbs: tuple[LimbResult, ...] = field(repr=False)
-    """By limb: its verdict, what was tried, what cannot be distinguished, and nominal numbers."""
+    """By limb: its verdict, and what it rests on."""
     spots: tuple[Spot, ...]
     """Gaps of touch and stick at every finger."""
     missing: tuple[str, ...]
@@ -66,7 +64,7 @@ class Diagnosis:
     cpu_s: float
     """CPU time [s]."""
     stopped: bool = False
-    """Whether it was stopped: the verdict is of the fits so far, and nothing is of touch."""
+    """Whether it was stopped: it is of the fits so far, without touch."""
 
     @property
     def nominal(self) -> tuple[Nominal, ...]:

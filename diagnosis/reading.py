@@ -16,9 +16,8 @@ def read_log(
 ) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do.
 
-    With a robot's MJCF or URDF, `path` is the table that it recorded, several, or their folder;
-    `unit` is that of positions and commands, `columns` are columns by what they are, such as
-    `shoulder.command`, where the names do not say so.
+    With a robot's MJCF or URDF, the log is its table, or several. `unit` and `columns`, such as
+    `{"elbow.command": "u2"}`, say what the names of columns do not.
     """
     several = [path] if isinstance(path, str | Path) else list(path)
     if robot is None and len(several) == 1:

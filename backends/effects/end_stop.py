@@ -20,7 +20,7 @@ class Effect(NumberEffect):
       which the torque tells apart. A diagnosis looks at the side where a joint falls short more.
     """
 
-    group = "gears and joints"
+    group = "links and gravity"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi / 2, math.pi / 2)
     levels, opposite = (0.7, 0.78, 0.86), (-0.7, -0.78, -0.86)

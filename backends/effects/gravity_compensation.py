@@ -19,7 +19,7 @@ class Effect(NumberEffect):
       the pattern over the poses; kp-scale where all poses are alike.
     """
 
-    group = "gears and joints"
+    group = "links and gravity"
     dimension, unit = "share", "%"
     bounds = (-2.0, 2.0)
     levels, opposite = (0.2, 0.5, 1.0), (-0.2, -0.5, -1.0)

@@ -17,7 +17,7 @@ class Effect(effect.Effect):
     Confused with: encoder-bias (which is no torque), link-mass. Two mountings of the hand tell.
     """
 
-    group = "gears and joints"
+    group = "links and gravity"
     dimension, unit = "angle", "deg"
     bounds = (-math.pi / 2, math.pi / 2)
     levels, opposite = (0.03, 0.1, 0.3), (-0.03, -0.1, -0.3)

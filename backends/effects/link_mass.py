@@ -15,7 +15,7 @@ class Effect(NumberEffect):
     Confused with: rotor-inertia, gravity-tilt.
     """
 
-    group = "gears and joints"
+    group = "links and gravity"
     dimension, unit = "share", "%"
     bounds = (-0.9, 9.0)
     levels = (0.3, 0.8, 2.0)

@@ -17,7 +17,7 @@ class Effect(NumberEffect):
       shows it.
     """
 
-    group = "gears and joints"
+    group = "links and gravity"
     dimension, unit = "share", "%"
     bounds = (0.0, 10.0)
     levels = (0.2, 0.5, 1.5)

@@ -49,8 +49,7 @@ def page(
     """The report of a diagnosis as one HTML page.
 
     `facts` say what was diagnosed, `log` its name, and with which nominal world. `commands` use the
-    verdict, with what each does; they are empty if no effect was found or none can be added.
-    Without `commands` the page says nothing of them.
+    verdict, with what each does.
     """
     environment = Environment(
         loader=PackageLoader("diagnosis.report", "."),
