@@ -1,5 +1,6 @@
 """A healthy arm whose last, light joint is thrown about: no step of a replay follows that."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -42,7 +43,8 @@ def world() -> World:
     log = commands()
     (part,) = limbs(mjcf_world(log))
     limb = Limb(spec=part, recordings=recordings(log, part), rigid=True)
-    engine = plain(log, model_text(log, part), limb.joints, limb.dt, "implicitfast")
+    free = re.sub(r' range="[^"]*"', "", model_text(log, part))  # no stop is in its way
+    engine = plain(log, free, limb.joints, limb.dt, "implicitfast")
     read = tuple(_read(one, shown(engine, one)) for one in limb.recordings)
     return World(evidence(replace(limb, recordings=read)), ())
 
