@@ -22,6 +22,7 @@ from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
+from diagnosis.motion.columns import PLAY
 from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
@@ -258,7 +259,8 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     """
     world, evidence = fitter.world, fitter.evidence
     before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual), strain2=0.0)
-    likely = ordinary.exact and not evidence.rattles and chosen.worst <= ordinary.floors
+    rattles = evidence.rattles or any(world.parameters[k].place == PLAY for k in chosen.freed)
+    likely = ordinary.exact and not rattles and chosen.worst <= ordinary.floors
     if not likely and before.worst < QUIET:
         return None
     lost, fit = losses(world, chosen.u, chosen.residual), chosen
