@@ -1,6 +1,7 @@
 """What a diagnosis gives back runs in plain MuJoCo: play as a hinge, late signals in Python."""
 
 import json
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -80,15 +81,20 @@ def test_a_written_robot_moves_as_the_gap_was_measured(own):
     assert shown(loose, command, **own) == pytest.approx(np.array(read[::5]), abs=1e-9)
 
 
-def test_a_delay_is_taken_home(tmp_path, capfd):
-    """Write what an MJCF cannot hold beside it, and measure the gap with both."""
+def diagnosed(folder: Path, real: str, **beside: float) -> int:
+    """Diagnose the arm by what a real one shows, into `folder`; the exit code."""
     rng = np.random.default_rng(1)
     command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
-    read = shown(ARM, command, delay_s=0.03) + 3e-4 * rng.normal(size=len(T))
-    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(tmp_path / "r.csv")
-    (tmp_path / "arm.xml").write_text(ARM)
-    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
-    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    read = shown(real, command, **beside) + 3e-4 * rng.normal(size=len(T))
+    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(folder / "r.csv")
+    (folder / "arm.xml").write_text(ARM)
+    words = ["diagnose", "--robot", str(folder / "arm.xml"), "--log", str(folder / "r.csv")]
+    return cli.call([*words, "--out", str(folder / "out"), "--json"])
+
+
+def test_a_delay_is_taken_home(tmp_path, capfd):
+    """Write what an MJCF cannot hold beside it, and measure the gap with both."""
+    assert diagnosed(tmp_path, ARM, delay_s=0.03) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["command-delay"]
     model = found["model"]
@@ -120,14 +126,7 @@ def test_a_payload_is_weighed(tmp_path, capfd):
     held = (
         '<body pos="0.3 0 0"><inertial mass="0.3" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/></body>'
     )
-    rng = np.random.default_rng(1)
-    command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
-    read = shown(ARM.replace("</body>", f"{held}</body>"), command)
-    read += 3e-4 * rng.normal(size=len(T))
-    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(tmp_path / "r.csv")
-    (tmp_path / "arm.xml").write_text(ARM)
-    words = ["diagnose", "--robot", str(tmp_path / "arm.xml"), "--log", str(tmp_path / "r.csv")]
-    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    assert diagnosed(tmp_path, ARM.replace("</body>", f"{held}</body>")) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["payload"]
     assert found["magnitudes"][0]["also"].endswith("kg")
