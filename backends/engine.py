@@ -262,8 +262,9 @@ class Engine(ABC):
 
     def _refuse(self, specs: Sequence[Spec]) -> None:
         """Raise ValueError for a number that is not zero and that this engine cannot realise."""
+        built = [spec.with_driven(body.loaded for body in spec.hand.driven) for spec in specs]
         for name, answer in self.support.items():
-            if answer.startswith("refused") and any(np.any(s.values(name)) for s in specs):
+            if answer.startswith("refused") and any(np.any(s.values(name)) for s in built):
                 raise ValueError(f"{name} is {answer}")
 
     def _measure(self) -> None:

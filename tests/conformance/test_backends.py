@@ -272,6 +272,15 @@ def test_workers_change_nothing(engine: type[Engine]) -> None:
     assert differing(*runs) == []
 
 
+def test_a_payload_that_tilts_inertia_is_refused(engine: type[Engine]) -> None:
+    """Refuse a load beside a link's axes, which no diagonal inertia holds, instead of part of it."""
+    spec = world()
+    *others, last = spec.hand.driven
+    askew = dataclasses.replace(last, com_m=(0.02, 0.01, 0.0), payload=0.5)
+    with pytest.raises(ValueError, match="products"):
+        engine([spec.with_driven([*others, askew])])
+
+
 def test_dead_worker_is_reported(engine: type[Engine]) -> None:
     """Raise WorkerError instead of hanging when a process is killed; close without complaint."""
     specs = [world()]

@@ -34,7 +34,7 @@ class _World:
         self._plant = MultibodyPlant(time_step=0.0)
         self._plant.mutable_gravity_field().set_gravity_vector(spec.gravity_m_s2)
         for body in spec.hand.bodies:
-            self._add(body)
+            self._add(body.loaded)
         self._plant.Finalize()
         self._simulator = Simulator(self._plant)
         self._simulator.get_mutable_integrator().set_target_accuracy(ACCURACY)

@@ -37,7 +37,7 @@ def _tree(spec: Spec, node: int) -> ObjectKinematicTree:
 
     Raises ValueError for a body that is fixed on another one: its mass would be missing.
     """
-    driven = spec.hand.driven
+    driven = [body.loaded for body in spec.hand.driven]
     fixed = {body.name: body for body in spec.hand.bodies if body.joint.drive is None}
     for body in fixed.values():
         if body.parent is not None:
