@@ -273,7 +273,7 @@ def test_workers_change_nothing(engine: type[Engine]) -> None:
 
 
 def test_a_payload_that_tilts_inertia_is_refused(engine: type[Engine]) -> None:
-    """Refuse a load beside a link's axes, which no diagonal inertia holds, instead of part of it."""
+    """Refuse a load beside a link's axes, which no diagonal inertia holds."""
     spec = world()
     *others, last = spec.hand.driven
     askew = dataclasses.replace(last, com_m=(0.02, 0.01, 0.0), payload=0.5)

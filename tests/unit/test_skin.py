@@ -89,20 +89,12 @@ def test_dead_taxels(kind):
     assert one.sizes[1] <= 0.2 <= one.sizes[2]
 
 
-@pytest.mark.parametrize("spread", [5, 50])
-def test_gains(spread):
-    """Measure how far gains differ: the largest of some dozens of uniform numbers."""
-    (one,) = skin_report(f"taxel-gain={spread}%", "touch").causes
-    assert one.effect == "taxel-gain"
-    assert one.sizes[0] == pytest.approx(spread / 100, rel=0.05)
-    assert one.sizes[1] <= spread / 100 <= one.sizes[2]
-
-
+@pytest.mark.parametrize("effect", ["taxel-gain", "taxel-hysteresis"])
 @pytest.mark.parametrize("share", [5, 50])
-def test_hysteresis(share):
-    """Measure how much more an easing press reads."""
-    (one,) = skin_report(f"taxel-hysteresis={share}%", "touch").causes
-    assert one.effect == "taxel-hysteresis"
+def test_depths_are_measured(effect, share):
+    """Measure how far gains differ, and how much more an easing press reads."""
+    (one,) = skin_report(f"{effect}={share}%", "touch").causes
+    assert one.effect == effect
     assert one.sizes[0] == pytest.approx(share / 100, rel=0.05)
     assert one.sizes[1] <= share / 100 <= one.sizes[2]
 
