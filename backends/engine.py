@@ -262,9 +262,10 @@ class Engine(ABC):
 
     def _refuse(self, specs: Sequence[Spec]) -> None:
         """Raise ValueError for a number that is not zero and that this engine cannot realise."""
-        built = [spec.with_driven(body.loaded for body in spec.hand.driven) for spec in specs]
+        loaded = [spec.with_driven(body.loaded for body in spec.hand.driven) for spec in specs]
         for name, answer in self.support.items():
-            if answer.startswith("refused") and any(np.any(s.values(name)) for s in built):
+            asked = any(np.any(spec.values(name)) for spec in (*specs, *loaded))
+            if asked and answer.startswith("refused"):
                 raise ValueError(f"{name} is {answer}")
 
     def _measure(self) -> None:
