@@ -230,6 +230,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: taken as 0; spin friction needs the round cone",
         "contact.time_constant_s": "approximate: rigid contacts, penetration decays in this time",
+        "contact.creep_m_ns": "refused: contacts stick without creep",
         "contact.spin_radius_m": "approximate: from 0 on; with it the friction cone is round",
         "contact.compliance_m_n": "approximate: a spring that starts 0.01 mm under the surface",
         "spec.gravity_m_s2": EXACT,

@@ -38,6 +38,7 @@ UNITS: dict[str, tuple[str, float]] = {
     "s/m": ("linear slowness", 1.0),
     "mm/s": ("drift", 1e-3),
     "mm/N": ("compliance", 1e-3),
+    "mm/Ns": ("mobility", 1e-3),
 }
 """Units that the command line accepts, by size: their dimension and their size in SI."""
 ON_SLIDES = {

@@ -156,6 +156,8 @@ class _Batch:
         """On a GPU, all kernels of a tick, recorded after the first period."""
 
     def _keep_per_world(self, name: str, values: Array) -> None:
+        if name == "opt.impratio":
+            name, values = "opt.impratio_invsqrt", values**-0.5
         *path, last = name.split(".")
         owner = getattr(self._model, path[0]) if path else self._model
         one = getattr(owner, last, None)

@@ -169,6 +169,7 @@ class Backend(Engine):
         "stick.grip_to_lower_end_m": EXACT,
         "contact.torsion_radius_m": "approximate: only at one-point contacts, whatever slides",
         "contact.time_constant_s": "approximate: contacts are rigid, no penetration to relax",
+        "contact.creep_m_ns": "refused: contacts stick without creep",
         "contact.spin_radius_m": "approximate: only at one-point contacts that are not soft",
         "contact.compliance_m_n": "approximate: undamped springs, solved by PGS: a fifth more grip "
         "and no spin friction",

@@ -352,6 +352,9 @@ class Contact:
     """Time constant in which a penetration relaxes, in engines with soft contacts [s]."""
     compliance_m_n: float = 0.0
     """Compliance of a contact on top of the engine's own [m/N]; 0: the nominal surfaces."""
+    creep_m_ns: float = 0.0
+    """Speed at which a contact creeps under a force along its surface, per unit of it, on top of
+    the engine's own [m/(N s)]."""
     spin_radius_m: float = 0.0
     """Radius of spin friction on top of the engine's own [m]; negative: less, at least none."""
     touch_n: float = 0.0
