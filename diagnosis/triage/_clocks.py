@@ -1,13 +1,13 @@
 """Clock faults of a log: positions that lead, lag or drift, and time stamps of a wrong rate."""
 
 import dataclasses
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
 from backends.state import Array
-from diagnosis.triage._faults import BETTER
-from diagnosis.triage._signals import CLEAR, correlations
+from diagnosis.triage._faults import BETTER, Fault
+from diagnosis.triage._signals import CLEAR, correlations, rms
 from diagnosis.triage._tracks import Track
 
 FINE = 0.01
@@ -33,47 +33,45 @@ COARSE_S = 0.02
 WINDOWS, WINDOW_LAGS = 5, 101
 AT_ONCE = 1_000_000
 """Samples of all lags that are compared at once; this bounds the memory for long logs."""
+ONE_CLOCK = "stamp command and position with the same clock"
 
 
-@dataclass(frozen=True, kw_only=True)
-class Clock:
-    """A fault of a clock."""
+def faults(every: Sequence[Track]) -> tuple[Fault, ...]:
+    """The clock faults that joints show with certainty, as one finding.
 
-    shared: bool
-    """Whether it is a fault of the time stamps, which all joints must show."""
-    evidence: str
-    remedy: str
+    A wrong sample period counts only if at least half of the moving joints show it.
+    """
+    moving = [track for track in every if track.travel > 0.0]
+    odd = [track for track in moving if track.misfit >= FINE]
+    found = {t.name: said for t in odd if (said := _drifting(t) or _shifted(t))}
+    paced = {t.name: said for t in odd if t.name not in found and (said := _paced(t))}
+    if 2 * len(paced) >= len(moving):
+        found |= paced
+    if not found:
+        return ()
+    evidence, remedy = next(iter(found.values()))
+    return (Fault(kind="clock", joints=tuple(found), evidence=evidence, remedy=remedy),)
 
 
-def wrong(track: Track) -> Clock | None:
-    """The clock fault that a joint shows; None if it shows none with certainty."""
-    if track.travel == 0.0 or track.misfit < FINE:
-        return None
-    return _drifting(track) or _shifted(track) or _paced(track)
-
-
-def _shifted(track: Track) -> Clock | None:
+def _shifted(track: Track) -> tuple[str, str] | None:
     """A position that leads its command, or that follows later than any mechanism does."""
     ahead_s = -_lag_s(track, track.command)
     if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.dt_s):
-        return Clock(
-            shared=False,
-            evidence=f"the position is {1e3 * ahead_s:.0f} ms ahead of its command",
-            remedy="stamp command and position with the same clock; a row holds the command that "
-            "acts from its time on",
+        return (
+            f"the position is {1e3 * ahead_s:.0f} ms ahead of its command",
+            f"{ONE_CLOCK}; a row holds the command that acts from its time on",
         )
     late_s = _lag_s(track, track.shown)
     if late_s > LATE_S and _misfit(track, late_s) * BETTER < track.misfit:
-        return Clock(
-            shared=False,
-            evidence=f"the position follows {late_s:.2f} s later than in the nominal world; "
+        return (
+            f"the position follows {late_s:.2f} s later than in the nominal world; "
             f"allowed: {LATE_S:g} s",
-            remedy="stamp command and position with the same clock",
+            ONE_CLOCK,
         )
     return None
 
 
-def _drifting(track: Track) -> Clock | None:
+def _drifting(track: Track) -> tuple[str, str] | None:
     """A lag that grows with time: command and position have different clocks."""
     longest = max(range(len(track.time_s)), key=lambda k: float(track.time_s[k][-1]))
     t = track.time_s[longest]
@@ -85,21 +83,20 @@ def _drifting(track: Track) -> Clock | None:
     if abs(rate) < LEAST_DRIFT or abs(rate) * t[-1] < DRIFT_S:
         return None
     moved = np.interp(t - offset_s - rate * t, t, track.shown[longest])
-    before = _rms(track.position[longest] - track.shown[longest])
+    before = rms(track.position[longest] - track.shown[longest])
     constant = np.interp(t - np.median(late_s), t, track.shown[longest])
-    left = _rms(track.position[longest] - moved)
-    if left * BETTER > min(before, _rms(track.position[longest] - constant)):
+    left = rms(track.position[longest] - moved)
+    if left * BETTER > min(before, rms(track.position[longest] - constant)):
         return None
-    return Clock(
-        shared=False,
-        evidence=f"the clock of the position is {100 * abs(rate):.2g} % too "
+    return (
+        f"the clock of the position is {100 * abs(rate):.2g} % too "
         f"{'slow' if rate > 0 else 'fast'}: it is off by {1e3 * abs(rate) * t[-1]:.0f} ms after "
         f"{t[-1]:.1f} s",
-        remedy="stamp command and position with the same clock",
+        ONE_CLOCK,
     )
 
 
-def _paced(track: Track) -> Clock | None:
+def _paced(track: Track) -> tuple[str, str] | None:
     """Time stamps of a wrong rate: the motion is that of the nominal world at another pace."""
     tried = {pace: track.varied(paced=pace).misfit for pace in PACES}
     pace = min(tried, key=lambda p: tried[p])
@@ -109,11 +106,10 @@ def _paced(track: Track) -> Clock | None:
     if tried[pace] * RIVAL > min(delayed, track.varied(damped=1 / pace).misfit):
         return None
     factor, how = (pace, "short") if pace > 1 else (1 / pace, "long")
-    return Clock(
-        shared=True,
-        evidence=f"the nominal world moves as logged if all times are multiplied by {pace:g} "
+    return (
+        f"the nominal world moves as logged if all times are multiplied by {pace:g} "
         f"(misfit {tried[pace]:.2g} of the motion, {track.misfit:.2g} with the times as they are)",
-        remedy=f"check the sample period: the time stamps seem to be {factor:g} times too {how}",
+        f"check the sample period: the time stamps seem to be {factor:g} times too {how}",
     )
 
 
@@ -165,7 +161,3 @@ def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array]
         middles.append(t[part].mean())
         found.append(lags[np.argmax(fits)])
     return (np.array(middles), np.array(found)) if len(found) >= 3 else None
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(values**2)))

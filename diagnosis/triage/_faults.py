@@ -29,10 +29,11 @@ class Fault:
         return f"{self.kind} of {', '.join(self.joints)}: {self.evidence}; {self.remedy}"
 
 
-def in_si(unit: str, si: str) -> str:
-    """What to do with commands and positions that are in a unit."""
+def in_unit(track: Track, unit: str, evidence: str) -> Fault:
+    """Commands and positions that are in another unit."""
     option = f", or read the table with --unit {OPTIONS[unit]}" if unit in OPTIONS else ""
-    return f"convert command and position to {si}{option}"
+    remedy = f"convert command and position to {track.si}{option}"
+    return Fault(kind="unit", joints=(track.name,), evidence=evidence, remedy=remedy)
 
 
 def best_line(track: Track) -> tuple[Regression, str]:

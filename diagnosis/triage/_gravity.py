@@ -14,8 +14,8 @@ from diagnosis.motion.along import Along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain
-from diagnosis.triage._faults import BETTER, SCALES, Fault, in_si
-from diagnosis.triage._signals import LENGTHS, UNITS
+from diagnosis.triage._faults import BETTER, SCALES, Fault, in_unit
+from diagnosis.triage._signals import COUNTS, rms
 from diagnosis.triage._tracks import Track
 
 REST_S = 0.5
@@ -43,8 +43,8 @@ def weight(track: Track) -> Fault | None:
     """Both sides in another unit, or a weight that the PD law does not carry."""
     sags, positions = rests(track)
     expected = _expected(track, positions, 1.0)
-    size = _rms(expected)
-    if len(sags) < LEAST_RESTS or size < SEEN_RAD or _rms(sags - expected) < WRONG * size:
+    size = rms(expected)
+    if len(sags) < LEAST_RESTS or size < SEEN_RAD or rms(sags - expected) < WRONG * size:
         return None
     unit = _unit(track, sags, positions)
     return unit or _zero(track, sags, positions) or _carried(track, sags, expected)
@@ -101,49 +101,39 @@ def _misfit(
 
     `other`: with another gain or mass.
     """
-    room = _room(track)
-    if np.abs(positions[:, track.index]).max() / per_si > REACH * room:
+    if np.abs(positions[:, track.index]).max() / per_si > REACH * track.room:
         return np.inf
     expected, found = _expected(track, positions, per_si), sags / per_si
     if other:
         size = float(found @ expected) / max(float(expected @ expected), 1e-24)
         expected = np.clip(size, *SCALES) * expected
-    return _rms(found - expected) / max(_rms(expected), 1e-12)
+    return rms(found - expected) / max(rms(expected), 1e-12)
 
 
 def _unit(track: Track, sags: Array, positions: Array) -> Fault | None:
-    every = _units(track)
+    counts = {} if track.slides else {n: s for n, s in COUNTS.items() if s > COARSEST}
+    every = track.units | counts
     named = {n: _misfit(track, sags, positions, s) for n, s in every.items()}
     best = min(named, key=named.__getitem__)
     free = [_misfit(track, sags, positions, s) for s in FREE]
     if named[best] >= RIGHT:  # of a drive or a mass that is another
-        used = [n for n in every if not n.startswith("counts")]
-        named = {n: _misfit(track, sags, positions, every[n], other=True) for n in used}
+        used = track.units.items()
+        named = {n: _misfit(track, sags, positions, s, other=True) for n, s in used}
         best = min(named, key=named.__getitem__)
         named[best] = np.inf if min(free) * BETTER < named[best] else named[best]
+    why = "so says the sag of the joint under its weight, and its range"
     if named[best] < RIGHT:
-        return _fault(track, f"both are in {best}", in_si(best, _si(track)))
-    reach = max(float(np.abs(p).max()) for p in (*track.position, *track.command))
-    if reach < OUTSIDE * _room(track) or min(free) > RIGHT:
+        return in_unit(track, best, f"both are in {best}: {why}")
+    reach = max(track.reach, *(float(np.abs(p).max()) for p in track.position))
+    if reach < OUTSIDE * track.room or min(free) > RIGHT:
         return None
     size = float(FREE[int(np.argmin(free))])
-    said = f"both are in a unit of which about {size:.2g} make one {_si(track)}"
-    where = "they may be of a calibration, or on the motor's side of a gear: convert them to"
-    return _fault(track, said, f"{where} {_si(track)}")
-
-
-def _units(track: Track) -> dict[str, float]:
-    """Units with a name, without those of encoders that are coarser than any."""
-    every = LENGTHS if track.slides else UNITS
-    return {n: s for n, s in every.items() if s > COARSEST or not n.startswith("counts")}
-
-
-def _fault(track: Track, said: str, remedy: str) -> Fault:
     return Fault(
         kind="unit",
         joints=(track.name,),
-        evidence=f"{said}: so says the sag of the joint under its weight, and its range",
-        remedy=remedy,
+        evidence=f"both are in a unit of which about {size:.2g} make one {track.si}: {why}",
+        remedy="they may be of a calibration, or on the motor's side of a gear: convert them to "
+        f"{track.si}",
     )
 
 
@@ -156,7 +146,7 @@ def _zero(track: Track, sags: Array, positions: Array) -> Fault | None:
         moved = positions.copy()
         moved[:, track.index] -= zero
         expected = _expected(track, moved, 1.0)
-        misfits.append(_rms(sags - expected) / max(_rms(expected), 1e-12))
+        misfits.append(rms(sags - expected) / max(rms(expected), 1e-12))
     best = int(np.argmin(misfits))
     if misfits[best] > SURE or abs(ZEROS[best]) < FAR_RAD:
         return None
@@ -172,7 +162,7 @@ def _zero(track: Track, sags: Array, positions: Array) -> Fault | None:
 
 def _carried(track: Track, sags: Array, expected: Array) -> Fault | None:
     """A weight that leaves no sag, where the nominal world moves as logged without weight."""
-    if _rms(sags) > CARRIED * _rms(expected):
+    if rms(sags) > CARRIED * rms(expected):
         return None
     limb = track.limb
     bare = replace(limb, spec=replace(limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
@@ -182,21 +172,8 @@ def _carried(track: Track, sags: Array, expected: Array) -> Fault | None:
     return Fault(
         kind="convention",
         joints=(track.name,),
-        evidence=f"at rest it is {1e3 * _rms(sags):.2g} mrad from its targets, where its weight "
-        f"should hold it {1e3 * _rms(expected):.2g} mrad below",
+        evidence=f"at rest it is {1e3 * rms(sags):.2g} mrad from its targets, where its weight "
+        f"should hold it {1e3 * rms(expected):.2g} mrad below",
         remedy="the drive compensates gravity: say --gravity-compensation, or `gravity_compensation"
         ": true` under mechanism; or it has an integral: write its `ki`",
     )
-
-
-def _si(track: Track) -> str:
-    return "m" if track.slides else "rad"
-
-
-def _room(track: Track) -> float:
-    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
-    return max(abs(low), abs(high))
-
-
-def _rms(values: Array) -> float:
-    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0

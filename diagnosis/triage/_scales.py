@@ -28,12 +28,11 @@ def scale(track: Track) -> Fault | None:
         return None
     other = unit(abs(found.slope), track.slides)
     said = "the {} is in {}".format(*other) if other else UNKNOWN_UNIT
-    si = "m" if track.slides else "rad"
     return Fault(
         kind="unit",
         joints=(track.name,),
         evidence=f"{moves}: {said}",
-        remedy=f"convert both to {si}" + (" and change the sign" if found.slope < 0 else ""),
+        remedy=f"convert both to {track.si}" + (" and change the sign" if found.slope < 0 else ""),
     )
 
 

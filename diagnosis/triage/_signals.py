@@ -11,13 +11,9 @@ CLEAR, UNCLEAR = 0.9, 0.5
 """Correlations above and below which two signals certainly are, or are not, the same motion."""
 STILL = 1e-6
 """Share of a motion's size below which a signal counts as still."""
-UNITS = {
-    "degrees": 180 / np.pi,
-    "turns": 1 / (2 * np.pi),
-    "milliradians": 1e3,
-    **{f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)},
-}
-"""Units in which an angle may be given, per radian."""
+UNITS = {"degrees": 180 / np.pi, "turns": 1 / (2 * np.pi), "milliradians": 1e3}
+COUNTS = {f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)}
+"""Units in which an angle may be given, per radian: those that people use, and encoders'."""
 LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
 """Units in which a length may be given, per metre."""
 OPTIONS = {"degrees": "deg", "turns": "turn", "milliradians": "mrad", "millimetres": "mm"}
@@ -29,11 +25,16 @@ NEAR = 0.12
 
 def unit(scale: float, slides: bool) -> tuple[str, str] | None:
     """The side, position or command, that a scale puts in another unit, and that unit."""
-    for name, size in (LENGTHS if slides else UNITS).items():
+    for name, size in (LENGTHS if slides else UNITS | COUNTS).items():
         for side, expected in (("position", size), ("command", 1 / size)):
             if abs(np.log(scale / expected)) < NEAR:
                 return side, name
     return None
+
+
+def rms(values: Array) -> float:
+    """Root mean square; 0 of no values."""
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
 def centred(episodes: Sequence[Array]) -> Iterator[Array]:

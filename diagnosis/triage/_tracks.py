@@ -9,7 +9,7 @@ from backends.state import Array
 from diagnosis.motion.columns import KD, LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
-from diagnosis.triage._signals import centred
+from diagnosis.triage._signals import LENGTHS, UNITS, centred
 
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
@@ -71,6 +71,26 @@ class Track:
     def slides(self) -> bool:
         """Whether it is a slide."""
         return self.limb.spec.hand.driven[self.index].joint.slides
+
+    @property
+    def si(self) -> str:
+        """Its unit."""
+        return "m" if self.slides else "rad"
+
+    @property
+    def units(self) -> dict[str, float]:
+        """Other units that people use, per radian or metre."""
+        return LENGTHS if self.slides else UNITS
+
+    @property
+    def room(self) -> float:
+        """The farthest end of its range from zero [rad or m]."""
+        return max(map(abs, self.limb.spec.hand.driven[self.index].joint.range_rad))
+
+    @property
+    def reach(self) -> float:
+        """The farthest command from zero [rad or m]."""
+        return max(float(np.abs(c).max()) for c in self.command)
 
     @property
     def dt_s(self) -> float:

@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from diagnosis.triage._faults import BETTER, Fault, in_si
-from diagnosis.triage._signals import LENGTHS, UNITS
+from diagnosis.triage._faults import BETTER, Fault, in_unit
 from diagnosis.triage._tracks import Track
 
 BEYOND, WITHIN = 3.0, 1.5
@@ -25,16 +24,15 @@ LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
 
 def both(track: Track) -> Fault | None:
     """Both sides in another unit, by the joint's range or by how it moves."""
-    tried = _possible(track)
-    reach, room = _reach(track), _room(track)
+    tried, reach, room, si = _possible(track), track.reach, track.room, track.si
     if tried and reach >= BEYOND * room:
-        where = f"commands reach {reach:.3g} {_si(track)}, the joint only {room:.3g} {_si(track)}"
+        where = f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}"
         best = _best(track, tried)[0]
-        return _fault(track, best, f"{where}: commands and positions are in {best}")
+        return in_unit(track, best, f"{where}: commands and positions are in {best}")
     said = _moves_as_logged(track)
     if said is None or _rivals(track, tried[said[0]]):
         return None
-    return _fault(track, said[0], "both are in {}: {}".format(*said))
+    return in_unit(track, said[0], "both are in {}: {}".format(*said))
 
 
 def perhaps(track: Track) -> str | None:
@@ -46,9 +44,12 @@ def perhaps(track: Track) -> str | None:
 
 
 def _possible(track: Track) -> dict[str, float]:
-    """Units in which the commands are within the joint's range."""
-    most = WITHIN * _room(track)
-    return {n: size for n, size in _units(track).items() if _reach(track) / size <= most}
+    """Units in which the commands are within the joint's range.
+
+    Which counts of an encoder they are, no motion says.
+    """
+    most = WITHIN * track.room
+    return {n: size for n, size in track.units.items() if track.reach / size <= most}
 
 
 def _best(track: Track, tried: dict[str, float]) -> tuple[str, float]:
@@ -95,27 +96,3 @@ def _left(track: Track) -> float:
     rest = read - columns @ np.linalg.lstsq(columns, read)[0]
     moved = np.concatenate([c - c.mean() for c in track.command])
     return float(np.sqrt(np.mean(rest**2) / max(np.mean(moved**2), 1e-18)))
-
-
-def _units(track: Track) -> dict[str, float]:
-    """Units that people use; which counts of an encoder they are, no motion says."""
-    every = LENGTHS if track.slides else UNITS
-    return {name: size for name, size in every.items() if not name.startswith("counts")}
-
-
-def _reach(track: Track) -> float:
-    return max(float(np.abs(c).max()) for c in track.command)
-
-
-def _room(track: Track) -> float:
-    low, high = track.limb.spec.hand.driven[track.index].joint.range_rad
-    return max(abs(low), abs(high))
-
-
-def _si(track: Track) -> str:
-    return "m" if track.slides else "rad"
-
-
-def _fault(track: Track, unit: str, evidence: str) -> Fault:
-    remedy = in_si(unit, _si(track))
-    return Fault(kind="unit", joints=(track.name,), evidence=evidence, remedy=remedy)

@@ -1,10 +1,9 @@
 """Triage: find faults in the data of a log before a cause is sought in the mechanism.
 
 Swapped columns, a wrong sign, unit, zero, convention of targets or clock: each leaves a gap that
-the search could wrongly explain by a physical effect. `triage` raises before it does, `faults`
-lists them. Each fault has its own test, which compares
-the position with the command and with the nominal world. The limits are beyond what any effect of
-the catalogue causes in a working mechanism:
+the search could wrongly explain by a physical effect. `triage` raises before it does. Each fault
+has its own test, which compares the position with the command and with the nominal world. The
+limits are beyond what any effect of the catalogue causes in a working mechanism:
 
     scale   0.4 to 2.5 can be physics (gains, sensors); beyond it is a unit; a sign never is physics
     zero    up to 15 degrees (slide: its travel) can be physics (encoder-bias); beyond it is a fault
@@ -61,35 +60,24 @@ class FaultError(LogError):
 
 
 def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
-    """What is remarkable in a log, see `remarks`; raises FaultError if its data is faulty."""
-    whole = _limbs(log, nominal)
+    """What may be in another unit, did not follow for a while, or is stamped too regularly.
+
+    Raises FaultError if the data is faulty, LogError where nothing can be compared.
+    """
+    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
+    whole = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
     some = _excerpts(whole)
     every = tracks(some)
     if found := _faults(every):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
         raise LogError(LOST)
-    units = _perhaps(every)
+    units = [said for track in every if (said := _units.perhaps(track))]
     if some != whole:
         del every  # a long log's replays take memory
         every = tracks(whole)
-    return (*units, *_remarks(every))
-
-
-def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
-    """The faults in the data of a log, by joint; empty if there are none."""
-    return _faults(tracks(_excerpts(_limbs(log, nominal))))
-
-
-def remarks(log: Log, nominal: Spec) -> tuple[str, ...]:
-    """What may be in another unit, did not follow for a while, or is stamped too regularly."""
-    whole = _limbs(log, nominal)
-    return (*_perhaps(tracks(_excerpts(whole))), *_remarks(tracks(whole)))
-
-
-def _limbs(log: Log, nominal: Spec) -> list[Limb]:
-    rigid = isinstance(log.meta.mechanism, MjcfMechanism)
-    return [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
+    stamps = [said for track in every if (said := made_up(track))]
+    return (*units, *(text for track in every for text in pauses(track)), *stamps)
 
 
 def _excerpts(whole: Sequence[Limb]) -> list[Limb]:
@@ -100,21 +88,12 @@ def _excerpts(whole: Sequence[Limb]) -> list[Limb]:
     ]
 
 
-def _remarks(every: Sequence[Track]) -> tuple[str, ...]:
-    stamps = [said for track in every if (said := made_up(track))]
-    return (*(text for track in every for text in pauses(track)), *stamps)
-
-
-def _perhaps(every: Sequence[Track]) -> tuple[str, ...]:
-    return tuple(said for track in every if (said := _units.perhaps(track)))
-
-
 def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
     first = _order(every) or tuple(f for track in every if (f := _scales.push_size(track)))
     if first:
         return first
     found = [fault for track in every if (fault := _first(track))]
-    return tuple(found) or _clocks_of(every)
+    return tuple(found) or _clocks.faults(every)
 
 
 def _first(track: Track) -> Fault | None:
@@ -149,19 +128,3 @@ def _alike(position: Track, command: Track) -> float:
         return 0.0
     both = (line(cause, position.position) for cause in (command.shown, command.command))
     return max(one.correlation for one in both)
-
-
-def _clocks_of(every: Sequence[Track]) -> tuple[Fault, ...]:
-    """The clock faults that the joints show, as one finding.
-
-    A wrong sample period counts only if at least half of the moving joints show it.
-    """
-    pairs = [(t, clock) for t in every if (clock := _clocks.wrong(t))]
-    moving = sum(track.travel > 0.0 for track in every)
-    shared = [pair for pair in pairs if pair[1].shared]
-    if 2 * len(shared) < moving:
-        pairs = [pair for pair in pairs if not pair[1].shared]
-    if not pairs:
-        return ()
-    names, first = tuple(track.name for track, _ in pairs), pairs[0][1]
-    return (Fault(kind="clock", joints=names, evidence=first.evidence, remedy=first.remedy),)

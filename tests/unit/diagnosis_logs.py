@@ -17,6 +17,7 @@ from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMec
 from diagnosis.motion.recordings import recordings
 from diagnosis.recording.excitation import FREE, Excitation, Joints
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.triage.triage import Fault, FaultError, triage
 
 ENGINES = [
     pytest.param(name, marks=() if name == "bullet" else pytest.mark.slow)
@@ -121,3 +122,12 @@ def _played(spec: Spec, log: Log) -> list[np.ndarray]:
 
     shown = worlds.replay(start, [spec], recordings(log, spec))
     return [positions[0, REST:, 0] for positions in shown]
+
+
+def faults(log: Log, nominal: Spec) -> tuple[Fault, ...]:
+    """The faults in the data of a log."""
+    try:
+        triage(log, nominal)
+    except FaultError as error:
+        return error.faults
+    return ()

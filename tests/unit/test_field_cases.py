@@ -6,6 +6,7 @@ import re
 import numpy as np
 import pandas as pd
 import pytest
+from diagnosis_logs import faults
 
 from backends.mjcf import JointNumbers, MjcfError, Plain, Play, file_drives, whole, written
 from benchmark.cli import app as cli
@@ -16,7 +17,7 @@ from diagnosis.replay.chain import chain
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions, uncertainties
-from diagnosis.triage.triage import faults, remarks
+from diagnosis.triage.triage import triage
 
 INERTIAL = '<inertial mass="0.8" pos="0.15 0 0" fullinertia="8e-4 4e-3 4e-3 2e-4 0 1e-4"/>'
 JOINT = '<joint name="shoulder" axis="0 1 0" range="-90 90" armature="0.02" damping="0.05"/>'
@@ -319,14 +320,13 @@ def test_gravity_says_what_both_sides_are(log, said):
 def test_gravity_accuses_no_arm_that_differs_a_little(xml):
     """Leave gains, masses and friction to the diagnosis."""
     log = moved(xml)
-    assert not faults(log, mjcf_world(log))
-    assert not remarks(log, mjcf_world(log))
+    assert not triage(log, mjcf_world(log))
 
 
 def test_a_drive_that_was_off_is_said_with_its_time():
     """Say from when to when a joint did not follow."""
     log = moved(off_s=(3.0, 4.5))
-    said = remarks(log, mjcf_world(log))
+    said = triage(log, mjcf_world(log))
     assert said == ("shoulder did not follow from 3.0 to 4.5 s of episode 0",)
 
 
@@ -341,7 +341,7 @@ def test_stamps_that_are_too_regular_are_said(scatter_s):
     frame["command_rad.shoulder"] = fine["command_rad.shoulder"].to_numpy()[row]
     frame["position_rad.shoulder"] = np.interp(real_s, fine["t_s"], fine["position_rad.shoulder"])
     log = make_log(log_of(ARM).meta.model_copy(update={"channels": {}}), frame, ARM)
-    said = " ".join(remarks(log, mjcf_world(log)))
+    said = " ".join(triage(log, mjcf_world(log)))
     assert ("made from a row number" in said) == bool(scatter_s)
 
 

@@ -7,6 +7,7 @@ import arms
 import numpy as np
 import pytest
 from arms import Real, log_of
+from diagnosis_logs import faults
 from pandas import DataFrame as Samples
 
 from backends import sticks, trx
@@ -19,7 +20,7 @@ from diagnosis.replay.nominal import mjcf_world
 from diagnosis.triage._faults import Fault
 from diagnosis.triage._signals import correlations, line
 from diagnosis.triage._zeros import ZERO_RAD
-from diagnosis.triage.triage import KINDS, FaultError, faults
+from diagnosis.triage.triage import KINDS, FaultError
 from diagnosis.walk import diagnose
 
 SPEC = trx.spec(sticks.STICKS["reference"])
