@@ -26,7 +26,9 @@ from diagnosis.motion.columns import (
     OWN_STEPS,
     PERIOD,
     PHASE,
+    ROTOR,
     STIFFNESS,
+    VISCOUS,
 )
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.ripple import ripples
@@ -145,8 +147,9 @@ def parameters(
                     shows = not (evidence.only_rests and place in MOVING)
                     one = replace(one, nameable=name in catalogue and shows)
                     found.append(_as_seen(one, evidence.limb, *seen))
-            if kind.shared and len(evidence.joints) > 1:
-                found.append(_shared([p for p in found if p.effect == name]))
+            own = [p for p in found if p.effect == name]
+            if kind.shared and len(evidence.joints) > 1 and own:
+                found.append(_shared(own))
     if evidence.own_steps.any():
         found.append(_OWN)
     return tuple(found)
@@ -272,7 +275,8 @@ def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
         return 1.0
     if kind.coordinate == "compliance":
         return 1.0 / numbers[KP]
-    natural = {"torque": evidence.torque[joint], "damping": numbers[KD]}
+    damped = numbers[KD] + numbers[VISCOUS] or np.sqrt(numbers[KP] * numbers[ROTOR])
+    natural = {"torque": evidence.torque[joint], "damping": damped}
     return float(natural.get(kind.dimension, 1.0))
 
 

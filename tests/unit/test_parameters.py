@@ -11,7 +11,7 @@ from backends.effect import with_effects
 from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.models.parameters import Parameter, bounds, magnitude, parameters
 from diagnosis.models.world import World
-from diagnosis.motion.columns import STIFFNESS, table
+from diagnosis.motion.columns import STIFFNESS, table, with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -57,6 +57,24 @@ def test_slides_have_no_error_of_a_turn(said):
     names = {one.effect for one in parameters(catalogue(), slides, 0.05, 1.0)}
     assert "encoder-bias" in names
     assert not names & {name for name, kind in catalogue().items() if kind.hinges_only}
+
+
+@pytest.mark.parametrize("viscous", [0.6, 0.0])
+def test_drives_without_kd_may_have_viscous_friction(said, viscous):
+    """Measure it by what damps the joint, and look for no other gain on speeds that are not fed."""
+    spec = said.limb.spec
+    undamped = {
+        b.joint.name: {"drive.kd_nms_rad": 0.0, "drive.viscous_nms_rad": viscous}
+        for b in spec.hand.driven
+    }
+    bare = replace(said, limb=replace(said.limb, spec=with_numbers(spec, undamped)))
+    found = parameters(catalogue(), bare, 0.05, 1.0)
+    assert "kd-scale" not in {one.effect for one in found}
+    sizes = [
+        one.unit for one in found if one.effect == "viscous-friction" and one.joint is not None
+    ]
+    assert sizes and min(sizes) > 0.0
+    assert np.isfinite([one.tolerance for one in found]).all()
 
 
 def test_bounds_hold_a_parameter_and_its_sign(every):
