@@ -10,7 +10,7 @@ from mujoco import rollout
 
 from backends._mjcf_followers import followers
 from backends._mjcf_model import compiled
-from backends._mjcf_robot import Signals
+from backends._mjcf_robot import Robot, Signals
 from backends.command import rounded
 from backends.encoder import angles
 from backends.state import Array
@@ -19,6 +19,7 @@ IMMOVABLE_KGM2 = 1e12
 """Inertia of a joint that is held: no robot moves it by 1e-7 in a log."""
 FIRM = 0.999, 0.9999
 """Impedance of dry friction that holds."""
+NOTHING: Mapping[str, dict[str, float]] = {}
 _STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 _ACTS = mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
@@ -46,20 +47,20 @@ class Plain:
         joints: Sequence[str],
         held: Mapping[str, float],
         *,
-        carried: float = 0.0,
         timestep_s: float | None = None,
         integrator: str | None = None,
-        beside: dict[str, dict[str, float]] | None = None,
+        beside: Mapping[str, dict[str, float]] = NOTHING,
+        drives: Mapping[str, dict[str, float]] = NOTHING,
         firm: bool = False,
     ) -> None:
-        """Hold all but `joints` and what follows them; the drives carry a share of all weight.
+        """Hold all but `joints` and what follows them.
 
-        `timestep_s` and `integrator` in place of the file's; `beside`: what an MJCF cannot hold, as
-        a robot's file has it; `firm`: dry friction holds, where MuJoCo's creeps. Raises MjcfError.
+        `timestep_s` and `integrator` in place of the file's; `beside` and `drives`: what an MJCF
+        cannot hold, as a robot's file has it; `firm`: dry friction holds, where MuJoCo's creeps.
+        Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        model.opt.gravity[:] *= 1.0 - carried
         model.opt.timestep = timestep_s or model.opt.timestep
         if firm:
             model.dof_solref[:], model.dof_solimp[:, :2] = (2 * model.opt.timestep, 1.0), FIRM
@@ -74,7 +75,7 @@ class Plain:
         model.eq_active0[[one.equality for one in led.values()]] = 1
         self.model, self._at = model, model.jnt_qposadr[own]
         self._led = {int(model.jnt_qposadr[j]): one for j, one in led.items()}
-        self._joints, self._beside = tuple(joints), beside or {}
+        self._joints, self._beside, self._drives = tuple(joints), beside, drives
         self._pushed = [
             (int(model.jnt_dofadr[j]), _behind(model.joint(j).name, joints)) for j in moving
         ]
@@ -85,11 +86,23 @@ class Plain:
     def positions(self, play: Play) -> Array:
         """Positions of the joints at the samples (T, K), with servos that follow the commands.
 
-        Signals pass as `backends.mjcf.robot_file` has them, step by step.
+        Signals and drives are as `backends.mjcf.robot_file` has them, step by step.
         """
         ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
         steps = np.maximum(np.diff(ticks, append=ticks[-1] + 1), 1)
         command, push = (np.repeat(x, steps, axis=0) for x in (play.command, play.push))
+        moved = self._stepped if self._drives else self._passed
+        return moved(play.start, command, push)[np.cumsum(steps) - steps]
+
+    def _stepped(self, start: Array, command: Array, push: Array) -> Array:
+        """What sensors read (S, K) under commands and pushes, a step after the other."""
+        robot = Robot(copy.copy(self.model), self._beside, self._drives)
+        self._place(robot.data, start)
+        steps = ([dict(zip(self._joints, x, strict=True)) for x in one] for one in (command, push))
+        return np.array([list(robot.step(*one).values()) for one in zip(*steps, strict=True)])
+
+    def _passed(self, start: Array, command: Array, push: Array) -> Array:
+        """The same of servos alone, all steps at once."""
         control = np.zeros((len(command), self.model.nu))
         applied = np.zeros((len(command), self.model.nv))
         passed = [Signals(self.model, name, self._beside.get(name, {})) for name in self._joints]
@@ -100,21 +113,17 @@ class Plain:
                 control[:, place] = gear * target
         for dof, name in self._pushed:
             applied[:, dof] = push[:, self._joints.index(name)]
-        angle = self._rolled(play.start, control, applied)
+        angle = self._rolled(start, control, applied)
         shown = [
             signals.shown(_late(angle[:, signals.places].sum(axis=1), signals.read_late))
             for signals in passed
         ]
-        return np.stack(shown, axis=1)[np.cumsum(steps) - steps]
+        return np.stack(shown, axis=1)
 
     def _rolled(self, start: Array, control: Array, applied: Array) -> Array:
         """All coordinates (S, Q) before each step, from rest at readings `start`."""
         data = mujoco.MjData(self.model)
-        data.qpos[:] = self._pose
-        data.qpos[self._at] = self._unread(start)
-        for place, one in self._led.items():
-            at = data.qpos[self.model.jnt_qposadr[one.leader]]
-            data.qpos[place] = np.polynomial.polynomial.polyval(at, one.course)
+        self._place(data, start)
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, data, state, _STATE)
         acts = np.concatenate([control, applied], axis=1)
@@ -122,6 +131,14 @@ class Plain:
             self.model, data, state[None], acts[None], control_spec=int(_ACTS)
         )
         return np.vstack([state, states[0][:-1]])[:, 1 : 1 + self.model.nq]
+
+    def _place(self, data: mujoco.MjData, start: Array) -> None:
+        """Let joints stand where sensors read `start`."""
+        data.qpos[:] = self._pose
+        data.qpos[self._at] = self._unread(start)
+        for place, one in self._led.items():
+            at = data.qpos[self.model.jnt_qposadr[one.leader]]
+            data.qpos[place] = np.polynomial.polynomial.polyval(at, one.course)
 
     def _unread(self, reading: Array) -> Array:
         """Where joints stand whose sensors read this (K,)."""

@@ -1,4 +1,4 @@
-"""A corrected model, and beside it what an MJCF cannot hold: late, slow and offset signals.
+"""A corrected model, and beside it what an MJCF cannot hold: late signals, warm motors, friction.
 
     robot = Robot(mujoco.MjModel.from_xml_path("corrected.xml"))
     readings = robot.step({"elbow": 0.3})      # targets and readings by joint [rad, m], a time step
@@ -6,36 +6,86 @@
 This file is written beside a corrected model, with its numbers.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 NUMBERS: dict[str, dict[str, float]] = {}
+DRIVES: dict[str, dict[str, float]] = {}
 
 
 class Robot:
-    """A model whose commands and readings pass as those of the robot do.
+    """A model whose commands and readings pass as those of the robot do, with its drives.
 
     `numbers` by joint: `delay_s` of commands, `slowness_s_rad` and `step` of targets, and `late_s`,
-    `scale`, `bias`, `cosine` and `sine` of readings.
+    `scale`, `bias`, `cosine` and `sine` of readings. `drives`: those of `Drive`.
     """
 
     def __init__(
-        self, model: mujoco.MjModel, numbers: dict[str, dict[str, float]] = NUMBERS
+        self,
+        model: mujoco.MjModel,
+        numbers: Mapping[str, dict[str, float]] = NUMBERS,
+        drives: Mapping[str, dict[str, float]] = DRIVES,
     ) -> None:
-        self.model, self.data, self.numbers = model, mujoco.MjData(model), numbers
-        self.signals: dict[str, Signals] = {}
+        self.model, self.data = model, mujoco.MjData(model)
+        names = [model.joint(j).name for j in range(model.njnt)]
+        self.signals = {name: Signals(model, name, numbers.get(name, {})) for name in names}
+        self.drives = [Drive(model, name, own) for name, own in drives.items()]
 
-    def step(self, targets: dict[str, float]) -> dict[str, float]:
-        """Hold targets for one time step; what the sensors read at its start."""
-        read = {}
-        for name, target in targets.items():
-            if name not in self.signals:
-                self.signals[name] = Signals(self.model, name, self.numbers.get(name, {}))
-            read[name] = self.signals[name].pass_on(target, self.data)
+    def step(
+        self, targets: dict[str, float], push: dict[str, float] | None = None
+    ) -> dict[str, float]:
+        """Hold targets, and pushes from outside, for one step; what sensors read at its start."""
+        self.data.qfrc_applied[:] = 0.0
+        for name, torque in (push or {}).items():
+            self.data.qfrc_applied[self.signals[name].dofs] = torque
+        read = {name: self.signals[name].pass_on(x, self.data) for name, x in targets.items()}
+        for drive in self.drives:
+            drive.act(self.data)
         mujoco.mj_step(self.model, self.data)
         return read
+
+
+class Drive:
+    """What a joint's drive does beside its servo.
+
+    `cogging_nm` over `cogging_period_rad`; `thermal_fade` of the servo's torque at the heat of
+    `torque_limit_nm`; `presliding_nm` of bristles that bend by `presliding_rad`; dry friction:
+    `stiction_nm`, `load_friction` of the torque on the gear, `one_way_friction_nm`.
+    """
+
+    def __init__(self, model: mujoco.MjModel, name: str, own: dict[str, float]) -> None:
+        self.model, self.own = model, own
+        joint = model.joint(name)
+        self.at, self.dof = int(joint.qposadr[0]), int(joint.dofadr[0])
+        self.armature = float(model.dof_armature[self.dof])
+        self.friction = float(model.dof_frictionloss[self.dof])
+        self.heat = self.bend = self.torque = 0.0
+        # Friction that holds, where MuJoCo's creeps.
+        model.dof_solref[self.dof] = 2.0 * model.opt.timestep, 1.0
+        model.dof_solimp[self.dof, :2] = 0.999, 0.9999
+
+    def act(self, data: mujoco.MjData) -> None:
+        """Set its torque and its dry friction for the next step."""
+        own, dt, dof = self.own, self.model.opt.timestep, self.dof
+        speed, servo = float(data.qvel[dof]), float(data.qfrc_actuator[dof])
+        link = data.qfrc_damper[dof] + data.qfrc_constraint[dof] - self.armature * data.qacc[dof]
+        gear = abs(servo + self.torque + link)
+        way = own["one_way_friction_nm"] / 2.0  # half of it is a torque, half friction both ways
+        rub = own["stiction_nm"] * np.exp(-abs(speed) / own["stribeck_rad_s"])
+        loss = self.friction + rub + own["load_friction"] * gear + abs(way)
+        self.model.dof_frictionloss[dof] = loss
+        turn = 2.0 * np.pi * data.qpos[self.at] / own["cogging_period_rad"]
+        load = servo / own["torque_limit_nm"]
+        self.heat += dt / own["thermal_s"] * (load**2 - self.heat)
+        slid = dt * speed / own["presliding_rad"]
+        self.bend = (self.bend + slid) / (1.0 + abs(slid))
+        self.torque = own["cogging_nm"] * np.sin(turn + own["cogging_phase_rad"]) - way
+        self.torque -= min(own["thermal_fade"] * self.heat, 0.9) * servo
+        self.torque -= own["presliding_nm"] * self.bend
+        data.qfrc_applied[dof] += self.torque
 
 
 class Signals:
@@ -44,7 +94,9 @@ class Signals:
     def __init__(self, model: mujoco.MjModel, name: str, own: dict[str, float]) -> None:
         j, dt = model.joint(name).id, model.opt.timestep
         play = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, f"{name}_play")
-        self.places = [int(model.jnt_qposadr[k]) for k in (j, play) if k >= 0]
+        both = [k for k in (j, play) if k >= 0]
+        self.places = [int(model.jnt_qposadr[k]) for k in both]
+        self.dofs = [int(model.jnt_dofadr[k]) for k in both]
         self.servos = [
             (int(model.actuator_ctrladr[a]), float(model.actuator_gear[a, 0]))
             for a in range(model.nu)
@@ -86,10 +138,13 @@ def late(values: list[float], ticks: float) -> float:
     return now + (ticks - whole) * (before - now)
 
 
-def robot_file(numbers: dict[str, dict[str, float]]) -> str:
+def robot_file(numbers: dict[str, dict[str, float]], drives: dict[str, dict[str, float]]) -> str:
     """This file with the numbers of a robot, to stand beside its model."""
     own = Path(__file__).read_text(encoding="utf-8").partition("\n\ndef robot_file")[0]
-    return own.replace("float]] = {}", f"float]] = {numbers!r}").replace(PATH_LINE, "") + "\n"
+    for name, value in (("NUMBERS", numbers), ("DRIVES", drives)):
+        empty = f"{name}: dict[str, dict[str, float]] = "
+        own = own.replace(f"{empty}{{}}", f"{empty}{value!r}")
+    return own.replace(PATH_LINE, "") + "\n"
 
 
-PATH_LINE = "from pathlib import Path\n\n"
+PATH_LINE = "from pathlib import Path\n"

@@ -17,6 +17,9 @@ from backends._mjcf_text import MjcfError
 KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
 """Attributes of an actuator that a position servo in its place keeps."""
 
+TINY = 1e-9
+"""Shares that differ by no more are the same."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class JointNumbers:
@@ -52,17 +55,21 @@ def written(
     numbers: Mapping[str, JointNumbers],
     gravity_m_s2: tuple[float, float, float] | None = None,
     held: Collection[str] = (),
+    carried: Mapping[str, float] | None = None,
+    others: float = 0.0,
 ) -> str:
     """The text with these joints' numbers, and a position servo on each; raises MjcfError.
 
     A URDF becomes the MJCF that MuJoCo makes of it. `gravity_m_s2`: None for the file's. `held`:
-    joints that follow none.
+    joints that follow none. `carried`: the share of each link's weight that is carried beside its
+    drive, by joint; of all other bodies `others`, beside what the file says.
     """
     model, root = compiled(xml), parsed(as_mjcf(xml))
     numbers = _without_followers(model, numbers, held)
     if gravity_m_s2 is not None:
         options = root.findall("option") or [ElementTree.SubElement(root, "option")]
         options[-1].set("gravity", _text(gravity_m_s2))
+    _set_carried(root, carried or {}, others)
     for name, one in numbers.items():
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
@@ -144,6 +151,17 @@ def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> N
         inertial = Element("inertial", text)
         body.insert(0, inertial)
     inertial.set("mass", repr(mass_kg))
+
+
+def _set_carried(root: Element, carried: Mapping[str, float], others: float) -> None:
+    """Write gravity compensation, where it is another."""
+    for body in root.iter("body"):
+        file = float(body.get("gravcomp", 0.0))
+        share = 1.0 - (1.0 - file) * (1.0 - others)
+        for joint in body.findall("joint"):
+            share = carried.get(joint.get("name", ""), share)
+        if abs(share - file) > TINY:
+            body.set("gravcomp", repr(share))
 
 
 def _set_payload(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:

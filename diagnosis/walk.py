@@ -23,7 +23,7 @@ from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.plain import beside, gap_rad, model_text
+from diagnosis.replay.plain import gap_rad
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged
@@ -162,9 +162,7 @@ def _engine_gaps_rad(
 ) -> tuple[float, ...]:
     """See `Diagnosis`."""
     if isinstance(log.meta.mechanism, MjcfMechanism):
-        texts = (model_text(log, nominal), model_text(log, corrected, nominal=nominal))
-        worlds = zip(texts, (nominal, corrected), strict=True)
-        return tuple(gap_rad(log, nominal, text, beside(world)) for text, world in worlds)
+        return tuple(gap_rad(log, nominal, world) for world in (nominal, corrected))
     return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 

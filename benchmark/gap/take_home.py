@@ -12,7 +12,7 @@ from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, table, with_numbers
-from diagnosis.replay.plain import BESIDE, beside, gap_rad, model_text, urdf_text
+from diagnosis.replay.plain import BESIDE, DRIVES, beside, drives, model_text, urdf_text
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal
 from diagnosis.verdict.sentences import size
 from diagnosis.verdict.sizes import distance, in_other_words
@@ -28,12 +28,13 @@ WRITTEN = {
     "drive.viscous_nms_rad": ("damping", "Nms/rad", "Ns/m"),
     "drive.coulomb_nm": ("frictionloss", "Nm", "N"),
     "body.mass_kg": ("mass", "kg", "kg"),
+    "body.carried": ("gravcomp", "of the link's weight", "of the link's weight"),
     "body.payload": ("the load at the end", "of the link's mass", ""),
     "drive.play_rad": ("range of the play", "rad", "m"),
     "drive.end_stop_rad": ("end stop inside of the range", "rad", "m"),
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
-HELD = WRITTEN | BESIDE
+HELD = WRITTEN | BESIDE | DRIVES
 GRAVITY = "spec.gravity_m_s2"
 
 
@@ -120,11 +121,8 @@ def take_home(
             kind = catalogue.get(one.effect)
             if kind is not None and issubclass(kind, NumberEffect) and kind.number in HELD:
                 changes.append(_change(nominal, found, joint, kind, one))
-    numbers: dict[str, dict[str, float]] = {}
-    for change in changes:
-        numbers.setdefault(change.joint, {})[change.field] = change.after
     gravity = found.gravity_m_s2 or nominal.gravity_m_s2
-    world = replace(with_numbers(nominal, numbers), gravity_m_s2=gravity)
+    world = replace(with_numbers(nominal, found.corrected), gravity_m_s2=gravity)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
     named = [one for one in found.magnitudes if one.effect not in held]
@@ -132,15 +130,15 @@ def take_home(
     if not changes and gravity == nominal.gravity_m_s2:
         return None
     text = model_text(log, world, {one.joint for one in changes}, nominal)
-    signals = beside(world)
+    signals, acts = beside(world), drives(world)
     return TakeHome(
         text=text,
         urdf=urdf_text(log, world, {one.joint for one in changes}),
-        robot=robot_file(signals) if signals else None,
+        robot=robot_file(signals, acts) if signals or acts else None,
         changes=tuple(changes),
         beside=tuple(others),
         before_rad=found.engine_gaps_rad[0],
-        after_rad=gap_rad(log, nominal, model_text(log, world, nominal=nominal), signals),
+        after_rad=found.engine_gaps_rad[1],
         gravity_m_s2=found.gravity_m_s2,
         world=world,
     )

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from backends.drive import BRISTLE_RAD, COGGING_RAD, HEAT_S, STRIBECK_RAD_S
 from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written_urdf
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
@@ -27,6 +28,15 @@ BESIDE = {
     "encoder.eccentricity_sine_rad": ("sine", "rad", ""),
 }
 """Numbers that an MJCF has not: their names in `backends.mjcf.robot_file`, and their units."""
+DRIVES = {
+    "drive.cogging_nm": ("cogging_nm", "Nm", "N"),
+    "drive.thermal_fade": ("thermal_fade", "", ""),
+    "drive.presliding_nm": ("presliding_nm", "Nm", "N"),
+    "drive.stiction_nm": ("stiction_nm", "Nm", "N"),
+    "drive.load_friction": ("load_friction", "", ""),
+    "drive.one_way_friction_nm": ("one_way_friction_nm", "Nm", "N"),
+}
+"""Numbers of drives that only that file has, likewise."""
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""
 INTEGRATOR = "implicitfast"
@@ -53,7 +63,14 @@ def model_text(
     }
     try:
         turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
-        return written(xml, some, spec.gravity_m_s2 if turned else None, settings.hold)
+        return written(
+            xml,
+            some,
+            spec.gravity_m_s2 if turned else None,
+            settings.hold,
+            {body.joint.name: body.carried for body in spec.hand.driven},
+            settings.gravity_compensation,
+        )
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
 
@@ -76,19 +93,19 @@ def plain(
     joints: Sequence[str],
     timestep_s: float | None = None,
     integrator: str | None = None,
-    beside: dict[str, dict[str, float]] | None = None,
+    world: Spec | None = None,
     firm: bool = False,
 ) -> Plain:
-    """A text of a log's model in plain MuJoCo, of which `joints` move."""
+    """A text of a log's model in plain MuJoCo, of which `joints` move, with what is beside it."""
     _, settings = model_of(log)
     return Plain(
         text,
         joints,
         settings.hold,
-        carried=settings.gravity_compensation,
         timestep_s=timestep_s,
         integrator=integrator,
-        beside=beside,
+        beside=beside(world) if world else {},
+        drives=drives(world) if world else {},
         firm=firm,
     )
 
@@ -116,7 +133,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
         names = part.hand.joint_names
         episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
-        world = plain(log, text, names, step_s, INTEGRATOR)
+        world = plain(log, text, names, step_s, INTEGRATOR, world=spec)
         for recording in episodes:
             worst = max(worst, _apart(part, recording, shown(world, recording)))
     return worst
@@ -144,6 +161,23 @@ def beside(world: Spec) -> dict[str, dict[str, float]]:
     return {joint: own for joint, own in found.items() if own}
 
 
+def drives(world: Spec) -> dict[str, dict[str, float]]:
+    """What a world's drives have of `DRIVES`, with all that their laws take, by joint."""
+    found = {}
+    for body, drive in zip(world.hand.driven, world.drives, strict=True):
+        own = {name: getattr(drive, name) for name, _, _ in DRIVES.values()}
+        if any(own.values()):
+            found[body.joint.name] = own | {
+                "torque_limit_nm": drive.torque_limit_nm,
+                "cogging_period_rad": drive.cogging_period_rad or COGGING_RAD,
+                "cogging_phase_rad": drive.cogging_phase_rad,
+                "thermal_s": drive.thermal_s or HEAT_S,
+                "presliding_rad": drive.presliding_rad or BRISTLE_RAD,
+                "stribeck_rad_s": STRIBECK_RAD_S,
+            }
+    return found
+
+
 def with_own_steps(
     log: Log, part: Spec, recordings: tuple[Recording, ...]
 ) -> tuple[Recording, ...]:
@@ -165,18 +199,18 @@ def with_own_steps(
     return tuple(found)
 
 
-def gap_rad(log: Log, nominal: Spec, text: str, signals: dict[str, dict[str, float]]) -> float:
-    """Root mean square distance of a model's positions from the log's, in plain MuJoCo as it is.
+def gap_rad(log: Log, nominal: Spec, world: Spec) -> float:
+    """Root mean square distance of a world's positions from the log's, in plain MuJoCo.
 
-    Of a long log, from the part of it that is fitted to.
-    `signals`: what stands beside the model, see `beside`.
+    With what is written of it and what stands beside that; of a long log, from the part of it that
+    is fitted to.
     """
-    squares, count = 0.0, 0
+    squares, count, text = 0.0, 0, model_text(log, world, nominal=nominal)
     for part in limbs(nominal):
         episodes = excerpt(recordings(log, part), FITTED_S)
-        world = plain(log, text, part.hand.joint_names, beside=signals)
+        moved = plain(log, text, part.hand.joint_names, world=world)
         for recording in episodes:
-            off = shown(world, recording) - recording.measured[:, 0]
+            off = shown(moved, recording) - recording.measured[:, 0]
             squares, count = squares + float(np.nansum(off**2)), count + off.size
     return float(np.sqrt(squares / max(count, 1)))
 

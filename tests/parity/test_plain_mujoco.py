@@ -12,6 +12,11 @@ import pandas as pd
 import pytest
 
 from benchmark.cli import app as cli
+from diagnosis.motion.columns import with_numbers
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.plain import model_text, plain, plain_apart, shown
+from tests.unit.arms import Real, log_of
 
 ELBOW = """
 <body name="lower" pos="{at} 0 0">
@@ -31,7 +36,7 @@ ARMS = {
 }
 DRIVES = {"shoulder": (60.0, 1.5, 12.0), "elbow": (30.0, 0.6, 6.0)}
 """kp [Nm/rad], kd [Nms/rad], limit [Nm]."""
-FRICTION_NM, NOISE_RAD = 0.4, 5e-4
+FRICTION_NM, NOISE_RAD = 0.4, 2e-3
 TICK_S, DRIVE_TICKS, REST_TICKS = 2.5e-4, 4, 8000
 
 
@@ -83,7 +88,7 @@ def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, c
     assert cli.call([*asked, "--out", str(commands)]) == 0
     xml = f"<mujoco><worldbody>{ARMS[names]}</worldbody></mujoco>"
     (folder / "arm.xml").write_text(xml)
-    (folder / "log.yaml").write_text(log(joints))
+    (folder / "log.yaml").write_text(log_text(joints))
     simulated(xml, joints, pd.read_csv(commands)).to_csv(folder / "samples.csv", index=False)
     capfd.readouterr()
     words = ["diagnose", str(folder), "--out", str(tmp_path / "out"), "--json"]
@@ -96,7 +101,7 @@ def test_friction_of_an_arm_without_gears_is_found(names: str, tmp_path: Path, c
     assert size["encoder-noise"]["value"] == pytest.approx(1e3 * NOISE_RAD, rel=0.05)
 
 
-def log(joints: list[str]) -> str:
+def log_text(joints: list[str]) -> str:
     """The `log.yaml` of an arm."""
     numbers = (f"kp: {kp}, kd: {kd}, limit: {limit}" for kp, kd, limit in map(DRIVES.get, joints))
     drives = ", ".join(f"{name}: {{{n}}}" for name, n in zip(joints, numbers, strict=True))
@@ -110,3 +115,29 @@ episodes:
   - {{episode: 2, protocol: multisine}}
   - {{episode: 3, protocol: push}}
 """
+
+
+@pytest.mark.parametrize(
+    ("number", "value"),
+    [
+        ("drive.cogging_nm", 1.0),
+        ("drive.thermal_fade", 8.0),
+        ("drive.presliding_nm", 0.3),
+        ("drive.stiction_nm", 0.6),
+        ("drive.load_friction", 0.3),
+        ("drive.one_way_friction_nm", 0.8),
+        ("drive.coulomb_nm", 0.8),
+        ("body.carried", 0.5),
+    ],
+)
+def test_what_is_written_moves_as_the_replay(number: str, value: float) -> None:
+    """Move a written model, with what stands beside it, as the replay moves: within 3 %."""
+    log = log_of(Real(joints=2))
+    nominal = mjcf_world(log)
+    world = with_numbers(nominal, {joint: {number: value} for joint in log.joints})
+    names, every = log.joints, recordings(log, world)
+    worlds = [plain(log, model_text(log, one), names, world=one) for one in (nominal, world)]
+    shown_rad = [[shown(one, recording) for recording in every] for one in worlds]
+    effect_rad = np.abs(np.subtract(*shown_rad)).max()
+    assert effect_rad > 3e-3
+    assert plain_apart(log, world) < 6e-5 + 0.03 * effect_rad

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -22,12 +23,17 @@ T = np.arange(0, 8, 0.005)
 
 
 def shown(
-    xml: str, command: np.ndarray, push: float = 0.0, step_s: float | None = 1e-3, **beside: float
+    xml: str,
+    command: np.ndarray,
+    push: float = 0.0,
+    step_s: float | None = 1e-3,
+    drives: dict[str, dict[str, float]] | None = None,
+    **beside: float,
 ) -> np.ndarray:
     """Positions (T,) of the arm in plain MuJoCo."""
     push_nm = np.full((len(T), 1), push)
     asked = Play(time_s=T, command=command[:, None], push=push_nm, start=np.zeros(1))
-    world = Plain(xml, ["a"], {}, timestep_s=step_s, beside={"a": beside})
+    world = Plain(xml, ["a"], {}, timestep_s=step_s, beside={"a": beside}, drives=drives or {})
     return world.positions(asked)[:, 0]
 
 
@@ -49,7 +55,7 @@ def test_a_written_robot_stands_by_itself():
     """Run the file that is written: a command is late, slow, and read with scale and bias."""
     own = {"delay_s": 0.05, "scale": 0.1, "bias": 0.01}
     space = {}
-    exec(robot_file({"a": own}), space)
+    exec(robot_file({"a": own}, {}), space)
     robot = space["Robot"](mujoco.MjModel.from_xml_string(ARM))
     bare = space["Robot"](robot.model, {})
     steps = np.where(np.arange(400) > 100, 0.3, 0.0)
@@ -72,7 +78,7 @@ def test_a_written_robot_moves_as_the_gap_was_measured(own):
     loose = written(ARM, {"a": JointNumbers(**vars(NUMBERS) | {"play": 0.02})})
     command = np.repeat(np.random.default_rng(0).uniform(-0.4, 0.4, 16), 100)
     space = {}
-    exec(robot_file({"a": own}), space)
+    exec(robot_file({"a": own}, {}), space)
     model = mujoco.MjModel.from_xml_string(loose)
     model.opt.timestep = 1e-3
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
@@ -81,7 +87,7 @@ def test_a_written_robot_moves_as_the_gap_was_measured(own):
     assert shown(loose, command, **own) == pytest.approx(np.array(read[::5]), abs=1e-9)
 
 
-def diagnosed(folder: Path, real: str, **beside: float) -> int:
+def diagnosed(folder: Path, real: str, **beside: Any) -> int:
     """Diagnose the arm by what a real one shows, into `folder`; the exit code."""
     rng = np.random.default_rng(1)
     command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
@@ -102,6 +108,40 @@ def test_a_delay_is_taken_home(tmp_path, capfd):
     (late,) = [one for one in model["changes"] if one["number"] == "delay_s"]
     assert late["after"] == pytest.approx(0.03, abs=0.003)
     assert "delay_s" in (tmp_path / "out" / "corrected.py").read_text()
+
+
+COGGED = {
+    "stiction_nm": 0.0,
+    "load_friction": 0.0,
+    "one_way_friction_nm": 0.0,
+    "presliding_nm": 0.0,
+    "thermal_fade": 0.0,
+    "cogging_nm": 0.5,
+    "torque_limit_nm": 8.0,
+    "cogging_period_rad": 0.2,
+    "cogging_phase_rad": 0.3,
+    "thermal_s": 10.0,
+    "presliding_rad": 3e-3,
+    "stribeck_rad_s": 0.05,
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "real", "drives", "file", "text"),
+    [
+        ("gravity-compensation", 'gravcomp="0.6" ', {}, "corrected.xml", "gravcomp"),
+        ("cogging", "", {"a": COGGED}, "corrected.py", "'cogging_nm': 0."),
+    ],
+)
+def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd):
+    """Write what carries a link or cogs, and measure the gap with it."""
+    assert (
+        diagnosed(tmp_path, ARM.replace("<body ", f"<body {real}"), step_s=None, drives=drives) == 0
+    )
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == [name] and not found["model"]["not_in_mjcf"]
+    assert found["model"]["after_rad"] < 0.15 * found["model"]["before_rad"]
+    assert text in (tmp_path / "out" / file).read_text()
 
 
 def test_a_urdf_stays_one():
