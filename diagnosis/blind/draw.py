@@ -22,6 +22,7 @@ from diagnosis.blind.faults import (
     of_level,
     of_robot,
 )
+from diagnosis.blind.plant import MAGNET_SLIP
 
 T = TypeVar("T")
 SHARES = {"single": 6, "pair": 2, "none": 2, "unknown": 3}
@@ -111,14 +112,12 @@ def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -
     rigs_ = itertools.islice(_deck(rigs.members(settings.rigs), rng), settings.cases)
     channels = itertools.islice(_deck(settings.channels, rng), settings.cases)
     decks = {mode: _effects(settings.effects, rng) for mode in settings.modes}
-    strange = _strange(settings, seed)
     rows = list(zip(modes, reals, rigs_, channels, strict=True))
+    strange = set(sides.PLANTS) if set(rigs.members(settings.rigs)) <= set(rigs.ARMS) else set()
     dealt = [
-        _deal(
-            strange[real] if mode == "unknown" and real in strange else decks[mode],
-            {"pair": 2, "none": 0}.get(mode, 1),
-            real,
-        )
+        [(MAGNET_SLIP, "")]
+        if mode == "unknown" and real in strange
+        else _deal(decks[mode], {"pair": 2, "none": 0}.get(mode, 1), real)
         for mode, real, *_ in rows
     ]
     places = rng.permutation(settings.cases)
@@ -126,8 +125,7 @@ def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -
     for number, place in enumerate(places):
         mode, real, kind, logged = rows[place]
         rig = rigs.individual(kind, np.random.default_rng([seed, 4, number]))
-        deal = _robot if rigs.robot(rig) is not None else _hidden
-        hidden = deal(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
+        hidden = _hidden(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
         if real in strange:
             hidden["excluded"] = ()
         cases.append(
@@ -159,8 +157,6 @@ def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tu
     makes = list(dict.fromkeys(case.make for case in cases))
     found: dict[Make, tuple[Case, ...]] = {}
     for group, (real, rig, channels) in enumerate(makes[k] for k in rng.permutation(len(makes))):
-        seeded = rigs.robot(rig) is not None
-        robot = of_robot(rig, ()) if seeded else None
         found[real, rig, channels] = tuple(
             Case(
                 number=SOUND + settings.healthy * group + k,
@@ -171,9 +167,7 @@ def sound(settings: Settings, cases: Sequence[Case], seed: int) -> dict[Make, tu
                 protocols=settings.protocols,
                 variants=settings.variants,
                 faults=(),
-                nominal=tuple(nominal_errors(rigs.nominal(rig), (), rng))
-                if robot is None
-                else robot,
+                nominal=_nominal(rig, (), rng),
                 excluded=(),
             )
             for k in range(settings.healthy)
@@ -224,45 +218,24 @@ def _hidden(
     catalogue: Mapping[str, type[Effect]],
     seed: list[int],
 ) -> dict:
-    """The faults of a case, its nominal errors and what the solver's catalogue lacks."""
-    rng, spec = np.random.default_rng(seed), rigs.nominal(rig)
-    faults = tuple(of_level(name, level, catalogue[name], spec, rng) for name, level in dealt)
-    others = [name for name in settings.effects if name not in [f.effect for f in faults]]
-    excluded = faults[0].effect if mode == "unknown" else others[rng.integers(len(others))]
-    nominal = tuple(nominal_errors(spec, faults, rng))
-    return {"faults": faults, "nominal": nominal, "excluded": (excluded,)}
+    """The faults of a case, its nominal errors and what the solver's catalogue lacks.
 
-
-def _strange(settings: Settings, seed: int) -> dict[str, Iterator[tuple[str, str]]]:
-    """Decks of faults outside of the catalogue, of the real sides of drawn robots that have any."""
-    if not set(rigs.members(settings.rigs)) <= set(rigs.ARMS):
-        return {}
-    found = {real: sides.strange(real) for real in settings.reals}
-    return {
-        real: _effects(names, np.random.default_rng([seed, 6, k]))
-        for k, (real, names) in enumerate(found.items())
-        if names
-    }
-
-
-def _robot(
-    mode: str,
-    rig: str,
-    dealt: list[tuple[str, str]],
-    settings: Settings,
-    catalogue: Mapping[str, type[Effect]],
-    seed: list[int],
-) -> dict:
-    """As `_hidden` of a drawn robot; `sizing` says how large its faults are."""
+    How large the faults of a drawn robot are, `sizing` says.
+    """
     rng, spec = np.random.default_rng(seed), rigs.nominal(rig)
     faults = tuple(
-        Fault(effect=name, joint=arm_joint(name, catalogue, spec, rng), magnitude=0.0)
-        for name, _ in dealt
+        of_level(name, level, catalogue[name], spec, rng)
+        if rigs.robot(rig) is None
+        else Fault(effect=name, joint=arm_joint(name, catalogue, spec, rng), magnitude=0.0)
+        for name, level in dealt
     )
     others = [name for name in settings.effects if name not in [f.effect for f in faults]]
     excluded = faults[0].effect if mode == "unknown" else others[rng.integers(len(others))]
-    return {
-        "faults": faults,
-        "nominal": of_robot(rig, faults),
-        "excluded": (excluded,),
-    }
+    return {"faults": faults, "nominal": _nominal(rig, faults, rng), "excluded": (excluded,)}
+
+
+def _nominal(rig: str, faults: Sequence[Fault], rng: np.random.Generator) -> tuple[Fault, ...]:
+    """Errors of the nominal numbers, which a drawn robot has of its own."""
+    if rigs.robot(rig) is not None:
+        return of_robot(rig, faults)
+    return tuple(nominal_errors(rigs.nominal(rig), faults, rng))

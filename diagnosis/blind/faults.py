@@ -12,6 +12,7 @@ from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
 from backends.spec import Body, Spec
 from diagnosis.blind import arms, rigs
+from diagnosis.blind.plant import MAGNET_SLIP
 
 LEVELS = ("small", "medium", "large")
 JITTER = 0.2
@@ -20,6 +21,12 @@ EVERYWHERE = 0.25
 """Probability that an effect is on all its joints instead of on one."""
 NOMINAL_STD, NOMINAL_CLIP = 0.05, 2.0
 """Relative standard deviation of hidden nominal errors, and its cut-off in standard deviations."""
+REACH, LEAST_SHARE = 2.0, -0.85
+"""Largest magnitudes of drawn robots over the large level, and of what is relative to a number."""
+COMPLIANCE = 0.6
+"""Their largest compliance of a gear over 1 / kp."""
+SLIP_RAD = 0.1
+"""Their largest slip of a magnet."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +116,21 @@ def arm_joint(
     if kind is None or (kind.per_joint and not (everywhere and kind.shared and len(names) > 1)):
         return one
     return None
+
+
+def largest(name: str, joint: str | None, spec: Spec, rng: np.random.Generator) -> float:
+    """The largest magnitude of a drawn robot's fault, to one of its sides at random."""
+    if name == MAGNET_SLIP:
+        return float(SLIP_RAD * rng.choice([-1.0, 1.0]))
+    bodies = [b for b in spec.hand.driven if joint in (None, b.joint.name)]
+    drives = [b.joint.drive for b in bodies if b.joint.drive is not None]
+    kind = every_effect()[name]
+    if kind.coordinate == "compliance":
+        return COMPLIANCE * min(d.gear_stiffness_nm_rad / d.kp_nm_rad for d in drives)
+    if kind.coordinate == "reach":
+        room = min(np.ptp(b.joint.range_rad) for b in bodies) / 2
+        return float(np.sign(side(kind, rng)[-1]) * room)
+    return max(REACH * side(kind, rng)[-1], LEAST_SHARE) * natural(kind, joint, spec)
 
 
 def nominal_errors(

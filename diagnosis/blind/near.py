@@ -6,20 +6,21 @@ for lost motion, dry friction for dry friction, late for late. An effect says so
 (`Effect.near`), and whether another name says the same of a robot (`Effect.same_as`).
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 from backends.catalogue import catalogue
-
-STRANGE: Mapping[str, tuple[str, ...]] = {
-    "magnet-slip": ("encoder-bias",),
-}
-"""By fault that no catalogue has: a magnet that slips is a bias."""
+from diagnosis.blind.plant import MAGNET_SLIP
 
 
 def near(fault: str) -> tuple[str, ...]:
-    """Names that a mechanic would accept for a fault; none of one that this catalogue knows not."""
+    """Names that a mechanic would accept for a fault; none of one that this catalogue knows not.
+
+    A magnet that slips is a bias.
+    """
     kind = catalogue().get(fault)
-    return STRANGE.get(fault, ()) if kind is None else kind.near
+    if kind is None:
+        return ("encoder-bias",) if fault == MAGNET_SLIP else ()
+    return kind.near
 
 
 def plain_names(names: Collection[str], channels: Collection[str]) -> list[str]:

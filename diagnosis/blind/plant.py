@@ -10,7 +10,7 @@ A file of `mechanics` holds one class named `Mechanics`, whose interface is defi
 import dataclasses
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol, Self
+from typing import Protocol, Self
 
 import numba
 import numpy as np
@@ -34,15 +34,9 @@ torque that a motor loses at the heat of lasting torque at its limit.
 _OTHER = (
     *("delay", "slowness", "loss", "step"),
     *("mass", "held", "carried", "bias", "scale", "once", "quarter", "resolution", "noise", "late"),
+    "slip",
 )
-STRANGE = {
-    "magnet-slip": "slip",
-}
-"""Faults that no catalogue has, and the number that each adds to.
-
-    slip     the encoder's magnet slips by so much, for good, halfway through a log [rad]
-"""
-NUMBERS = (*DRIVE, *_OTHER, *STRANGE.values())
+NUMBERS = (*DRIVE, *_OTHER)
 CHANGES = {
     "backlash": ("play", "add"),
     "self-lock": ("lock", "add"),
@@ -81,6 +75,8 @@ CHANGES = {
 TILT = "gravity-tilt"
 IMPLEMENTED = (*CHANGES, TILT)
 """Effects that plants have: each is implemented here again."""
+MAGNET_SLIP = "magnet-slip"
+"""The fault that no catalogue has: an encoder's magnet slips, for good, halfway through a log."""
 WORMS = ("backlash", "self-lock")
 """Effects that concern worm gears alone, unless a joint is named."""
 
@@ -109,8 +105,6 @@ class Mechanics(Protocol):
 
     tick_s: float
     """Its period [s]; a sample is a whole number of them."""
-    strange: ClassVar[frozenset[str]]
-    """Those of STRANGE that its equations have; every plant has 'magnet-slip'."""
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
@@ -155,7 +149,7 @@ class Plant:
                 self.numbers[name][j] = value
 
     def add(self, effect: str, magnitude: float, joint: str | None) -> None:
-        """Add an effect, or a fault of STRANGE, by name, on one joint or on all it concerns.
+        """Add an effect, or MAGNET_SLIP [rad], by name, on one joint or on all it concerns.
 
         Its magnitude is in SI units.
         """
@@ -163,7 +157,7 @@ class Plant:
             size, (c, s) = self._gravity[2], (np.cos(magnitude), np.sin(magnitude))
             self._gravity = np.array([-s * size, 0.0, c * size])
             return
-        number, how = CHANGES[effect] if effect in CHANGES else (STRANGE[effect], "add")
+        number, how = (CHANGES | {MAGNET_SLIP: ("slip", "add")})[effect]
         for j, body in enumerate(self._driven):
             wanted = body.joint.gear == "worm" if effect in WORMS else True
             if joint == body.joint.name or (joint is None and wanted):

@@ -11,7 +11,7 @@ import numpy as np
 
 from backends.engine import Engine
 from backends.spec import Spec
-from diagnosis.blind.plant import IMPLEMENTED, STRANGE, Mechanics, Plant
+from diagnosis.blind.plant import IMPLEMENTED, Mechanics, Plant
 
 SAMPLE_S = 0.01
 """Of a motion by which a plant shows what it can move."""
@@ -55,9 +55,4 @@ def carries(name: str, spec: Spec) -> bool:
 
 def has(name: str, effect: str) -> bool:
     """Whether a real side knows an effect of the catalogue: engines know all."""
-    return name not in PLANTS or effect in (*IMPLEMENTED, *STRANGE)
-
-
-def strange(name: str) -> tuple[str, ...]:
-    """Faults outside the catalogue that a real side can have, in alphabetical order."""
-    return tuple(sorted(mechanics(name).strange)) if name in PLANTS else ()
+    return name not in PLANTS or effect in IMPLEMENTED

@@ -31,8 +31,7 @@ from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import Simulate, case_rng, motions, readings
 from diagnosis.blind.mechanics import plain
-from diagnosis.blind.plant import Plant
-from diagnosis.blind.strange import largest
+from diagnosis.blind.plant import MAGNET_SLIP, Plant
 
 FLOOR_RAD = 2.5e-4
 """What positions of a log can tell at best: one floor (`floor_position_rad` of the diagnosis)."""
@@ -185,16 +184,15 @@ def _candidates(
 ) -> Iterator[Fault]:
     """The fault that was dealt, then the same or others elsewhere; magnitudes are the largest."""
     spec, taken = rigs.nominal(case.rig), [f.effect for f in chosen]
-    strange = first.effect not in catalogue
     known = [name for name in effects if sides.has(case.real, name)]
-    names = list(sides.strange(case.real)) if strange else known
+    names = known if first.effect in catalogue else [MAGNET_SLIP]
     for turn in range(TRIES):
         name, joint = first.effect, first.joint
         if turn > 0:
             name = first.effect if turn % 2 else names[rng.integers(len(names))]
             joint = drawn.arm_joint(name, catalogue, spec, rng)
         if name not in taken and not any(_are_kin(name, other) for other in taken):
-            most = largest(name, joint, spec, rng)
+            most = drawn.largest(name, joint, spec, rng)
             yield Fault(effect=name, joint=joint, magnitude=most)
 
 

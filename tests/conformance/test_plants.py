@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from benchmark.parts import registry
-from diagnosis.blind import faults, motion, rigs, sides, sizing, strange
+from diagnosis.blind import faults, motion, rigs, sides, sizing
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import robot
-from diagnosis.blind.plant import STRANGE, Plant
+from diagnosis.blind.plant import MAGNET_SLIP, Plant
 
 FOREIGN = ("presliding", "cascade", "flexgear", "pwm", "filtered")
 """Plants with drive laws of their own that are judged as robots."""
@@ -74,23 +74,14 @@ def test_robots_of_a_make_differ_as_they_are_drawn(name):
 def test_a_larger_fault_changes_more(name):
     """Move a joint further by a larger fault, of the catalogue and of those outside of it."""
     spec, sound = rigs.nominal(RIG), shown(name)
-    make = sides.mechanics(name)
-    for effect in ("kp-scale", "coulomb-friction", "backlash", "end-stop", *sorted(make.strange)):
-        most = abs(strange.largest(effect, "j0", spec, np.random.default_rng(0)))
+    for effect in ("kp-scale", "coulomb-friction", "backlash", "end-stop", MAGNET_SLIP):
+        most = abs(faults.largest(effect, "j0", spec, np.random.default_rng(0)))
         changes = [
             np.sqrt(np.mean((shown(name, (fault,)) - sound)[:, 0] ** 2))
             for share in (0.15, 0.9)
             for fault in [Fault(effect=effect, joint="j0", magnitude=most * share)]
         ]
         assert changes[0] < changes[1] and changes[1] > sizing.FLOOR_RAD, (effect, changes)
-
-
-@every_plant
-def test_strange_faults_are_known(name):
-    """Declare faults outside of the catalogue by their names, none of the catalogue's."""
-    make = sides.mechanics(name)
-    assert make.strange <= set(STRANGE) and "magnet-slip" in make.strange
-    assert not set(STRANGE) & set(CATALOGUE) and make.tick_s > 0
 
 
 @pytest.mark.parametrize("name", [*FOREIGN, "dart", "bristle", "plain"])
@@ -152,17 +143,17 @@ def test_a_cascade_holds_a_few_percent_more_than_kp():
 
 def test_heat_and_stops_have_closed_forms():
     """Warm as 1 - exp(-t / T) under full torque; push as a spring does, and only inwards."""
-    from diagnosis.blind.mechanics import _strange
+    from diagnosis.blind.mechanics import _faults
 
     heat = 0.0
     for _ in range(3000):
-        heat = _strange.warmed(heat, 1.0, 1e-3)
-    assert heat == pytest.approx(1 - np.exp(-3.0 / _strange.HEAT_S), rel=1e-3)
+        heat = _faults.warmed(heat, 1.0, 1e-3)
+    assert heat == pytest.approx(1 - np.exp(-3.0 / _faults.HEAT_S), rel=1e-3)
     for side in (1.0, -1.0):
         own = 0.8 * side, -1.0, 1.0, 10.0, 1.0
-        assert _strange.stopped(side * 0.1, side * 5.0, *own) == 0.0
-        assert _strange.stopped(side * 0.3, 0.0, *own) == pytest.approx(-side * 30 * 10.0 * 0.1)
-        assert _strange.stopped(side * 0.201, side * -50.0, *own) == 0.0
+        assert _faults.stopped(side * 0.1, side * 5.0, *own) == 0.0
+        assert _faults.stopped(side * 0.3, 0.0, *own) == pytest.approx(-side * 30 * 10.0 * 0.1)
+        assert _faults.stopped(side * 0.201, side * -50.0, *own) == 0.0
 
 
 def test_plain_mujoco_falls_as_a_pendulum():

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from backends.state import Array
-from diagnosis.blind.mechanics import _strange, _two_mass
+from diagnosis.blind.mechanics import _two_mass
 from diagnosis.blind.plant import Course, Limb
 
 
@@ -41,7 +41,6 @@ class Geared:
     """Limbs of one or two parallel hinges, each with a servo and a gear; see the protocol."""
 
     tick_s: float = _two_mass.TICK_S
-    strange: ClassVar[frozenset[str]] = _strange.ALL
     baseline: ClassVar[type[Baseline]]
     laws: ClassVar[tuple[Callable, Callable]]
     """Compiled functions of servo and friction."""

@@ -4,7 +4,7 @@
     M(q) q'' + h(q, q') = gear + push + stop                      a plane chain, see `_chain`
     gear = (k twist + c twist') (1 + (k twist / T)^2 / s), beyond the play; teeth only push
 
-Heat, cogging and stops are laws of `_strange`.
+Heat, cogging and stops are laws of `_faults`.
 A servo samples: it reads its encoder once a period, what it asks for acts one period later, and the
 current i follows it within a time constant. Dry friction F acts on the rotor, or between the links
 where a gear's losses lie behind its spring. It is `level` times a law of the make, with
@@ -24,7 +24,7 @@ import numba
 import numpy as np
 
 from backends.state import Array
-from diagnosis.blind.mechanics import _strange
+from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.mechanics._chain import fall, geometry
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
@@ -152,7 +152,7 @@ def _gear(twist, rate, drive, frame, hysteresis):
 @numba.njit(cache=True)
 def _level(speed, pushed, gear, drive):
     """Largest dry friction [Nm] beside that which fades with speed."""
-    level = drive[4] + drive[11] * abs(gear) + _strange.one_way(drive[13], speed)
+    level = drive[4] + drive[11] * abs(gear) + _faults.one_way(drive[13], speed)
     if speed * gear <= 0.0 and pushed * gear >= 0.0 and abs(gear) > abs(pushed):
         level += drive[9]  # the load drives the motor, and the worm holds
     return level
@@ -181,10 +181,10 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
                 ready[j] = asked[j]
                 asked[j] = servo(wanted[tick, j], x, w, tick == 0, drive, own[j], state[j])
             current[j] = ready[j] + frame[1] * (current[j] - ready[j])
-            current[j] = _strange.reached(current[j], w, drive[2], drive[14])
-            heat[j] = _strange.warmed(heat[j], current[j] / drive[2], TICK_S)
-            pushed = current[j] * _strange.faded(drive[19], heat[j])
-            pushed += frame[2] * np.sin(frame[3] * x) + _strange.cogged(drive[15], x)
+            current[j] = _faults.reached(current[j], w, drive[2], drive[14])
+            heat[j] = _faults.warmed(heat[j], current[j] / drive[2], TICK_S)
+            pushed = current[j] * _faults.faded(drive[19], heat[j])
+            pushed += frame[2] * np.sin(frame[3] * x) + _faults.cogged(drive[15], x)
             gear, hysteresis[j] = _gear(x - q[j], w - qd[j], drive, frame, hysteresis[j])
             rubs = qd[j] if frame[6] > 0 else w
             level = _level(rubs, pushed, gear, drive)
@@ -196,7 +196,7 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
             stop, lower, upper = drive[16:19]
-            torque[j] += _strange.stopped(q[j], qd[j], stop, lower, upper, drive[0], drive[1])
+            torque[j] += _faults.stopped(q[j], qd[j], stop, lower, upper, drive[0], drive[1])
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

@@ -15,13 +15,13 @@ than the other, a motor that is stronger to one side, and the lag of current and
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import numba
 import numpy as np
 
 from backends.state import Array
-from diagnosis.blind.mechanics import _strange
+from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.mechanics._chain import fall, geometry
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
@@ -61,7 +61,6 @@ class Mechanics:
     """Limbs of one or two parallel hinges."""
 
     tick_s: float = TICK_S
-    strange: ClassVar[frozenset[str]] = _strange.ALL
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
@@ -134,11 +133,11 @@ def _run(
             felt[j] = speed[j] + speed_keeps * (felt[j] - speed[j])
             asked = min(max(kp * error - kd * felt[j], -limit), limit)
             current[j] = asked + current_keeps * (current[j] - asked)
-            current[j] = _strange.reached(current[j], speed[j], limit, emf)
-            heat[j] = _strange.warmed(heat[j], current[j] / limit, TICK_S)
+            current[j] = _faults.reached(current[j], speed[j], limit, emf)
+            heat[j] = _faults.warmed(heat[j], current[j] / limit, TICK_S)
             pushed = current[j] * (1 + np.copysign(side, current[j]))
-            pushed *= _strange.faded(fade, heat[j])
-            pushed += cogging[j] * np.cos(per_rad * motor[j]) + _strange.cogged(cog, motor[j])
+            pushed *= _faults.faded(fade, heat[j])
+            pushed += cogging[j] * np.cos(per_rad * motor[j]) + _faults.cogged(cog, motor[j])
             twist = motor[j] - q[j]
             depth, way = abs(twist) - play, np.copysign(1.0, twist)
             gear = 0.0
@@ -146,7 +145,7 @@ def _run(
                 gear = stiff * (1 + flank * way) * depth + damping * way * (speed[j] - qd[j])
                 gear = way * max(gear, 0.0)
             level = coulomb + stiction / (1 + (speed[j] / STRIBECK_RAD_S) ** 2) + load * abs(gear)
-            level += _strange.one_way(uneven, speed[j])
+            level += _faults.one_way(uneven, speed[j])
             driven = -np.sign(gear)  # where the load would turn the motor
             if (pushed - gear) * driven > 0.0 and speed[j] * driven > -SLOW_RAD_S:
                 level += lock * (1 - min(max(pushed * driven, 0.0) / abs(gear), 1.0))
@@ -156,7 +155,7 @@ def _run(
             speed[j] = free / (1 + TICK_S / rotor * viscous)
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j]
-            torque[j] += _strange.stopped(q[j], qd[j], stop, lower, upper, kp, kd)
+            torque[j] += _faults.stopped(q[j], qd[j], stop, lower, upper, kp, kd)
         fall(q, qd, torque, links, pull, acceleration)
         for j in range(joints):
             qd[j] += TICK_S * acceleration[j]

@@ -19,14 +19,14 @@ DART: J. Lee et al., Journal of Open Source Software 3(22), 2018.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import dartpy as dart
 import numpy as np
 
 from backends.spec import Body
 from backends.state import Array
-from diagnosis.blind.mechanics import _strange
+from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.plant import Course, Limb
 
 TICK_S = 2e-4
@@ -61,7 +61,6 @@ class Mechanics:
     """Limbs of any number of hinges."""
 
     tick_s: float = TICK_S
-    strange: ClassVar[frozenset[str]] = _strange.ALL
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
@@ -175,19 +174,19 @@ class _Servo:
         error -= min(max(error, -n["dead"]), n["dead"])
         asked = min(max(n["kp"] * error - n["kd"] * read, -n["limit"]), n["limit"])
         self.current_nm = asked + self._keeps * (self.current_nm - asked)
-        self.current_nm = _strange.reached(self.current_nm, speed, n["limit"], n["emf"])
+        self.current_nm = _faults.reached(self.current_nm, speed, n["limit"], n["emf"])
         turn = np.sin(base.per_rad * motor)
         pushed = self.current_nm * (1 + base.ripple * turn)
         if n["fade"] or n["cogging"]:
-            self._heat = _strange.warmed(self._heat, self.current_nm / n["limit"], TICK_S)
-            pushed *= _strange.faded(n["fade"], self._heat)
-            pushed += _strange.cogged(n["cogging"], motor)
+            self._heat = _faults.warmed(self._heat, self.current_nm / n["limit"], TICK_S)
+            pushed *= _faults.faded(n["fade"], self._heat)
+            pushed += _faults.cogged(n["cogging"], motor)
         gear = self._teeth(
             motor - link.getPosition(0), speed - link.getVelocity(0), 1 + base.mesh * turn
         )
         free = speed + TICK_S / n["rotor"] * (pushed - gear)
         held = self._dry_nm + n["stiction"] * np.exp(-abs(speed) / STRIBECK_RAD_S)
-        held += n["load"] * abs(gear) + _strange.one_way(n["uneven"], speed)
+        held += n["load"] * abs(gear) + _faults.one_way(n["uneven"], speed)
         if free * gear < 0.0 and free * pushed <= 0.0:
             held += n["lock"]
         rotor.setCoulombFriction(0, held)
@@ -195,7 +194,7 @@ class _Servo:
         angle = link.getPosition(0)
         if n["stop"]:
             stop = (n[name] for name in ("stop", "lower", "upper", "kp", "kd"))
-            push_nm += _strange.stopped(angle, link.getVelocity(0), *stop)
+            push_nm += _faults.stopped(angle, link.getVelocity(0), *stop)
         link.setForce(0, gear + push_nm)
 
     def _teeth(self, bend_rad: float, rate_rad_s: float, stiffer: float) -> float:

@@ -10,7 +10,7 @@ constraint is as hard as MuJoCo lets it be without changing the step.
 E. Todorov, T. Erez, Y. Tassa, MuJoCo, IROS 2012; https://mujoco.readthedocs.io, "Computation".
 """
 
-from typing import ClassVar, Self
+from typing import Self
 
 import mujoco
 import numpy as np
@@ -18,7 +18,7 @@ from mujoco import rollout
 
 from backends.spec import Body
 from backends.state import Array
-from diagnosis.blind.mechanics import _strange
+from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.plant import Course, Limb
 
 TICK_S = 5e-4
@@ -33,7 +33,6 @@ class Mechanics:
     """Limbs of any number of hinges."""
 
     tick_s: float = TICK_S
-    strange: ClassVar[frozenset[str]] = _strange.ALL
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
@@ -120,15 +119,15 @@ class _World:
             model.actuator_biasprm[:, 1:3] = bias[:, 1:3] * fresh[:, None]
             data.qfrc_applied[:] = 0.0
             ends = (n[name] for name in ("stop", "lower", "upper", "kp", "kd"))
-            stopped = [_strange.stopped(*own) for own in zip(link, w, *ends, strict=True)]
+            stopped = [_faults.stopped(*own) for own in zip(link, w, *ends, strict=True)]
             data.qfrc_applied[:] = self._applied(push_nm[k] + stopped)
-            data.qfrc_applied[self._at] += n["cogging"] * np.sin(_strange.TEETH * q)
+            data.qfrc_applied[self._at] += n["cogging"] * np.sin(_faults.TEETH * q)
             model.dof_frictionloss[self._at] = self._dry(w, load, torque[max(k - 1, 0)])
             mujoco.mj_step(model, data)
             torque[k] = data.actuator_force
             gear = torque[k] + (data.qfrc_constraint - model.dof_armature * data.qacc)[self._at]
             load = n["viscous"] * w - gear
-            heat += TICK_S / _strange.HEAT_S * ((torque[k] / n["limit"]) ** 2 - heat)
+            heat += TICK_S / _faults.HEAT_S * ((torque[k] / n["limit"]) ** 2 - heat)
             qpos[k + 1] = data.qpos
         return *self._split(qpos), torque
 

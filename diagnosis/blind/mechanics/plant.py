@@ -12,7 +12,7 @@ On top of the ideal mechanism there is always a little play, friction, cogging a
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, Self
+from typing import Self
 
 import numba
 import numpy as np
@@ -58,7 +58,6 @@ class Mechanics:
     """Smooth equations of a limb whose hinges are parallel, one or two of them."""
 
     tick_s: float = TICK_S
-    strange: ClassVar[frozenset[str]] = frozenset({"magnet-slip"})
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()

@@ -1,9 +1,8 @@
-"""Laws of faults that equations of motion share; those outside the catalogue: `plant.STRANGE`."""
+"""Laws of faults that equations of motion share."""
 
 import numba
 import numpy as np
 
-ALL = frozenset({"magnet-slip"})
 HEAT_S = 3.0
 """Time constant of a motor's heat [s]."""
 TEETH = 18.0
