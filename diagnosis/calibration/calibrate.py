@@ -117,9 +117,7 @@ def _gains(
     joints = [j for j, reason in reasons.items() if reason is None]
     if not joints:
         return {names[j]: reason or "" for j, reason in reasons.items()}, world
-    first = gains.search(simulate, world, _telling(found, SEARCHED_S), joints, rng, progress)
-    start = np.ones((len(names), 2))
-    start[joints] = [first[j].scale for j in joints]
+    start = gains.search(simulate, world, _telling(found, SEARCHED_S), joints, rng, progress)
     world = _with_plays(nominal, push_test(simulate, gains.with_gains(world, start), pushes))
     fits, compared = gains.refine(
         simulate, world, start, free, joints, rng, lambda k: progress(gains.GENERATIONS + k)
@@ -138,8 +136,8 @@ def _gains(
     return {
         names[j]: reason
         or Gains(
-            kp_nm_rad=_gain(nominal.drives[j].kp_nm_rad, 0, first[j], fits[j]),
-            kd_nms_rad=_gain(nominal.drives[j].kd_nms_rad, 1, first[j], fits[j]),
+            kp_nm_rad=_gain(nominal.drives[j].kp_nm_rad, 0, fits[j]),
+            kd_nms_rad=_gain(nominal.drives[j].kd_nms_rad, 1, fits[j]),
             correlation=fits[j].correlation,
             compared="motor" if compared.is_motor[j] else "position",
             samples=int(samples[j]),
@@ -151,15 +149,10 @@ def _gains(
     }, best
 
 
-def _gain(nominal: float, k: int, first: gains.GainFit, fit: gains.GainFit) -> Gain:
-    """A gain, kp or kd (0 or 1), by CMA-ES and by the fits around its result."""
-    return Gain(
-        mean=nominal * fit.scale[k],
-        std=nominal * fit.scale[k] * fit.std[k],
-        relative=fit.scale[k] - 1,
-        cma_mean=nominal * first.scale[k],
-        cma_std=nominal * first.scale[k] * first.std[k],
-    )
+def _gain(nominal: float, k: int, fit: gains.GainFit) -> Gain:
+    """A gain, kp or kd (0 or 1)."""
+    mean = nominal * fit.scale[k]
+    return Gain(mean=mean, std=mean * fit.std[k], relative=fit.scale[k] - 1)
 
 
 def _reason_against(fit: gains.GainFit) -> str | None:

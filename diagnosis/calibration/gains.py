@@ -92,7 +92,7 @@ class GainFit:
 
     scale: Array
     std: Array
-    correlation: float = 0.0
+    correlation: float
 
 
 def with_gains(spec: Spec, scale: Array) -> Spec:
@@ -141,8 +141,8 @@ def search(
     joints: Sequence[int],
     rng: np.random.Generator,
     progress: Progress = lambda generations: None,
-) -> dict[int, GainFit]:
-    """The gains of `joints` by CMA-ES; other joints keep those of `world`."""
+) -> Array:
+    """The gains of `joints` over nominal by CMA-ES, (J, 2); other joints keep those of `world`."""
     compared = Compared.of(motions)
     searches = {j: _cma(rng) for j in joints}
     for generation in range(GENERATIONS):
@@ -157,7 +157,7 @@ def search(
         progress(generation + 1)
         if all(es.result.stds.max() < CONVERGED_STD for es in searches.values()):
             break
-    return {j: _found(es) for j, es in searches.items()}
+    return _scales(world, {j: es.result.xfavorite for j, es in searches.items()})
 
 
 def _cma(rng: np.random.Generator) -> cma.CMAEvolutionStrategy:
@@ -176,12 +176,6 @@ def _scales(world: Spec, points: Mapping[int, Array]) -> Array:
     for j, point in points.items():
         scale[j] = np.clip(np.exp(TO_LOG_GAINS @ point), *SCALES.T)
     return scale
-
-
-def _found(search: cma.CMAEvolutionStrategy) -> GainFit:
-    covariance = TO_LOG_GAINS @ (search.sigma**2 * search.sm.C) @ TO_LOG_GAINS.T
-    mean = np.exp(TO_LOG_GAINS @ search.result.xfavorite)
-    return GainFit(scale=np.clip(mean, *SCALES.T), std=np.sqrt(np.diag(covariance)))
 
 
 def refine(

@@ -6,10 +6,10 @@ from typing import Annotated, Literal
 import numpy as np
 import yaml
 from pydantic import Field, ValidationError
-from pydantic_core import ErrorDetails
 
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
+from diagnosis.logs._meta import problem
 from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
 
 SCHEMA: Literal[1] = 1
@@ -28,9 +28,6 @@ class Gain(Part):
     """Standard deviation, by bootstrap, in the same unit."""
     relative: Number
     """Relative difference from the nominal gain."""
-    cma_mean: Size
-    cma_std: Size
-    """Mean and standard deviation of the final CMA-ES distribution, in the same unit."""
 
 
 class Gains(Part):
@@ -128,11 +125,5 @@ def read_calibration(path: Path) -> CalibrationFile:
     try:
         return CalibrationFile.model_validate(data)
     except ValidationError as error:
-        wrong = "; ".join(_problem(e) for e in error.errors()[:3])
+        wrong = "; ".join(map(problem, error.errors()[:3]))
         raise CalibrationError(f"{path}: {wrong}; correct it, or calibrate again") from None
-
-
-def _problem(error: ErrorDetails) -> str:
-    where = ".".join(map(str, error["loc"])) or "the file"
-    given = "" if error["type"] == "missing" else f" (given: {str(error['input'])[:60]!r})"
-    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}{given}"

@@ -229,7 +229,7 @@ def parse_meta(data: object) -> LogMeta:
     try:
         return LogMeta.model_validate(data)
     except ValidationError as error:
-        wrong = [_problem(e) for e in error.errors() if not other & set(e["loc"])]
+        wrong = [problem(e) for e in error.errors() if not other & set(e["loc"])]
         raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/reference/log-format.md") from None
 
 
@@ -238,19 +238,20 @@ def drive_of(source: object, **numbers: object) -> DriveSettings:
     try:
         return DriveSettings.model_validate(numbers)
     except ValidationError as error:
-        raise LogError(f"{source}: {'; '.join(map(_problem, error.errors()))}") from None
+        raise LogError(f"{source}: {'; '.join(map(problem, error.errors()))}") from None
 
 
-def _problem(error: ErrorDetails) -> str:
+def problem(error: ErrorDetails) -> str:
+    """What is wrong with a field of a file, and what was given."""
     place = [str(part) for part in error["loc"] if not str(part).endswith("Mechanism")]
     given = "" if error["type"] == "missing" else f" (given: {reprlib.repr(error['input'])})"
     message = f"{error['msg'][:1].lower()}{error['msg'][1:]}"
     if error["type"] == "extra_forbidden":
         message, given = "unknown field; correct or remove it", ""
-    elif place[-1] == "[key]" and error["type"] == "string_type":
+    elif place[-1:] == ["[key]"] and error["type"] == "string_type":
         place.pop()
         message, given = f"a name must be text; quote it: '{error['input']}'", ""
-    return f"{'.'.join(place)}: {message}{given}"
+    return f"{'.'.join(place) or 'the file'}: {message}{given}"
 
 
 def dump_meta(meta: LogMeta) -> dict:
