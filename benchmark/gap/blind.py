@@ -300,7 +300,7 @@ def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, A
         found = fitting.calibrate(rows)
     except ValueError as error:
         raise UsageError(str(error)) from error
-    fitting.write(found.curve, out)
+    files.write_json(out, found.curve)
     table = Table("of", "cases", "confidence", "right", "excess", header_style="bold")
     bins = found.table.to_dict("records")
     for row in bins:

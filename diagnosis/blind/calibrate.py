@@ -15,11 +15,13 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from scipy.optimize import minimize
 
 from backends.effect import Effect
 from backends.state import Array
 from diagnosis.blind import judged
-from diagnosis.blind.files import BlindError, BlindSet, open_answers, read_json, write_json
+from diagnosis.blind.files import BlindError, BlindSet, open_answers
+from diagnosis.blind.tables import excess
 
 NAMED, UNKNOWN, NONE = "named", "unknown", "none"
 FEATURES: Mapping[str, tuple[str, ...]] = {
@@ -30,8 +32,6 @@ FEATURES: Mapping[str, tuple[str, ...]] = {
 """The features for each kind of verdict, the constant first."""
 PRIOR_SD, CONSTANT_SD = 1.0, 10.0
 """Standard deviations of the coefficients' normal priors."""
-BINS = 4
-"""Number of bins with equal counts in which confidence is compared with the share right."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -60,7 +60,7 @@ class Calibration:
     left_out: Array
     """Probability of every row by the curve of all other plants, shape (N,)."""
     table: pd.DataFrame
-    """By bin: cases, confidence, right, excess; `all` and every plant first."""
+    """See `tables.excess`."""
 
 
 def probability(curve: Curve, row: Row) -> float:
@@ -69,10 +69,10 @@ def probability(curve: Curve, row: Row) -> float:
     return float(1.0 / (1.0 + np.exp(-score)))
 
 
-def fit(every: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Curve:
+def fit(every: Sequence[Row]) -> Curve:
     """The maximum posterior curve for some rows; a kind without rows gets probability 0.5."""
     curve: Curve = {}
-    for kind, wanted in names.items():
+    for kind, wanted in FEATURES.items():
         some = [row for row in every if row.kind == kind]
         x = np.array([[row.features[name] for name in wanted] for row in some])
         right = np.array([row.right for row in some], dtype=float)
@@ -82,22 +82,19 @@ def fit(every: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -
 
 
 def _logistic(x: Array, right: Array) -> Array:
-    """Coefficients by Newton's method; the first feature is the constant."""
-    held = np.full(x.shape[1], PRIOR_SD**-2)
-    held[0] = CONSTANT_SD**-2
-    found = np.zeros(x.shape[1])
-    for _ in range(50):
-        chance = 1 / (1 + np.exp(-x @ found))
-        slope = x.T @ (right - chance) - held * found
-        bend = (x * (chance * (1 - chance))[:, None]).T @ x + np.diag(held)
-        step = np.linalg.solve(bend, slope)
-        found += np.clip(step, -2.0, 2.0)
-        if np.abs(step).max() < 1e-9:
-            break
-    return found
+    """Coefficients of the maximum posterior; the first feature is the constant."""
+    held = np.full(x.shape[1], PRIOR_SD)
+    held[0] = CONSTANT_SD
+
+    def cost(some: Array) -> float:
+        score = x @ some
+        unlikely = np.logaddexp(0.0, score).sum() - right @ score
+        return float(unlikely + np.sum((some / held) ** 2) / 2)
+
+    return np.asarray(minimize(cost, np.zeros(x.shape[1]), tol=1e-9).x)
 
 
-def calibrate(some: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATURES) -> Calibration:
+def calibrate(some: Sequence[Row]) -> Calibration:
     """The curve of all rows, and each plant by the curve of the others.
 
     Raises ValueError if all rows are from one plant.
@@ -110,44 +107,13 @@ def calibrate(some: Sequence[Row], names: Mapping[str, tuple[str, ...]] = FEATUR
         )
     left_out = np.empty(len(some))
     for make in makes:
-        curve = fit([row for row in some if row.make != make], names)
+        curve = fit([row for row in some if row.make != make])
         for k, row in enumerate(some):
             if row.make == make:
                 left_out[k] = probability(curve, row)
-    return Calibration(
-        curve=fit(some, names), left_out=left_out, table=_table(some, left_out, makes)
-    )
-
-
-def _table(some: Sequence[Row], said: Array, makes: Sequence[str]) -> pd.DataFrame:
     right = np.array([row.right for row in some], dtype=float)
-    order = np.argsort(said, kind="stable")
-    parts = {"all": np.arange(len(some))}
-    parts |= {m: np.array([k for k, row in enumerate(some) if row.make == m]) for m in makes}
-    parts |= {f"bin {k + 1}": part for k, part in enumerate(np.array_split(order, BINS))}
-    return pd.DataFrame(
-        [
-            {
-                "of": name,
-                "cases": len(part),
-                "confidence": float(said[part].mean()),
-                "right": float(right[part].mean()),
-                "excess": float(said[part].mean() - right[part].mean()),
-            }
-            for name, part in parts.items()
-            if len(part)
-        ]
-    )
-
-
-def write(curve: Curve, path: Path) -> None:
-    """Write the coefficients for the solver to read."""
-    write_json(path, dict(curve))
-
-
-def read(path: Path) -> Curve:
-    """The coefficients as they were written."""
-    return read_json(path)
+    table = excess(left_out, right, np.array([row.make for row in some]))
+    return Calibration(curve=fit(some), left_out=left_out, table=table)
 
 
 def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Effect]]) -> list[Row]:

@@ -85,7 +85,6 @@ def score(
         healthy=max(healthy),
         tables={
             "cases": by_case.drop(columns=["wrong", "says_none", "frozen"]),
-            "sides": tables.by_side(by_case, by_fault),
             "groups": tables.by_group(by_case, by_fault),
             "confusion": tables.confusion(by_case),
             "effects": tables.by_effect(by_fault),
@@ -117,8 +116,7 @@ def headline(found: Score) -> pd.DataFrame:
 
 
 _TITLES = {
-    "sides": "By real side: shares right, with their counts",
-    "confidence": "Mean confidence minus share right, in bins of equal counts",
+    "confidence": "Mean confidence minus share right: all, by real side, in bins of equal counts",
     "groups": "By real side, rig, channels and protocols",
     "baselines": "Baselines on the same cases",
     "confusion": "Confusion: truth by row, verdict by column; detectable cases without pairs",
@@ -155,13 +153,12 @@ def markdown(found: Score) -> str:
     ]
     for name, title in _TITLES.items():
         table = found.tables[name]
-        table = {"cases": _shown_cases, "groups": _turned}.get(name, lambda t: t)(table)
+        if name == "cases":
+            table = table[_CASE_COLUMNS]
+        if name == "groups":
+            table = _turned(table)
         parts += [f"\n## {title}\n", tables.markdown(table)]
     return "\n".join(parts) + "\n"
-
-
-def _shown_cases(table: pd.DataFrame) -> pd.DataFrame:
-    return table[_CASE_COLUMNS]
 
 
 def _turned(table: pd.DataFrame) -> pd.DataFrame:
@@ -176,8 +173,4 @@ def _turned(table: pd.DataFrame) -> pd.DataFrame:
 
 def _records(table: pd.DataFrame) -> list[dict]:
     """Rows as plain data, empty cells as None."""
-    plain = table.astype(object).where(table.notna(), None)
-    return [
-        {str(k): v.item() if hasattr(v, "item") else v for k, v in row.items()}
-        for row in plain.to_dict("records")
-    ]
+    return table.astype(object).where(table.notna(), None).to_dict("records")

@@ -5,10 +5,13 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 
+from backends.state import Array
 from diagnosis.blind.faults import LEVELS
 from diagnosis.blind.measures import Figure, figures, share
 
 GROUPS = ("real", "rig", "channels", "protocols")
+BINS = 4
+"""Bins of equal counts in which confidence is held against the share right."""
 CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.0)
 """Limits of the bins of the reliability table."""
 FOUND_SHARE = 0.5
@@ -38,72 +41,33 @@ def by_group(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def by_side(cases: pd.DataFrame, faults: pd.DataFrame) -> pd.DataFrame:
-    """Figures of every real side: shares right by mode, coverage, and confidence."""
-    rows = []
-    for real in (*sorted(cases["real"].unique()), "all"):
-        part = cases if real == "all" else cases[cases["real"] == real]
-        inside = faults[faults["number"].isin(part["number"])]
-        row: dict[str, object] = {"real": real, "cases": len(part)}
-        for name, found in side_figures(part, inside).items():
-            row |= {name: found.value, f"{name}_n": found.count}
-        rows.append(row | {"confidence_excess": _excess(part)})
-    return pd.DataFrame(rows)
-
-
-def side_figures(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, Figure]:
-    """Figures of one real side."""
-    seen = cases[cases["detectable"]]
-    mode = {name: seen[seen["mode"] == name] for name in ("single", "pair", "unknown")}
-    none = cases[cases["mode"] == "none"]
-    covered = faults["covered"][faults["detectable"].astype(bool)] if len(faults) else pd.Series()
-    return {
-        "singles": share(mode["single"]["right"]),
-        "singles_or_tied": share(mode["single"]["right_or_tied"]),
-        "none": share(none["right"]),
-        "none_accused": share(none["accuses"]),
-        "unknown_seen": share(mode["unknown"]["right"]),
-        "unknown_near": share(mode["unknown"]["near"]),
-        "unknown_seen_or_near": share(mode["unknown"]["right_or_near"]),
-        "pairs": share(mode["pair"]["right"]),
-        "coverage": share(covered),
-    }
-
-
-def _excess(cases: pd.DataFrame) -> float | None:
-    """Mean confidence less share right."""
-    some = judged_ones(cases)
-    gap = pd.to_numeric(some["confidence"]) - some["right_or_near"].astype(float)
-    return float(gap.mean()) if gap.notna().any() else None
-
-
-def judged_ones(cases: pd.DataFrame) -> pd.DataFrame:
-    """Cases whose confidence is judged: `none`, and detectable ones."""
+def confidence(cases: pd.DataFrame) -> pd.DataFrame:
+    """`excess` of cases whose confidence is judged: `none`, and detectable ones."""
     some = cases[(cases["mode"] == "none") | cases["detectable"]]
-    return some[pd.to_numeric(some["confidence"]).notna()]
+    some = some[pd.to_numeric(some["confidence"]).notna()]
+    said, right = (some[name].to_numpy(dtype=float) for name in ("confidence", "right_or_near"))
+    return excess(said, right, some["real"].to_numpy())
 
 
-def confidence(cases: pd.DataFrame, bins: int = 4) -> pd.DataFrame:
-    """Mean confidence and share right of all, and in bins of equal counts by confidence."""
-    some = judged_ones(cases).sort_values("confidence", kind="stable")
-    said = pd.to_numeric(some["confidence"]).to_numpy(dtype=float)
-    right = some["right_or_near"].to_numpy(dtype=float)
-    parts = {"all": np.arange(len(some))}
-    parts |= {str(k + 1): one for k, one in enumerate(np.array_split(parts["all"], bins))}
+def excess(confidence: Array, right: Array, real: Array) -> pd.DataFrame:
+    """Mean confidence and share right of some cases (N,).
+
+    Of all, by real side, and in bins of equal counts by confidence.
+    """
+    parts = {"all": np.arange(len(real))}
+    parts |= {str(side): np.flatnonzero(real == side) for side in np.unique(real)}
+    bins = np.array_split(np.argsort(confidence, kind="stable"), BINS)
+    parts |= {f"bin {k + 1}": part for k, part in enumerate(bins)}
     rows = [
-        {
-            "bin": name,
-            "cases": len(part),
-            "from": float(said[part].min()),
-            "to": float(said[part].max()),
-            "confidence": float(said[part].mean()),
-            "right": float(right[part].mean()),
-            "excess": float(said[part].mean() - right[part].mean()),
-        }
+        (
+            *(name, len(part), confidence[part].min(), confidence[part].max()),
+            *(confidence[part].mean(), right[part].mean()),
+            confidence[part].mean() - right[part].mean(),
+        )
         for name, part in parts.items()
         if len(part)
     ]
-    columns = ["bin", "cases", "from", "to", "confidence", "right", "excess"]
+    columns = ["of", "cases", "from", "to", "confidence", "right", "excess"]
     return pd.DataFrame(rows, columns=columns)
 
 

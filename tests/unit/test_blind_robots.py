@@ -69,12 +69,13 @@ def test_a_set_of_robots_is_solved_by_any_function(made):
     result, _ = blind.score([(folder, answers)], None, 1)
     opened = files.open_answers(answers, BlindSet(path=folder).commitment())
     unknowns = [case for case in opened.cases if case.mode == "unknown"]
-    by_side = {row["real"]: row for row in result["tables"]["sides"]}
-    assert set(by_side) == {"presliding", "cascade", "all"}
-    assert by_side["all"]["none"] == 0.0 and by_side["all"]["singles"] == 0.0
-    assert by_side["all"]["unknown_seen_n"] == len(unknowns)
-    assert by_side["all"]["unknown_seen"] == 1.0
-    bins = {row["bin"]: row for row in result["tables"]["confidence"]}
+    by_side = {row["of"]: row for row in result["tables"]["groups"] if row["by"] == "real"}
+    assert set(by_side) == {"presliding", "cascade"}
+    assert result["none_false_alarm"] == 1.0 and result["top1"] == 0.0
+    assert sum(row["unknown_recall_n"] for row in by_side.values()) == len(unknowns)
+    assert result["unknown_recall"] == 1.0
+    bins = {row["of"]: row for row in result["tables"]["confidence"]}
+    assert {*by_side} < {*bins}
     assert bins["all"]["cases"] == 6 and bins["all"]["confidence"] == pytest.approx(0.4)
     assert bins["all"]["right"] == pytest.approx(len(unknowns) / 6)
     rows = calibrate.rows([(BlindSet(path=folder), answers)], catalogue())
@@ -224,9 +225,10 @@ def test_bins_of_confidence_have_equal_counts():
     """Hold mean confidence against shares right in four bins of equal counts."""
     said = np.linspace(0.01, 1.0, 100)
     cases = pd.DataFrame({"confidence": said, "right_or_near": said > 0.5, "mode": "single"})
-    found = tables.confidence(cases.assign(detectable=True)).set_index("bin")
-    assert list(found["cases"]) == [100, 25, 25, 25, 25]
-    assert found.loc["1", "excess"] == pytest.approx(0.13) and found.loc["4", "right"] == 1.0
+    found = tables.confidence(cases.assign(detectable=True, real="dart")).set_index("of")
+    assert list(found["cases"]) == [100, 100, 25, 25, 25, 25]
+    assert found.loc["bin 1", "excess"] == pytest.approx(0.13)
+    assert found.loc["bin 4", "right"] == 1.0
 
 
 def test_every_real_side_is_a_file():
