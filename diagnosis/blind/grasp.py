@@ -1,17 +1,14 @@
-"""The episodes of a blind case with the stick in the hand: motions, touch and tracker readings.
+"""The episodes of a blind case with the stick in the hand: motions, and its tracker.
 
 The fingers close on the stick, which has no weight until they hold it. Then they move a little, or
-hold it until it is pulled out. This module knows no solver; touch is computed as for every engine.
+hold it until it is pulled out. This module knows no solver.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from backends.spec import Spec
-from backends.state import Array, State
-from backends.touch import Skin
+from backends.state import Array
 from diagnosis.blind import rigs
 from diagnosis.blind.motion import REST_S, Motion, evenly, times_s
 from tasks.initial_states import sample_initial_states
@@ -67,22 +64,6 @@ def _sway(since_s: Array, rng: np.random.Generator) -> Array:
 
 HOLDS = {GRASP: grasp, PULL: pull}
 """Protocols with the stick in the hand."""
-
-
-class Touching:
-    """Readings of touch and tracker of worlds on an engine."""
-
-    def __init__(self, specs: Sequence[Spec]) -> None:
-        self._skin = Skin(specs)
-
-    def read(self, state: State, now_s: float) -> dict[str, Array]:
-        """Depths [m] and answers (N, F, K), poses of the stick (N, 7)."""
-        felt = self._skin.feel(state, np.full(len(state.joint_rad), now_s))
-        return {
-            "touch": felt.reading_m.astype(np.float32),
-            "contact": felt.active.astype(np.float32),
-            "stick": np.hstack([state.stick_pos_m, state.stick_quat_wxyz]),
-        }
 
 
 def tracked(pose: Array, rng: np.random.Generator) -> Array:

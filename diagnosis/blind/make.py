@@ -15,28 +15,20 @@ import pandas as pd
 from backends.effect import Effect, with_effects
 from backends.engine import Simulator
 from backends.spec import Spec
-from backends.state import Array, InitialState
+from backends.state import Array
 from diagnosis.blind import motion, rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
-from diagnosis.blind.grasp import HOLDS, Touching, fallen, tracked
+from diagnosis.blind.grasp import HOLDS, fallen, tracked
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.plant import Mechanics, Plant
 from diagnosis.blind.sides import PLANTS, mechanics
-from diagnosis.logs._columns import PULL, STICK
-from diagnosis.logs.log import (
-    Channel,
-    EpisodeMeta,
-    Log,
-    LogMeta,
-    make_log,
-    name_of,
-    write_log,
-)
-from diagnosis.motion.batch import states
+from diagnosis.logs.log import Channel, EpisodeMeta, Log, LogMeta, make_log, write_log
+from diagnosis.motion.batch import FOREVER_S, joined, states
+from diagnosis.recording._tape import Tape, frame
 
-FOREVER_S = 1e6
-
+READ = ("position", "motor", "torque", "touch", "contact", "stick")
+"""What the sensors of an engine's worlds read."""
 Simulate = Callable[[str, Sequence[Spec]], Simulator]
 """Starts worlds on the engine with this name."""
 
@@ -182,32 +174,16 @@ def _played(
     engine: Simulator, motions: Sequence[Motion], seeds: Array, held: bool
 ) -> list[dict[str, Array]]:
     """What the sensors of an engine's worlds read, each in its own motion; ends the engine."""
-    touching = Touching(engine.specs) if held else None
+    tape = Tape(engine.specs, READ, held)
     target = np.stack([m.target_rad for m in motions], axis=1)
     push = np.stack([m.push_nm for m in motions], axis=1)
     still = np.zeros(len(target))
     pull = np.stack([still if m.pull_n is None else m.pull_n for m in motions], axis=1)
-    rows: list[dict[str, Array]] = []
-    for k, state in enumerate(states(engine, _together(motions, seeds), target, push, pull)):
-        row = {
-            "position": state.measured_rad.copy(),
-            "motor": state.motor_rad.copy(),
-            "torque": state.drive_torque_nm.copy(),
-        }
-        rows.append(row | (touching.read(state, k / rigs.RATE_HZ) if touching else {}))
-    stacked = {kind: np.stack([row[kind] for row in rows], axis=1) for kind in rows[0]}
-    return [{kind: values[e] for kind, values in stacked.items()} for e in range(len(motions))]
-
-
-def _together(motions: Sequence[Motion], seeds: Array) -> InitialState:
-    """All starts, each with the seed of its sensors' noise."""
-    starts = [m.start for m in motions]
-    return InitialState(
-        joint_rad=np.concatenate([s.joint_rad for s in starts]),
-        stick_pos_m=np.concatenate([s.stick_pos_m for s in starts]),
-        stick_quat_wxyz=np.concatenate([s.stick_quat_wxyz for s in starts]),
-        noise_seed=seeds,
-    )
+    start = dataclasses.replace(joined([m.start for m in motions]), noise_seed=seeds)
+    for k, state in enumerate(states(engine, start, target, push, pull)):
+        tape.note(state, target[k], push[k], pull[k])
+    taken = tape.taken
+    return [{kind: taken[kind][:, e] for kind in tape.channels} for e in range(len(motions))]
 
 
 def _noisy(
@@ -226,22 +202,9 @@ def _noisy(
 
 
 def _frame(number: int, case: Case, one: Motion, read: dict[str, Array]) -> pd.DataFrame:
-    spec, times_s = rigs.nominal(case.rig), motion.times_s(rigs.rate_hz(case.rig))
-    columns: dict[str, object] = {"episode": number, "t_s": times_s}
     signals = {"command": one.target_rad, "push": one.push_nm}
+    signals |= {} if one.pull_n is None else {"pull": one.pull_n}
     signals |= {kind: read[kind] for kind in case.channels if kind in read}
-    columns |= {} if one.pull_n is None else {PULL: one.pull_n}
-    for kind, values in signals.items():
-        columns |= _columns(spec, kind, values)
-    frame = pd.DataFrame(columns)
-    return frame[: fallen(read["stick"])] if "stick" in read else frame
-
-
-def _columns(spec: Spec, kind: str, values: Array) -> dict[str, object]:
-    """A signal as a log has it."""
-    if kind == "stick":
-        return dict(zip(STICK, values.T, strict=True))
-    if kind in ("touch", "contact"):
-        tips = enumerate(spec.hand.fingertips)
-        return {f"touch.{tip.finger}": list(values[:, f]) for f, tip in tips}
-    return {name_of(kind, n): values[:, j] for j, n in enumerate(spec.hand.joint_names)}
+    times_s = motion.times_s(rigs.rate_hz(case.rig))
+    whole = frame(rigs.nominal(case.rig).hand, times_s, signals).assign(episode=number)
+    return whole[: fallen(read["stick"])] if "stick" in read else whole

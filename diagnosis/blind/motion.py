@@ -12,12 +12,11 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.blind.rigs import RATE_HZ
+from diagnosis.motion.batch import at_rest
 
 LENGTH_S = 3.0
 REST_S = 0.15
 """Rest before the first motion [s]."""
-ASIDE_M = (5.0, 0.0, 0.0)
-"""Position at which the stick floats without weight, for engines that need one [m]."""
 STEP_S, STEP_SHARES = (0.2, 0.5), (0.02, 0.45)
 """Duration of a level, and its height as a share of the range."""
 TRIANGLE_SHARE, TRIANGLE_HZ = (0.15, 0.35), (0.4, 0.9)
@@ -64,11 +63,7 @@ def motion(protocol: str, spec: Spec, rng: np.random.Generator, rate_hz: float =
         protocol=protocol,
         target_rad=center_rad(spec) + room * moved,
         push_nm=limit * pushed,
-        start=InitialState(
-            joint_rad=center_rad(spec)[None],
-            stick_pos_m=np.array([ASIDE_M]),
-            stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
-        ),
+        start=at_rest(center_rad(spec)[None]),
     )
 
 

@@ -1,6 +1,7 @@
 """Worlds side by side on an engine, each under its own targets and loads."""
 
 from collections.abc import Callable, Generator, Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -22,6 +23,12 @@ def at_rest(joint_rad: Array) -> InitialState:
         stick_pos_m=np.tile(ASIDE_M, (count, 1)),
         stick_quat_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (count, 1)),
     )
+
+
+def joined(starts: Sequence[InitialState]) -> InitialState:
+    """The worlds of all these."""
+    names = [field.name for field in fields(InitialState)]
+    return InitialState(**{n: np.concatenate([getattr(s, n) for s in starts]) for n in names})
 
 
 def together(rows: Sequence[Array]) -> Array:

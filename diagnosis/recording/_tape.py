@@ -1,13 +1,13 @@
 """The samples of an engine, in the columns of a robot's log."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pandas as pd
 
 from backends.engine import Simulator
-from backends.spec import Spec
+from backends.spec import Hand, Spec
 from backends.state import Array, InitialState, State
 from backends.touch import Skin
 from diagnosis.logs._checks import MIN_SAMPLES
@@ -33,7 +33,7 @@ class Tape:
 
     def __init__(self, specs: Sequence[Spec], channels: Sequence[str], held: bool) -> None:
         self._hand, self._held = specs[0].hand, held
-        self._channels = tuple(c for c in channels if held or c not in NEEDS_STICK)
+        self.channels = tuple(c for c in channels if held or c not in NEEDS_STICK)
         feels = held and ("touch" in channels or "contact" in channels)
         self._skin = Skin(specs) if feels else None
         self._dt_s = specs[0].timing.policy_s
@@ -60,33 +60,40 @@ class Tape:
             touch = self._skin.feel(state, np.full(len(target_rad), now_s))
             row["touch"] = touch.reading_m.astype(np.float32)
             row["contact"] = touch.active.astype(np.float32)
-        self.rows.append({kind: row[kind] for kind in ("stick", *self._channels)})
+        self.rows.append({kind: row[kind] for kind in ("stick", *self.channels)})
+
+    @property
+    def taken(self) -> dict[str, Array]:
+        """All readings by channel, shape (T, N, ...), and the stick's pose."""
+        return {kind: np.stack([row[kind] for row in self.rows]) for kind in self.rows[0]}
 
     def frames(self, ends: Sequence[int]) -> list[pd.DataFrame]:
         """The samples of every world, so many or until its stick falls."""
-        taken = {kind: np.stack([row[kind] for row in self.rows]) for kind in self.rows[0]}
+        taken, time_s = self.taken, np.arange(len(self.rows)) * self._dt_s
         if self._held:
             height = taken["stick"][..., 2]
             ends = [min(e, _fall(height[:e, n])) for n, e in enumerate(ends)]
         return [
-            self._frame({k: v[:end, n] for k, v in taken.items()}) for n, end in enumerate(ends)
+            frame(self._hand, time_s[:end], {k: taken[k][:end, n] for k in self.channels})
+            for n, end in enumerate(ends)
         ]
 
-    def _frame(self, taken: dict[str, Array]) -> pd.DataFrame:
-        columns: dict[str, object] = {"t_s": np.arange(len(taken["command"])) * self._dt_s}
-        for kind in self._channels:
-            if kind == "stick":
-                columns |= dict(zip(STICK, taken[kind].T, strict=True))
-            elif kind == "pull":
-                columns[PULL] = taken[kind]
-            elif kind in ("touch", "contact"):
-                for f, tip in enumerate(self._hand.fingertips):
-                    columns[f"touch.{tip.finger}"] = list(taken[kind][:, f])
-            else:
-                for j, body in enumerate(self._hand.driven):
-                    name = name_of(kind, body.joint.name, body.joint.slides)
-                    columns[name] = taken[kind][:, j]
-        return pd.DataFrame(columns)
+
+def frame(hand: Hand, time_s: Array, taken: Mapping[str, Array]) -> pd.DataFrame:
+    """Readings of one world by channel, shape (T, ...), in the columns of a log."""
+    columns: dict[str, object] = {"t_s": time_s}
+    for kind, values in taken.items():
+        if kind == "stick":
+            columns |= dict(zip(STICK, values.T, strict=True))
+        elif kind == "pull":
+            columns[PULL] = values
+        elif kind in ("touch", "contact"):
+            for f, tip in enumerate(hand.fingertips):
+                columns[f"touch.{tip.finger}"] = list(values[:, f])
+        else:
+            for j, body in enumerate(hand.driven):
+                columns[name_of(kind, body.joint.name, body.joint.slides)] = values[:, j]
+    return pd.DataFrame(columns)
 
 
 def _fall(height_m: Array) -> int:

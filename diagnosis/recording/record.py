@@ -15,7 +15,7 @@ import pandas as pd
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
-from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest, states, together
+from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest, joined, states, together
 from diagnosis.recording import excitation
 from diagnosis.recording._tape import Tape, TapedSimulator
 from diagnosis.recording.excitation import Excitation
@@ -176,7 +176,7 @@ def _open_loop(
     )
     worlds = [_world(spec, plan, held)] * len(chosen)
     tape = Tape(worlds, plan.channels, held)
-    with closing(states(simulate(worlds), _together(starts), target, load, pull)) as every:
+    with closing(states(simulate(worlds), joined(starts), target, load, pull)) as every:
         for t, state in enumerate(every):
             tape.note(state, target[t], load[t], pull[t])
             progress((t + 1) / len(target))
@@ -196,7 +196,7 @@ def _closed_loop(
     face = TapedSimulator(simulate(worlds), tape, spec.timing.policy_s)
     env = BatchEnv(face, policy.task, policy.observation, plan.seed)
     try:
-        observation = env.reset(start=_together([_start(spec, plan, k) for k in chosen]))
+        observation = env.reset(start=joined([_start(spec, plan, k) for k in chosen]))
         for step in range(env.horizon):
             observation = env.step(policy.act(observation)).observation
             progress((step + 1) / env.horizon)
@@ -232,11 +232,6 @@ def _motion(spec: Spec, plan: Plan, episode: Episode, start: InitialState) -> Ex
         joints = dataclasses.replace(joints, center_rad=grip)
     seed = np.random.SeedSequence([plan.seed, episode.variant]).generate_state(1)
     return excitation.OPEN_LOOP[episode.protocol](joints, plan.rate_hz, int(seed[0]))
-
-
-def _together(starts: list[InitialState]) -> InitialState:
-    fields = [f.name for f in dataclasses.fields(InitialState)]
-    return InitialState(**{f: np.concatenate([getattr(s, f) for s in starts]) for f in fields})
 
 
 def _meta(spec: Spec, plan: Plan, source: str, known_effects: str) -> LogMeta:

@@ -456,7 +456,7 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"schema": 2}, "schema: input should be 1 (given: '2')"),
+        ({"schema": 2}, "schema: input should be 1 (given: 2)"),
         ({"effects": None}, "effects: input should be a valid string"),
         ({"effects": "backlsh=1deg"}, "Did you mean 'backlash'?"),
         ({"spread": "kp-scale=-5%"}, "is negative; allowed: from 0"),

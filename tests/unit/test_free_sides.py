@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from backends.spec import Spec
-from backends.state import InitialState
 from benchmark.gap import blind
 from benchmark.parts import registry
 from benchmark.settings.run_spec import REFERENCE
@@ -15,6 +14,7 @@ from diagnosis.blind import make, motion, rigs, sides
 from diagnosis.blind.engines._free import FreeHands
 from diagnosis.blind.mechanics import _chain
 from diagnosis.blind.plant import Limb
+from diagnosis.motion.batch import at_rest
 
 every_engine = pytest.mark.parametrize("name", sides.ENGINES)
 
@@ -28,12 +28,7 @@ def placed(name: str, spec: Spec, joint_rad: list[float]) -> FreeHands:
 
 def rest(engine: FreeHands, joint_rad: list[float]) -> None:
     """Put an engine's one world to rest at these angles."""
-    start = InitialState(
-        joint_rad=np.array([joint_rad]),
-        stick_pos_m=np.array([motion.ASIDE_M]),
-        stick_quat_wxyz=np.array([[1.0, 0.0, 0.0, 0.0]]),
-    )
-    engine.reset(start, np.ones(1, dtype=bool))
+    engine.reset(at_rest(np.array([joint_rad])), np.ones(1, dtype=bool))
 
 
 def inertia_kgm2(spec: Spec) -> float:
