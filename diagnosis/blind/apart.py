@@ -27,6 +27,7 @@ from diagnosis.blind.make import (
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
 from diagnosis.grasp.forward_model import ends_m
+from diagnosis.grasp.slip_model import GONE_M, SLIPPED_M
 from diagnosis.motion.held import tip_gaps_m
 
 ALIKE_S = 0.5
@@ -34,8 +35,6 @@ ALIKE_S = 0.5
 FLIP_NATS = 1.0
 """Information of a taxel that responds differently [nats]."""
 SKIN = ("touch", "contact")
-SLIPPED_M, GONE_M = 1e-3, 15e-3
-"""A pulled stick slips from the first distance on, and has left the grip at the second [m]."""
 SLIP_NOISE = (0.005, 0.05)
 """Standard deviation of the logarithms of these pulls due to the tracker's noise."""
 

@@ -98,10 +98,14 @@ def _axes(joints: int, rng: np.random.Generator) -> tuple[str, ...]:
 def spec(joints: int, seed: int) -> Spec:
     """The nominal world of an arm, in the range in which it is moved."""
     of = sheet(joints, seed)
-    whole = mechanism(mjcf(of), _servos(of))
-    encoder = Encoder(noise_rad=of.noise_rad)
-    return whole.with_driven(
-        replace(body, joint=replace(body.joint, encoder=encoder)) for body in whole.hand.driven
+    return with_noise(mechanism(mjcf(of), _servos(of)), of.noise_rad)
+
+
+def with_noise(world: Spec, noise_rad: float) -> Spec:
+    """The world with encoders that have noise, and nothing else."""
+    encoder = Encoder(noise_rad=noise_rad)
+    return world.with_driven(
+        replace(body, joint=replace(body.joint, encoder=encoder)) for body in world.hand.driven
     )
 
 

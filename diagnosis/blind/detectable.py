@@ -6,7 +6,7 @@ For touch, stick and contact, grasps with and without the effect must differ by 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -64,17 +64,11 @@ def smallest(
         middle = float(np.sqrt(low * high))
         low, high = (low, middle) if shows(middle) else (middle, high)
     bound = ">" if shown is None else "<" if low == least else ""
-    return {
-        "effect": search.effect,
-        "rig": search.rig,
-        "real": search.real,
-        "protocol": search.protocol,
+    return asdict(search) | {
         "channels": "+".join(search.channels),
         "smallest": high / UNITS[kind.unit][1],
         "unit": kind.unit,
         "bound": bound,
-        "draws": search.draws,
-        "seed": search.seed,
     }
 
 

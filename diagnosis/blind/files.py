@@ -146,10 +146,6 @@ class BlindSet:
                 digest.update(f"{file.name} {_sha256(file)}\n".encode())
         return digest.hexdigest()
 
-    def excluded(self, number: int) -> tuple[str, ...]:
-        """Effects that are removed from the solver's catalogue in a case."""
-        return self.given(number).excluded
-
     def commitment(self) -> Commitment:
         """The commitment of the set; raises BlindError if there is none."""
         file = self.path / "commitment.json"

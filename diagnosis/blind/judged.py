@@ -38,13 +38,7 @@ def case_row(
     first = case.faults[0] if case.faults else None
     beyond = oracle.beyond and not is_ordinary(case, healthy)
     right, near = rightness(case, said, catalogue, beyond)
-    return {
-        "number": case.number,
-        "mode": case.mode,
-        "real": case.real,
-        "rig": rigs.family(case.rig),
-        "channels": "+".join(case.channels),
-        "protocols": "+".join(case.protocols),
+    return _of_case(case) | {
         "truth": " + ".join(truth),
         "hidden": "; ".join(_written(f, catalogue) for f in case.faults),
         "excluded": ", ".join(case.excluded),
@@ -105,13 +99,8 @@ def fault_rows(
     if case.mode not in ("single", "pair"):
         return []
     return [
-        {
-            "number": case.number,
-            "mode": case.mode,
-            "real": case.real,
-            "rig": rigs.family(case.rig),
-            "protocols": "+".join(case.protocols),
-            "channels": "+".join(case.channels),
+        _of_case(case)
+        | {
             "effect": fault.effect,
             "level": fault.level,
             "magnitude": abs(fault.magnitude) / UNITS[catalogue[fault.effect].unit][1],
@@ -123,6 +112,17 @@ def fault_rows(
         }
         for fault, shown in zip(case.faults, oracle.shown or [Shown()] * 2, strict=False)
     ]
+
+
+def _of_case(case: Case) -> dict:
+    return {
+        "number": case.number,
+        "mode": case.mode,
+        "real": case.real,
+        "rig": rigs.family(case.rig),
+        "channels": "+".join(case.channels),
+        "protocols": "+".join(case.protocols),
+    }
 
 
 def _truth(case: Case) -> list[str]:

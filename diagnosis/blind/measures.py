@@ -22,15 +22,15 @@ class Figure:
     count: int
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Measure:
     """Definition of a figure."""
 
     name: str
-    meaning: str
     column: str
     of: Callable[[pd.DataFrame], pd.Series]
     """Selects the rows that count."""
+    meaning: str
     median: bool = False
     faults: bool = False
     """Whether it is over true effects instead of cases."""
@@ -67,8 +67,11 @@ def _mode(name: str) -> Callable[[pd.DataFrame], pd.Series]:
     return lambda t: (t["mode"] == name) & t["detectable"]
 
 
+_single, _pair, _unknown = map(_mode, ("single", "pair", "unknown"))
+
+
 def _named(t: pd.DataFrame) -> pd.Series:
-    return _mode("single")(t) & t["one_of"]
+    return _single(t) & t["one_of"]
 
 
 def _faulty(t: pd.DataFrame) -> pd.Series:
@@ -83,115 +86,70 @@ def _none(t: pd.DataFrame) -> pd.Series:
     return t["mode"] == "none"
 
 
+def _every(t: pd.DataFrame) -> pd.Series:
+    return t["number"] >= 0
+
+
 MEASURES = (
+    Measure("top1", "right", _single, "single effects: named, and nothing else"),
     Measure(
-        name="top1",
-        meaning="single effects: named, and nothing else",
-        column="right",
-        of=_mode("single"),
+        "top1_or_tied",
+        "right_or_tied",
+        _single,
+        "the same, or one named that the solver cannot distinguish from it",
+    ),
+    Measure("top3", "in_top", _single, "single effects: among the first three of the ranking"),
+    Measure("joint_right", "joints_right", _named, "single effects named: on exactly their joints"),
+    Measure("none_false_alarm", "wrong", _none, "cases of `none` not called `none`"),
+    Measure("none_accused", "accuses", _none, "cases of `none` in which an effect is named"),
+    Measure(
+        "unknown_recall",
+        "right",
+        _unknown,
+        "effects outside the catalogue, beyond what is ordinary: called `unknown`",
+    ),
+    Measure("unknown_near", "near", _unknown, "of these: given a near name"),
+    Measure(
+        "unknown_seen_or_near",
+        "right_or_near",
+        _unknown,
+        "of these: called `unknown`, or given a near name",
+    ),
+    Measure("pairs_exact", "right", _pair, "pairs: both named, and nothing else"),
+    Measure("pairs_one", "one_of", _pair, "pairs: at least one named"),
+    Measure(
+        "spurious_second",
+        "spurious",
+        _single,
+        "single effects: named together with another one that is not there",
     ),
     Measure(
-        name="top1_or_tied",
-        meaning="the same, or one named that the solver cannot distinguish from it",
-        column="right_or_tied",
-        of=_mode("single"),
-    ),
-    Measure(
-        name="top3",
-        meaning="single effects: among the first three of the ranking",
-        column="in_top",
-        of=_mode("single"),
-    ),
-    Measure(
-        name="joint_right",
-        meaning="single effects named: on exactly their joints",
-        column="joints_right",
-        of=_named,
-    ),
-    Measure(
-        name="none_false_alarm",
-        meaning="cases of `none` not called `none`",
-        column="wrong",
-        of=_none,
-    ),
-    Measure(
-        name="none_accused",
-        meaning="cases of `none` in which an effect is named",
-        column="accuses",
-        of=_none,
-    ),
-    Measure(
-        name="unknown_recall",
-        meaning="effects outside the catalogue, beyond what is ordinary: called `unknown`",
-        column="right",
-        of=_mode("unknown"),
-    ),
-    Measure(
-        name="unknown_near",
-        meaning="of these: given a near name",
-        column="near",
-        of=_mode("unknown"),
-    ),
-    Measure(
-        name="unknown_seen_or_near",
-        meaning="of these: called `unknown`, or given a near name",
-        column="right_or_near",
-        of=_mode("unknown"),
-    ),
-    Measure(
-        name="pairs_exact",
-        meaning="pairs: both named, and nothing else",
-        column="right",
-        of=_mode("pair"),
-    ),
-    Measure(
-        name="pairs_one",
-        meaning="pairs: at least one named",
-        column="one_of",
-        of=_mode("pair"),
-    ),
-    Measure(
-        name="spurious_second",
-        meaning="single effects: named together with another one that is not there",
-        column="spurious",
-        of=_mode("single"),
-    ),
-    Measure(
-        name="magnitude_error_median",
-        meaning="effects found: relative error of the magnitude",
-        column="error",
-        of=_faulty,
+        "magnitude_error_median",
+        "error",
+        _faulty,
+        "effects found: relative error of the magnitude",
         median=True,
         faults=True,
     ),
     Measure(
-        name="interval_coverage",
-        meaning="of these: 90 % interval holds the true magnitude",
-        column="covered",
-        of=_faulty,
+        "interval_coverage",
+        "covered",
+        _faulty,
+        "of these: 90 % interval holds the true magnitude",
         faults=True,
     ),
     Measure(
-        name="shrinkage_vs_oracle",
-        meaning="share of the gap that the verdict takes, over what the true effects take",
-        column="shrinkage_ratio",
-        of=_faulty,
+        "shrinkage_vs_oracle",
+        "shrinkage_ratio",
+        _faulty,
+        "share of the gap that the verdict takes, over what the true effects take",
         median=True,
     ),
     Measure(
-        name="below_named",
-        meaning="effects too small to detect: called right all the same",
-        column="right",
-        of=_below,
+        "below_named", "right", _below, "effects too small to detect: called right all the same"
     ),
-    Measure(name="below_none", meaning="of these: called `none`", column="says_none", of=_below),
-    Measure(
-        name="cpu_s_median",
-        meaning="CPU seconds per case",
-        column="cpu_s",
-        of=lambda t: t["number"] >= 0,
-        median=True,
-    ),
+    Measure("below_none", "says_none", _below, "of these: called `none`"),
+    Measure("cpu_s_median", "cpu_s", _every, "CPU seconds per case", median=True),
 )
 
 

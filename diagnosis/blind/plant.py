@@ -8,9 +8,10 @@ A file of `mechanics` holds one class named `Mechanics`, whose interface is defi
 """
 
 import dataclasses
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol, Self
+from typing import Self
 
 import numba
 import numpy as np
@@ -96,7 +97,7 @@ Course = tuple[Array, Array, Array]
 """Angles at every tick; motor angles and motor torques at every sample; all (.., joints)."""
 
 
-class Mechanics(Protocol):
+class Mechanics(ABC):
     """Equations of motion of one limb: the drive law of a plant with its own small faults.
 
     `Mechanics()` is a typical robot. It may read the limb's `numbers` by name. Errors of commands
@@ -108,8 +109,10 @@ class Mechanics(Protocol):
 
     @classmethod
     def individual(cls, rng: np.random.Generator) -> Self:
-        """One robot of this kind, with its own random numbers."""
+        """One robot of this kind; all are alike where it draws no numbers of its own."""
+        return cls()
 
+    @abstractmethod
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """The motion from rest at `wanted_rad[0]`; raises ValueError for unsupported limbs.
 

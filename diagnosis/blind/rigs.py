@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from backends import trx
-from backends.spec import Body, Drive, Encoder, Fingertip, Joint, Spec
+from backends.spec import Body, Drive, Fingertip, Joint, Spec
 from backends.sticks import STICKS
 from diagnosis.blind import arms
 from diagnosis.logs.log import HandMechanism, MjcfMechanism
@@ -131,12 +131,7 @@ def nominal(rig: str) -> Spec:
     seed = robot(rig)
     if seed is not None:
         return arms.spec(ARMS[family(rig)], seed)
-    spec = (FREE | HOLDING)[rig]()
-    encoder = Encoder(noise_rad=NOISE_RAD)
-    return spec.with_driven(
-        dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=encoder))
-        for b in spec.hand.driven
-    )
+    return arms.with_noise((FREE | HOLDING)[rig](), NOISE_RAD)
 
 
 def rate_hz(rig: str) -> float:

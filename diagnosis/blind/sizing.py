@@ -23,10 +23,10 @@ from scipy.optimize import lsq_linear
 
 from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
-from backends.spec import Body, Encoder, Spec
+from backends.spec import Body
 from backends.state import Array
+from diagnosis.blind import arms, rigs, sides
 from diagnosis.blind import faults as drawn
-from diagnosis.blind import rigs, sides
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.make import Simulate, case_rng, motions, readings
@@ -53,7 +53,7 @@ class Robot:
     ) -> None:
         self._case, self._catalogue, self._simulate = case, catalogue, simulate
         spec = rigs.nominal(case.rig)
-        self.spec = _quiet(spec)
+        self.spec = arms.with_noise(spec, 0.0)
         self._moved = motions(case, self.spec, self.spec, case_rng(case, seed))
         noise = max(b.joint.encoder.noise_rad for b in spec.hand.driven)
         self._readable_rad = float(np.hypot(noise, FLOOR_RAD))
@@ -243,11 +243,3 @@ def _tolerance(kind: type[Effect], body: Body) -> float:
         whole = 1.0 if kind.dimension == "share" else drawn.number_of(kind, body)
         return drawn.NOMINAL_STD * whole * kind.nominal
     return 0.0 if kind.kinked else kind.tolerance * kind.natural(drive)
-
-
-def _quiet(spec: Spec) -> Spec:
-    """A world whose sensors have no noise."""
-    return spec.with_driven(
-        dataclasses.replace(b, joint=dataclasses.replace(b.joint, encoder=Encoder()))
-        for b in spec.hand.driven
-    )

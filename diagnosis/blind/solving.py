@@ -101,7 +101,7 @@ def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
         "log_sha256": blind.log_sha256(number),
         "solver_sha256": identity(solve),
         "time": now(),
-        "excluded": list(blind.excluded(number)),
+        "excluded": list(blind.given(number).excluded),
         "cpu_s": sum(os.times()[:2]) - began_s,
         **found,
     }

@@ -460,7 +460,7 @@ def test_calibration_and_effects_exclude_each_other(tmp_path, capfd):
         ({"effects": None}, "effects: input should be a valid string"),
         ({"effects": "backlsh=1deg"}, "Did you mean 'backlash'?"),
         ({"spread": "kp-scale=-5%"}, "is negative; allowed: from 0"),
-        ({"seeds": 1}, "seeds: extra inputs are not permitted"),
+        ({"seeds": 1}, "seeds: unknown field"),
         ({"hand": "left"}, "it is a calibration of 'left'"),
     ],
 )

@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from backends.state import Array
+from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _two_mass
 from diagnosis.blind.plant import Course, Limb
 
@@ -37,7 +38,7 @@ class Baseline:
         return replace(cls(), **{name: float(rng.uniform(*ends[name])) for name in names})
 
 
-class Geared:
+class Geared(plant.Mechanics):
     """Limbs of one or two parallel hinges, each with a servo and a gear; see the protocol."""
 
     tick_s: float = _two_mass.TICK_S

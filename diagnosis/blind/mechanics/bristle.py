@@ -15,12 +15,12 @@ than the other, a motor that is stronger to one side, and the lag of current and
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numba
 import numpy as np
 
 from backends.state import Array
+from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.mechanics._chain import fall, geometry
 from diagnosis.blind.plant import DRIVE, Course, Limb
@@ -57,18 +57,13 @@ class Baseline:
     """D: time constant of the filter of the speed that the servo damps."""
 
 
-class Mechanics:
+class Mechanics(plant.Mechanics):
     """Limbs of one or two parallel hinges."""
 
     tick_s: float = TICK_S
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
-
-    @classmethod
-    def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this plant are alike."""
-        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""

@@ -19,13 +19,13 @@ DART: J. Lee et al., Journal of Open Source Software 3(22), 2018.
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import dartpy as dart
 import numpy as np
 
 from backends.spec import Body
 from backends.state import Array
+from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.plant import Course, Limb
 
@@ -57,18 +57,13 @@ class Baseline:
     """T: time constant of the current loop."""
 
 
-class Mechanics:
+class Mechanics(plant.Mechanics):
     """Limbs of any number of hinges."""
 
     tick_s: float = TICK_S
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
-
-    @classmethod
-    def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this plant are alike."""
-        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see the protocol."""

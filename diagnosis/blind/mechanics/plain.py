@@ -10,14 +10,13 @@ constraint is as hard as MuJoCo lets it be without changing the step.
 E. Todorov, T. Erez, Y. Tassa, MuJoCo, IROS 2012; https://mujoco.readthedocs.io, "Computation".
 """
 
-from typing import Self
-
 import mujoco
 import numpy as np
 from mujoco import rollout
 
 from backends.spec import Body
 from backends.state import Array
+from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _faults
 from diagnosis.blind.plant import Course, Limb
 
@@ -29,15 +28,10 @@ FEELING = ("stiction", "load", "lock", "dead", "stop", "fade", "cogging", "uneve
 _FRICTION = 'solreffriction="0.002 1" solimpfriction="0.999 0.9999 0.001"'
 
 
-class Mechanics:
+class Mechanics(plant.Mechanics):
     """Limbs of any number of hinges."""
 
     tick_s: float = TICK_S
-
-    @classmethod
-    def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this plant are alike."""
-        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """See the protocol."""

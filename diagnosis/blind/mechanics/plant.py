@@ -12,12 +12,12 @@ On top of the ideal mechanism there is always a little play, friction, cogging a
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numba
 import numpy as np
 
 from backends.state import Array
+from diagnosis.blind import plant
 from diagnosis.blind.mechanics._chain import fall, geometry
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
@@ -54,18 +54,13 @@ class Baseline:
     """Relative growth of the teeth's stiffness per squared deflection [1/rad^2]."""
 
 
-class Mechanics:
+class Mechanics(plant.Mechanics):
     """Smooth equations of a limb whose hinges are parallel, one or two of them."""
 
     tick_s: float = TICK_S
 
     def __init__(self, baseline: Baseline | None = None) -> None:
         self._baseline = baseline or Baseline()
-
-    @classmethod
-    def individual(cls, rng: np.random.Generator) -> Self:
-        """All robots of this plant are alike."""
-        return cls()
 
     def __call__(self, limb: Limb, wanted_rad: Array, push_nm: Array) -> Course:
         """Angles at every tick, motor angles and torques at every sample; see `Mechanics`.
