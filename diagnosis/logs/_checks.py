@@ -27,11 +27,15 @@ motion."""
 
 def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, tuple[str, ...]]:
     """Meta and samples with all optional parts filled in, and the warnings."""
+    protocols = samples.get("protocol")
+    samples = samples.drop(columns="protocol", errors="ignore")
     columns_are_known(samples)
     joints_are_complete(samples)
     samples = numbers_are_numbers(samples)
     samples = samples if "episode" in samples else samples.assign(episode=0)
     meta = episodes_are_named(meta, samples)
+    if protocols is not None:
+        meta = protocols_are_named(meta, samples["episode"], protocols)
     warnings: list[str] = []
     for number, part in samples.groupby("episode", sort=False):
         times_increase(int(str(number)), part, warnings)
@@ -123,6 +127,21 @@ def episodes_are_named(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
         raise LogError(f"log.yaml lists episodes {named}, samples hold {found}; make them equal")
     order = {e.episode: e for e in meta.episodes}
     return meta.model_copy(update={"episodes": tuple(order[n] for n in found)})
+
+
+def protocols_are_named(meta: LogMeta, number: pd.Series, protocols: pd.Series) -> LogMeta:
+    """Meta with the samples' own protocols, as `bench excite` writes them; refuses several."""
+    found = []
+    for one in meta.episodes:
+        names = protocols[number == one.episode].astype(str).unique()
+        said = {one_line(name, 40) or "free" for name in names} | {one.protocol} - {"free"}
+        if len(said) > 1:
+            raise LogError(
+                f"episode {one.episode} has the protocols {', '.join(sorted(said))}; name one of "
+                "them, in the column 'protocol' or in log.yaml"
+            )
+        found.append(one.model_copy(update={"protocol": said.pop()}))
+    return meta.model_copy(update={"episodes": tuple(found)})
 
 
 def times_increase(number: int, part: pd.DataFrame, warnings: list[str]) -> None:

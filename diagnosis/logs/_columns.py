@@ -5,39 +5,30 @@ import difflib
 from diagnosis.logs._meta import LogError
 from files.bounded import one_line
 
-ROTARY = {
-    "command": ("rad", "rad"),
-    "position": ("rad", "rad"),
-    "motor": ("rad", "rad"),
-    "torque": ("nm", "Nm"),
-    "velocity": ("rad_s", "rad/s"),
-    "push": ("nm", "Nm"),
-    "reference": ("rad_s", "rad/s"),
-    "feedforward": ("nm", "Nm"),
+KINDS = {
+    "command": "angle",
+    "position": "angle",
+    "motor": "angle",
+    "torque": "torque",
+    "velocity": "speed",
+    "push": "torque",
+    "reference": "speed",
+    "feedforward": "torque",
 }
-"""Per kind of column: the unit in its name and the unit itself, for a hinge.
+"""Kinds of columns, and what each is of.
 
 `reference` is the speed of the target, `feedforward` a torque that the drive adds to its law's.
 """
-LINEAR = {
-    "command": ("m", "m"),
-    "position": ("m", "m"),
-    "motor": ("m", "m"),
-    "torque": ("n", "N"),
-    "velocity": ("m_s", "m/s"),
-    "push": ("n", "N"),
-    "reference": ("m_s", "m/s"),
-    "feedforward": ("n", "N"),
-}
-"""The same for a slide, whose torque is a force."""
-KINDS = tuple(ROTARY)
+HINGE = {"angle": ("rad", "rad"), "torque": ("nm", "Nm"), "speed": ("rad_s", "rad/s")}
+SLIDE = {"angle": ("m", "m"), "torque": ("n", "N"), "speed": ("m_s", "m/s")}
+"""The unit in a column's name and the unit itself; the torque of a slide is a force."""
 STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"))
 """Centre of the stick [m] and its orientation, world frame."""
 PULL = "pull_n"
 """Known force on the stick along its axis, towards its lower end [N]."""
 UNITS = {
-    **{f"{kind}_{name}": (unit,) for kind, (name, unit) in ROTARY.items()},
-    **{f"{kind}_{name}": (unit,) for kind, (name, unit) in LINEAR.items()},
+    **{f"{kind}_{HINGE[of][0]}": (HINGE[of][1],) for kind, of in KINDS.items()},
+    **{f"{kind}_{SLIDE[of][0]}": (SLIDE[of][1],) for kind, of in KINDS.items()},
     "touch": ("m", "1"),
     "stick": ("m",),
     PULL: ("N",),
@@ -49,7 +40,7 @@ WHOLE = ("stick", PULL)
 
 def name_of(kind: str, joint: str, linear: bool = False) -> str:
     """The column name of a kind and joint."""
-    return f"{kind}_{(LINEAR if linear else ROTARY)[kind][0]}.{joint}"
+    return f"{kind}_{(SLIDE if linear else HINGE)[KINDS[kind]][0]}.{joint}"
 
 
 def channel_of(column: str) -> str:

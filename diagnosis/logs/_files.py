@@ -11,21 +11,18 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
-import pyarrow.parquet as pq
 import yaml
 
 from diagnosis.logs._meta import (
-    EpisodeMeta,
     LogError,
     LogMeta,
     MjcfMechanism,
     dump_meta,
     parse_meta,
 )
-from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from diagnosis.logs.plain_yaml import read_plain_yaml
 from files import bounded, tables
-from files.bounded import FileError, one_line
+from files.bounded import FileError
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
@@ -34,12 +31,17 @@ MODELS = (".xml", ".mjcf", ".urdf")
 """Ends of a model's file name."""
 MOST_MJCF_BYTES = 1_000_000
 """Largest MJCF file that is read."""
-MOST_EPISODES = 2**31
-"""Larger numbers name no episode."""
 
 
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
     """Meta, samples, the MJCF's text and warnings; raises LogError."""
+    try:
+        return _read(folder)
+    except FileError as error:
+        raise LogError(str(error)) from None
+
+
+def _read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
     if not folder.is_dir():
         if folder.is_file():
             raise LogError(
@@ -54,8 +56,8 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
         has = names.format(PARQUET_FILE, CSV_FILE)
         raise LogError(f"{folder} has {has}; allowed: exactly one of them")
     odd: list[str] = []
-    samples = _parquet(found[0]) if found[0].name == PARQUET_FILE else _csv(found[0], odd)
-    meta, samples = _with_protocols(meta, samples)
+    is_csv = found[0].name == CSV_FILE
+    samples = _csv(found[0], odd) if is_csv else tables.read_parquet(found[0])
     return meta, samples, _mjcf(folder, meta), tuple(odd)
 
 
@@ -84,44 +86,13 @@ def write(
             (temporary / meta.mechanism.mjcf).write_text(mjcf_xml or "")
         if provenance is not None:
             (temporary / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=2) + "\n")
-        if form == "csv":
-            _write_csv(samples, temporary / CSV_FILE)
-        else:
-            _write_parquet(samples, temporary / PARQUET_FILE)
+        _write(samples, temporary, form)
         if folder.exists():
             os.rename(folder, old)
         os.rename(temporary, folder)
         shutil.rmtree(old, ignore_errors=True)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-
-
-def _with_protocols(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame]:
-    """Episodes from the samples' own column `protocol`, as `bench excite` writes it.
-
-    Raises LogError where an episode has several protocols, or another in log.yaml.
-    """
-    if "protocol" not in samples.columns:
-        return meta, samples
-    numbers = samples["episode"] if "episode" in samples.columns else pd.Series(0, samples.index)
-    numbers = pd.to_numeric(numbers, errors="coerce")
-    if not (numbers.between(0, MOST_EPISODES) & (numbers % 1 == 0)).all():  # as will be said
-        return meta, samples.drop(columns="protocol")
-    declared = {one.episode: one for one in meta.episodes}
-    for number, names in samples["protocol"].groupby(numbers.astype(int)):
-        said = {one_line(name, 40) or "free" for name in names.map(str).unique()}
-        given = declared.get(number)
-        if given is not None and given.protocol != "free":
-            said.add(given.protocol)
-        if len(said) > 1:
-            raise LogError(
-                f"episode {number} has the protocols {', '.join(sorted(said))}; name one of them, "
-                "in the column 'protocol' or in log.yaml"
-            )
-        note = None if given is None else given.note
-        declared[number] = EpisodeMeta(episode=number, protocol=said.pop(), note=note)
-    episodes = tuple(declared[number] for number in sorted(declared))
-    return meta.model_copy(update={"episodes": episodes}), samples.drop(columns="protocol")
 
 
 def check_target(folder: Path, form: str, force: bool = False) -> None:
@@ -156,8 +127,6 @@ def _yaml(path: Path) -> object:
         raise LogError(
             f"{path} does not exist; docs/reference/log-format.md has an example of eight lines"
         ) from None
-    except PlainYamlError as error:
-        raise LogError(str(error)) from None
 
 
 def _mjcf(folder: Path, meta: LogMeta) -> str | None:
@@ -180,22 +149,12 @@ def read_model(path: Path) -> str:
         raise LogError(f"the mechanism's file {error}") from None
 
 
-def _parquet(path: Path) -> pd.DataFrame:
-    try:
-        return tables.read_parquet(path)
-    except FileError as error:
-        raise LogError(str(error)) from None
-
-
 def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
-    try:
-        text = bounded.read_text(path, tables.MOST_BYTES)
-        header = _header(path, text)
-        _refuse_cut(path, text, len(header), odd)
-        touch = {name: str for name in header if name.startswith("touch.")}
-        frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
-    except FileError as error:
-        raise LogError(str(error)) from None
+    text = bounded.read_text(path, tables.MOST_BYTES)
+    header = _header(path, text)
+    _refuse_cut(path, text, len(header), odd)
+    touch = {name: str for name in header if name.startswith("touch.")}
+    frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
     for name in touch:
         frame[name] = [_numbers(path, name, row, cell) for row, cell in enumerate(frame[name])]
     return frame
@@ -239,21 +198,13 @@ def _numbers(path: Path, name: str, row: int, cell: object) -> np.ndarray | None
         ) from None
 
 
-def _write_parquet(samples: pd.DataFrame, path: Path) -> None:
-    columns = {}
-    for name in samples.columns:
-        if name.startswith("touch."):
-            cells = [None if c is None else np.asarray(c, np.float32) for c in samples[name]]
-            columns[name] = pa.array(cells, pa.list_(pa.float32()))
-        else:
-            columns[name] = pa.array(samples[name].to_numpy(), from_pandas=True)
-    pq.write_table(pa.table(columns), path, compression="zstd")
-
-
-def _write_csv(samples: pd.DataFrame, path: Path) -> None:
-    plain = samples.copy()
-    for name in plain.columns:
-        if name.startswith("touch."):
-            cells = plain[name]
-            plain[name] = [None if c is None else " ".join(map(str, c)) for c in cells]
-    plain.to_csv(path, index=False, lineterminator="\n")
+def _write(samples: pd.DataFrame, folder: Path, form: str) -> None:
+    touch = [name for name in samples.columns if name.startswith("touch.")]
+    cell = (lambda c: " ".join(map(str, c))) if form == "csv" else lambda c: c.astype(np.float32)
+    plain = samples.assign(
+        **{name: [None if c is None else cell(c) for c in samples[name]] for name in touch}
+    )
+    if form == "csv":
+        plain.to_csv(folder / CSV_FILE, index=False, lineterminator="\n")
+    else:
+        plain.to_parquet(folder / PARQUET_FILE, index=False, compression="zstd")

@@ -15,19 +15,8 @@ POSITION = {"position", "pos", "actual", "act", "measured", "meas", "present", "
 POSITION |= {"q", "qpos", "encoder", "feedback", "fb", "read", "reading", "ist"}
 TORQUE, VELOCITY = {"torque", "tau", "effort", "trq", "force"}, {"velocity", "vel", "speed", "qd"}
 VELOCITY |= {"dq", "qvel", "omega", "rpm"}
-OTHER = {
-    "current",
-    "temperature",
-    "temp",
-    "voltage",
-    "volt",
-    "volts",
-    "load",
-    "error",
-    "err",
-    "pwm",
-}
-OTHER |= {"status", "acc", "acceleration", "accel", "index", "duty", "amps", "power"}
+OTHER = {"current", "temperature", "temp", "voltage", "volt", "volts", "load", "error", "err"}
+OTHER |= {"pwm", "status", "acc", "acceleration", "accel", "index", "duty", "amps", "power"}
 FEED = {"feedforward", "ff", "feed", "forward"}
 TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
 EPISODE = {"episode", "run", "trial", "repetition"}

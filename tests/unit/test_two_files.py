@@ -69,6 +69,13 @@ def test_columns_are_known_from_their_names(robot, tmp_path, command, position, 
     assert "not used: current_0" in made.said
 
 
+def test_a_table_names_its_protocol(robot, tmp_path):
+    """Take the protocol of an episode from the table's own column."""
+    table("{}_cmd", "{}_pos", protocol="steps").to_csv(tmp_path / "run.csv", index=False)
+    (episode,) = pair(robot, [tmp_path / "run.csv"], Asked()).log.episodes
+    assert episode.protocol == "steps"
+
+
 def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
     """Read the numbers as they are meant, and say which unit they had."""
     frame = table("{} Soll [deg]", "{} Ist [deg]", "Zeit [ms]")
