@@ -132,7 +132,7 @@ def test_a_cascade_holds_a_few_percent_more_than_kp():
     """Come to rest at (1 + leak) kp times the error, as the integral's gain at rest says."""
     from diagnosis.blind.mechanics import _two_mass, cascade
 
-    own = np.array([0.04, 0.0, 4e-4])
+    own = np.array([4e-4, 0.04, 0.0])
     drive = np.zeros(20)
     drive[0], drive[2] = 10.0, 100.0
     state = np.zeros(_two_mass.STATES)

@@ -8,12 +8,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, ClassVar, Self
 
+import numba
 import numpy as np
 
 from backends.state import Array
 from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _two_mass
 from diagnosis.blind.plant import Course, Limb
+
+PERIOD_S = 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,6 +39,21 @@ class Baseline:
         ends = {"stiffness_kp": (60.0, 150.0), **cls.ranges}
         names = [f.name for f in fields(cls) if f.name in ends]
         return replace(cls(), **{name: float(rng.uniform(*ends[name])) for name in names})
+
+
+@numba.njit(_two_mass.SERVO, cache=True)
+def pd(target, motor, speed, first, drive, own, state):
+    """PD on the encoder and its difference, once in `PERIOD_S`."""
+    felt = _two_mass.read_speed(motor, PERIOD_S, 0.0, first, state)
+    asked = drive[0] * _two_mass.banded(target - motor, drive[12]) - drive[1] * felt
+    return min(max(asked, -drive[2]), drive[2])
+
+
+@numba.njit(_two_mass.FRICTION, cache=True)
+def one_bristle(speed, own, state):
+    """Dahl's friction; its bend is the first of a plant's own numbers."""
+    state[6] = _two_mass.bristle(speed, own[0], state[6])
+    return state[6]
 
 
 class Geared(plant.Mechanics):

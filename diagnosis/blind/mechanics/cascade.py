@@ -17,9 +17,8 @@ import numba
 
 from backends.state import Array
 from diagnosis.blind.mechanics import _geared, _two_mass
-from diagnosis.blind.mechanics._geared import Geared
+from diagnosis.blind.mechanics._geared import PERIOD_S, Geared, one_bristle
 
-PERIOD_S = 1e-3
 LEAK_S = 0.6
 """Time constant of the integral."""
 
@@ -45,23 +44,16 @@ class Baseline(_geared.Baseline):
 @numba.njit(_two_mass.SERVO, cache=True)
 def servo(target, motor, speed, first, drive, own, state):
     """PD and what the integral holds, in state[2]."""
-    felt = _two_mass.read_speed(motor, PERIOD_S, own[1], first, state)
+    felt = _two_mass.read_speed(motor, PERIOD_S, own[2], first, state)
     asked = drive[0] * _two_mass.banded(target - motor, drive[12]) - drive[1] * felt
-    state[2] += PERIOD_S / LEAK_S * (own[0] * asked - state[2])
+    state[2] += PERIOD_S / LEAK_S * (own[1] * asked - state[2])
     return min(max(asked + state[2], -drive[2]), drive[2])
-
-
-@numba.njit(_two_mass.FRICTION, cache=True)
-def friction(speed, own, state):
-    """One bristle."""
-    state[6] = _two_mass.bristle(speed, own[2], state[6])
-    return state[6]
 
 
 class Mechanics(Geared):
     """Limbs of one or two parallel hinges."""
 
-    baseline, laws = Baseline, (servo, friction)
+    baseline, laws = Baseline, (servo, one_bristle)
 
     def chassis(self, base: Baseline, limit_nm: Array) -> _two_mass.Chassis:
         """See `Geared`."""
@@ -69,4 +61,4 @@ class Mechanics(Geared):
 
     def own(self, base: Baseline, limit_nm: Array) -> list:
         """See `Geared`."""
-        return [base.leak, base.filter_s / (PERIOD_S + base.filter_s), base.bend_rad]
+        return [base.bend_rad, base.leak, base.filter_s / (PERIOD_S + base.filter_s)]

@@ -17,9 +17,8 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind.mechanics import _geared, _two_mass
-from diagnosis.blind.mechanics._geared import Geared
+from diagnosis.blind.mechanics._geared import PERIOD_S, Geared, one_bristle
 
-PERIOD_S = 1e-3
 STEP_RAD = 2 * np.pi / 65536
 
 
@@ -53,17 +52,10 @@ def servo(target, motor, speed, first, drive, own, state):
     return min(max(asked, -drive[2]), drive[2])
 
 
-@numba.njit(_two_mass.FRICTION, cache=True)
-def friction(speed, own, state):
-    """One bristle."""
-    state[6] = _two_mass.bristle(speed, own[0], state[6])
-    return state[6]
-
-
 class Mechanics(Geared):
     """Limbs of one or two parallel hinges."""
 
-    baseline, laws = Baseline, (servo, friction)
+    baseline, laws = Baseline, (servo, one_bristle)
 
     def chassis(self, base: Baseline, limit_nm: Array) -> _two_mass.Chassis:
         """See `Geared`."""

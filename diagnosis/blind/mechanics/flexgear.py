@@ -13,13 +13,9 @@ Dynamic Systems, Measurement and Control 120, 1998.
 
 from dataclasses import dataclass
 
-import numba
-
 from backends.state import Array
 from diagnosis.blind.mechanics import _geared, _two_mass
-from diagnosis.blind.mechanics._geared import Geared
-
-PERIOD_S = 1e-3
+from diagnosis.blind.mechanics._geared import PERIOD_S, Geared, one_bristle, pd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,25 +37,10 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(_two_mass.SERVO, cache=True)
-def servo(target, motor, speed, first, drive, own, state):
-    """PD on the encoder and its difference."""
-    felt = _two_mass.read_speed(motor, PERIOD_S, 0.0, first, state)
-    asked = drive[0] * _two_mass.banded(target - motor, drive[12]) - drive[1] * felt
-    return min(max(asked, -drive[2]), drive[2])
-
-
-@numba.njit(_two_mass.FRICTION, cache=True)
-def friction(speed, own, state):
-    """One bristle."""
-    state[6] = _two_mass.bristle(speed, own[0], state[6])
-    return state[6]
-
-
 class Mechanics(Geared):
     """Limbs of one or two parallel hinges."""
 
-    baseline, laws = Baseline, (servo, friction)
+    baseline, laws = Baseline, (pd, one_bristle)
 
     def chassis(self, base: Baseline, limit_nm: Array) -> _two_mass.Chassis:
         """See `Geared`."""

@@ -19,9 +19,7 @@ import numba
 
 from backends.state import Array
 from diagnosis.blind.mechanics import _geared, _two_mass
-from diagnosis.blind.mechanics._geared import Geared
-
-PERIOD_S = 1e-3
+from diagnosis.blind.mechanics._geared import PERIOD_S, Geared, pd
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,14 +39,6 @@ class Baseline(_geared.Baseline):
     }
 
 
-@numba.njit(_two_mass.SERVO, cache=True)
-def servo(target, motor, speed, first, drive, own, state):
-    """PD on the encoder and its difference."""
-    felt = _two_mass.read_speed(motor, PERIOD_S, 0.0, first, state)
-    asked = drive[0] * _two_mass.banded(target - motor, drive[12]) - drive[1] * felt
-    return min(max(asked, -drive[2]), drive[2])
-
-
 @numba.njit(_two_mass.FRICTION, cache=True)
 def friction(speed, own, state):
     """Mean bend of three elements that slip one after the other, or of one bristle."""
@@ -66,7 +56,7 @@ def friction(speed, own, state):
 class Mechanics(Geared):
     """Limbs of one or two parallel hinges."""
 
-    baseline, laws = Baseline, (servo, friction)
+    baseline, laws = Baseline, (pd, friction)
 
     def stiction(self, base: Baseline, numbers: Mapping[str, Array]) -> Array:
         """A share of the Coulomb friction."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind.mechanics import _geared, _two_mass
-from diagnosis.blind.mechanics._geared import Geared
+from diagnosis.blind.mechanics._geared import Geared, one_bristle
 
 STEPS = 128.0
 """Steps of the torque up to the limit."""
@@ -56,17 +56,10 @@ def servo(target, motor, speed, first, drive, own, state):
     return _two_mass.quantised(min(max(asked, -most), most), own[4])
 
 
-@numba.njit(_two_mass.FRICTION, cache=True)
-def friction(speed, own, state):
-    """One bristle."""
-    state[6] = _two_mass.bristle(speed, own[0], state[6])
-    return state[6]
-
-
 class Mechanics(Geared):
     """Limbs of one or two parallel hinges."""
 
-    baseline, laws = Baseline, (servo, friction)
+    baseline, laws = Baseline, (servo, one_bristle)
 
     def chassis(self, base: Baseline, limit_nm: Array) -> _two_mass.Chassis:
         """See `Geared`."""
