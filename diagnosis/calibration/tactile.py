@@ -15,10 +15,9 @@ from scipy.ndimage import correlate
 
 from backends.state import Array
 from diagnosis.logs.log import Log
+from diagnosis.motion.held import PROTOCOLS
+from diagnosis.motion.recordings import FREE_AIR
 
-NO_CONTACT = ("steps", "triangle", "multisine", "push", "free")
-"""Protocols in which nothing is touched."""
-CONTACT = ("grasp", "policy")
 NOISES = 5.0
 """The threshold is this many standard deviations of the noise above the offset."""
 PIECES = 20
@@ -87,10 +86,10 @@ def calibrate_touch(
     `grid` holds the rows and columns of the taxels; without it no dead taxel is found. `threshold`
     replaces the one computed from the noise.
     """
-    quiet = _episodes(log, NO_CONTACT)
+    quiet = _episodes(log, FREE_AIR)
     if sum(len(time_s) for time_s, _ in quiet) < LEAST_SAMPLES:
         return NO_READINGS
-    pressed = _episodes(log, CONTACT)
+    pressed = _episodes(log, PROTOCOLS)
     found = {}
     for f, finger in enumerate(log.fingers):
         rest = [(time_s, touch[:, f]) for time_s, touch in quiet]

@@ -7,7 +7,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.triage._faults import BETTER, Fault
-from diagnosis.triage._signals import CLEAR, correlations, rms
+from diagnosis.triage._signals import CLEAR, regressions, rms
 from diagnosis.triage._tracks import Track
 
 FINE = 0.01
@@ -137,7 +137,7 @@ def _alike_at(track: Track, cause: list[Array], lags_s: Array, every: int) -> Ar
         within = (late >= t[0]) & (late <= t[-1])
         inside.append(within & (2 * within.sum(axis=1, keepdims=True) > late.shape[1]))
         moved.append(np.interp(late, t, c))
-    return correlations(moved, [p[::every] for p in track.position], inside)
+    return regressions(moved, [p[::every] for p in track.position], inside)[1]
 
 
 def _misfit(track: Track, lag_s: float) -> float:
@@ -155,7 +155,8 @@ def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array]
     for start, stop in zip(edges[:-1], edges[1:], strict=True):
         part = slice(start, stop)
         moved = np.interp(t[part] - lags[:, None], t, shown)
-        fits = correlations([moved], [position[part]], [np.ones(moved.shape, dtype=bool)])
+        used = np.ones(moved.shape, dtype=bool)
+        fits = regressions([moved], [position[part]], [used])[1]
         if fits.max() < CLEAR:
             continue
         middles.append(t[part].mean())

@@ -53,18 +53,18 @@ class Regression:
 
 def line(cause: Sequence[Array], effect: Sequence[Array]) -> Regression:
     """The regression of `effect` on `cause`; the correlation is 0 where either stands still."""
-    x, y = (np.concatenate(list(centred(part))) for part in (cause, effect))
-    if not (np.isfinite(x).all() and np.isfinite(y).all()):
-        return Regression(slope=0.0, correlation=0.0)
-    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
-    size = max(float(np.abs(np.concatenate(cause)).max()), 1e-12)
-    if xx <= len(x) * (STILL * size) ** 2 or yy <= 0.0:
-        return Regression(slope=0.0, correlation=0.0)
-    return Regression(slope=xy / xx, correlation=xy / np.sqrt(xx * yy))
+    used = [np.ones((1, len(values)), dtype=bool) for values in effect]
+    slope, correlation = regressions([values[None] for values in cause], effect, used)
+    return Regression(slope=float(slope[0]), correlation=float(correlation[0]))
 
 
-def correlations(cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]) -> Array:
-    """Correlations of causes (L, T) and one effect (T,) over the samples used (L, T), as `line`."""
+def regressions(
+    cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]
+) -> tuple[Array, Array]:
+    """Slopes and correlations (L,) of an effect (T,) on causes (L, T) over the samples used (L, T).
+
+    Both are 0 where either stands still, or is not finite.
+    """
     xx, yy, xy, count, most = np.zeros((5, len(cause[0])))
     for c, e, u in zip(cause, effect, used, strict=True):
         every = np.maximum(u.sum(axis=1, keepdims=True), 1)
@@ -73,6 +73,6 @@ def correlations(cause: Sequence[Array], effect: Sequence[Array], used: Sequence
         x, y = (np.where(u, v - v.sum(axis=1, keepdims=True) / every, 0.0) for v in (x, y))
         xx, yy, xy = xx + (x * x).sum(axis=1), yy + (y * y).sum(axis=1), xy + (x * y).sum(axis=1)
         count = count + u.sum(axis=1)
-    still = (xx <= count * (STILL * np.maximum(most, 1e-12)) ** 2) | (yy <= 0.0)
-    found = np.where(still, 0.0, xy / np.sqrt(np.where(still, 1.0, xx * yy)))
-    return np.nan_to_num(found, nan=0.0)
+    moves = (xx > count * (STILL * np.maximum(most, 1e-12)) ** 2) & (yy > 0.0)
+    xx, yy, xy = np.where(moves, (xx, yy, xy), ((1.0,), (1.0,), (0.0,)))
+    return xy / xx, xy / np.sqrt(xx * yy)

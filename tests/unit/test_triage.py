@@ -18,7 +18,7 @@ from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.triage._faults import Fault
-from diagnosis.triage._signals import correlations, line
+from diagnosis.triage._signals import line, regressions
 from diagnosis.triage._zeros import ZERO_RAD
 from diagnosis.triage.triage import KINDS, FaultError
 from diagnosis.walk import diagnose
@@ -343,7 +343,7 @@ def test_joints_that_stand_still_have_no_bugs(ideal):
     assert found(changed(ideal, still)) == ()
 
 
-def test_correlations_are_those_of_lines():
+def test_regressions_are_those_of_lines():
     """Correlate rows of causes with an effect, where they are used, as each by itself."""
     rng = np.random.default_rng(0)
     causes, effects = rng.normal(size=(2, 4, 50)), rng.normal(size=(2, 50))
@@ -352,7 +352,7 @@ def test_correlations_are_those_of_lines():
     causes[:, 3] = 1.0
     causes[0, 0, 7] = np.nan
     used[0, 0, 7] = True
-    found = correlations(list(causes), list(effects), list(used))
+    _, found = regressions(list(causes), list(effects), list(used))
     for row, each in enumerate(found):
         pairs = [(c[row][u[row]], e[u[row]]) for c, e, u in zip(causes, effects, used, strict=True)]
         cause, effect = zip(*[p for p in pairs if len(p[0])], strict=True)
