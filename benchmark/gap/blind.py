@@ -131,7 +131,7 @@ def make(
     seed = secrets.randbits(SECRET_BITS) if seed is None else seed
     for real in wanted.reals:
         _load_real(real)
-    cases = _sized(draw.draw(wanted, catalogue(), seed), wanted, seed, workers)
+    cases = _sized(draw.draw(wanted, seed), wanted, seed, workers)
     if _left_by(part, answers):
         answers.unlink()
     shutil.rmtree(part, ignore_errors=True)
@@ -270,7 +270,7 @@ def score(
         tasks = [(blind, case, opened.seed) for case in opened.cases]
         return _each("oracle", _consult_one, tasks, workers)
 
-    found = _checked(lambda: scoring.score(pairs, catalogue(), consult, replayed))
+    found = _checked(lambda: scoring.score(pairs, consult, replayed))
     written = scoring.write(found, out) if out is not None else []
     table = Table("figure", "value", "95 % interval", "count", "meaning", header_style="bold")
     for row in scoring.headline(found).to_dict("records"):
@@ -295,7 +295,7 @@ def calibrate(sets: Sequence[tuple[Path, Path]], out: Path) -> tuple[dict[str, A
     from diagnosis.blind import calibrate as fitting
 
     pairs = [(BlindSet(path=folder), answers) for folder, answers in sets]
-    rows = _checked(lambda: fitting.rows(pairs, catalogue()))
+    rows = _checked(lambda: fitting.rows(pairs))
     try:
         found = fitting.calibrate(rows)
     except ValueError as error:
@@ -362,24 +362,24 @@ def _searched(kind: type[Effect]) -> tuple[tuple[str, ...], ...]:
 def _search_one(search: Any) -> dict:
     from diagnosis.blind.detectable import smallest
 
-    return smallest(search, catalogue(), _start, registry.usual("backend"))
+    return smallest(search, _start, registry.usual("backend"))
 
 
 def _size_one(case: draw.Case, wanted: draw.Settings, seed: int) -> draw.Case:
     from diagnosis.blind.sizing import sized
 
     try:
-        return sized(case, wanted.times, wanted.effects, catalogue(), _start, seed)
+        return sized(case, wanted.times, wanted.effects, _start, seed)
     except ValueError as error:
         raise BlindError(str(error)) from error
 
 
 def _make_one(blind: BlindSet, case: draw.Case, seed: int, make: int | None) -> None:
-    write_case(blind, case, catalogue(), _start, seed, make)
+    write_case(blind, case, _start, seed, make)
 
 
 def _sound_one(folder: Path, case: draw.Case, seed: int) -> None:
-    write_sound(folder, case, catalogue(), _start, seed)
+    write_sound(folder, case, _start, seed)
 
 
 def _solve_one(blind: BlindSet, number: int) -> None:
@@ -394,10 +394,10 @@ def _consult_one(blind: BlindSet, case: draw.Case, seed: int) -> Any:
     from diagnosis.blind.oracle import consult
 
     def apart(fault: faults.Fault) -> float:
-        grasps = Grasps(case=case, catalogue=catalogue(), simulate=_start, seed=seed)
+        grasps = Grasps(case=case, simulate=_start, seed=seed)
         return grasps.apart_nats(fault, registry.usual("backend"))
 
-    return consult(case, blind.log(case.number), catalogue(), apart)
+    return consult(case, blind.log(case.number), apart)
 
 
 def _start(name: str, specs: Sequence[Spec]) -> Simulator:

@@ -5,12 +5,12 @@ motion of joints and stick in a grasp does not, and engines differ in it by more
 noise. So an effect shows there only as far as its change exceeds the difference between engines.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backends.effect import Effect
+from backends.catalogue import catalogue
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.blind import rigs
@@ -44,7 +44,6 @@ class Grasps:
     """The grasps of a case, which can be played on any engine."""
 
     case: Case
-    catalogue: Mapping[str, type[Effect]]
     simulate: Simulate
     seed: int
     """Of the set."""
@@ -58,7 +57,7 @@ class Grasps:
         less = replace(case, faults=tuple(f for f in case.faults if f is not fault))
         real, without = (self._signals(one, case.real) for one in (case, less))
         skin = next(name for name in SKIN if name in case.channels)
-        if self.catalogue[fault.effect].is_of("taxels"):
+        if catalogue()[fault.effect].is_of("taxels"):
             return _skin_nats(skin, real[skin], without[skin])
         others = [self._signals(case, engine) for engine in engines if engine != case.real]
         noise = _noise(self._spec)
@@ -76,7 +75,7 @@ class Grasps:
         return rigs.nominal(self.case.rig)
 
     def _motions(self) -> list[Motion]:
-        world = hidden_world(self.case, self._spec, self.catalogue)
+        world = hidden_world(self.case, self._spec)
         drawn = motions(self.case, self._spec, world, case_rng(self.case, self.seed))
         return [one for one in drawn if one.protocol in HOLDS]
 
@@ -85,7 +84,7 @@ class Grasps:
         moved = self._motions()
         both = engine_readings(
             lambda specs: self.simulate(engine, specs),
-            hidden_world(case, self._spec, self.catalogue),
+            hidden_world(case, self._spec),
             moved,
             case_rng(self.case, self.seed),
         )

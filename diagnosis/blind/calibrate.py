@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 from scipy.optimize import minimize
 
-from backends.effect import Effect
+from backends.catalogue import catalogue
 from backends.state import Array
 from diagnosis.blind import judged
 from diagnosis.blind.files import BlindError, BlindSet, open_answers
@@ -116,7 +116,7 @@ def calibrate(some: Sequence[Row]) -> Calibration:
     return Calibration(curve=fit(some), left_out=left_out, table=table)
 
 
-def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Effect]]) -> list[Row]:
+def rows(sets: Iterable[tuple[BlindSet, Path]]) -> list[Row]:
     """The verdicts of solved sets of drawn robots; raises BlindError for wrong answers or none.
 
     A case that the solver refused has no verdict.
@@ -134,11 +134,11 @@ def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Eff
                 )
             if not said.get("refused"):
                 beyond = not judged.is_ordinary(case, healthy)
-                right, near = judged.rightness(case, said, catalogue, beyond)
+                right, near = judged.rightness(case, said, beyond)
                 found.append(
                     Row(
                         make=case.real,
-                        kind=_kind(said["verdict"], catalogue),
+                        kind=_kind(said["verdict"]),
                         features=said["features"],
                         right=right or near,
                     )
@@ -146,9 +146,11 @@ def rows(sets: Iterable[tuple[BlindSet, Path]], catalogue: Mapping[str, type[Eff
     return found
 
 
-def _kind(verdict: Sequence[str], catalogue: Mapping[str, type[Effect]]) -> str:
+def _kind(verdict: Sequence[str]) -> str:
     """The kind of what the fit says: findings about sensors and packets stand beside it."""
     if UNKNOWN in verdict:
         return UNKNOWN
-    fitted = [name for name in verdict if name in catalogue and catalogue[name].least is not None]
+    fitted = [
+        name for name in verdict if name in catalogue() and catalogue()[name].least is not None
+    ]
     return NAMED if fitted else NONE

@@ -5,7 +5,7 @@ show noise, steps and lost packets; they are detectable if the solver names them
 For touch, stick and contact, grasps with and without the effect must differ by the oracle's limit.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from backends.catalogue import catalogue
 from backends.effect import UNITS, Effect
 from diagnosis.blind import draw, rigs
 from diagnosis.blind.apart import SKIN, Grasps
@@ -45,7 +46,6 @@ class Search:
 
 def smallest(
     search: Search,
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     engines: Sequence[str],
 ) -> dict:
@@ -54,10 +54,10 @@ def smallest(
     `bound` is '>' if no level is detectable, '<' if the smallest tried one is. The search ends at
     the largest detectable level, because the steps of a sensor may be too coarse to show anything.
     """
-    kind = catalogue[search.effect]
+    kind = catalogue()[search.effect]
     least, *levels = _sizes(search, kind)
-    cases = _cases(search, catalogue)
-    shows = partial(_shows, search, cases, catalogue=catalogue, simulate=simulate, engines=engines)
+    cases = _cases(search)
+    shows = partial(_shows, search, cases, simulate=simulate, engines=engines)
     shown = next((size for size in reversed(levels) if shows(size)), None)
     low, high = (least, shown) if shown is not None else (levels[-1], levels[-1])
     for _ in range(HALVINGS if shown is not None else 0):
@@ -78,7 +78,7 @@ def _sizes(search: Search, kind: type[Effect]) -> tuple[float, ...]:
     return tuple(scale * abs(level) for level in (kind.levels[0] / BELOW, *kind.levels))
 
 
-def _cases(search: Search, catalogue: Mapping[str, type[Effect]]) -> tuple[Case, ...]:
+def _cases(search: Search) -> tuple[Case, ...]:
     """Cases without an effect: nominal errors alone."""
     settings = draw.Settings(
         cases=search.draws,
@@ -88,14 +88,13 @@ def _cases(search: Search, catalogue: Mapping[str, type[Effect]]) -> tuple[Case,
         protocols=(search.protocol,),
         channels=(search.channels,),
     )
-    return draw.draw(settings, catalogue, search.seed)
+    return draw.draw(settings, search.seed)
 
 
 def _shows(
     search: Search,
     cases: Sequence[Case],
     size: float,
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     engines: Sequence[str],
 ) -> bool:
@@ -103,24 +102,24 @@ def _shows(
     hits, misses = 0, 0
     while 2 * hits < len(cases) and 2 * misses <= len(cases):
         bare = cases[hits + misses]
-        case = _with(bare, search, size, catalogue[search.effect])
-        if catalogue[search.effect].shows_in_hand():
-            grasps = Grasps(case=case, catalogue=catalogue, simulate=simulate, seed=search.seed)
+        case = _with(bare, search, size, catalogue()[search.effect])
+        if catalogue()[search.effect].shows_in_hand():
+            grasps = Grasps(case=case, simulate=simulate, seed=search.seed)
             found = grasps.apart_nats(case.faults[0], engines) >= DETECTABLE_NATS
         else:
             rng = np.random.default_rng([search.seed, 3, bare.number])
-            found = _seen(case, real_log(case, catalogue, simulate, rng), catalogue)
+            found = _seen(case, real_log(case, simulate, rng))
         hits, misses = hits + found, misses + (not found)
     return 2 * hits >= len(cases)
 
 
-def _seen(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
+def _seen(case: Case, log: Log) -> bool:
     """Whether a case's one effect is detectable."""
     name = case.faults[0].effect
-    if catalogue[name].least is not None:
-        return detectable(case, log, catalogue)
+    if catalogue()[name].least is not None:
+        return detectable(case, log)
     try:
-        return solve(log, nominal=rigs.nominal(case.rig), catalogue=catalogue).verdict == (name,)
+        return solve(log, nominal=rigs.nominal(case.rig)).verdict == (name,)
     except LogError:
         return False
 

@@ -5,13 +5,12 @@ case's number says nothing about its contents.
 """
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import TypeVar
 
 import numpy as np
 
-from backends.effect import Effect
 from diagnosis.blind import motion, rigs, sides
 from diagnosis.blind.faults import (
     LEVELS,
@@ -103,7 +102,7 @@ class Settings:
     """Of drawn robots: between which ends `Case.times` lie, evenly in their logarithm."""
 
 
-def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -> tuple[Case, ...]:
+def draw(settings: Settings, seed: int) -> tuple[Case, ...]:
     """Draw the cases of a set; the same seed gives the same cases."""
     _check(settings)
     rng = np.random.default_rng([seed, 0])
@@ -125,7 +124,7 @@ def draw(settings: Settings, catalogue: Mapping[str, type[Effect]], seed: int) -
     for number, place in enumerate(places):
         mode, real, kind, logged = rows[place]
         rig = rigs.individual(kind, np.random.default_rng([seed, 4, number]))
-        hidden = _hidden(mode, rig, dealt[place], settings, catalogue, [seed, 1, number])
+        hidden = _hidden(mode, rig, dealt[place], settings, [seed, 1, number])
         if real in strange:
             hidden["excluded"] = ()
         cases.append(
@@ -215,7 +214,6 @@ def _hidden(
     rig: str,
     dealt: list[tuple[str, str]],
     settings: Settings,
-    catalogue: Mapping[str, type[Effect]],
     seed: list[int],
 ) -> dict:
     """The faults of a case, its nominal errors and what the solver's catalogue lacks.
@@ -224,9 +222,9 @@ def _hidden(
     """
     rng, spec = np.random.default_rng(seed), rigs.nominal(rig)
     faults = tuple(
-        of_level(name, level, catalogue[name], spec, rng)
+        of_level(name, level, spec, rng)
         if rigs.robot(rig) is None
-        else Fault(effect=name, joint=arm_joint(name, catalogue, spec, rng), magnitude=0.0)
+        else Fault(effect=name, joint=arm_joint(name, spec, rng), magnitude=0.0)
         for name, level in dealt
     )
     others = [name for name in settings.effects if name not in [f.effect for f in faults]]

@@ -3,12 +3,12 @@
 All of it follows from the effects' own facts (`backends.effect.Effect`).
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from backends.catalogue import catalogue as every_effect
+from backends.catalogue import catalogue
 from backends.effect import Effect
 from backends.spec import Body, Spec
 from diagnosis.blind import arms, rigs
@@ -44,26 +44,24 @@ class Fault:
 
 def in_free_air() -> tuple[str, ...]:
     """Effects that hands show in free air: their joints are upright."""
-    return tuple(name for name in _free() if not every_effect()[name].by_weight)
+    return tuple(name for name in _free() if not catalogue()[name].by_weight)
 
 
 def _free() -> tuple[str, ...]:
     """Effects that show in free air."""
     return tuple(
-        name for name, kind in every_effect().items() if kind.drawn and not kind.shows_in_hand()
+        name for name, kind in catalogue().items() if kind.drawn and not kind.shows_in_hand()
     )
 
 
 def in_hand() -> tuple[str, ...]:
     """Effects that show only with the stick in the hand: touch, stick and contact."""
-    return tuple(
-        name for name, kind in every_effect().items() if kind.drawn and kind.shows_in_hand()
-    )
+    return tuple(name for name, kind in catalogue().items() if kind.drawn and kind.shows_in_hand())
 
 
 def of_arms() -> tuple[str, ...]:
     """Effects that an arm can have: its file has no gear whose damping could be off."""
-    kinds = every_effect()
+    kinds = catalogue()
     return tuple(n for n in _free() if not (is_of_gear(kinds[n]) and kinds[n].either_sign))
 
 
@@ -72,10 +70,9 @@ def is_of_gear(kind: type[Effect]) -> bool:
     return any(number.startswith("drive.gear_") for number in kind.spec_fields())
 
 
-def of_level(
-    name: str, level: str, kind: type[Effect], spec: Spec, rng: np.random.Generator
-) -> Fault:
+def of_level(name: str, level: str, spec: Spec, rng: np.random.Generator) -> Fault:
     """An effect near one of its levels, to one of its sides, on one joint or on all."""
+    kind = catalogue()[name]
     joint = _joint(kind, spec, rng)
     levels = side(kind, rng)
     amount = levels[LEVELS.index(level)] * np.exp(rng.uniform(-JITTER, JITTER))
@@ -105,11 +102,9 @@ def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | No
     return None if everywhere else names[rng.integers(len(names))]
 
 
-def arm_joint(
-    name: str, catalogue: Mapping[str, type[Effect]], spec: Spec, rng: np.random.Generator
-) -> str | None:
+def arm_joint(name: str, spec: Spec, rng: np.random.Generator) -> str | None:
     """One joint at random; None: all of them, if a bus or controller gives it to all alike."""
-    kind = catalogue.get(name)
+    kind = catalogue().get(name)
     able = [b for b in spec.hand.driven if kind is None or kind.refusal(b, spec) is None]
     names = [body.joint.name for body in able]
     everywhere, one = rng.uniform() < EVERYWHERE, names[rng.integers(len(names))]
@@ -124,7 +119,7 @@ def largest(name: str, joint: str | None, spec: Spec, rng: np.random.Generator) 
         return float(SLIP_RAD * rng.choice([-1.0, 1.0]))
     bodies = [b for b in spec.hand.driven if joint in (None, b.joint.name)]
     drives = [b.joint.drive for b in bodies if b.joint.drive is not None]
-    kind = every_effect()[name]
+    kind = catalogue()[name]
     if kind.coordinate == "compliance":
         return COMPLIANCE * min(d.gear_stiffness_nm_rad / d.kp_nm_rad for d in drives)
     if kind.coordinate == "reach":
@@ -141,7 +136,7 @@ def nominal_errors(
     clip: float = NOMINAL_CLIP,
 ) -> Iterator[Fault]:
     """An error of every nominal number that no fault changes: there the truth is the fault's."""
-    for name, kind in every_effect().items():
+    for name, kind in catalogue().items():
         for body in spec.hand.driven if kind.nominal else ():
             share = std * np.clip(rng.normal(), -clip, clip)
             size = 1.0 if kind.dimension == "share" else number_of(kind, body)
@@ -163,4 +158,4 @@ def of_robot(rig: str, faults: Sequence[Fault]) -> tuple[Fault, ...]:
     assert seed is not None
     rng, spread = np.random.default_rng([seed, 3]), arms.spread(seed)
     drawn = nominal_errors(rigs.nominal(rig), faults, rng, spread, arms.CLIP / spread)
-    return tuple(error for error in drawn if not is_of_gear(every_effect()[error.effect]))
+    return tuple(error for error in drawn if not is_of_gear(catalogue()[error.effect]))

@@ -1,11 +1,10 @@
 """Compare answers and verdicts: one row per case, and one per true effect."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import pandas as pd
 
-from backends.effect import UNITS, Effect
+from backends.catalogue import catalogue
+from backends.effect import UNITS
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
@@ -28,7 +27,6 @@ def case_row(
     case: Case,
     said: dict,
     oracle: Oracle,
-    catalogue: Mapping[str, type[Effect]],
     healthy: int = 0,
 ) -> dict:
     """One case: the truth, the solver's verdict, and where it is right."""
@@ -37,10 +35,10 @@ def case_row(
     names = [f.effect for f in case.faults]
     first = case.faults[0] if case.faults else None
     beyond = oracle.beyond and not is_ordinary(case, healthy)
-    right, near = rightness(case, said, catalogue, beyond)
+    right, near = rightness(case, said, beyond)
     return _of_case(case) | {
         "truth": " + ".join(truth),
-        "hidden": "; ".join(_written(f, catalogue) for f in case.faults),
+        "hidden": "; ".join(_written(f) for f in case.faults),
         "excluded": ", ".join(case.excluded),
         "level": first.level if first else None,
         "oracle_floors": min(
@@ -59,7 +57,7 @@ def case_row(
         "one_of": bool(set(names) & set(verdict)),
         "spurious": bool(set(names) & set(verdict)) and bool(set(verdict) - set(names)),
         "in_top": bool(names) and names[0] in _top(said),
-        "joints_right": _joints_right(first, said, case, catalogue) if first else None,
+        "joints_right": _joints_right(first, said, case) if first else None,
         "confidence": said.get("confidence"),
         "gap": said.get("gap_nominal"),
         "gap_oracle": oracle.gap,
@@ -68,15 +66,13 @@ def case_row(
         "share": said.get("share"),
         "share_oracle": oracle.share,
         "first": next(iter(said.get("leading", [])), None),
-        "catalogue": len(catalogue) - len(said["excluded"]),
+        "catalogue": len(catalogue()) - len(said["excluded"]),
         "cpu_s": said.get("cpu_s"),
         "refused": said["refused"],
     }
 
 
-def rightness(
-    case: Case, said: dict, catalogue: Mapping[str, type[Effect]], beyond: bool
-) -> tuple[bool, bool]:
+def rightness(case: Case, said: dict, beyond: bool) -> tuple[bool, bool]:
     """Whether a verdict is right, and whether it is near the true fault instead.
 
     `beyond`: whether a fault outside of the catalogue leaves more than is ordinary; else `none` is
@@ -89,12 +85,10 @@ def rightness(
         right = named == true
     unknown = case.mode == UNKNOWN and bool(case.faults)
     right = right or (unknown and not beyond and verdict == [NONE])
-    return right, unknown and _near(case.faults[0], said, case, catalogue)
+    return right, unknown and _near(case.faults[0], said, case)
 
 
-def fault_rows(
-    case: Case, said: dict, oracle: Oracle, catalogue: Mapping[str, type[Effect]]
-) -> list[dict]:
+def fault_rows(case: Case, said: dict, oracle: Oracle) -> list[dict]:
     """One row per true effect of a case that its solver could name."""
     if case.mode not in ("single", "pair"):
         return []
@@ -103,12 +97,12 @@ def fault_rows(
         | {
             "effect": fault.effect,
             "level": fault.level,
-            "magnitude": abs(fault.magnitude) / UNITS[catalogue[fault.effect].unit][1],
-            "unit": catalogue[fault.effect].unit,
+            "magnitude": abs(fault.magnitude) / UNITS[catalogue()[fault.effect].unit][1],
+            "unit": catalogue()[fault.effect].unit,
             "oracle_floors": shown.floors,
             "detectable": oracle.detectable,
             "found": fault.effect in said.get("verdict", []),
-            **_measured(fault, said, case, catalogue),
+            **_measured(fault, said, case),
         }
         for fault, shown in zip(case.faults, oracle.shown or [Shown()] * 2, strict=False)
     ]
@@ -140,9 +134,9 @@ def is_ordinary(case: Case, healthy: int) -> bool:
     return case.left_floors <= most
 
 
-def _near(first: Fault, said: dict, case: Case, catalogue: Mapping[str, type[Effect]]) -> bool:
+def _near(first: Fault, said: dict, case: Case) -> bool:
     """Whether what is named is near the true fault, and on one of its joints."""
-    joints, named = _joints(first, case, catalogue), said.get("joints", [])
+    joints, named = _joints(first, case), said.get("joints", [])
     on = not joints or not named or bool(joints & set(named))
     return on and is_near(first.effect, said.get("verdict", []))
 
@@ -153,12 +147,12 @@ def _tied(verdict: list[str], truth: list[str], said: dict) -> bool:
     return len(verdict) == 1 and pair in [sorted(tie) for tie in said.get("indistinguishable", [])]
 
 
-def _written(fault: Fault, catalogue: Mapping[str, type[Effect]]) -> str:
+def _written(fault: Fault) -> str:
     """A fault as on the command line; one that no catalogue has in SI units."""
     where = f"@{fault.joint}" if fault.joint else ""
-    if fault.effect not in catalogue:
+    if fault.effect not in catalogue():
         return f"{fault.effect}={fault.magnitude:.3g}{where}"
-    unit = catalogue[fault.effect].unit
+    unit = catalogue()[fault.effect].unit
     return f"{fault.effect}={fault.magnitude / UNITS[unit][1]:.3g}{unit}{where}"
 
 
@@ -168,29 +162,27 @@ def _top(said: dict) -> list[str]:
     return [n for n in dict.fromkeys(names) if n not in (NONE, UNKNOWN)][:TOP]
 
 
-def _joints(fault: Fault, case: Case, catalogue: Mapping[str, type[Effect]]) -> set[str]:
+def _joints(fault: Fault, case: Case) -> set[str]:
     """Joints that a fault acts on; none of what acts on the whole rig."""
-    if fault.effect not in catalogue:
+    if fault.effect not in catalogue():
         return {fault.joint} if fault.joint else set()
-    effect = catalogue[fault.effect](magnitude=fault.magnitude, joint=fault.joint)
+    effect = catalogue()[fault.effect](magnitude=fault.magnitude, joint=fault.joint)
     return set(effect.joints(rigs.nominal(case.rig)))
 
 
-def _joints_right(
-    fault: Fault, said: dict, case: Case, catalogue: Mapping[str, type[Effect]]
-) -> bool | None:
+def _joints_right(fault: Fault, said: dict, case: Case) -> bool | None:
     """Whether the effect was found on just its joints; None where it has none or was not named."""
     named = [m for m in said.get("magnitudes", []) if m["effect"] == fault.effect]
-    joints = _joints(fault, case, catalogue)
+    joints = _joints(fault, case)
     if not named or not joints:
         return None
     return {j for m in named for j in m["joints"]} == joints
 
 
-def _measured(fault: Fault, said: dict, case: Case, catalogue: Mapping[str, type[Effect]]) -> dict:
+def _measured(fault: Fault, said: dict, case: Case) -> dict:
     """Relative error of the magnitude and whether the interval holds it, on the right joints."""
     named = [m for m in said.get("magnitudes", []) if m["effect"] == fault.effect]
-    right = _joints_right(fault, said, case, catalogue)
+    right = _joints_right(fault, said, case)
     if not named or right is False:
         return {"joints_right": right, "error": None, "covered": None}
     errors = [abs(m["magnitude"] - fault.magnitude) / abs(fault.magnitude) for m in named]

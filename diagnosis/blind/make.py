@@ -6,13 +6,14 @@ file in `engines`.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from backends.effect import Effect, with_effects
+from backends.catalogue import catalogue
+from backends.effect import with_effects
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array
@@ -36,7 +37,6 @@ Simulate = Callable[[str, Sequence[Spec]], Simulator]
 def write_case(
     blind: BlindSet,
     case: Case,
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     seed: int,
     make: int | None,
@@ -46,7 +46,7 @@ def write_case(
     `make` is the number of the plant's healthy logs; None: there are none. A solver may know
     whether the log is from a robot, which a plant stands for, or from a simulator.
     """
-    log = real_log(case, catalogue, simulate, case_rng(case, seed))
+    log = real_log(case, simulate, case_rng(case, seed))
     write_log(log, blind.log(case.number))
     robot = case.real in PLANTS or rigs.robot(case.rig) is not None
     given = {"excluded": list(case.excluded), "robot": robot}
@@ -54,11 +54,9 @@ def write_case(
     write_json(blind.log(case.number) / "case.json", given)
 
 
-def write_sound(
-    folder: Path, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
-) -> None:
+def write_sound(folder: Path, case: Case, simulate: Simulate, seed: int) -> None:
     """Write a healthy log."""
-    write_log(real_log(case, catalogue, simulate, case_rng(case, seed)), folder)
+    write_log(real_log(case, simulate, case_rng(case, seed)), folder)
 
 
 def case_rng(case: Case, seed: int) -> np.random.Generator:
@@ -68,14 +66,13 @@ def case_rng(case: Case, seed: int) -> np.random.Generator:
 
 def real_log(
     case: Case,
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     rng: np.random.Generator,
 ) -> Log:
     """The log of the hidden world of a case."""
     spec, noise = rigs.nominal(case.rig), rigs.torque_noise(case.rig)
-    moved = motions(case, spec, hidden_world(case, spec, catalogue), rng)
-    episodes = readings(case, spec, moved, catalogue, simulate, rng)
+    moved = motions(case, spec, hidden_world(case, spec), rng)
+    episodes = readings(case, spec, moved, simulate, rng)
     frames = [
         _frame(number, case, one, _noisy(spec, read, noise, rng))
         for number, (one, read) in enumerate(zip(moved, episodes, strict=True))
@@ -95,14 +92,13 @@ def readings(
     case: Case,
     spec: Spec,
     moved: Sequence[Motion],
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     rng: np.random.Generator,
 ) -> list[dict[str, Array]]:
     """The readings of every episode of a case; `spec` is the rig's nominal world."""
     if case.real in PLANTS:
         return _on_plant(case, spec, moved, rng)
-    world = hidden_world(case, spec, catalogue)
+    world = hidden_world(case, spec)
     rate_hz = rigs.rate_hz(case.rig)
     return engine_readings(lambda specs: simulate(case.real, specs), world, moved, rng, rate_hz)
 
@@ -119,11 +115,11 @@ def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> li
     ]
 
 
-def hidden_world(case: Case, spec: Spec, catalogue: Mapping[str, type[Effect]]) -> Spec:
+def hidden_world(case: Case, spec: Spec) -> Spec:
     """The nominal world with a case's nominal errors and effects; nominal for a plant."""
     faults = () if case.real in PLANTS else (*case.nominal, *case.faults)
     return with_effects(
-        spec, (catalogue[f.effect](magnitude=f.magnitude, joint=f.joint) for f in faults)
+        spec, (catalogue()[f.effect](magnitude=f.magnitude, joint=f.joint) for f in faults)
     )
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from backends.effect import Effect
+from backends.catalogue import catalogue
 from backends.state import Array
 from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case
@@ -82,7 +82,6 @@ def _is_likely(one: Shown) -> bool:
 def consult(
     case: Case,
     folder: Path,
-    catalogue: Mapping[str, type[Effect]],
     apart_nats: Callable[[Fault], float],
 ) -> Oracle:
     """Ask the oracle about a case; `apart_nats` judges effects of touch, stick and contact.
@@ -92,19 +91,19 @@ def consult(
     if case.left_floors is not None:
         return Oracle()
     try:
-        found = _free(case, read_log(folder), catalogue)
+        found = _free(case, read_log(folder))
     except LogError:
         return Oracle()
     shown = tuple(
-        Shown(nats=apart_nats(fault)) if catalogue[fault.effect].shows_in_hand() else one
+        Shown(nats=apart_nats(fault)) if catalogue()[fault.effect].shows_in_hand() else one
         for fault, one in zip(case.faults, found.shown, strict=True)
     )
     return Oracle(**{**vars(found), "shown": shown})
 
 
-def detectable(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> bool:
+def detectable(case: Case, log: Log) -> bool:
     """`Oracle.detectable` of a log in free air."""
-    return _free(case, log, catalogue).detectable
+    return _free(case, log).detectable
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -123,10 +122,10 @@ class _Explained:
         return costs[id(less)] - costs[id(self.whole)] if less is not self.whole else 0.0
 
 
-def _free(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> Oracle:
+def _free(case: Case, log: Log) -> Oracle:
     """What the joints in free air show of a case."""
     origin = ROBOTS if case.real in PLANTS else SIMULATORS
-    found = [_explained(case, one, catalogue) for one in fitters(case, log, catalogue, origin)]
+    found = [_explained(case, one) for one in fitters(case, log, origin)]
     known = {kind for one in found for kind in {p.effect for p in one.fitter.parameters}}
     shown = tuple(
         Shown(
@@ -147,9 +146,7 @@ def _free(case: Case, log: Log, catalogue: Mapping[str, type[Effect]]) -> Oracle
     )
 
 
-def fitters(
-    case: Case, log: Log, catalogue: Mapping[str, type[Effect]], origin: Ordinary
-) -> Iterator[Fitter]:
+def fitters(case: Case, log: Log, origin: Ordinary) -> Iterator[Fitter]:
     """The solver's fitter of every limb of a log."""
     for part in limbs(rigs.nominal(case.rig)):
         rigid = rigs.robot(case.rig) is not None
@@ -158,13 +155,13 @@ def fitters(
         except StillError:
             continue
         said = evidence(limb)
-        known = parameters(catalogue, said, log.meta.nominal_uncertainty, origin.everyday)
+        known = parameters(catalogue(), said, log.meta.nominal_uncertainty, origin.everyday)
         yield Fitter(world(said, known, origin.exact), origin.exact)
 
 
-def _explained(case: Case, fitter: Fitter, catalogue: Mapping[str, type[Effect]]) -> _Explained:
+def _explained(case: Case, fitter: Fitter) -> _Explained:
     nominal = fitter.settled()
-    starts = {fault: _starts(fault, fitter, catalogue) for fault in case.faults}
+    starts = {fault: _starts(fault, fitter) for fault in case.faults}
     whole = _fitted(fitter, list(starts.values()), [nominal.u, {}])
     near = [{k: u for k, u in whole.u.items() if k not in whole.freed}, nominal.u]
     without = {}
@@ -183,11 +180,9 @@ def _fitted(
     return min(fits, key=lambda fit: fit.excess)
 
 
-def _starts(
-    fault: Fault, fitter: Fitter, catalogue: Mapping[str, type[Effect]]
-) -> dict[int, float]:
+def _starts(fault: Fault, fitter: Fitter) -> dict[int, float]:
     """The parameters of a limb that a fault is, by number, at its size."""
-    part, kind = fitter.evidence.limb.spec, catalogue[fault.effect]
+    part, kind = fitter.evidence.limb.spec, catalogue()[fault.effect]
     if fault.joint not in (None, *fitter.evidence.joints):
         return {}
     joints = kind(magnitude=fault.magnitude, joint=fault.joint).joints(part)

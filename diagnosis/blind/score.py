@@ -1,12 +1,11 @@
 """Score blind sets: open the answers, compare the results with them, write the tables."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
 
-from backends.effect import Effect
 from diagnosis.blind import judged, tables
 from diagnosis.blind.binding import SEAL, checked
 from diagnosis.blind.files import Answers, BlindSet, open_answers, write_json
@@ -53,7 +52,6 @@ class Score:
 
 def score(
     sets: Sequence[tuple[BlindSet, Path]],
-    catalogue: Mapping[str, type[Effect]],
     consult: Consult,
     replayed: int = 0,
 ) -> Score:
@@ -72,9 +70,9 @@ def score(
         for case, oracle in zip(opened.cases, consult(blind, opened), strict=True):
             said, case = results[case.number], replace(case, number=first + case.number)
             frozen = said["solver_sha256"] == blind.commitment().solver_sha256
-            row = judged.case_row(case, said, oracle, catalogue, given)
+            row = judged.case_row(case, said, oracle, given)
             rows.append(row | {"frozen": frozen})
-            faults += judged.fault_rows(case, said, oracle, catalogue)
+            faults += judged.fault_rows(case, said, oracle)
     by_case, by_fault = judged.frames(rows, faults)
     by_case = enriched(by_case)
     return Score(

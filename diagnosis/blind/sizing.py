@@ -15,13 +15,13 @@ one is drawn.
 """
 
 import dataclasses
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
 from scipy.optimize import lsq_linear
 
-from backends.catalogue import catalogue as every_effect
+from backends.catalogue import catalogue
 from backends.effect import Effect
 from backends.spec import Body
 from backends.state import Array
@@ -48,10 +48,8 @@ STDS = 3.0
 class Robot:
     """A drawn robot in the motions of its case: its gaps with and without faults."""
 
-    def __init__(
-        self, case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
-    ) -> None:
-        self._case, self._catalogue, self._simulate = case, catalogue, simulate
+    def __init__(self, case: Case, simulate: Simulate, seed: int) -> None:
+        self._case, self._simulate = case, simulate
         spec = rigs.nominal(case.rig)
         self.spec = arms.with_noise(spec, 0.0)
         self._moved = motions(case, self.spec, self.spec, case_rng(case, seed))
@@ -74,7 +72,7 @@ class Robot:
             self._case, faults=tuple(faults), nominal=drawn.of_robot(self._case.rig, faults)
         )
         rng = np.random.default_rng(0)
-        read = readings(case, self.spec, self._moved, self._catalogue, self._simulate, rng)
+        read = readings(case, self.spec, self._moved, self._simulate, rng)
         gap = np.concatenate([one["position"] for one in read]) - self._model[0]
         return self._untaken(gap.ravel())
 
@@ -99,7 +97,7 @@ class Robot:
         errors = {(f.effect, f.joint): f.magnitude for f in drawn.of_robot(self._case.rig, ())}
         columns, taken, least = [], [], []
         for j, body in enumerate(self.spec.hand.driven):
-            for name, kind in every_effect().items():
+            for name, kind in catalogue().items():
                 std = _tolerance(kind, body)
                 moved = np.zeros_like(still)
                 if kind.coordinate == "compliance":
@@ -126,7 +124,6 @@ def sized(
     case: Case,
     times: tuple[float, float],
     effects: Sequence[str],
-    catalogue: Mapping[str, type[Effect]],
     simulate: Simulate,
     seed: int,
 ) -> Case:
@@ -136,12 +133,12 @@ def sized(
     may stand in for what cannot. Raises ValueError if no robot or no fault is found.
     """
     rng = np.random.default_rng([seed, 5, case.number])
-    case, robot = _ordinary(case, catalogue, simulate, seed)
+    case, robot = _ordinary(case, simulate, seed)
     chosen: list[Fault] = []
     found: list[float] = []
     for first in case.faults:
         wanted = float(np.exp(rng.uniform(*np.log(times))))
-        for fault in _candidates(case, first, chosen, effects, catalogue, rng):
+        for fault in _candidates(case, first, chosen, effects, rng):
             magnitude, moved = _solved(robot, fault, wanted * robot.scale_rad)
             over = moved / robot.scale_rad
             if times[0] * np.exp(-CLOSE) <= over <= times[1] * np.exp(CLOSE):
@@ -161,12 +158,10 @@ def sized(
     )
 
 
-def _ordinary(
-    case: Case, catalogue: Mapping[str, type[Effect]], simulate: Simulate, seed: int
-) -> tuple[Case, Robot]:
+def _ordinary(case: Case, simulate: Simulate, seed: int) -> tuple[Case, Robot]:
     """The case with the first robot that leaves what healthy ones do, itself or another one."""
     for _ in range(TRIES):
-        robot = Robot(case, catalogue, simulate, seed)
+        robot = Robot(case, simulate, seed)
         if robot.residual_rad <= MOST_FLOORS * FLOOR_RAD:
             return case, robot
         anew = np.random.default_rng([rigs.robot(case.rig) or 0, 4])
@@ -179,18 +174,17 @@ def _candidates(
     first: Fault,
     chosen: Sequence[Fault],
     effects: Sequence[str],
-    catalogue: Mapping[str, type[Effect]],
     rng: np.random.Generator,
 ) -> Iterator[Fault]:
     """The fault that was dealt, then the same or others elsewhere; magnitudes are the largest."""
     spec, taken = rigs.nominal(case.rig), [f.effect for f in chosen]
     known = [name for name in effects if sides.has(case.real, name)]
-    names = known if first.effect in catalogue else [MAGNET_SLIP]
+    names = known if first.effect in catalogue() else [MAGNET_SLIP]
     for turn in range(TRIES):
         name, joint = first.effect, first.joint
         if turn > 0:
             name = first.effect if turn % 2 else names[rng.integers(len(names))]
-            joint = drawn.arm_joint(name, catalogue, spec, rng)
+            joint = drawn.arm_joint(name, spec, rng)
         if name not in taken and not any(_are_kin(name, other) for other in taken):
             most = drawn.largest(name, joint, spec, rng)
             yield Fault(effect=name, joint=joint, magnitude=most)
@@ -198,7 +192,7 @@ def _candidates(
 
 def _are_kin(one: str, other: str) -> bool:
     """Whether two faults are one cause and its shape."""
-    kinds = every_effect()
+    kinds = catalogue()
     families = {kinds[name].family for name in (one, other) if name in kinds}
     return len(families) == 1 and None not in families and {one, other} <= set(kinds)
 

@@ -68,9 +68,9 @@ def test_a_new_effect_is_drawn_simulated_and_named(added):
         rigs=("joint",),
         protocols=("steps", "push"),
     )
-    cases = draw.draw(settings, added, 0)
+    cases = draw.draw(settings, 0)
     case = next(c for c in cases if c.faults[0].effect == NAME)
-    log = make.real_log(case, added, start, make.case_rng(case, 0))
+    log = make.real_log(case, start, make.case_rng(case, 0))
     kinds = {name: kind for name, kind in added.items() if name != "encoder-bias"}
     found = solve(log, nominal=rigs.nominal(case.rig), catalogue=kinds)
     assert found.verdict == (NAME,)
@@ -80,7 +80,7 @@ def test_a_new_effect_is_drawn_simulated_and_named(added):
 def test_a_plant_is_not_dealt_what_it_does_not_know(added):
     """Deal the new effect to engines alone: plants implement effects themselves."""
     settings = draw.Settings(cases=200, reals=("mujoco", "plant"), modes=("single",))
-    cases = draw.draw(settings, added, 0)
+    cases = draw.draw(settings, 0)
     assert {c.real for c in cases if c.faults[0].effect == NAME} == {"mujoco"}
 
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmark.parts import registry
 from diagnosis.blind import faults, motion, rigs, sides, sizing
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
@@ -16,7 +15,6 @@ FOREIGN = ("presliding", "cascade", "flexgear", "pwm", "filtered")
 """Plants with drive laws of their own that are judged as robots."""
 SHORT = ("steps", "push")
 RIG = "arm1-7"
-CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 every_plant = pytest.mark.parametrize("name", sides.PLANTS)
 
 
@@ -87,7 +85,7 @@ def test_a_larger_fault_changes_more(name):
 @pytest.mark.parametrize("name", [*FOREIGN, "dart", "bristle", "plain"])
 def test_a_healthy_robot_is_near_its_model(name):
     """Leave 0.1 to 5 floors beside the replay of its file; plain MuJoCo leaves nothing."""
-    found = sizing._ordinary(case(name), CATALOGUE, None, 0)[1]
+    found = sizing._ordinary(case(name), None, 0)[1]
     floors = found.residual_rad / sizing.FLOOR_RAD
     assert floors < 1e-3 if name == "plain" else 0.1 < floors <= sizing.MOST_FLOORS, floors
 
@@ -99,10 +97,10 @@ def test_faults_are_as_large_as_they_are_wanted():
         mode="single",
         faults=(Fault(effect="coulomb-friction", joint="j0", magnitude=0.0),),
     )
-    found = sizing.sized(one, (3.0, 30.0), faults.of_arms(), CATALOGUE, None, 0)
+    found = sizing.sized(one, (3.0, 30.0), faults.of_arms(), None, 0)
     assert 2.7 < found.times[0] < 33.0
     assert found.left_floors > found.residual_floors > 0.0 and found.faults[0].magnitude > 0.0
-    assert found == sizing.sized(one, (3.0, 30.0), faults.of_arms(), CATALOGUE, None, 0)
+    assert found == sizing.sized(one, (3.0, 30.0), faults.of_arms(), None, 0)
 
 
 @pytest.mark.parametrize("slips", [0.0, 1.0])

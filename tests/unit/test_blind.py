@@ -390,7 +390,7 @@ def test_effects_are_dealt_evenly():
     count = 3 * len(IMPLEMENTED)
     reals, known = ("mujoco", "bullet", "plant"), {"modes": ("single",), "effects": IMPLEMENTED}
     settings = draw.Settings(cases=count, reals=reals, rigs=("hand",), **known)
-    cases = draw.draw(settings, catalogue(), 0)
+    cases = draw.draw(settings, 0)
     cards = [(case.faults[0].effect, case.faults[0].level) for case in cases]
     assert len(set(cards)) == count
     assert {r: [c.real for c in cases].count(r) for r in reals} == dict.fromkeys(reals, count // 3)
@@ -402,7 +402,7 @@ def test_drawn_magnitudes_are_allowed(rig):
     kinds = catalogue()
     settings = draw.Settings(cases=200, reals=("plant",), rigs=(rig,))
     names = rigs.nominal(rig).hand.joint_names
-    for fault in (f for case in draw.draw(settings, kinds, 1) for f in case.faults):
+    for fault in (f for case in draw.draw(settings, 1) for f in case.faults):
         low, high = kinds[fault.effect].bounds
         assert low <= fault.magnitude <= high and fault.magnitude != 0.0
         assert fault.joint is None or fault.joint in names
@@ -415,7 +415,7 @@ def test_nominal_errors_spare_what_is_hidden():
         reals=("plant",),
         effects=("kp-scale", "coulomb-friction", "link-mass", "backlash"),
     )
-    for case in draw.draw(settings, catalogue(), 2):
+    for case in draw.draw(settings, 2):
         hidden = [(f.effect, f.joint) for f in case.faults]
         for error in case.nominal:
             assert (error.effect, error.joint) not in hidden

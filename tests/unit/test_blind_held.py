@@ -34,7 +34,7 @@ def held(**changes) -> draw.Settings:
 def test_held_cases_draw_what_a_stick_shows():
     """Deal effects of touch, stick and contact at all levels within bounds, with their channels."""
     kinds = catalogue()
-    cases = draw.draw(held(modes=("single",)), kinds, 0)
+    cases = draw.draw(held(modes=("single",)), 0)
     assert len({(c.faults[0].effect, c.faults[0].level) for c in cases}) == len(cases)
     for fault in (f for case in cases for f in case.faults):
         low, high = kinds[fault.effect].bounds
@@ -45,12 +45,9 @@ def test_held_cases_draw_what_a_stick_shows():
 
 
 @pytest.mark.slow
-def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
+def test_a_held_case_is_solved_and_scored(tmp_path):
     """Find dead taxels of another engine's grasps, with nominal errors and noise, and score it."""
-    nominal = {name: kind for name, kind in catalogue().items() if kind.nominal}
     few = ("taxel-dropout", "taxel-drift", "stick-mass")
-    kinds = nominal | {name: catalogue()[name] for name in few}
-    monkeypatch.setattr(blind, "catalogue", lambda: kinds)
     folder, answers = tmp_path / "set", tmp_path / "answers.json"
     wanted = held(cases=1, modes=("single",), effects=few, protocols=("push", GRASP))
     seed = next(s for s in range(99) if _hides(wanted, s) == ("taxel-dropout", "large"))
@@ -67,7 +64,7 @@ def test_a_held_case_is_solved_and_scored(tmp_path, monkeypatch):
 
 
 def _hides(wanted: draw.Settings, seed: int) -> tuple[str, str]:
-    (fault,) = draw.draw(wanted, catalogue(), seed)[0].faults
+    (fault,) = draw.draw(wanted, seed)[0].faults
     return fault.effect, fault.level
 
 
@@ -75,13 +72,13 @@ def _hides(wanted: draw.Settings, seed: int) -> tuple[str, str]:
 def test_the_oracle_tells_what_shows():
     """Call a taxel that answers early detectable from answers alone, a heavy stick from neither."""
     wanted = held(cases=1, modes=("none",), channels=draw.HELD_CHANNELS[-1:])
-    (case,) = draw.draw(wanted, catalogue(), 0)
+    (case,) = draw.draw(wanted, 0)
     engines = registry.usual("backend")
 
     def nats(effect: str, magnitude: float, *channels: str) -> float:
         fault = faults.Fault(effect=effect, joint=None, magnitude=magnitude)
         hidden = dataclasses.replace(case, faults=(fault,), channels=("position", *channels))
-        grasps = Grasps(case=hidden, catalogue=catalogue(), simulate=blind._start, seed=0)
+        grasps = Grasps(case=hidden, simulate=blind._start, seed=0)
         return grasps.apart_nats(fault, engines)
 
     assert nats("taxel-threshold", -1e-4, "stick", "touch") == 0.0

@@ -78,7 +78,7 @@ def test_a_set_of_robots_is_solved_by_any_function(made):
     assert {*by_side} < {*bins}
     assert bins["all"]["cases"] == 6 and bins["all"]["confidence"] == pytest.approx(0.4)
     assert bins["all"]["right"] == pytest.approx(len(unknowns) / 6)
-    rows = calibrate.rows([(BlindSet(path=folder), answers)], catalogue())
+    rows = calibrate.rows([(BlindSet(path=folder), answers)])
     assert sum(row.right for row in rows) == len(unknowns)
     assert 0.0 < calibrate.calibrate(rows).left_out.max() < 1.0
 
@@ -100,7 +100,7 @@ def test_robots_are_sealed_with_what_there_is_to_be_seen(made):
 def test_a_robot_is_the_same_in_its_healthy_logs():
     """Give healthy logs the case's own robot, before anything was wrong with it."""
     wanted = replace(blind.settings(5, "dart,drake", "arm2", **WORDS, healthy=2))
-    cases = draw.draw(wanted, catalogue(), 1)
+    cases = draw.draw(wanted, 1)
     sound = draw.sound(wanted, cases, 1)
     for case in cases:
         for one in sound[case.make]:
@@ -124,7 +124,7 @@ def test_nominal_errors_stay_within_three_deviations(rig):
 def test_arms_are_drawn_evenly():
     """Deal arms of two, three and six joints for `arm`, no two alike."""
     wanted = blind.settings(9, "plain", "arm", **WORDS)
-    cases = draw.draw(wanted, catalogue(), 4)
+    cases = draw.draw(wanted, 4)
     families = [rigs.family(case.rig) for case in cases]
     assert {f: families.count(f) for f in families} == {"arm2": 3, "arm3": 3, "arm6": 3}
     assert len({case.rig for case in cases}) == 9
@@ -179,14 +179,14 @@ def test_unknown_is_right_seen_or_near(verdict, left, healthy, right, near):
     said = {"verdict": verdict, "joints": ["j0"] if near else []}
     case = robot("magnet-slip", left)
     beyond = not judged.is_ordinary(case, healthy)
-    assert judged.rightness(case, said, catalogue(), beyond) == (right, near)
+    assert judged.rightness(case, said, beyond) == (right, near)
 
 
 def test_a_near_name_on_another_joint_is_wrong():
     """Ask a near name to stand on the joint that is at fault."""
     said = {"verdict": ["encoder-bias"], "joints": ["j5"]}
     case = robot("magnet-slip", 9.0)
-    assert judged.rightness(case, said, catalogue(), True) == (False, False)
+    assert judged.rightness(case, said, True) == (False, False)
 
 
 @pytest.mark.parametrize(
@@ -201,16 +201,15 @@ def test_damping_is_one_number_without_torque(rig, channels, right):
     """Take kd for viscous friction of a robot whose torque was not logged, and nowhere else."""
     case = replace(robot("viscous-friction", 9.0), mode="single", rig=rig, channels=channels)
     said = {"verdict": ["kd-scale"], "joints": ["j0"]}
-    assert judged.rightness(case, said, catalogue(), True) == (right, False)
+    assert judged.rightness(case, said, True) == (right, False)
 
 
 def test_findings_beside_a_verdict_do_not_make_its_kind():
     """Count a verdict as named by what a fit names, not by noise, steps or lost packets."""
-    kinds = catalogue()
-    assert calibrate._kind(["encoder-noise", "command-dropout"], kinds) == calibrate.NONE
-    assert calibrate._kind(["encoder-noise", "backlash"], kinds) == calibrate.NAMED
-    assert calibrate._kind(["none"], kinds) == calibrate.NONE
-    assert calibrate._kind(["unknown"], kinds) == calibrate.UNKNOWN
+    assert calibrate._kind(["encoder-noise", "command-dropout"]) == calibrate.NONE
+    assert calibrate._kind(["encoder-noise", "backlash"]) == calibrate.NAMED
+    assert calibrate._kind(["none"]) == calibrate.NONE
+    assert calibrate._kind(["unknown"]) == calibrate.UNKNOWN
 
 
 def test_near_names_are_of_the_catalogue():
