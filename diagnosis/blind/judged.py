@@ -69,6 +69,11 @@ def case_row(
         "catalogue": len(catalogue()) - len(said["excluded"]),
         "cpu_s": said.get("cpu_s"),
         "refused": said["refused"],
+        "wrong": not right,
+        "says_none": verdict == [NONE],
+        "shrinkage_ratio": said["share"] / oracle.share
+        if said.get("share") is not None and (oracle.share or 0.0) > 0.0
+        else None,
     }
 
 

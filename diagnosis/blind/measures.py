@@ -153,16 +153,6 @@ MEASURES = (
 )
 
 
-def enriched(cases: pd.DataFrame) -> pd.DataFrame:
-    """The cases with columns that are derived from the others."""
-    oracle = pd.to_numeric(cases["share_oracle"]).where(lambda s: s > 0)
-    return cases.assign(
-        wrong=~cases["right"],
-        says_none=cases["verdict"] == "none",
-        shrinkage_ratio=pd.to_numeric(cases["share"]) / oracle,
-    )
-
-
 def figures(cases: pd.DataFrame, faults: pd.DataFrame) -> dict[str, Figure]:
     """All figures of some cases and the true effects in them."""
     found = {}

@@ -9,7 +9,7 @@ import pandas as pd
 from diagnosis.blind import judged, tables
 from diagnosis.blind.binding import SEAL, checked
 from diagnosis.blind.files import Answers, BlindSet, open_answers, write_json
-from diagnosis.blind.measures import MEASURES, Figure, enriched, figures
+from diagnosis.blind.measures import MEASURES, Figure, figures
 from diagnosis.blind.oracle import DETECTABLE_NATS, Oracle
 
 Consult = Callable[[BlindSet, Answers], list[Oracle]]
@@ -74,7 +74,6 @@ def score(
             rows.append(row | {"frozen": frozen})
             faults += judged.fault_rows(case, said, oracle)
     by_case, by_fault = judged.frames(rows, faults)
-    by_case = enriched(by_case)
     return Score(
         figures=figures(by_case, by_fault),
         frozen=bool(by_case["frozen"].all()),

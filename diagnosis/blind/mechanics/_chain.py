@@ -31,6 +31,15 @@ def geometry(limb: Limb) -> tuple[Array, Array]:
 
 
 @numba.njit(cache=True)
+def move(q, qd, torque, links, pull, acceleration, tick_s):
+    """Move a plane chain by a step of semi-implicit Euler, in place."""
+    fall(q, qd, torque, links, pull, acceleration)
+    for j in range(len(q)):
+        qd[j] += tick_s * acceleration[j]
+        q[j] += tick_s * qd[j]
+
+
+@numba.njit(cache=True)
 def fall(q, qd, torque, links, pull, out):
     """Write the accelerations of a plane chain of one or two links."""
     m1, m2, w1, w2 = links[0, 0], links[1, 0], links[0, 6], links[1, 6]

@@ -25,7 +25,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind.mechanics import _faults
-from diagnosis.blind.mechanics._chain import fall, geometry
+from diagnosis.blind.mechanics._chain import geometry, move
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
 TICK_S = 5e-5
@@ -197,8 +197,5 @@ def _run(servo, friction, wanted, push, drives, frames, own, links, pull):
             torque[j] = gear + push[tick // steps, j] - (dry if frame[6] > 0 else 0.0)
             stop, lower, upper = drive[16:19]
             torque[j] += _faults.stopped(q[j], qd[j], stop, lower, upper, drive[0], drive[1])
-        fall(q, qd, torque, links, pull, acceleration)
-        for j in range(joints):
-            qd[j] += TICK_S * acceleration[j]
-            q[j] += TICK_S * qd[j]
+        move(q, qd, torque, links, pull, acceleration, TICK_S)
     return angle, motor_out, torque_out

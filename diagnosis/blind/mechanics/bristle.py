@@ -22,7 +22,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.blind import plant
 from diagnosis.blind.mechanics import _faults
-from diagnosis.blind.mechanics._chain import fall, geometry
+from diagnosis.blind.mechanics._chain import geometry, move
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
 TICK_S = 1e-4
@@ -151,9 +151,6 @@ def _run(
             motor[j] += TICK_S * speed[j]
             torque[j] = gear + push[tick // steps, j]
             torque[j] += _faults.stopped(q[j], qd[j], stop, lower, upper, kp, kd)
-        fall(q, qd, torque, links, pull, acceleration)
-        for j in range(joints):
-            qd[j] += TICK_S * acceleration[j]
-            q[j] += TICK_S * qd[j]
+        move(q, qd, torque, links, pull, acceleration, TICK_S)
         angle[tick + 1] = q
     return angle, motor_out, torque_out

@@ -18,7 +18,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.blind import plant
-from diagnosis.blind.mechanics._chain import fall, geometry
+from diagnosis.blind.mechanics._chain import geometry, move
 from diagnosis.blind.plant import DRIVE, Course, Limb
 
 TICK_S = 1e-4
@@ -167,9 +167,6 @@ def _run(wanted, push, drives, links, pull, corner, per_rad, stiffening):
                     side = np.sign(stop)
                     deep = side * (q[j] + stop - (upper if stop > 0.0 else lower))
                     torque[j] -= side * STOP_STIFFNESS * kp * corner * _softplus(deep / corner)
-            fall(q, qd, torque, links, pull, acceleration)
-            for j in range(joints):
-                qd[j] += TICK_S * acceleration[j]
-                q[j] += TICK_S * qd[j]
+            move(q, qd, torque, links, pull, acceleration, TICK_S)
             angle[k * steps + i + 1] = q
     return angle, motor_out, torque_out
