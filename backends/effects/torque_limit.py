@@ -27,3 +27,4 @@ class Effect(NumberEffect):
     least = 0.12
     most = 2.5
     either_sign = True
+    kinked = True

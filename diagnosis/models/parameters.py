@@ -22,6 +22,7 @@ from diagnosis.motion.columns import (
     FIRM,
     KD,
     KP,
+    LIMIT,
     MOVING,
     OWN_STEPS,
     PERIOD,
@@ -251,7 +252,7 @@ def _parameter(
         unit=unit,
         tolerance=tolerance,
         least=max(kind.least * angle, 2.0 * tolerance),
-        most=_most(kind, unit, evidence.limb.rigid),
+        most=_most(kind, unit, evidence.limb.rigid) + _unasked(place, joint, evidence),
     )
 
 
@@ -261,6 +262,12 @@ def _most(kind: type[Effect], unit: float, rigid: bool) -> float:
         return kind.most
     high = kind.bounds[1]
     return min(kind.most, float(np.log1p(high)) if kind.coordinate == "logarithm" else high / unit)
+
+
+def _unasked(place: int, joint: int, evidence: Evidence) -> float:
+    """How much of a drive's limit nothing asks for, as a logarithm: to lack it changes nothing."""
+    limit = evidence.limb.nominal[joint, LIMIT]
+    return float(np.log(limit / evidence.torque[joint])) if place == LIMIT else 0.0
 
 
 def _is_unused(place: int, evidence: Evidence) -> bool:

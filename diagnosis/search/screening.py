@@ -78,8 +78,6 @@ class Screening:
 
     def _sizes(self, number: int) -> tuple[float, ...]:
         one = self.fitter.parameters[number]
-        if one.kind.kinked:
-            return tuple(size * one.least for size in KINKS)
-        if one.either_sign:
-            return SIZES[0] * one.least, -SIZES[0] * one.least
-        return tuple(size * one.least for size in SIZES)
+        ways = (1.0, -1.0) if one.either_sign else (1.0,)
+        multiples = KINKS if one.kind.kinked else SIZES[: 3 - len(ways)]
+        return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)

@@ -101,11 +101,17 @@ class Search:
         return self.fitter.unfitted()
 
     @cached_property
+    def guessed(self) -> list[int]:
+        """Nominal numbers that are guesses."""
+        return [k for k, p in enumerate(self.parameters) if p.tolerance >= GUESSED]
+
+    @cached_property
     def nominal(self) -> Fit:
         """The tolerances alone."""
         exact = int(self.ordinary.exact)
-        guessed = [k for k, p in enumerate(self.parameters) if p.tolerance >= GUESSED]
-        begun = self.fitter.fit(only=guessed, slopes=self.plain.slopes) if guessed else self.plain
+        begun = self.plain
+        if self.guessed:
+            begun = self.fitter.fit(only=self.guessed, slopes=begun.slopes)
         fit = self.fitter.settled(near=begun.u, again=exact, slopes=begun.slopes)
         return self.fitter.strained(fit, self.ordinary)
 
@@ -178,13 +184,17 @@ class Search:
         return all(abs(fit.u[k]) >= self.parameters[k].least for k in fit.freed)
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Sets by rank; the best are fitted on with the tolerances of all joints."""
+        """Sets by rank; the best are fitted on with the tolerances of all joints.
+
+        And from where these are none, for at their ends they may hold a fit where it is.
+        """
         ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
-            on = self.fitter.fit(fit.freed, near=fit.u, steps=5)
-            self._keep(on)
+            self._keep(self.fitter.fit(fit.freed, near=fit.u, steps=5))
+            if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
+                self._keep(self.fitter.fit(fit.freed, near=self._rough(fit.freed, fit.u).u))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if self._is_some(fit)])
 
@@ -196,7 +206,7 @@ class Search:
         ):
             pairs = ranked_by_nats(self.fitter.evidence, fits)
             return [fit for _, fit in sorted(pairs, key=self._nats)]
-        return sorted(fits, key=lambda fit: rank(self.parameters, fit))
+        return sorted(fits, key=lambda f: (rank(self.parameters, f), _reach(self.parameters, f)))
 
     def _nats(self, pair: tuple[float, Fit]) -> float:
         """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
@@ -276,13 +286,24 @@ class Search:
         found = screened[:FITTED]
         if not fit.freed and fit.worst > FAR * self.ordinary.floors:
             more = Screening(self.fitter, self.plain).screened(asked)[:MORE]
-            more += self._kin(screened)
+            more += self._kin(screened) + self._of_all(found)
         else:
             alone = [Screened(number=k, gain=0.0, to=u) for k, u in self._singles() if k in asked]
             more = alone[:MORE]
         known = {one.number for one in found}
         unlike = {one.number: one for one in more if one.number not in known}
         return [*found, *unlike.values()], screening.slopes
+
+    def _of_all(self, found: Sequence[Screened]) -> list[Screened]:
+        """Effects that promise much on a joint, as what all joints share."""
+        sizes = dict[str, list[float]]()
+        for one in found:
+            sizes.setdefault(self.parameters[one.number].effect, []).append(one.to)
+        return [
+            Screened(number=k, gain=0.0, to=float(np.mean(sizes[one.effect])))
+            for k, one in enumerate(self.parameters)
+            if one.joint is None and one.kind.per_joint and one.effect in sizes
+        ]
 
     def _kin(self, screened: Sequence[Screened]) -> list[Screened]:
         """Effects of a family at a joint: where one promises much, another may be the law."""
@@ -306,7 +327,16 @@ class Search:
         alone = {k: fit.u[k] for k in fit.freed}
         yield first, fit.u
         rough = parameter.kind.kinked or self.fitter.evidence.rattles
-        yield (self._scanned(one.number, low, high, first, alone) if rough else first), alone
+        size = self._scanned(one.number, low, high, first, alone) if rough else first
+        if self.guessed:
+            alone = dict(self._rough((*fit.freed, one.number), {**alone, one.number: size}).u)
+            size = alone.pop(one.number)
+        yield size, alone
+
+    def _rough(self, freed: Sequence[int], u: Mapping[int, float]) -> Fit:
+        """Effects from u with guessed numbers alone: no tolerance moves in their place."""
+        start = {k: u[k] for k in (*self.guessed, *freed) if k in u}
+        return self.fitter.fit(freed, start, only=self.guessed)
 
     def _scanned(
         self, number: int, low: float, high: float, first: float, alone: Mapping[int, float]
@@ -367,6 +397,11 @@ def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
     exact = sum(p.kind.exact for p in chosen)
     shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
     return fit.excess * SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
+
+
+def _reach(parameters: Sequence[Parameter], fit: Fit) -> float:
+    """How far effects go of what they may: of two that leave nothing, the smaller one leads."""
+    return sum(abs(fit.u[k]) / parameters[k].most for k in fit.freed)
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:

@@ -27,6 +27,9 @@ class Real:
     """Factors of the gain."""
     coulomb_nm: Mapping[int, float] = field(default_factory=dict)
     delay_s: float = 0.0
+    limit_nm: float = LIMIT
+    said_nm: float = LIMIT
+    """What the file says of it."""
     spring_nm_rad3: float = 0.0
     """A cubic spring on the first joint: no effect of the catalogue."""
     lost_share: float = 0.0
@@ -105,7 +108,7 @@ def log_of(real: Real, seed: int = 0) -> Log:
         _frame(number, _simulated(real, _received(real, command, noise)), command, real, noise)
         for number, command in enumerate(asked)
     ]
-    drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": LIMIT} for j in range(real.joints)}
+    drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": real.said_nm} for j in range(real.joints)}
     meta = {
         "schema": 1,
         "source": "test",
@@ -129,7 +132,7 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
     """Joint angles at the log's samples (T, K), in plain MuJoCo with its own actuators."""
     drives = "".join(
         f'<position joint="J{j}" kp="{KP * real.kp.get(j, 1.0)}" kv="{KD}" '
-        f'forcerange="{-LIMIT} {LIMIT}"/>'
+        f'forcerange="{-real.limit_nm} {real.limit_nm}"/>'
         for j in range(real.joints)
     )
     drives, armature = f"<actuator>{drives}</actuator>", real.armature_kgm2 or ARMATURE
