@@ -42,18 +42,10 @@ def with_commands_first(log: Log) -> Log:
 
     As it is where its nominal world cannot be built, or shows nothing.
     """
-    as_is, earlier, delays = 0.0, 0.0, np.zeros(0)
     try:
-        for part in limbs(mjcf_world(log)):
-            some = excerpt(recordings(log, part), ENOUGH_S)
-            limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
-            sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
-            left, delay_rows = _left(limb)
-            as_is, delays = as_is + left, np.append(delays, delay_rows)
-            earlier += _left(limb.commanded(sent))[0] if as_is > 0.0 else 0.0
+        if not (_is_late(log) and _is_late(log, settled=True)):
+            return log
     except LogError:
-        return log
-    if not earlier < NEARER * as_is or delays.mean() > MOST_ROWS:
         return log
     samples = log.samples.copy()
     columns = [name for name in samples.columns if str(name).startswith(SENT)]
@@ -62,12 +54,28 @@ def with_commands_first(log: Log) -> Log:
     return replace(log, samples=samples, warnings=(*log.warnings, SAID))
 
 
-def _left(limb: Limb) -> tuple[float, Array]:
+def _is_late(log: Log, settled: bool = False) -> bool:
+    """Whether commands a row earlier leave much less; raises LogError.
+
+    `settled`: after fits that close no more, which is sure and takes longer.
+    """
+    as_is, earlier, delays = 0.0, 0.0, np.zeros(0)
+    for part in limbs(mjcf_world(log)):
+        some = excerpt(recordings(log, part), ENOUGH_S)
+        limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
+        sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
+        left, delay_rows = _left(limb, settled)
+        as_is, delays = as_is + left, np.append(delays, delay_rows)
+        earlier += _left(limb.commanded(sent), settled)[0] if as_is > 0.0 else 0.0
+    return earlier < NEARER * as_is and bool(delays.mean() <= MOST_ROWS)
+
+
+def _left(limb: Limb, settled: bool) -> tuple[float, Array]:
     """What the nominal numbers, fitted, leave, and the delays of commands among them (K,).
 
     The squared gap beyond one floor; delays in rows.
     """
     said = evidence(limb)
     fitter = Fitter(World(said, parameters(catalogue(), said, FREE, 1.0)))
-    fit = fitter.fit()
+    fit = fitter.settled() if settled else fitter.fit()
     return fit.excess, fitter.world.numbers(fit.u)[0][:, DELAY] / limb.period_s

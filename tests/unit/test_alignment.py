@@ -57,6 +57,29 @@ axis="0 1 0" range="-100 100" armature=".02" damping=".05"/></body></body></worl
 forcerange="-6 6"/></actuator></mujoco>"""
 
 
+NOISE = 2e-4
+"""Of readings, over their travel."""
+CAMERA = """<mujoco><option timestep="0.001"/><worldbody><body><inertial mass=".09" pos="0 0 .02"
+diaginertia="4e-5 4e-5 3e-5"/><joint name="pan" axis="0 0 1" armature="{0}" damping=".005"/><body
+pos="0 0 .04"><inertial mass=".14" pos=".03 0 .01" diaginertia="5e-5 9e-5 9e-5"/><joint name="tilt"
+axis="0 1 0" armature="{0}" damping=".005" frictionloss=".01"/></body></body></worldbody><actuator>
+<position joint="pan" kp="6" kv=".12"/><position joint="tilt" kp="6" kv=".12"/></actuator></mujoco>
+"""
+
+
+def logged(real: str, said: str, time_s: np.ndarray, command: dict[str, np.ndarray]) -> Log:
+    """What a model does in plain MuJoCo, as the log of another; `command` by column."""
+    sent = np.column_stack(list(command.values()))
+    joints = [name.partition(".")[2] for name in command]
+    play = Play(time_s=time_s, command=sent, push=0 * sent, start=sent[0])
+    noise = np.random.default_rng(1).normal(size=sent.shape) * NOISE * np.ptp(sent, axis=0)
+    moved = dict(zip(command, (Plain(real, joints, {}).positions(play) + noise).T, strict=True))
+    read = {name.replace("command", "position"): column for name, column in moved.items()}
+    meta = {"schema": 1, "source": "test", "mechanism": {"mjcf": "robot.xml"}}
+    values = pd.DataFrame({"t_s": time_s, **command, **read})
+    return make_log(LogMeta.model_validate(meta), values, said)
+
+
 def test_a_weak_drive_is_no_late_row():
     """Move no command that would then be delayed by most of the row again."""
     time_s = np.arange(0.0, 20.0, 0.005)
@@ -66,17 +89,18 @@ def test_a_weak_drive_is_no_late_row():
     command = np.where(
         time_s < 12.0, steps, waves * np.minimum(np.maximum(time_s - 12.0, 0.0), 1.0)
     )
-    command = command[:, None] * np.array([0.12, 0.6])
-    play = Play(time_s=time_s, command=command, push=0 * command, start=command[0])
-    moved = Plain(PORTAL.format(19), ["x", "a"], {}).positions(play)
-    moved = moved + np.random.default_rng(1).normal(size=moved.shape) * np.array([2e-5, 4e-4])
-    values = {
-        "t_s": time_s,
-        "command_m.x": command[:, 0],
-        "position_m.x": moved[:, 0],
-        "command_rad.a": command[:, 1],
-        "position_rad.a": moved[:, 1],
-    }
-    meta = {"schema": 1, "source": "test", "mechanism": {"mjcf": "portal.xml"}}
-    log = make_log(LogMeta.model_validate(meta), pd.DataFrame(values), PORTAL.format(30))
+    sent = {"command_m.x": 0.12 * command, "command_rad.a": 0.6 * command}
+    log = logged(PORTAL.format(19), PORTAL.format(30), time_s, sent)
+    assert with_commands_first(log) is log
+
+
+def test_an_inertia_that_no_file_has_moves_no_command():
+    """Fit what a first look is far from, before commands are said to be a row late."""
+    time_s = np.arange(0.0, 16.0, 0.01)
+    pan, tilt = (
+        np.clip(time_s - 0.5, 0.0, 1.0) * (a * np.sin(f * time_s) + 0.15 * np.sin(3.1 * f * time_s))
+        for a, f in ((0.7, 2.9), (0.4, 1.7))
+    )
+    sent = {"command_rad.pan": pan, "command_rad.tilt": tilt}
+    log = logged(CAMERA.format(0.002), CAMERA.format(0.0), time_s, sent)
     assert with_commands_first(log) is log
