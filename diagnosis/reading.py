@@ -28,4 +28,4 @@ def read_log(
     from diagnosis.replay.alignment import with_commands_first
 
     asked = Asked(unit=unit, columns=columns or {})
-    return with_commands_first(pair(Path(robot), [Path(one) for one in several], asked).log)
+    return with_commands_first(pair(Path(robot), [Path(one) for one in several], asked))

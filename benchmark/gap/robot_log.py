@@ -59,8 +59,8 @@ def read(source: Source, out: Path, force: bool) -> Read:
         raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
     _require_reader(source.tables)
     made, folder = pair(source.robot, source.tables, asked_of(source)), out / FOLDER
-    known_drives(made.log)
-    log = with_commands_first(made.log)
+    known_drives(made)
+    log = with_commands_first(made)
     write_log(log, folder, "csv", force=force)
     return Read(folder=folder, log=log, said=made.said)
 
@@ -76,7 +76,7 @@ def read_beside(path: Path, source: Source, today: Log) -> Log:
         return read_log(path)
     _require_reader([path])
     made = put_together(today.mjcf_xml or "", mechanism, [path], asked_of(source))
-    return with_commands_first(made.log)
+    return with_commands_first(made)
 
 
 def _require_reader(tables: Sequence[Path]) -> None:

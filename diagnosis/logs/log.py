@@ -65,6 +65,8 @@ class Log:
     """Text of the mechanism's MJCF file; None for a hand that is known by name."""
     warnings: tuple[str, ...] = ()
     """Warnings from reading: what is unusual but usable."""
+    said: tuple[str, ...] = ()
+    """What was understood of a user's tables, a line each."""
 
     @cached_property
     def joints(self) -> tuple[str, ...]:

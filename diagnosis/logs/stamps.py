@@ -1,6 +1,6 @@
 """The clock of a table: its time stamps in seconds, and the episodes that they show."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,14 @@ UNTIMED = 0.1
 """Largest share of rows without a time."""
 
 
+@dataclass
+class Notes:
+    """What is understood of a user's tables, and what is odd, a line each: readers add to it."""
+
+    said: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
 @dataclass(frozen=True, kw_only=True)
 class Timed:
     """The rows of a table that have a time, in its order."""
@@ -32,7 +40,6 @@ class Timed:
     part: np.ndarray
     """Number of the stretch of each row, shape (T,): a clock that starts again, or another episode,
     begins one."""
-    warnings: tuple[str, ...]
 
     def of(self, rows: np.ndarray) -> "Timed":
         """Some of the rows, by a mask (T,)."""
@@ -49,7 +56,7 @@ def rows(count: int) -> str:
     return f"{count} row{'s' * (int(count) != 1)}"
 
 
-def timed(frame: pd.DataFrame) -> Timed:
+def timed(frame: pd.DataFrame, notes: Notes) -> Timed:
     """The rows with their times; raises LogError where there are none."""
     name = time_column(list(frame.columns))
     if name is None:
@@ -59,13 +66,13 @@ def timed(frame: pd.DataFrame) -> Timed:
         )
     stamps, unit = _stamps(frame[name], name)
     there = np.isfinite(stamps)
-    warnings, lost = [], int((~there).sum())
+    lost = int((~there).sum())
     if lost > UNTIMED * len(stamps):
         raise LogError(
             f"the time '{name}' is no number in {lost} of {len(stamps)} rows; remove those rows"
         )
     if lost:
-        warnings.append(f"{rows(lost)} without a time left out")
+        notes.warnings.append(f"{rows(lost)} without a time left out")
     frame, time_s = frame[there].reset_index(drop=True), stamps[there]
     given = episode_column(list(frame.columns))
     number = pd.factorize(frame[given])[0] if given else np.zeros(len(frame), int)
@@ -73,14 +80,13 @@ def timed(frame: pd.DataFrame) -> Timed:
     part = np.append(0, np.cumsum(again | (np.diff(number) != 0)))
     order = np.lexsort((time_s, part))
     if moved := int((np.diff(time_s) < 0).sum() - (np.diff(time_s[order]) < 0).sum()):
-        warnings.append(f"{rows(moved)} earlier than the row before: put in order")
+        notes.warnings.append(f"{rows(moved)} earlier than the row before: put in order")
     return Timed(
         frame=frame.iloc[order].reset_index(drop=True),
         column=name,
         unit=unit,
         time_s=time_s[order],
         part=part,
-        warnings=tuple(warnings),
     )
 
 
@@ -108,8 +114,8 @@ def _unit(median: float) -> str:
     return next((u for u in ("s", "ms", "us", "ns") if median / TIMES[u] <= SLOWEST_S), "ns")
 
 
-def episodes(clock: Timed) -> tuple[pd.DataFrame, np.ndarray, list[str], list[str]]:
-    """Episodes and times of rows, which rows count, what was understood, and warnings.
+def episodes(clock: Timed, notes: Notes) -> tuple[pd.DataFrame, np.ndarray]:
+    """Episodes and times of rows, and which rows count.
 
     A stretch that is too short for an episode does not count, unless all are.
     """
@@ -117,33 +123,32 @@ def episodes(clock: Timed) -> tuple[pd.DataFrame, np.ndarray, list[str], list[st
     holes = step > HOLE * _median(clock.time_s)
     number = np.append(0, np.cumsum((np.diff(clock.part) != 0) | holes))
     same = np.append(False, (step == 0) & (np.diff(number) == 0))
-    warnings = []
     counts = np.full(len(number), True)
     if 0 < same.sum() <= COARSE * len(same):
         counts &= ~same
-        warnings.append(f"{rows(same.sum())} with the time of the row before left out")
+        notes.warnings.append(f"{rows(same.sum())} with the time of the row before left out")
     size = np.bincount(number[counts], minlength=number[-1] + 1)
     if size.max() >= MIN_SAMPLES > size[size > 0].min():
         short = size[number] < MIN_SAMPLES
         counts &= ~short
-        warnings.append(
+        notes.warnings.append(
             f"{rows(short.sum())} left out, in stretches of fewer than {MIN_SAMPLES} rows"
         )
     number = np.unique(number[counts], return_inverse=True)[1]
     time_s, repeated = _even(clock.time_s[counts], number)
     if repeated:
-        warnings.append(f"{repeated} times repeat, so rows are spread evenly over each episode")
+        notes.warnings.append(
+            f"{repeated} times repeat, so rows are spread evenly over each episode"
+        )
     samples = pd.DataFrame({"episode": number, "t_s": time_s})
     if "protocol" in clock.frame:
         samples["protocol"] = clock.frame["protocol"][counts].astype(str).to_numpy()
     by_number = samples.groupby("episode")["t_s"]
     lasts_s = float((by_number.last() - by_number.first()).sum())
     count, rate = int(number.max()) + 1, 1.0 / _median(time_s)
-    said = [
-        f"t_s is '{clock.column}' in {clock.unit}",
-        f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz",
-    ]
-    return samples, counts, said, [*clock.warnings, *warnings]
+    notes.said.append(f"t_s is '{clock.column}' in {clock.unit}")
+    notes.said.append(f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz")
+    return samples, counts
 
 
 def _even(time_s: np.ndarray, episode: np.ndarray) -> tuple[np.ndarray, int]:

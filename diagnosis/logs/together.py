@@ -5,7 +5,6 @@ one clock: a row for every time at which any of them has one, with empty cells f
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +14,7 @@ from diagnosis.logs._meta import LogError
 from diagnosis.logs.foreign import read_table
 from diagnosis.logs.roles import SAYING, episode_column, joint_named, roles, words
 from diagnosis.logs.ros import is_bag
-from diagnosis.logs.stamps import Timed, timed
+from diagnosis.logs.stamps import Notes, Timed, timed
 
 ENDS = (".csv", ".parquet", ".tsv", ".txt", ".dat")
 """Ends of the names of tables in a folder: those with the first of these that there are."""
@@ -30,48 +29,28 @@ BOTH = {"command", "position", "bare"}
 """Kinds of which two say what was asked of a joint, and what it did."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Table:
-    """A table, what was understood of its files, a line each, and warnings."""
-
-    frame: pd.DataFrame
-    said: tuple[str, ...]
-    warnings: tuple[str, ...] = ()
-
-
-def read_tables(paths: Sequence[Path], joints: Sequence[str]) -> Table:
+def read_tables(paths: Sequence[Path], joints: Sequence[str], notes: Notes) -> pd.DataFrame:
     """The table in files, or in all files of folders, for a model's joints; raises LogError."""
     files = [file for path in paths for file in _files(path)]
     read = [(file, *read_table(file)) for file in files]
-    said = [
+    notes.said += [
         f"{file.name}: {form}, {len(frame)} rows, {len(frame.columns)} columns"
-        for file, frame, form in read
+        for file, frame, form in read[:NAMED]
     ]
-    if len(said) > NAMED:
-        said = [*said[:NAMED], f"and {len(said) - NAMED} more files"]
-    parts = dict(zip(_stems(files), (frame for _, frame, _ in read), strict=True))
+    if len(read) > NAMED:
+        notes.said.append(f"and {len(read) - NAMED} more files")
     if bare := [file for file, frame, _ in read if not len(frame)]:
         raise LogError(f"{bare[0]} has no rows; it should hold a header and a row per sample")
-    wide = {name: _wide(frame, joints) for name, frame in parts.items()}
-    long = [one for one in wide.values() if one.said]
-    said += list(dict.fromkeys(text for one in long for text in one.said))
-    warnings = [text for one in wide.values() for text in one.warnings]
-    frames = {name: one.frame for name, one in wide.items()}
+    parts = zip(_stems(files), (frame for _, frame, _ in read), strict=True)
+    frames = {name: _wide(frame, joints, notes) for name, frame in parts}
     if len(frames) == 1:
-        return Table(frame=frames.popitem()[1], said=tuple(said), warnings=tuple(warnings))
+        return frames.popitem()[1]
     whole = {_complete(frame, joints) for frame in frames.values()}
     if len(whole) == 1 and whole != {frozenset()}:
-        return Table(
-            frame=_after_each_other(list(frames.values())),
-            said=(*said, "each file is a recording of its own"),
-            warnings=tuple(warnings),
-        )
-    one = _on_one_clock(frames)
-    return Table(
-        frame=one.frame,
-        said=(*said, "the files are put together by their times"),
-        warnings=(*warnings, *one.warnings),
-    )
+        notes.said.append("each file is a recording of its own")
+        return _after_each_other(list(frames.values()))
+    notes.said.append("the files are put together by their times")
+    return _on_one_clock(frames, notes)
 
 
 def _files(path: Path) -> list[Path]:
@@ -123,17 +102,18 @@ def _after_each_other(frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(found, ignore_index=True)
 
 
-def _wide(frame: pd.DataFrame, joints: Sequence[str]) -> Table:
+def _wide(frame: pd.DataFrame, joints: Sequence[str], notes: Notes) -> pd.DataFrame:
     """A table with a column per joint and kind, where it has a row per sample and joint."""
     names = list(_labels(frame, joints))
     if not names:
-        return Table(frame=frame, said=())
+        return frame
     labels = frame[names].map(_text).agg(" ".join, axis=1)
     rest = frame.drop(columns=names)
     parts = {label: rest[labels == label] for label in labels.unique()}
-    found = _on_one_clock(parts)
     said = f"a row per sample and {' and '.join(names)}: {', '.join(parts)}"
-    return Table(frame=found.frame, said=(said,), warnings=found.warnings)
+    if said not in notes.said:
+        notes.said.append(said)
+    return _on_one_clock(parts, notes)
 
 
 def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
@@ -181,12 +161,14 @@ def _text(value: object) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
-def _on_one_clock(parts: Mapping[str, pd.DataFrame]) -> Table:
+def _on_one_clock(parts: Mapping[str, pd.DataFrame], notes: Notes) -> pd.DataFrame:
     """Tables side by side, by their times; the name of each stands before its columns'.
 
     Raises LogError where they have no times in common.
     """
-    clocks = {name: timed(frame) for name, frame in parts.items()}
+    own = {name: Notes() for name in parts}
+    clocks = {name: timed(frame, own[name]) for name, frame in parts.items()}
+    notes.warnings += [f"{name}: {text}" for name, one in own.items() for text in one.warnings]
     stretches = {name: int(clock.part.max()) + 1 for name, clock in clocks.items()}
     if len(set(stretches.values())) > 1:
         said = ", ".join(f"{name} {count}" for name, count in stretches.items())
@@ -200,9 +182,7 @@ def _on_one_clock(parts: Mapping[str, pd.DataFrame]) -> Table:
     frame = pd.concat(keyed, axis=1, join="outer").sort_index()
     if protocols := [one.pop(PROTOCOL) for one in keyed if PROTOCOL in one]:
         frame[PROTOCOL] = protocols[0].reindex(frame.index).ffill().bfill()
-    frame = frame.reset_index().rename(columns={"part": "episode"}).drop(columns="same")
-    warnings = dict.fromkeys(f"{n}: {w}" for n, c in clocks.items() for w in c.warnings)
-    return Table(frame=frame, said=(), warnings=tuple(warnings))
+    return frame.reset_index().rename(columns={"part": "episode"}).drop(columns="same")
 
 
 def _keyed(name: str, clock: Timed, start_s: float) -> pd.DataFrame:

@@ -24,7 +24,7 @@ from diagnosis.logs.roles import (
     time_column,
     words,
 )
-from diagnosis.logs.stamps import episodes, timed
+from diagnosis.logs.stamps import Notes, episodes, timed
 from diagnosis.logs.together import read_tables
 from diagnosis.logs.whole_rows import whole_rows
 
@@ -53,15 +53,7 @@ class Asked:
     gravity_compensation: bool = False
 
 
-@dataclass(frozen=True, kw_only=True)
-class Pair:
-    """A log of a model and tables, and what was understood of them, a line each."""
-
-    log: Log
-    said: tuple[str, ...]
-
-
-def pair(robot: Path, tables: Sequence[Path], asked: Asked) -> Pair:
+def pair(robot: Path, tables: Sequence[Path], asked: Asked) -> Log:
     """Put a model and its tables together; raises LogError, which says what to do."""
     xml = read_model(robot)
     mechanism = MjcfMechanism(
@@ -73,20 +65,20 @@ def pair(robot: Path, tables: Sequence[Path], asked: Asked) -> Pair:
     return put_together(xml, mechanism, tables, asked)
 
 
-def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], asked: Asked) -> Pair:
+def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], asked: Asked) -> Log:
     """A log of tables and a model that is known; raises LogError."""
     from backends.mjcf import joint_ranges
 
-    ranges = joint_ranges(xml)
-    table = read_tables(tables, list(ranges))
-    none = [name for name in table.frame if table.frame[name].isna().all()]
-    clock = timed(table.frame.drop(columns=none))
-    bare = [f"{', '.join(none)}: empty in all rows, and not used"] if none else []
+    ranges, notes = joint_ranges(xml), Notes()
+    frame = read_tables(tables, list(ranges), notes)
+    if none := [name for name in frame if frame[name].isna().all()]:
+        notes.warnings.append(f"{', '.join(none)}: empty in all rows, and not used")
+    clock = timed(frame.drop(columns=none), notes)
     joints, columns = readings(clock.frame, ranges, asked)
-    joints, whole, empty = whole_rows(joints, clock.time_s, clock.part)
+    joints, whole = whole_rows(joints, clock.time_s, clock.part, notes)
     if not whole.any():
         raise LogError("no row of the table has readings of all joints, and commands before it")
-    samples, counts, said, odd = episodes(clock.of(whole))
+    samples, counts = episodes(clock.of(whole), notes)
     samples = pd.concat([samples, joints[whole][counts].reset_index(drop=True)], axis=1)
     drives = drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n])
     meta = LogMeta(
@@ -95,8 +87,8 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
         mechanism=mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}}),
     )
     log = make_log(meta, samples, xml)
-    log = replace(log, warnings=(*table.warnings, *bare, *odd, *empty, *log.warnings))
-    return Pair(log=log, said=(*table.said, *said, *columns))
+    warnings = (*notes.warnings, *log.warnings)
+    return replace(log, warnings=warnings, said=(*notes.said, *columns))
 
 
 def readings(

@@ -11,6 +11,7 @@ import pandas as pd
 
 from diagnosis.logs._columns import kind_of
 from diagnosis.logs._meta import LogError
+from diagnosis.logs.stamps import Notes
 from diagnosis.logs.stamps import rows as in_words
 
 HELD = ("command", "reference", "feedforward", "push")
@@ -25,9 +26,9 @@ NEAR = 3.0
 
 
 def whole_rows(
-    samples: pd.DataFrame, time_s: np.ndarray, part: np.ndarray
-) -> tuple[pd.DataFrame, np.ndarray, list[str]]:
-    """The samples without empty cells, which rows count (T,), and warnings; raises LogError.
+    samples: pd.DataFrame, time_s: np.ndarray, part: np.ndarray, notes: Notes
+) -> tuple[pd.DataFrame, np.ndarray]:
+    """The samples without empty cells, and which rows count (T,); raises LogError.
 
     `part`: number of the stretch of each row.
     """
@@ -36,7 +37,7 @@ def whole_rows(
     read = [name for name, kind in kinds.items() if kind == "position"]
     held = [name for name, kind in kinds.items() if kind in HELD]
     slow = [name for name in kinds if name not in (*read, *held)]
-    rows, said = samples[read].notna().any(axis=1).to_numpy(), list[str]()
+    rows, said = samples[read].notna().any(axis=1).to_numpy(), notes.warnings
     there = samples[read].notna().to_numpy()
     if there.all(axis=1).sum() < TOGETHER * rows.sum() and _regular(there, time_s, part):
         samples, rows = _by_the_slowest(samples, read, time_s, part)
@@ -60,7 +61,7 @@ def whole_rows(
     filled[slow] = filled.groupby(part)[slow].ffill()
     filled[slow] = filled.groupby(part)[slow].bfill()
     said += _empty(samples[[*held, *slow]], counts, time_s, "there the last value holds")
-    return filled, counts, said
+    return filled, counts
 
 
 def _regular(there: np.ndarray, time_s: np.ndarray, part: np.ndarray) -> bool:

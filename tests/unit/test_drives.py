@@ -214,10 +214,10 @@ def test_columns_beside_the_target_are_read(tmp_path):
     (tmp_path / "arm.xml").write_text(ARM)
     drives = {"a": DriveSettings(kp=KP, kd=KD)}
     found = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
-    assert np.allclose(found.log.samples["reference_rad_s.a"], RATE)
-    assert np.allclose(found.log.samples["feedforward_nm.a"], SINE)
+    assert np.allclose(found.samples["reference_rad_s.a"], RATE)
+    assert np.allclose(found.samples["feedforward_nm.a"], SINE)
     assert "not used: a_torque_cmd" in found.said
-    assert mjcf_world(found.log).hand.driven[0].joint.loop.lead == 1
+    assert mjcf_world(found).hand.driven[0].joint.loop.lead == 1
 
 
 def test_an_integral_is_as_unsure_as_the_log_says():

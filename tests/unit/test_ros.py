@@ -92,11 +92,11 @@ def robot(tmp_path):
 def test_a_bag_is_a_log(robot, tmp_path, storage, asked, topic, late):
     """Read states and commands of either storage, by name, with the time that a point is due."""
     made = pair(robot, [bag(tmp_path / "run", asked, topic, storage)], Asked(drives=DRIVES))
-    rows = made.log.samples
-    assert set(made.log.joints) == {"a", "b"} and len(rows) == len(T) - late
+    rows = made.samples
+    assert set(made.joints) == {"a", "b"} and len(rows) == len(T) - late
     assert np.allclose(rows["position_rad.a"], READ[late:, 1])
     assert np.allclose(rows["command_rad.b"], ASKED[: len(T) - late, 0])
-    assert np.allclose(rows["torque_nm.a"], 0.5) and np.isclose(made.log.dt_s(0), 0.01)
+    assert np.allclose(rows["torque_nm.a"], 0.5) and np.isclose(made.dt_s(0), 0.01)
     assert topic in made.said[0]
 
 
@@ -105,7 +105,7 @@ def test_a_single_mcap_file_is_read(robot, tmp_path):
     bag(tmp_path / "run", state, "/joint_command", StoragePlugin.MCAP)
     (file,) = (tmp_path / "run").glob("*.mcap")
     moved = file.rename(tmp_path / "alone.mcap")
-    assert set(pair(robot, [moved], Asked(drives=DRIVES)).log.joints) == {"a", "b"}
+    assert set(pair(robot, [moved], Asked(drives=DRIVES)).joints) == {"a", "b"}
 
 
 def test_what_a_bag_lacks_is_said(robot, tmp_path, capfd):

@@ -25,7 +25,7 @@ def folder(tmp_path):
 
 def read(folder, *names: str, **asked) -> Log:
     """The log of tables in the folder."""
-    return pair(folder / "arm.xml", [folder / name for name in names], Asked(**asked)).log
+    return pair(folder / "arm.xml", [folder / name for name in names], Asked(**asked))
 
 
 def long(**more) -> pd.DataFrame:

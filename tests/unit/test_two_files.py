@@ -63,16 +63,16 @@ def test_columns_are_known_from_their_names(robot, tmp_path, command, position, 
     frame = table(command, position, time, current_0=0.1)
     frame.to_csv(tmp_path / "run.csv", index=False)
     made = pair(robot, [tmp_path / "run.csv"], Asked())
-    assert made.log.joints == NAMES
-    assert np.allclose(made.log.signal("command", 0), COMMAND)
-    assert np.allclose(made.log.signal("position", 0), POSITION)
+    assert made.joints == NAMES
+    assert np.allclose(made.signal("command", 0), COMMAND)
+    assert np.allclose(made.signal("position", 0), POSITION)
     assert "not used: current_0" in made.said
 
 
 def test_a_table_names_its_protocol(robot, tmp_path):
     """Take the protocol of an episode from the table's own column."""
     table("{}_cmd", "{}_pos", protocol="steps").to_csv(tmp_path / "run.csv", index=False)
-    (episode,) = pair(robot, [tmp_path / "run.csv"], Asked()).log.episodes
+    (episode,) = pair(robot, [tmp_path / "run.csv"], Asked()).episodes
     assert episode.protocol == "steps"
 
 
@@ -82,8 +82,8 @@ def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
     frame = pd.concat([frame[["Zeit [ms]"]] * 1000, np.degrees(frame.iloc[:, 1:])], axis=1)
     frame.round(6).to_csv(tmp_path / "run.csv", index=False, sep=";", decimal=",")
     made = pair(robot, [tmp_path / "run.csv"], Asked())
-    assert np.allclose(made.log.signal("position", 0), POSITION, atol=1e-6)
-    assert made.log.dt_s(0) == pytest.approx(5e-3)
+    assert np.allclose(made.signal("position", 0), POSITION, atol=1e-6)
+    assert made.dt_s(0) == pytest.approx(5e-3)
     assert (
         made.said[0] == "run.csv: CSV between semicolons, with decimal commas, 800 rows, 5 columns"
     )
@@ -97,11 +97,11 @@ def test_degrees_without_a_word_are_known_from_the_ranges(robot, tmp_path):
         many = pd.concat([frame[["t"]], size * frame.iloc[:, 1:]], axis=1)
         many.to_csv(tmp_path / f"{name}.csv", index=False)
     made = pair(robot, [tmp_path / "deg.csv"], Asked())
-    assert np.allclose(made.log.signal("position", 0), POSITION)
+    assert np.allclose(made.signal("position", 0), POSITION)
     with pytest.raises(LogError, match="in which unit are they\\? Say it with --unit"):
         pair(robot, [tmp_path / "far.csv"], Asked())
     made = pair(robot, [tmp_path / "far.csv"], Asked(unit="mrad"))
-    assert np.allclose(made.log.signal("position", 0), POSITION)
+    assert np.allclose(made.signal("position", 0), POSITION)
 
 
 def test_gaps_begin_episodes_and_coarse_stamps_are_spread(robot, tmp_path):
@@ -112,9 +112,9 @@ def test_gaps_begin_episodes_and_coarse_stamps_are_spread(robot, tmp_path):
     frame.loc[500:, "t"] -= 6.5
     frame.to_csv(tmp_path / "run.csv", index=False)
     made = pair(robot, [tmp_path / "run.csv"], Asked())
-    assert [len(made.log.episode(n)) for n in range(3)] == [300, 200, 300]
-    assert made.log.dt_s(0) == pytest.approx(5e-3, rel=0.02)
-    assert any("times repeat, so rows are spread" in text for text in made.log.warnings)
+    assert [len(made.episode(n)) for n in range(3)] == [300, 200, 300]
+    assert made.dt_s(0) == pytest.approx(5e-3, rel=0.02)
+    assert any("times repeat, so rows are spread" in text for text in made.warnings)
 
 
 @pytest.mark.parametrize(
@@ -144,7 +144,7 @@ def test_a_column_that_is_named_counts(robot, tmp_path):
     frame.to_csv(tmp_path / "run.csv", index=False)
     named = {f"{n}.{kind}": f"{c}{k}" for k, n in enumerate(NAMES) for kind, c in KINDS.items()}
     made = pair(robot, [tmp_path / "run.csv"], Asked(columns=named))
-    assert np.allclose(made.log.signal("command", 0), COMMAND)
+    assert np.allclose(made.signal("command", 0), COMMAND)
     with pytest.raises(LogError, match="give JOINT.KIND=COLUMN, of the joints shoulder_pan"):
         pair(robot, [tmp_path / "run.csv"], Asked(columns={"wrist.command": "x0"}))
 
@@ -170,8 +170,8 @@ def test_a_lerobot_data_set_is_read(robot, tmp_path):
     (tmp_path / "data").mkdir()
     frame.to_parquet(tmp_path / "data" / "file-000.parquet")
     made = pair(robot, [tmp_path / "data" / "file-000.parquet"], Asked())
-    assert np.allclose(made.log.signal("position", 1), POSITION[400:])
-    assert [e.episode for e in made.log.episodes] == [0, 1]
+    assert np.allclose(made.signal("position", 1), POSITION[400:])
+    assert [e.episode for e in made.episodes] == [0, 1]
 
 
 PAGE = Path(__file__).resolve().parents[2] / "docs/guide/own-robot.md"
