@@ -13,7 +13,8 @@ from diagnosis.blind import rigs
 from diagnosis.blind.motion import REST_S, Motion, evenly, times_s
 from tasks.initial_states import sample_initial_states
 
-GRASP, PULL = "grasp", "pull"
+HOLDS = GRASP, PULL = "grasp", "pull"
+"""Protocols with the stick in the hand."""
 SINES, SINE_HZ, SWAY_RAD = 3, (0.3, 3.0), (0.015, 0.04)
 """Number of sines of random frequency, and the largest excursion of a joint about its grip."""
 SQUEEZE = (0.8, 1.4)
@@ -26,31 +27,25 @@ PULL_AT_S, PULL_N_S = (1.2, 1.6), (70.0, 130.0)
 """Time at which the pull begins, and its growth per second."""
 
 
-def grasp(world: Spec, rng: np.random.Generator) -> Motion:
-    """A random grasp of the stick of a hidden world, and a random small motion in it."""
+def gripped(protocol: str, world: Spec, rng: np.random.Generator) -> Motion:
+    """A random grasp of the stick of a hidden world.
+
+    In it a random small motion, or none until the stick is pulled out of it.
+    """
     start = sample_initial_states([world], rng)
     squeeze = rng.uniform(*SQUEEZE) * np.array(world.hand.preload_rad)
-    moved = np.stack([_sway(times_s() - REST_S, rng) for _ in squeeze], axis=1)
+    if protocol == GRASP:
+        moved = np.stack([_sway(times_s() - REST_S, rng) for _ in squeeze], axis=1)
+        pull_n = None
+    else:
+        since_s = np.maximum(times_s() - rng.uniform(*PULL_AT_S), 0.0)
+        moved, pull_n = np.zeros((len(since_s), len(squeeze))), rng.uniform(*PULL_N_S) * since_s
     return Motion(
-        protocol=GRASP,
+        protocol=protocol,
         target_rad=start.joint_rad[0] + squeeze + moved,
         push_nm=0.0 * moved,
         start=start,
-    )
-
-
-def pull(world: Spec, rng: np.random.Generator) -> Motion:
-    """A random grasp that is held still until the stick is pulled out of it."""
-    start = sample_initial_states([world], rng)
-    squeeze = rng.uniform(*SQUEEZE) * np.array(world.hand.preload_rad)
-    since_s = np.maximum(times_s() - rng.uniform(*PULL_AT_S), 0.0)
-    target = np.tile(start.joint_rad[0] + squeeze, (len(since_s), 1))
-    return Motion(
-        protocol=PULL,
-        target_rad=target,
-        push_nm=0.0 * target,
-        start=start,
-        pull_n=rng.uniform(*PULL_N_S) * since_s,
+        pull_n=pull_n,
     )
 
 
@@ -60,10 +55,6 @@ def _sway(since_s: Array, rng: np.random.Generator) -> Array:
     pairs = zip(evenly(rng, SINE_HZ, SINES), phases, strict=True)
     moved = sum(np.sin(2 * np.pi * hz * inside_s + at) - np.sin(at) for hz, at in pairs)
     return rng.uniform(*SWAY_RAD) * moved / np.abs(moved).max()
-
-
-HOLDS = {GRASP: grasp, PULL: pull}
-"""Protocols with the stick in the hand."""
 
 
 def tracked(pose: Array, rng: np.random.Generator) -> Array:

@@ -20,7 +20,7 @@ from backends.state import Array
 from diagnosis.blind import motion, rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.files import BlindSet, write_json
-from diagnosis.blind.grasp import HOLDS, fallen, tracked
+from diagnosis.blind.grasp import HOLDS, fallen, gripped, tracked
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.plant import Mechanics, Plant
 from diagnosis.blind.sides import PLANTS, mechanics
@@ -107,7 +107,7 @@ def motions(case: Case, spec: Spec, world: Spec, rng: np.random.Generator) -> li
     """Random episodes: in free air with the nominal hand, in a grasp with the hidden stick."""
     rate_hz = rigs.rate_hz(case.rig)
     return [
-        HOLDS[protocol](world, rng)
+        gripped(protocol, world, rng)
         if protocol in HOLDS
         else motion.motion(protocol, spec, rng, rate_hz)
         for protocol in case.protocols
