@@ -91,7 +91,7 @@ def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
     began_s, found = sum(os.times()[:2]), dict[str, Any]()
     try:
         one = task(blind, number)
-        found = {"refused": None, "catalogue": sorted(one.known), **solve(one)}
+        found = {"refused": None, **solve(one)}
     except LogError as error:
         found = {"refused": str(error)}
     except Exception as error:  # noqa: BLE001 - it counts as a wrong answer, not as no case

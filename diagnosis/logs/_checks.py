@@ -205,8 +205,7 @@ def values_are_finite(number: int, part: pd.DataFrame) -> None:
 
 
 def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
-    """Meta with a unit and rate for every channel; refuses a unit that does not fit the name."""
-    rate = round(_rate_hz(samples), 3)
+    """Meta with a unit for every channel; refuses a unit that does not fit the name."""
     found = dict.fromkeys(channel_of(c) for c in samples.columns if c not in ("episode", "t_s"))
     for name, channel in meta.channels.items():
         if name not in found:
@@ -218,12 +217,8 @@ def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
                 f"channel '{name}' is declared in {channel.unit}; allowed: "
                 f"{' or '.join(UNITS[name])}; convert the numbers and correct the unit"
             )
-    given = {name: meta.channels.get(name, Channel(unit=UNITS[name][0])) for name in found}
-    filled = {
-        name: c if c.rate_hz else c.model_copy(update={"rate_hz": rate})
-        for name, c in given.items()
-    }
-    return meta.model_copy(update={"channels": filled})
+    every = {name: meta.channels.get(name, Channel(unit=UNITS[name][0])) for name in found}
+    return meta.model_copy(update={"channels": every})
 
 
 def rates_fit(meta: LogMeta, samples: pd.DataFrame) -> None:

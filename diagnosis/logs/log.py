@@ -128,9 +128,7 @@ class Log:
 
     def stick(self, episode: int) -> Array | None:
         """Stick pose x y z [m], qw qx qy qz, shape (T, 7); None if the episode has none."""
-        if STICK[0] not in self.samples.columns:
-            return None
-        pose = self.episode(episode)[list(STICK)].to_numpy(dtype=float)
+        pose = self.episode(episode).reindex(columns=STICK).to_numpy(dtype=float)
         return None if np.isnan(pose).any() else pose
 
     def pull(self, episode: int) -> Array | None:
@@ -138,9 +136,7 @@ class Log:
 
         None if the episode has none.
         """
-        if PULL not in self.samples.columns:
-            return None
-        force = self.episode(episode)[PULL].to_numpy(dtype=float)
+        force = self.episode(episode).reindex(columns=[PULL]).to_numpy(dtype=float)[:, 0]
         return None if np.isnan(force).any() else force
 
     def dt_s(self, episode: int) -> float:

@@ -154,7 +154,7 @@ def test_a_csv_and_eight_lines_do(write):
     log = read_log(folder)
     assert len(lines) <= 8
     assert log.episodes == (EpisodeMeta(episode=0, protocol="free"),)
-    assert log.meta.channels["position_rad"] == Channel(unit="rad", rate_hz=200.0)
+    assert log.meta.channels["position_rad"] == Channel(unit="rad")
     assert log.meta.nominal_uncertainty == 0.05
     assert log.dt_s(0) == pytest.approx(0.005)
     assert log.signal("position", 0).shape == (400, 2)
