@@ -73,9 +73,7 @@ def calibrate(
     pushes = [motion for motion in found if motion.push.any()]
     fitted, world = _gains(simulate, nominal, found, pushes, rng, progress)
     plays = push_test(simulate, world, pushes)
-    taxels, channel = nominal.hand.taxels, log.meta.channels.get("touch")
-    unit = channel.unit if channel else "m"
-    level = threshold_m if unit == "m" else YES
+    taxels = nominal.hand.taxels
     return Calibration(
         nominal=nominal,
         calibrated=_with_plays(world, plays),
@@ -86,8 +84,10 @@ def calibrate(
             )
             for name, play in plays.items()
         },
-        touch=calibrate_touch(log, (taxels.rows, taxels.columns), level),
-        touch_unit=unit,
+        touch=calibrate_touch(
+            log, (taxels.rows, taxels.columns), YES if log.is_binary else threshold_m
+        ),
+        touch_unit="1" if log.is_binary else "m",
         motions=_telling(found, REFINED_S),
     )
 

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs._columns import KINDS, STICK, UNITS, channel_of, kind_of, name_of
-from diagnosis.logs._meta import Channel, EpisodeMeta, LogError, LogMeta
+from diagnosis.logs._meta import EpisodeMeta, LogError, LogMeta
 from files.bounded import one_line
 
 MIN_SAMPLES = 20
@@ -26,7 +26,7 @@ motion."""
 
 
 def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, tuple[str, ...]]:
-    """Meta and samples with all optional parts filled in, and the warnings."""
+    """Meta with all episodes, the samples, and the warnings."""
     protocols = samples.get("protocol")
     samples = samples.drop(columns="protocol", errors="ignore")
     columns_are_known(samples)
@@ -40,7 +40,7 @@ def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, 
     for number, part in samples.groupby("episode", sort=False):
         times_increase(int(str(number)), part, warnings)
         values_are_finite(int(str(number)), part)
-    meta = channels_are_declared(meta, samples)
+    channels_fit(meta, samples)
     rates_fit(meta, samples)
     taxels_are_alike(samples)
     stick_is_whole(samples)
@@ -204,8 +204,8 @@ def values_are_finite(number: int, part: pd.DataFrame) -> None:
             )
 
 
-def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
-    """Meta with a unit for every channel; refuses a unit that does not fit the name."""
+def channels_fit(meta: LogMeta, samples: pd.DataFrame) -> None:
+    """Refuse a declared channel that is not there, or a unit that does not fit its name."""
     found = dict.fromkeys(channel_of(c) for c in samples.columns if c not in ("episode", "t_s"))
     for name, channel in meta.channels.items():
         if name not in found:
@@ -217,8 +217,6 @@ def channels_are_declared(meta: LogMeta, samples: pd.DataFrame) -> LogMeta:
                 f"channel '{name}' is declared in {channel.unit}; allowed: "
                 f"{' or '.join(UNITS[name])}; convert the numbers and correct the unit"
             )
-    every = {name: meta.channels.get(name, Channel(unit=UNITS[name][0])) for name in found}
-    return meta.model_copy(update={"channels": every})
 
 
 def rates_fit(meta: LogMeta, samples: pd.DataFrame) -> None:
@@ -227,7 +225,8 @@ def rates_fit(meta: LogMeta, samples: pd.DataFrame) -> None:
     for column in samples.columns:
         if column in ("episode", "t_s", *STICK) or column.startswith("touch."):
             continue
-        rate = meta.channels[channel_of(column)].rate_hz or rows
+        declared = meta.channels.get(channel_of(column))
+        rate = (declared and declared.rate_hz) or rows
         changes = np.mean(np.diff(samples[column].dropna().to_numpy()) != 0)
         too_slow = rate < rows / (1 + RATE_TOLERANCE) and changes * rows > 1.5 * rate
         if rate > rows * (1 + RATE_TOLERANCE) or too_slow:

@@ -81,6 +81,12 @@ class Log:
         return tuple(n.split(".", 1)[1] for n in names if n.startswith("touch."))
 
     @property
+    def is_binary(self) -> bool:
+        """Whether taxels say contact or none, and not how deep they are pressed."""
+        touch = self.meta.channels.get("touch")
+        return touch is not None and touch.unit == "1"
+
+    @property
     def episodes(self) -> tuple[EpisodeMeta, ...]:
         """The episodes with their protocols, in order."""
         return self.meta.episodes

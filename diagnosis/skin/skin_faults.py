@@ -66,7 +66,7 @@ def _identified(
     if parts[0].taxels != grid.shape[:2]:
         other = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
         return Report(missing=missing(names.values(), other))
-    binary = log.meta.channels["touch"].unit == "1"
+    binary = log.is_binary
     data, skin, misplaced = samples(nominal, parts, binary)
     if misplaced:
         why = MISPLACED.format(", ".join(misplaced))

@@ -15,7 +15,6 @@ import pytest
 import yaml
 
 from diagnosis.logs.log import (
-    Channel,
     DriveSettings,
     EpisodeMeta,
     HandMechanism,
@@ -154,7 +153,6 @@ def test_a_csv_and_eight_lines_do(write):
     log = read_log(folder)
     assert len(lines) <= 8
     assert log.episodes == (EpisodeMeta(episode=0, protocol="free"),)
-    assert log.meta.channels["position_rad"] == Channel(unit="rad")
     assert log.meta.nominal_uncertainty == 0.05
     assert log.dt_s(0) == pytest.approx(0.005)
     assert log.signal("position", 0).shape == (400, 2)

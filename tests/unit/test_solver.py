@@ -201,10 +201,7 @@ def thinned(log, every, protocols):
     kept = {e.episode for e in log.episodes if e.protocol in protocols}
     samples = log.samples[log.samples["episode"].isin(kept)]
     episodes = [e for e in log.meta.episodes if e.episode in kept]
-    channels = {
-        name: c.model_copy(update={"rate_hz": HZ / every}) for name, c in log.meta.channels.items()
-    }
-    meta = log.meta.model_copy(update={"episodes": episodes, "channels": channels})
+    meta = log.meta.model_copy(update={"episodes": episodes})
     return make_log(meta, samples.iloc[::every].reset_index(drop=True), log.mjcf_xml)
 
 
