@@ -18,9 +18,9 @@ from diagnosis.search.problem import Problem, is_column
 from diagnosis.search.quadratic import lowest
 from diagnosis.verdict.ordinary import Ordinary
 
-STEPS, AGAIN, MOVED = 7, 2, 1.0
+STEPS, AGAIN = 7, 2
 """Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
-by so many standard deviations. Slopes from elsewhere are so there, and where steps win little."""
+by more than they are taken over. Slopes from elsewhere are so there, and where steps win little."""
 DAMPINGS = (1.0, 0.4, 0.12)
 """Shares of a step that are tried."""
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
@@ -35,6 +35,8 @@ USUAL = 4.0
 """Tolerances together are a gap beyond so many standard deviations of healthy robots'."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
+WIDEST = 0.1
+"""Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples."""
 RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
 
@@ -181,7 +183,7 @@ class Fitter:
                 break
             if step == AGAIN and self._excess(shown) > HOPELESS * beat:
                 break
-            moved = np.abs(problem.at(u) - began)[held] > MOVED * problem.sd[held]
+            moved = np.abs(problem.at(u) - began)[held] > np.minimum(problem.sd[held], WIDEST)
             far = again and step == AGAIN and (stale or bool(moved.any()))
             anew = far or (stale and small)
             stale = stale and not anew
@@ -273,7 +275,7 @@ class Fitter:
     def step(self, number: int, now: float) -> float:
         """A change of a parameter that shows."""
         one = self.parameters[number]
-        small = max(one.tolerance, SMALL * one.least)
+        small = max(min(one.tolerance, WIDEST), SMALL * one.least)
         step = small if abs(now) < one.least else LARGE * abs(now)
         return -step if now < 0.0 else step
 
