@@ -26,6 +26,9 @@ BEYOND_LIMIT = 3.0
 OPPOSED, UNRELATED = -0.3, 0.1
 """Torques are of the wrong sign below this correlation with what the drive law asks for, and are
 noise where they hardly have any."""
+STOP_NEAR, STOP_S, STOP_SHARE = 0.01, 0.3, 0.5
+"""A joint stands at the end of its range within this share of it, while its target is beyond and it
+does not follow; until so long after [s]. Not where that is more than this share of the log."""
 TORQUE = CHANNELS.index("torque")
 
 
@@ -42,6 +45,8 @@ def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
     if count := sum(number for _, number in cleaned):
         notes.append(f"{count} absurd samples of {', '.join(limb.joints)} are left out")
     limb = replace(limb, recordings=tuple(recording for recording, _ in cleaned))
+    limb, stopped = _without_stops(limb)
+    notes += stopped
     limb, more = _with_plausible_torques(limb)
     return limb, (*notes, *more)
 
@@ -81,6 +86,38 @@ def _cleaned(recording: Recording, most: Array) -> tuple[Recording, int]:
             measured[wrong, c, j] = np.nan
             count += int(wrong.sum())
     return (replace(recording, measured=measured), count) if count else (recording, 0)
+
+
+def _without_stops(limb: Limb) -> tuple[Limb, list[str]]:
+    """The limb without readings at the ends of its joints' ranges, where replays go on; and notes.
+
+    Where its model ends a joint no fault shows: no replay has those stops.
+    """
+    recordings, notes = [replace(r, measured=r.measured.copy()) for r in limb.recordings], []
+    for j, body in enumerate(limb.spec.hand.driven):
+        stopped = [_at_ends(recording, j, body.joint.range_rad) for recording in recordings]
+        share = float(np.concatenate(stopped).mean())
+        if 0.0 < share < STOP_SHARE:
+            notes.append(
+                f"{limb.joints[j]} stands at the end of its range for {100 * share:.2g} % of the "
+                "log, with targets beyond it: that is not judged"
+            )
+            for recording, rows in zip(recordings, stopped, strict=True):
+                recording.measured[rows, :, j] = np.nan
+    return (replace(limb, recordings=tuple(recordings)), notes) if notes else (limb, [])
+
+
+def _at_ends(recording: Recording, joint: int, ends: tuple[float, float]) -> Array:
+    """Rows (T,) at which a joint stands at an end of its range, and some time after them."""
+    command, position = recording.command[:, joint], recording.measured[:, 0, joint]
+    near = STOP_NEAR * (ends[1] - ends[0])
+    rows = np.zeros(len(command), dtype=bool)
+    for side, end in zip((-1.0, 1.0), ends, strict=True):
+        past, asked = side * (position - end), side * (command - end)
+        if np.nanmax(past) < max(near, asked.max() / 2):
+            rows |= (asked > 0.0) & (past > -near)
+    last_s = np.maximum.accumulate(np.where(rows, recording.time_s, -np.inf))
+    return recording.time_s - last_s < STOP_S
 
 
 def absurd(readings: Array) -> Array:

@@ -1,7 +1,9 @@
 """Where an end stop may stand in a joint's way, as a log shows it before any fit."""
 
+from dataclasses import replace
+
 import pytest
-from arms import Real, log_of
+from arms import Real, log_of, mjcf
 
 from diagnosis.motion.blocked import blocked
 from diagnosis.motion.limb import Limb
@@ -37,3 +39,12 @@ def test_a_stop_of_an_arm_is_named_with_its_angle(joints):
     (cause,) = found.causes
     stands = float(cause.also.removeprefix("at ").removesuffix(" deg"))
     assert stands == pytest.approx(14.3, abs=1.0)
+
+
+@pytest.mark.parametrize(("kp", "verdict"), [({}, "none"), ({1: 0.6}, "kp-scale")])
+def test_a_stop_that_the_model_has_is_no_fault(kp, verdict):
+    """Judge nothing where a joint stands at the end of its range, and the rest of the log."""
+    log = log_of(Real(joints=2, stop_rad=STOP_RAD, kp=kp))
+    found = solve(replace(log, mjcf_xml=mjcf(2, stop_rad=STOP_RAD)))
+    assert found.verdict == (verdict,)
+    assert "end of its range" in found.notes[0]
