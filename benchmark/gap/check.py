@@ -25,7 +25,7 @@ def run(source: Source, out: Path | None, force: bool) -> tuple[dict, Renderable
     try:
         found = robot_log.read(source, folder, force)
         lines = [*found.said, *robot_log.understood(found.log)]
-        faults = _faults(found.log)
+        faults, remarks = _judged(found.log)
     except LogError as error:
         raise UsageError(str(error)) from error
     folder.mkdir(parents=True, exist_ok=True)
@@ -39,21 +39,22 @@ def run(source: Source, out: Path | None, force: bool) -> tuple[dict, Renderable
         "joints": list(found.log.joints),
         "understood": lines,
         "faults": faults,
+        "warnings": remarks,
         "written": written,
     }
-    end = [*(f"Fault: {text}" for text in faults), f"Wrote {' and '.join(written)}."]
+    end = [f"Warning: {text}" for text in remarks]
+    end += [*(f"Fault: {text}" for text in faults), f"Wrote {' and '.join(written)}."]
     end.append(f"Next: bench diagnose {found.folder}")
     return result, Group(*map(Text, [*lines, *end]))
 
 
-def _faults(log: Log) -> list[str]:
-    """What is wrong with the data of a user's robot."""
+def _judged(log: Log) -> tuple[list[str], list[str]]:
+    """What is wrong with the data of a user's robot, and what may be."""
     if isinstance(log.meta.mechanism, HandMechanism):
-        return []
+        return [], []
     try:
-        world = mjcf_world(log)
-        return list(triage(log, world))
+        return [], list(triage(log, mjcf_world(log)))
     except FaultError as error:
-        return [str(fault) for fault in error.faults]
+        return [str(fault) for fault in error.faults], []
     except LogError as error:
-        return [str(error)]
+        return [str(error)], []

@@ -216,6 +216,19 @@ def test_check_says_it_draws_it_and_writes_a_log(robot, tmp_path, capfd):
     assert "kq is '1'" in capfd.readouterr().err
 
 
+def test_a_remark_is_no_fault(robot, tmp_path, capfd):
+    """Say where a joint did not follow, and end well: a diagnosis takes such a log."""
+    frame = table("{}_cmd", "{}_pos")
+    off = (T > 1.8) & (T < 2.4)
+    frame.loc[off, "elbow_flex_pos"] = frame["elbow_flex_pos"][off].iloc[0]
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    words = ["check", "--robot", str(robot), "--log", str(tmp_path / "run.csv")]
+    assert cli.call([*words, "--out", str(tmp_path / "out"), "--json"]) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["ok"] and not found["faults"]
+    assert any("elbow_flex did not follow from" in said for said in found["warnings"])
+
+
 def test_a_folder_in_place_of_a_model_is_named_with_its_files(tmp_path, capfd):
     """Say which files a folder holds, where one is asked for."""
     folder = tmp_path / "tables"
