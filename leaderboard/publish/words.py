@@ -4,6 +4,7 @@ from collections.abc import Iterable, Sequence
 
 SHOWN = {
     **{"mujoco": "MuJoCo", "bullet": "Bullet", "sapien": "SAPIEN", "plant": "plain plant"},
+    "mujoco-warp": "MuJoCo Warp",
     **{"exudyn": "Exudyn", "drake": "Drake", "dart": "DART", "bristle": "bristle plant"},
     **{"plain": "plain MuJoCo"},
 }
