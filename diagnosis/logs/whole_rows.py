@@ -1,7 +1,7 @@
 """Which rows of a table count where cells are empty: a command holds until the next one.
 
 A row is a reading of all joints. Rows of commands alone, and empty cells of slow channels, need no
-more than that; a few rows that lack a reading are left out, and many are refused.
+more than that; a few readings of a joint that lack are interpolated, and many are refused.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,7 +21,7 @@ FEW = 0.1
 TOGETHER, REGULAR = 0.6, 0.5
 """Joints are read by clocks of their own where so few of the rows have them all, and where the
 steps of each are within this share of their median."""
-NEAR = 3.0
+NEAR = 3.5
 """Readings so many median steps apart, or fewer, say what was between them."""
 
 
@@ -42,6 +42,7 @@ def whole_rows(
     if there.all(axis=1).sum() < TOGETHER * rows.sum() and _regular(there, time_s, part):
         samples, rows = _by_the_slowest(samples, read, time_s, part)
         said.append("joints are read at different times: between readings they are interpolated")
+    given, samples = samples, _interpolated(samples, read, rows, time_s, part)
     counts = rows & samples[read].notna().all(axis=1).to_numpy()
     if counts.sum() < (1.0 - FEW) * rows.sum():
         lacking = samples.loc[rows, read].isna().sum()
@@ -49,6 +50,7 @@ def whole_rows(
             f"{lacking.idxmax()} is empty in {lacking.max()} of {rows.sum()} rows; allowed: up to "
             f"{100 * FEW:.0f} %; log it in every row, or give the table without its columns"
         )
+    said += _empty(given[read], counts, time_s, "there readings are interpolated")
     said += _empty(samples[read], rows, time_s, "these rows are left out")
     filled = samples.copy()
     ahead_s = float(np.median(np.diff(time_s[counts]))) / 2 if counts.sum() > 1 else 0.0
@@ -71,6 +73,22 @@ def _regular(there: np.ndarray, time_s: np.ndarray, part: np.ndarray) -> bool:
         if not len(step) or np.mean(np.abs(step / np.median(step) - 1.0) > REGULAR) > FEW:
             return False
     return True
+
+
+def _interpolated(
+    samples: pd.DataFrame,
+    read: Sequence[str],
+    rows: np.ndarray,
+    time_s: np.ndarray,
+    part: np.ndarray,
+) -> pd.DataFrame:
+    """Readings of joints that lack a few, with those that their neighbours are near."""
+    found = {}
+    for name in read:
+        mine = samples[name].notna().to_numpy()
+        if 0 < (rows & ~mine).sum() <= FEW * rows.sum():
+            found[name] = _between(samples[name].to_numpy(float), mine, time_s, part)
+    return samples.assign(**found)
 
 
 def _by_the_slowest(

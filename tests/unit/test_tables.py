@@ -175,6 +175,21 @@ def test_a_few_empty_cells_are_left_out(folder):
     assert "command_rad.elbow_flex: empty in 1 of 796 rows, the first at 0.5 s" in said
 
 
+def test_readings_that_lack_singly_are_interpolated(folder):
+    """Keep rows, and the commands in them, of which each joint lacks a few of its own."""
+    frame, lack = table("{}_cmd", "{}_pos"), np.random.default_rng(0)
+    for name in NAMES:
+        frame.loc[lack.random(len(T)) < 0.08, f"{name}_pos"] = np.nan
+    assert frame.isna().any(axis=1).mean() > 0.1
+    frame.to_csv(folder / "run.csv", index=False)
+    log = read(folder, "run.csv")
+    kept = np.isin(np.round(T, 6), np.round(log.samples["t_s"] + T[0], 6))
+    assert kept.mean() > 0.98
+    assert np.allclose(log.signal("position", 0, NAMES), POSITION[kept], atol=1e-3)
+    assert np.allclose(log.signal("command", 0, NAMES), COMMAND[kept])
+    assert any("there readings are interpolated" in text for text in log.warnings)
+
+
 def test_many_empty_cells_are_refused(folder):
     """Refuse a joint that is often not read, and leave a column out that is empty throughout."""
     frame = table("{}_cmd", "{}_pos")
