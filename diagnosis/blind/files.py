@@ -59,7 +59,7 @@ class Given:
 
     excluded: tuple[str, ...]
     """Effects that are removed from the solver's catalogue."""
-    robot: bool | None = None
+    robot: bool
     """Whether the log is from a robot and not from a simulator."""
     make: int | None = None
     """Number of the plant's healthy logs, if there are any."""

@@ -10,13 +10,12 @@ from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.near import is_near, plain_names
 from diagnosis.blind.oracle import Oracle, Shown
+from diagnosis.verdict.ordinary import HEALTHY_LEAST, HEALTHY_MORE
 
 NONE, UNKNOWN = "none", "unknown"
 TOP = 3
 ORDINARY_FLOORS = 4.0
 """Ordinary gap of healthy robots; with less than this left, both `none` and `unknown` are right."""
-HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
-"""The same with healthy logs: this multiple of their gap, but at least this."""
 FAULT_COLUMNS = (
     *("number", "mode", "real", "rig", "protocols", "channels", "effect", "level", "magnitude"),
     *("unit", "oracle_floors", "detectable", "found", "joints_right", "error", "covered"),

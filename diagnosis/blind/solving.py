@@ -58,13 +58,12 @@ def task(blind: BlindSet, number: int) -> Task:
     """A case of a set."""
     log, given = read_log(blind.log(number)), blind.given(number)
     mechanism = log.meta.mechanism
-    is_hand = isinstance(mechanism, HandMechanism)
     return Task(
         log=log,
         nominal=rigs.nominal(mechanism.hand) if isinstance(mechanism, HandMechanism) else None,
         healthy=tuple(map(read_log, blind.healthy_logs(number))),
         excluded=given.excluded,
-        robot=not is_hand if given.robot is None else given.robot,
+        robot=given.robot,
     )
 
 

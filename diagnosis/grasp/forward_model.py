@@ -90,7 +90,7 @@ def simulate_grasps(
         together([getattr(part, name) for _, part in pairs])
         for name in ("command_rad", "push_nm", "pull_n")
     )
-    rows = []
+    rows = list[tuple[Array, ...]]()
     for state in states(simulate([world for world, _ in pairs]), start, target, load, pull):
         stick = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
         force_n = np.linalg.norm(state.contact_force_n, axis=-1)
@@ -98,16 +98,10 @@ def simulate_grasps(
         if (stick[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
             break
     rows += rows[-1:] * (len(target) - len(rows))
-    joint, torque, stick, force = (np.stack(column, axis=1) for column in zip(*rows, strict=True))
-    ends = [len(part.time_s) for _, part in pairs]
-    shown = [
-        GraspReplay(
-            joint_rad=joint[n, :end],
-            torque_nm=torque[n, :end],
-            stick=stick[n, :end],
-            force_n=force[n, :end],
-        )
-        for n, end in enumerate(ends)
-    ]
+    every = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
+    shown = []
+    for n, (_, part) in enumerate(pairs):
+        joint, torque, stick, force = (values[n, : len(part.time_s)] for values in every)
+        shown.append(GraspReplay(joint_rad=joint, torque_nm=torque, stick=stick, force_n=force))
     count = len(parts)
     return [shown[w * count : (w + 1) * count] for w in range(len(worlds))]

@@ -302,7 +302,7 @@ def test_a_set_is_committed_to_a_later_solver_until_one_ran(solved, tmp_path):
     found.commit(dataclasses.replace(old, solver_sha256="0" * 64))
     assert blind.commit(found.path)["solver_sha256"] == old.solver_sha256
     assert found.commitment() == old
-    (found.log(0) / "case.json").write_text('{"excluded": []}')
+    (found.log(0) / "case.json").write_text('{"excluded": [], "robot": true}')
     with pytest.raises(UsageError, match="log of case 000"):
         blind.commit(found.path)
 
