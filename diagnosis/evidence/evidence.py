@@ -10,7 +10,7 @@ from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT, STIFFNESS
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
-from diagnosis.motion.recordings import white_noise
+from diagnosis.motion.recordings import stood_s, white_noise
 from diagnosis.verdict.sizes import Place
 
 FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
@@ -161,9 +161,7 @@ def _counts(limb: Limb) -> Array:
         return np.ones(shape, dtype=bool)
     found = []
     for recording, edges in zip(limb.recordings, limb.edges, strict=True):
-        moved = np.any(np.diff(recording.command, axis=0, prepend=recording.command[:1]), axis=1)
-        last = np.maximum.accumulate(np.where(moved, recording.time_s, 0.0))
-        rests = recording.time_s - last >= REST_S
+        rests = stood_s(recording.time_s, recording.command) >= REST_S
         found.append(np.repeat(rests[edges[:-1], None], shape[1], axis=1))
     return np.concatenate(found)
 

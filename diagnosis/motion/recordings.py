@@ -91,6 +91,13 @@ def period_s(found: tuple[Recording, ...]) -> float:
     return float(np.median(np.concatenate([np.diff(r.time_s) for r in found])))
 
 
+def stood_s(time_s: Array, asked: Array, least: float = 0.0) -> Array:
+    """How long (T,) [s] no target of (T,) or (T, K) has moved by more than `least` in a sample."""
+    moved = np.abs(np.diff(asked, axis=0, prepend=asked[:1])).reshape(len(asked), -1) > least
+    row = np.where(moved.any(axis=1), np.arange(len(asked)), 0)
+    return time_s - time_s[np.maximum.accumulate(row)]
+
+
 def white_noise(measured: Array) -> Array:
     """Standard deviation of white noise by column of (T, ...): third differences of it."""
     third = np.abs(np.diff(measured, n=3, axis=0))

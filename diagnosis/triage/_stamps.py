@@ -8,7 +8,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.motion.limb import BLOCK_S
-from diagnosis.motion.recordings import noise_of
+from diagnosis.motion.recordings import noise_of, stood_s
 from diagnosis.triage._tracks import Track
 
 REGULAR = 1e-4
@@ -30,9 +30,9 @@ def made_up(track: Track) -> str | None:
     pairs = zip(track.time_s, track.command, track.position, track.shown, strict=True)
     for time_s, command, position, shown in pairs:
         third = np.abs(np.diff(position - shown, n=3))
-        rests = _rests(time_s, command)
+        rests = stood_s(time_s, command) > REST_S
         speed = np.abs(np.gradient(shown, time_s))[3:]
-        smooth = ~_stepped(time_s, command, JUMP * track.travel)[3:]
+        smooth = stood_s(time_s, command, JUMP * track.travel)[3:] > REST_S
         fast = smooth & (speed > max(float(np.quantile(speed, 0.5)), 1e-9))
         resting.append(third[rests[3:] & rests[:-3]])
         moving.append(third[fast])
@@ -48,15 +48,3 @@ def made_up(track: Track) -> str | None:
         f"{track.name} scatters in motion as if stamps were off by {1e3 * late_s:.0f} ms, and not "
         "at rest: stamps are too regular; were they made from a row number?"
     )
-
-
-def _rests(time_s: Array, command: Array) -> Array:
-    """Where the target has rested (T,)."""
-    return ~_stepped(time_s, command, 0.0)
-
-
-def _stepped(time_s: Array, command: Array, least: float) -> Array:
-    """Where the target has lately moved by more than `least` in a sample (T,)."""
-    fresh = np.abs(np.diff(command, prepend=command[0])) > least
-    since = np.maximum.accumulate(np.where(fresh, np.arange(len(fresh)), -1))
-    return (since >= 0) & (time_s - time_s[since] <= REST_S)

@@ -10,7 +10,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import BLOCK_S
-from diagnosis.motion.recordings import noise_of, white_noise
+from diagnosis.motion.recordings import noise_of, stood_s, white_noise
 from diagnosis.packets.losses import Losses
 from diagnosis.packets.rounding import Rounding
 from diagnosis.verdict.ordinary import Ordinary
@@ -56,11 +56,8 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
     """White noise of a position where all targets rest; 0 where they hardly do."""
     third = []
     for recording in evidence.limb.recordings:
-        fresh = np.any(np.diff(recording.command, axis=0, prepend=0.0) != 0.0, axis=1)
-        row = np.arange(len(fresh))
-        since = np.maximum.accumulate(np.where(fresh, row, 0))
-        rests = recording.time_s[row] - recording.time_s[since] > REST_S
-        whole = rests[3:] & (since[3:] == since[:-3])
+        stood, time_s = stood_s(recording.time_s, recording.command)[3:], recording.time_s
+        whole = (stood > REST_S) & (stood >= time_s[3:] - time_s[:-3])
         third.append(np.diff(recording.measured[:, 0, j], n=3)[whole])
     found = np.abs(np.concatenate(third))
     return float(noise_of(found)) if len(found) >= LEAST_RESTS else 0.0
