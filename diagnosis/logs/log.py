@@ -14,39 +14,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs import _checks as _log_checks
-from diagnosis.logs import _files as _log_files
-from diagnosis.logs import _loads
+from diagnosis.logs import _checks, _files, _loads
 from diagnosis.logs._columns import KINDS, PULL, STICK, kind_of, name_of
-from diagnosis.logs._files import check_target
-from diagnosis.logs._meta import (
-    Channel,
-    DriveSettings,
-    EpisodeMeta,
-    HandMechanism,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    drive_of,
-)
-
-__all__ = [
-    "Channel",
-    "DriveSettings",
-    "EpisodeMeta",
-    "HandMechanism",
-    "Log",
-    "LogError",
-    "LogMeta",
-    "MjcfMechanism",
-    "drive_of",
-    "is_log",
-    "make_log",
-    "name_of",
-    "read_log",
-    "check_target",
-    "write_log",
-]
+from diagnosis.logs._files import check_target as check_target
+from diagnosis.logs._meta import Channel as Channel
+from diagnosis.logs._meta import DriveSettings as DriveSettings
+from diagnosis.logs._meta import EpisodeMeta, LogError, LogMeta
+from diagnosis.logs._meta import HandMechanism as HandMechanism
+from diagnosis.logs._meta import MjcfMechanism as MjcfMechanism
+from diagnosis.logs._meta import drive_of as drive_of
 
 Array = np.ndarray
 
@@ -157,13 +133,13 @@ class Log:
 
 def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) -> Log:
     """Make a log from its parts and fill in all optional parts; raises LogError."""
-    meta, samples, warnings = _log_checks.check(meta, samples)
+    meta, samples, warnings = _checks.check(meta, samples)
     return Log(meta=meta, samples=samples, mjcf_xml=mjcf_xml, warnings=warnings)
 
 
 def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
-    meta, samples, mjcf_xml, odd = _log_files.read(Path(path))
+    meta, samples, mjcf_xml, odd = _files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)
     _loads.check(log.meta, log.samples)
     return dataclasses.replace(log, warnings=(*odd, *log.warnings))
@@ -171,7 +147,7 @@ def read_log(path: Path | str) -> Log:
 
 def is_log(path: Path) -> bool:
     """Whether a folder holds a log."""
-    return (path / _log_files.META_FILE).is_file()
+    return (path / _files.META_FILE).is_file()
 
 
 def write_log(
@@ -189,4 +165,4 @@ def write_log(
     invalid or the folder exists.
     """
     log = make_log(log.meta, log.samples, log.mjcf_xml)
-    _log_files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance, force)
+    _files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance, force)
