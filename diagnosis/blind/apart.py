@@ -17,13 +17,7 @@ from diagnosis.blind import rigs
 from diagnosis.blind.draw import Case
 from diagnosis.blind.faults import Fault
 from diagnosis.blind.grasp import GRASP, HOLDS
-from diagnosis.blind.make import (
-    Simulate,
-    case_rng,
-    engine_readings,
-    hidden_world,
-    motions,
-)
+from diagnosis.blind.make import Simulate, case_rng, engine_readings, hidden_world, motions
 from diagnosis.blind.motion import Motion
 from diagnosis.blind.rigs import RATE_HZ, TORQUE_NOISE
 from diagnosis.grasp.forward_model import ends_m

@@ -14,14 +14,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs.log import (
-    EpisodeMeta,
-    Log,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    make_log,
-)
+from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
 from diagnosis.logs.servos import servo
 
 UNCERTAINTY = 0.1

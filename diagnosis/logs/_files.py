@@ -13,13 +13,7 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from diagnosis.logs._meta import (
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    dump_meta,
-    parse_meta,
-)
+from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, dump_meta, parse_meta
 from diagnosis.logs.plain_yaml import read_plain_yaml
 from files import bounded, tables
 from files.bounded import FileError
