@@ -44,11 +44,7 @@ class Search:
     seed: int = 0
 
 
-def smallest(
-    search: Search,
-    simulate: Simulate,
-    engines: Sequence[str],
-) -> dict:
+def smallest(search: Search, simulate: Simulate, engines: Sequence[str]) -> dict:
     """A row with the smallest detectable magnitude in its unit; `engines` are all engines.
 
     `bound` is '>' if no level is detectable, '<' if the smallest tried one is. The search ends at
@@ -92,11 +88,7 @@ def _cases(search: Search) -> tuple[Case, ...]:
 
 
 def _shows(
-    search: Search,
-    cases: Sequence[Case],
-    size: float,
-    simulate: Simulate,
-    engines: Sequence[str],
+    search: Search, cases: Sequence[Case], size: float, simulate: Simulate, engines: Sequence[str]
 ) -> bool:
     """Whether a magnitude is detectable in at least half of the draws."""
     hits, misses = 0, 0

@@ -210,11 +210,7 @@ def _deal(deck: Iterator[tuple[str, str]], count: int, real: str) -> list[tuple[
 
 
 def _hidden(
-    mode: str,
-    rig: str,
-    dealt: list[tuple[str, str]],
-    settings: Settings,
-    seed: list[int],
+    mode: str, rig: str, dealt: list[tuple[str, str]], settings: Settings, seed: list[int]
 ) -> dict:
     """The faults of a case, its nominal errors and what the solver's catalogue lacks.
 

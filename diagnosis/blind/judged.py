@@ -22,12 +22,7 @@ FAULT_COLUMNS = (
 )
 
 
-def case_row(
-    case: Case,
-    said: dict,
-    oracle: Oracle,
-    healthy: int = 0,
-) -> dict:
+def case_row(case: Case, said: dict, oracle: Oracle, healthy: int = 0) -> dict:
     """One case: the truth, the solver's verdict, and where it is right."""
     verdict = said.get("verdict", ["refused"])
     truth = _truth(case)
@@ -191,11 +186,7 @@ def _measured(fault: Fault, said: dict, case: Case) -> dict:
         return {"joints_right": right, "error": None, "covered": None}
     errors = [abs(m["magnitude"] - fault.magnitude) / abs(fault.magnitude) for m in named]
     inside = [m["interval"][0] <= fault.magnitude <= m["interval"][1] for m in named]
-    return {
-        "joints_right": right,
-        "error": float(np.mean(errors)),
-        "covered": all(inside),
-    }
+    return {"joints_right": right, "error": float(np.mean(errors)), "covered": all(inside)}
 
 
 def frames(rows: list[dict], faults: list[dict]) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -35,11 +35,7 @@ Simulate = Callable[[str, Sequence[Spec]], Simulator]
 
 
 def write_case(
-    blind: BlindSet,
-    case: Case,
-    simulate: Simulate,
-    seed: int,
-    make: int | None,
+    blind: BlindSet, case: Case, simulate: Simulate, seed: int, make: int | None
 ) -> None:
     """Write a case's log and the facts that its solver may use, and nothing of the answer.
 
@@ -64,11 +60,7 @@ def case_rng(case: Case, seed: int) -> np.random.Generator:
     return np.random.default_rng([seed, 2, case.number])
 
 
-def real_log(
-    case: Case,
-    simulate: Simulate,
-    rng: np.random.Generator,
-) -> Log:
+def real_log(case: Case, simulate: Simulate, rng: np.random.Generator) -> Log:
     """The log of the hidden world of a case."""
     spec, noise = rigs.nominal(case.rig), rigs.torque_noise(case.rig)
     moved = motions(case, spec, hidden_world(case, spec), rng)
@@ -89,11 +81,7 @@ def real_log(
 
 
 def readings(
-    case: Case,
-    spec: Spec,
-    moved: Sequence[Motion],
-    simulate: Simulate,
-    rng: np.random.Generator,
+    case: Case, spec: Spec, moved: Sequence[Motion], simulate: Simulate, rng: np.random.Generator
 ) -> list[dict[str, Array]]:
     """The readings of every episode of a case; `spec` is the rig's nominal world."""
     if case.real in PLANTS:

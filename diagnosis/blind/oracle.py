@@ -79,11 +79,7 @@ def _is_likely(one: Shown) -> bool:
     return one.nats is not None and one.nats >= DETECTABLE_NATS
 
 
-def consult(
-    case: Case,
-    folder: Path,
-    apart_nats: Callable[[Fault], float],
-) -> Oracle:
+def consult(case: Case, folder: Path, apart_nats: Callable[[Fault], float]) -> Oracle:
     """Ask the oracle about a case; `apart_nats` judges effects of touch, stick and contact.
 
     For a drawn robot the result of `sizing` is used. Of a log that says nothing it says nothing.

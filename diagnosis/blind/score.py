@@ -50,11 +50,7 @@ class Score:
         }
 
 
-def score(
-    sets: Sequence[tuple[BlindSet, Path]],
-    consult: Consult,
-    replayed: int = 0,
-) -> Score:
+def score(sets: Sequence[tuple[BlindSet, Path]], consult: Consult, replayed: int = 0) -> Score:
     """The score of sets and their answers together; their cases are numbered through.
 
     Raises BlindError for wrong answers, unfinished or foreign results.

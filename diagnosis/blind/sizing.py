@@ -121,11 +121,7 @@ class Robot:
 
 
 def sized(
-    case: Case,
-    times: tuple[float, float],
-    effects: Sequence[str],
-    simulate: Simulate,
-    seed: int,
+    case: Case, times: tuple[float, float], effects: Sequence[str], simulate: Simulate, seed: int
 ) -> Case:
     """The case of a drawn robot with the magnitudes of its faults, and its gaps.
 

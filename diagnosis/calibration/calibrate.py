@@ -79,8 +79,7 @@ def calibrate(
         calibrated=_with_plays(world, plays),
         joints={
             name: Joint(
-                gains=fitted[name],
-                backlash=Backlash.of(play) if isinstance(play, Play) else play,
+                gains=fitted[name], backlash=Backlash.of(play) if isinstance(play, Play) else play
             )
             for name, play in plays.items()
         },

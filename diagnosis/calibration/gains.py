@@ -99,9 +99,7 @@ def with_gains(spec: Spec, scale: Array) -> Spec:
     """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2)."""
     return spec.with_drives(
         dataclasses.replace(
-            drive,
-            kp_nm_rad=drive.kp_nm_rad * float(kp),
-            kd_nms_rad=drive.kd_nms_rad * float(kd),
+            drive, kp_nm_rad=drive.kp_nm_rad * float(kp), kd_nms_rad=drive.kd_nms_rad * float(kd)
         )
         for drive, (kp, kd) in zip(spec.drives, scale, strict=True)
     )

@@ -44,10 +44,7 @@ def in_hand(
 
 
 def stick_report(
-    log: Log,
-    nominal: Spec,
-    catalogue: Mapping[str, type[Effect]],
-    simulate: Simulate | None,
+    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], simulate: Simulate | None
 ) -> Report:
     """The effects of stick and contact that a log shows, and why it cannot show others."""
     names = of_part(catalogue, "stick", "contact")

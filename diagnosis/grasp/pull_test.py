@@ -209,10 +209,7 @@ def _finely(part: Held) -> Held:
 
 
 def _by_replays(
-    world: Spec,
-    parts: Sequence[Held],
-    seen: Sequence[Slip],
-    simulate: Simulate,
+    world: Spec, parts: Sequence[Held], seen: Sequence[Slip], simulate: Simulate
 ) -> PullFit:
     """The mass whose replays fit, once more where friction is what the first ones make of it."""
     played = _replays(world, parts, simulate, REPLAYED)
@@ -224,10 +221,7 @@ def _by_replays(
 
 
 def _shifted(
-    seen: Sequence[Slip],
-    played: Sequence[Sequence[Slip]],
-    masses: Sequence[float],
-    mass_kg: float,
+    seen: Sequence[Slip], played: Sequence[Sequence[Slip]], masses: Sequence[float], mass_kg: float
 ) -> PullFit:
     """The mass whose replays fit where each may slip later, which tells friction."""
     costs, ratios = np.zeros(len(masses)), np.zeros((len(masses), len(seen)))

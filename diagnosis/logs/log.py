@@ -151,11 +151,7 @@ def is_log(path: Path) -> bool:
 
 
 def write_log(
-    log: Log,
-    path: Path,
-    form: str = "parquet",
-    provenance: dict | None = None,
-    force: bool = False,
+    log: Log, path: Path, form: str = "parquet", provenance: dict | None = None, force: bool = False
 ) -> None:
     """Write a log as a folder, whole or not at all; `form` is 'parquet' or 'csv'.
 

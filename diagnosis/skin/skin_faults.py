@@ -95,10 +95,7 @@ def _offset(skin: Fitting, start: Faults) -> Faults:
 
 
 def _causes(
-    found: SkinFit,
-    names: Mapping[str, str],
-    nominal: Taxels,
-    catalogue: Mapping[str, type[Effect]],
+    found: SkinFit, names: Mapping[str, str], nominal: Taxels, catalogue: Mapping[str, type[Effect]]
 ) -> Iterator[Cause]:
     """What is more than nominal, and a threshold more than sticks are thick alike."""
     if found.is_unknown:

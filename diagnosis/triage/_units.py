@@ -77,10 +77,7 @@ def _moves_as_logged(track: Track) -> tuple[str, str] | None:
 def _rivals(track: Track, per_si: float) -> list[str]:
     """What else leaves as little: other limits of the torque, or a weight that is carried."""
     bare = replace(track.limb, spec=replace(track.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
-    others = {
-        LIMIT: track.varied(limited=per_si),
-        WEIGHT: track.beside(bare),
-    }
+    others = {LIMIT: track.varied(limited=per_si), WEIGHT: track.beside(bare)}
     most = RIVAL * _left(track.in_unit(per_si))
     return [text for text, other in others.items() if _left(other) < most]
 

@@ -48,8 +48,7 @@ class _World:
         mass_kg, plant = body.mass_kg, self._plant
         inertia = RotationalInertia(*body.inertia_kgm2, *body.products_kgm2)
         link = plant.AddRigidBody(
-            body.name,
-            SpatialInertia.MakeFromCentralInertia(mass_kg, np.array(body.com_m), inertia),
+            body.name, SpatialInertia.MakeFromCentralInertia(mass_kg, np.array(body.com_m), inertia)
         )
         carrier = plant.world_body() if body.parent is None else plant.GetBodyByName(body.parent)
         place = RigidTransform(np.array(body.origin_m))
