@@ -28,6 +28,10 @@ from diagnosis.logs.stamps import Notes, episodes, timed
 from diagnosis.logs.together import read_tables
 from diagnosis.logs.whole_rows import whole_rows
 
+Ranges = Mapping[str, tuple[float, float, bool]]
+"""By joint the ends of its range, and whether it slides: `backends.mjcf.joint_ranges`."""
+Columns = dict[tuple[str, str], Role]
+"""The column of each joint and kind."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
 OPEN_LOOP = (
@@ -91,12 +95,10 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
     return replace(log, warnings=warnings, said=(*notes.said, *columns))
 
 
-def readings(
-    frame: pd.DataFrame, ranges: Mapping[str, tuple[float, float, bool]], asked: Asked
-) -> tuple[pd.DataFrame, list[str]]:
+def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.DataFrame, list[str]]:
     """The columns of joints under the names and in the units of a log; and what was understood.
 
-    `ranges` as of `backends.mjcf.joint_ranges`; raises LogError.
+    Raises LogError.
     """
     columns, samples, said = _columns(frame, list(ranges), asked), {}, []
     scales = _scales(frame, columns, ranges, asked)
@@ -120,9 +122,7 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
-def _columns(
-    frame: pd.DataFrame, joints: Sequence[str], asked: Asked
-) -> dict[tuple[str, str], Role]:
+def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> Columns:
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
     known = [role for role in roles(list(frame.columns), joints) if role.kind != "other"]
@@ -161,9 +161,7 @@ def _unit_in(column: str) -> str | None:
     return next((unit for unit in (*ANGLES, *LENGTHS) if unit in have), None)
 
 
-def _with_both(
-    frame: pd.DataFrame, chosen: dict[tuple[str, str], Role], joints: Sequence[str]
-) -> dict[tuple[str, str], Role]:
+def _with_both(frame: pd.DataFrame, chosen: Columns, joints: Sequence[str]) -> Columns:
     """Joints that have both a command and a position; raises LogError where none has."""
     there = {joint for joint, _ in chosen}
     both = [j for j in joints if {(j, "command"), (j, "position")} <= set(chosen)]
@@ -186,10 +184,7 @@ def _with_both(
 
 
 def _scales(
-    frame: pd.DataFrame,
-    columns: Mapping[tuple[str, str], Role],
-    ranges: Mapping[str, tuple[float, float, bool]],
-    asked: Asked,
+    frame: pd.DataFrame, columns: Columns, ranges: Ranges, asked: Asked
 ) -> dict[str, tuple[float, str | None]]:
     """What each column is divided by, and its unit in words; raises LogError."""
     found: dict[str, tuple[float, str | None]] = {}
@@ -215,11 +210,7 @@ def _scales(
 
 
 def _guess(
-    frame: pd.DataFrame,
-    columns: Mapping[tuple[str, str], Role],
-    ranges: Mapping[str, tuple[float, float, bool]],
-    slides: bool,
-    given: str | None,
+    frame: pd.DataFrame, columns: Columns, ranges: Ranges, slides: bool, given: str | None
 ) -> str:
     """The unit of columns whose names have none: SI, or what alone fits the joints' ranges."""
     si, other = ("m", "mm") if slides else ("rad", "deg")
