@@ -7,9 +7,12 @@ from functools import cache
 from backends.effect import Effect
 from files.plugins import KINDS, parts
 
+Catalogue = Mapping[str, type[Effect]]
+"""Effect classes by name."""
+
 
 @cache
-def catalogue() -> Mapping[str, type[Effect]]:
+def catalogue() -> Catalogue:
     """All effect classes by their names on the command line."""
     return {
         name: getattr(importlib.import_module(part.module), part.attribute)
@@ -17,7 +20,7 @@ def catalogue() -> Mapping[str, type[Effect]]:
     }
 
 
-def of_part(catalogue: Mapping[str, type[Effect]], *parts: str) -> dict[str, str]:
+def of_part(catalogue: Catalogue, *parts: str) -> dict[str, str]:
     """Names of the effects that change numbers of some parts of the spec, by number."""
     return {
         number: name

@@ -4,11 +4,10 @@ Radius and softness show in how near tips and stick are (`shape`), friction and 
 is pulled out (`pull_test`). Faults of the skin show on the stick that is there.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
-from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.catalogue import Catalogue, of_part
 from backends.spec import Spec
 from diagnosis.grasp import pull_test
 from diagnosis.grasp.forward_model import FRICTION, MASS, RADIUS, SOFTNESS
@@ -28,7 +27,7 @@ NO_MODEL = "not looked for: no test of a grasp here shows it"
 
 
 def in_hand(
-    log: Log, world: Spec, catalogue: Mapping[str, type[Effect]], simulate: Simulate | None = None
+    log: Log, world: Spec, catalogue: Catalogue, simulate: Simulate | None = None
 ) -> Report:
     """What the log tells of touch, stick and contact; nothing of a mechanism without fingertips.
 
@@ -44,7 +43,7 @@ def in_hand(
 
 
 def stick_report(
-    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], simulate: Simulate | None
+    log: Log, nominal: Spec, catalogue: Catalogue, simulate: Simulate | None
 ) -> Report:
     """The effects of stick and contact that a log shows, and why it cannot show others."""
     names = of_part(catalogue, "stick", "contact")

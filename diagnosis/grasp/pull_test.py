@@ -9,13 +9,12 @@ how fast it goes then tells m. Contacts that creep, as the nominal engine's, sli
 replays of other masses are fitted. Which kind contacts are, gaps tell (`shape`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.catalogue import Catalogue, of_part
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.grasp.forward_model import FRICTION, MASS, simulate_grasps
@@ -77,7 +76,7 @@ class PullFit:
     gives_way: bool = False
     """Whether contacts may hold until they give way at once, which looks light."""
 
-    def report(self, catalogue: Mapping[str, type[Effect]]) -> Report:
+    def report(self, catalogue: Catalogue) -> Report:
         """What is sure, `unknown` without a name by its number; and what is missing of the rest."""
         names = of_part(catalogue, "stick")
         logs = (self.friction, self.friction_std), (self.mass, self.spread)

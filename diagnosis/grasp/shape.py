@@ -17,8 +17,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.catalogue import Catalogue, of_part
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.grasp.forward_model import (
@@ -174,7 +173,7 @@ class Shape:
         """Whether contacts are softer than nominal."""
         return self.chosen.is_soft and not self.is_misplaced
 
-    def report(self, nominal: Spec, catalogue: Mapping[str, type[Effect]]) -> Report:
+    def report(self, nominal: Spec, catalogue: Catalogue) -> Report:
         """What is named, `unknown` where it is not in the catalogue."""
         names = of_part(catalogue, "stick", "contact")
         if self.is_misplaced:
@@ -188,7 +187,7 @@ class Shape:
         )
 
     def _causes(
-        self, nominal: Spec, names: Mapping[str, str], catalogue: Mapping[str, type[Effect]]
+        self, nominal: Spec, names: Mapping[str, str], catalogue: Catalogue
     ) -> Iterator[Cause]:
         share = share_of(self.chosen, self.nominal)
         radius_m, compliance_m_n, _ = self.chosen.sizes

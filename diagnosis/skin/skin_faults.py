@@ -7,8 +7,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.catalogue import Catalogue, of_part
 from backends.spec import Spec, Taxels
 from backends.touch import taxel_grid
 from diagnosis.logs.log import Log
@@ -34,7 +33,7 @@ STRANGE = "the taxels that respond are not those that stick and joints press"
 
 
 def identify_skin_faults(
-    log: Log, nominal: Spec, catalogue: Mapping[str, type[Effect]], mended: bool = False
+    log: Log, nominal: Spec, catalogue: Catalogue, mended: bool = False
 ) -> Report:
     """The effects on taxels that a log shows, and which of them it cannot show.
 
@@ -52,11 +51,7 @@ def identify_skin_faults(
 
 
 def _identified(
-    log: Log,
-    nominal: Spec,
-    names: Mapping[str, str],
-    catalogue: Mapping[str, type[Effect]],
-    mended: bool,
+    log: Log, nominal: Spec, names: Mapping[str, str], catalogue: Catalogue, mended: bool
 ) -> Report:
     """The report on faults that the model has; `names` are those of their effects."""
     parts = [part for part in held(log, nominal) if part.touch is not None]
@@ -95,7 +90,7 @@ def _offset(skin: Fitting, start: Faults) -> Faults:
 
 
 def _causes(
-    found: SkinFit, names: Mapping[str, str], nominal: Taxels, catalogue: Mapping[str, type[Effect]]
+    found: SkinFit, names: Mapping[str, str], nominal: Taxels, catalogue: Catalogue
 ) -> Iterator[Cause]:
     """What is more than nominal, and a threshold more than sticks are thick alike."""
     if found.is_unknown:
