@@ -19,7 +19,6 @@ from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.evidence.gap import squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
@@ -173,13 +172,13 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     known = _parameters(said, asked)
     ordinary = asked.origin
     if healthy:
-        pairs = ((_part(one, asked.origin), _parameters(one, asked)) for one in healthy)
-        sound = [Fitter(world(*pair, asked.origin.exact)).settled() for pair in pairs]
+        pairs = ((_part(one), _parameters(one, asked)) for one in healthy)
+        sound = [Fitter(World(*pair)).settled() for pair in pairs]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     if found.stopped:
-        nominal = world(fitter.evidence, (), ordinary.exact)
+        nominal = World(fitter.evidence, ())
         result = decide(fitter, found, ordinary)
         return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
     left = found.chosen.residual
@@ -201,7 +200,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    nominal = world(said, (), ordinary.exact)
+    nominal = World(said, ())
     return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
 
 
@@ -209,12 +208,12 @@ def _searched(
     said: Evidence, known: Sequence[Parameter], ordinary: Ordinary, progress: Progress
 ) -> tuple[Fitter, Found]:
     """What a search finds, on a part of a long log, then fitted to all of it."""
-    part = _part(said, ordinary)
-    fitter = Fitter(world(part, known, ordinary.exact), ordinary.exact)
+    part = _part(said)
+    fitter = Fitter(World(part, known))
     found = Search(fitter, ordinary, within(progress, 0.0, SEARCHED)).run()
     try:
         if part is not said and not found.stopped:
-            whole = Fitter(world(said, known, ordinary.exact), ordinary.exact)
+            whole = Fitter(World(said, known))
             found = on_whole(whole, found, ordinary, within(progress, SEARCHED, FITTED))
             fitter = whole
         progress("what is left", FITTED)
@@ -223,13 +222,13 @@ def _searched(
     return fitter, found
 
 
-def _part(said: Evidence, ordinary: Ordinary) -> Evidence:
+def _part(said: Evidence) -> Evidence:
     """The evidence, or that of a part that is long enough to search on."""
     limb = said.limb
     some = excerpt(limb.recordings, SEARCHED_S)
     if some == limb.recordings:
         return said
-    return spreading(world(evidence(replace(limb, recordings=some)), (), ordinary.exact))
+    return spreading(World(evidence(replace(limb, recordings=some)), ()))
 
 
 def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
@@ -241,7 +240,7 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
     best = dict[int, tuple[float, Rounding]]()
     for one in roundings(world, chosen.u, chosen.residual):
         limb = evidence.limb.with_steps(one.joint, one.step)
-        after = type(world)(replace(evidence, limb=limb), world.parameters)
+        after = World(replace(evidence, limb=limb), world.parameters)
         fit = Fitter(after).fit(chosen.freed, near=chosen.u, slopes=chosen.slopes, again=False)
         part = evidence.parts[one.joint]
         left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))
@@ -268,7 +267,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         if lost is None:
             return None
         limb = arrived(evidence.limb, lost)
-        after = type(world)(replace(evidence, limb=limb), world.parameters)
+        after = World(replace(evidence, limb=limb), world.parameters)
         fit = Fitter(after).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
         lost = losses(world, fit.u, fit.residual, lost) or lost
     return lost if likely or share_of(fit, before) >= FURTHER else None
@@ -280,13 +279,14 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     some = excerpt(whole, FITTED_S)
     if asked.rigid:
         some = with_own_steps(log, part, some)
-    limb, notes = checked(Limb(spec=part, recordings=some, rigid=asked.rigid))
+    limb = Limb(spec=part, recordings=some, rigid=asked.rigid, exact=asked.origin.exact)
+    limb, notes = checked(limb)
     if _lasts_s(some) < _lasts_s(whole):
         notes = (*notes, LONG.format(_lasts_s(some), _lasts_s(whole)))
     said = evidence(limb)
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
-    return spreading(world(said, (), asked.origin.exact)), notes
+    return spreading(World(said, ())), notes
 
 
 def _lasts_s(every: Sequence[Recording]) -> float:

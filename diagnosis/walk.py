@@ -154,7 +154,10 @@ def _gravity(limbs: Sequence[Judged], nominal: Spec) -> tuple[float, float, floa
     known = [one for one in limbs if one.result.causes and one.result.verdict != (UNKNOWN,)]
     tilts = [one.fitter.world.numbers(one.found.chosen.u)[1] for one in known]
     most = max(tilts, key=lambda tilt: float(np.abs(tilt).max()), default=None)
-    return turned(nominal.gravity_m_s2, most) if most is not None and most.any() else None
+    if most is None or not most.any():
+        return None
+    x, y, z = map(float, turned(nominal.gravity_m_s2, most))
+    return x, y, z
 
 
 def _engine_gaps_rad(

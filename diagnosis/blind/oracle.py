@@ -20,8 +20,8 @@ from diagnosis.blind.sides import PLANTS
 from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, read_log
-from diagnosis.models.exact_world import world
 from diagnosis.models.parameters import Parameter, parameters
+from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
@@ -147,12 +147,13 @@ def fitters(case: Case, log: Log, origin: Ordinary) -> Iterator[Fitter]:
     for part in limbs(rigs.nominal(case.rig)):
         rigid = rigs.robot(case.rig) is not None
         try:
-            limb, _ = checked(Limb(spec=part, recordings=recordings(log, part), rigid=rigid))
+            moved = recordings(log, part)
+            limb, _ = checked(Limb(spec=part, recordings=moved, rigid=rigid, exact=origin.exact))
         except StillError:
             continue
         said = evidence(limb)
         known = parameters(catalogue(), said, log.meta.nominal_uncertainty, origin.everyday)
-        yield Fitter(world(said, known, origin.exact), origin.exact)
+        yield Fitter(World(said, known))
 
 
 def _explained(case: Case, fitter: Fitter) -> _Explained:

@@ -19,13 +19,12 @@ AXES = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
 """Axes about which gravity may be tilted: the effect's first, then the other horizontal one."""
 
 
-def turned(gravity_m_s2: Vec3, tilt: Array) -> Vec3:
-    """Gravity turned by angles about `AXES` (2,) [rad]."""
+def turned(gravity_m_s2: Vec3 | Array, tilt: Array) -> Array:
+    """Gravity (3,) turned by angles about `AXES` (2,) [rad]."""
     gravity = np.array(gravity_m_s2)
     for angle, axis in zip(tilt, AXES, strict=True):
         gravity = np.cos(angle) * gravity + np.sin(angle) * np.cross(axis, gravity)
-    x, y, z = map(float, gravity)
-    return x, y, z
+    return gravity
 
 
 Model = tuple[Array, Array, Array, Array]
@@ -64,16 +63,10 @@ class Along:
         )
 
     @cached_property
-    def by_tilt(self) -> tuple[Array, ...]:
-        """What h gains by sin(tilt) about each of `AXES`."""
-        gravity = self.chain.gravity_m_s2
-        turned = (gravity + np.cross(axis, gravity) for axis in AXES)
-        return tuple(self._swept(gravity_m_s2=g)[1] - self.model[1] for g in turned)
-
-    @cached_property
-    def weight(self) -> Array:
-        """What of h is gravity (P, K) [Nm]."""
-        return self.model[1] - self._swept(gravity_m_s2=np.zeros(3))[1]
+    def by_gravity(self) -> Array:
+        """What h gains with gravity along x, y and z, shape (3, P, K) [Nm per m/s^2]."""
+        none = self._swept(gravity_m_s2=np.zeros(3))[1]
+        return np.stack([self._swept(gravity_m_s2=axis)[1] - none for axis in np.eye(3)])
 
     def changed(self, load: Array, tilt: Array) -> Model:
         """The model with shares `load` (L,) of what `loaded` adds, gravity turned by `tilt`."""
@@ -82,8 +75,8 @@ class Along:
             more_m, more_h = (load @ more for more in self.by_load)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
         if tilt.any():
-            for angle, more_h in zip(tilt, self.by_tilt, strict=True):
-                h = h + np.sin(angle) * more_h + (np.cos(angle) - 1.0) * self.weight
+            gravity = self.chain.gravity_m_s2
+            h = h + np.tensordot(turned(gravity, tilt) - gravity, self.by_gravity, 1)
         return m, h, dq, dv
 
     def _swept(self, step: float = 0.0, **other: Array) -> Model:

@@ -3,7 +3,8 @@
     (M + D dt) a = tau + push - h - G (q - q_m) - C (v - v_m)
 
 M, h, G = dh/dq and C = dh/dv are taken once at points (q_m, v_m) of the measured motion, so a
-replay computes no kinematics and needs no measured accelerations. A drive is rigid, with all of
+replay computes no kinematics and needs no measured accelerations. Or M and h have a closed form
+and are exact at every tick, as in an engine. A drive is rigid, with all of
 its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
 implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). Its law is
 
@@ -54,6 +55,7 @@ from diagnosis.motion.columns import (
     VISCOUS,
     WARM,
 )
+from diagnosis.replay.closed import closed_form
 
 SWEEPS = 3
 """Iterations of dry friction over coupled joints."""
@@ -149,6 +151,7 @@ def integrate(
     bias,
     dq,
     dv,
+    closed,
     command,
     given,
     push,
@@ -159,18 +162,25 @@ def integrate(
     implicit,
     out,
 ):
-    """Write joint, motor and PD torque of K joints after every tick into `out` (n, 3, K).
+    """Write joint, motor and PD torque of K joints into `out` (n + 1, 3, K).
 
-    Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K);
-    commands and pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2):
-    the target's speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (K,),
-    numbers p (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2).
-    `implicit`: damping and stops at the end of a tick, as MuJoCo's damping. False where the motion
-    diverged.
+    At the start, where two masses have no torque yet, as in an engine, and after every tick.
+
+    Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K),
+    or in their place the coefficients of `closed_form` (5, 3, 5), else (0, 3, 5); commands and
+    pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2): the target's
+    speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (K,), numbers p
+    (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2). `implicit`: damping
+    and stops at the end of a tick, as MuJoCo's damping. False where the motion diverged.
 
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
-    joints, end = len(start), len(mass) - 1
+    joints, exact = len(start), len(closed) > 0
+    if exact:
+        q_m, v_m, bias = np.zeros((3, 1, joints))
+        mass, dq, dv = np.zeros((3, 1, joints, joints))
+        closed_form(closed, start, v_m[0], mass[0], bias[0])
+    end = len(mass) - 1
     q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
@@ -182,8 +192,11 @@ def integrate(
             total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
     inverse = np.zeros((joints, joints))
     held, at_limit, stopped = np.zeros(joints, np.bool_), False, np.any(ends[:, 1])
-    for t in range(len(out)):
-        i, k, changed = min(t // stride, end), row[t], t % stride == 0
+    out[0], out[0, 2] = start, 0.0
+    for t in range(len(row)):
+        i, k, changed = min(t // stride, end), row[t], exact or t % stride == 0
+        if exact:
+            closed_form(closed, q, v, mass[0], bias[0])
         for j in range(joints):
             asked, n = command[k, j], k
             if p[j, DELAY] > 0.0:
@@ -216,7 +229,9 @@ def integrate(
             law = p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE], p[j, UNLIMITED]
             pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, FALL])
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
-            out[t, 2, j] = pd
+            out[t + 1, 2, j] = pd
+            if t == 0 and p[j, TWO_MASSES] == 0.0:
+                out[0, 2, j] = pd
             cog = cogged(motor[j], p[j, COGGING], p[j, PERIOD], p[j, PHASE])
             if p[j, FADE] > 0.0 or p[j, SLIDING] > 0.0:
                 law = p[j, LIMIT], p[j, FADE], p[j, WARM], p[j, SLIDING], p[j, BRISTLE]
@@ -266,7 +281,7 @@ def integrate(
                 accel[j] += inverse[j, n] * force[n]
             if p[j, LOCK] > 0.0 and p[j, TWO_MASSES] == 0.0:
                 slides = v[j] + dt * accel[j]
-                if slides * out[t, 2, j] <= 0.0 and slides * gear[j] < 0.0:
+                if slides * out[t + 1, 2, j] <= 0.0 and slides * gear[j] < 0.0:
                     rub[j], rubs = rub[j] + p[j, LOCK], True
         for j in range(joints):
             after[j] = v[j] + dt * accel[j]
@@ -296,7 +311,7 @@ def integrate(
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]
             slow[j] += share[j] * (speed[j] - slow[j])
-            out[t, 0, j], out[t, 1, j] = q[j], motor[j]
+            out[t + 1, 0, j], out[t + 1, 1, j] = q[j], motor[j]
             if not abs(q[j]) + abs(motor[j]) < FAR_RAD:
                 return False
     return True

@@ -37,6 +37,7 @@ from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
 from diagnosis.replay.chain import Chain, chain
+from diagnosis.replay.closed import POSES, coefficients, is_closed
 
 POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
@@ -59,6 +60,9 @@ class Limb:
     recordings: tuple[Recording, ...]
     rigid: bool
     """Whether drives are rigid, as in a user's MJCF, instead of two masses with a gear."""
+    exact: bool = False
+    """Whether the law of its drives is ours: where it has a closed form, it is replayed as an
+    engine would, instead of along the measured motion. Where play rattles, only that follows."""
     torque_from: bool = False
     """Whether a torque was read as it is from its sample on, not as it was until then."""
 
@@ -131,7 +135,7 @@ class Limb:
         """See `Along.loaded`; who carries weight beside the drives knows of no load."""
         hand = self.spec.hand
         heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
-        held = [replace(hand.driven[j], payload=1.0) for j in self._ends]
+        held = [replace(body, payload=body.payload + 1.0) for body in hand.ends]
         light = [replace(b, carried=b.carried + 1.0) for b in hand.driven]
         bodies = {body.name: body for body in hand.driven}
         worlds = (bodies | {body.name: body} for body in (*heavy, *held, *light))
@@ -143,9 +147,18 @@ class Limb:
         return [self.spec.hand.driven.index(body) for body in self.spec.hand.ends]
 
     @cached_property
+    def closed(self) -> bool:
+        """Whether its model is in closed form."""
+        return self.exact and not self.rigid and is_closed(self.spec)
+
+    @cached_property
     def along(self) -> tuple[Along, ...]:
-        """The rigid-body model along every episode."""
+        """The rigid-body model along every episode, or at the poses that its closed form is of."""
         bodies, found = chain(self.spec), []
+        if self.closed:
+            q = np.ascontiguousarray(POSES[:, : len(self.joints)])
+            poses = Along(chain=bodies, angle_rad=q, speed_rad_s=0.0 * q, loaded=self._loaded)
+            return (poses,) * len(self.recordings)
         for recording, ticks in zip(self.recordings, self._ticks, strict=True):
             count = len(ticks.row) // self.stride + 1
             points_s = (np.arange(count) + 0.5) * self.stride * self.dt
@@ -215,6 +228,11 @@ class Limb:
         episodes = enumerate(self.edges)
         return np.concatenate([self.readings(n, e, numbers, tilt, shift) for n, e in episodes])
 
+    def samples(self, number: int, numbers: Array, tilt: Array | None = None) -> Array:
+        """See `simulate`: of one episode, sample by sample (T, 3, K)."""
+        edges = np.arange(len(self.recordings[number].time_s) + 1)
+        return self.readings(number, edges, numbers, tilt)
+
     def readings(
         self,
         number: int,
@@ -240,18 +258,19 @@ class Limb:
         tilt: Array | None = None,
         shift: Array | float = 0.0,
     ) -> Array | None:
-        """Joints, motors and torques after every tick of an episode (n, 3, K); None: diverged."""
+        """Joints, motors and torques of an episode as `integrate` has them; None: diverged."""
         recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
         mass = self.nominal[:, MASS]
         heavier = np.where(mass > 0.0, numbers[:, MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
-        carried = numbers[:, CARRIED] - self.nominal[:, CARRIED]
-        load = np.concatenate([heavier, numbers[self._ends, PAYLOAD], carried])
+        payload, carried = (numbers - self.nominal)[:, [PAYLOAD, CARRIED]].T
+        load = np.concatenate([heavier, payload[self._ends], carried])
         model = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
         sent = rounded(recording.command, numbers[:, STEP])
         asked = sent, recording.given, recording.push, clock.row
         start = unread(recording.start, numbers) + shift
-        out = np.empty((len(clock.row), len(CHANNELS), len(self.joints)))
-        motion = path.angle_rad, path.speed_rad_s, *model
+        out = np.empty((len(clock.row) + 1, len(CHANNELS), len(self.joints)))
+        closed = coefficients(*model[:2]) if self.closed else np.zeros((0, 3, 5))
+        motion = path.angle_rad, path.speed_rad_s, *model, closed
         ends = stops(numbers[:, [STOP, FIRM, STIFFNESS]], self._ranges)
         given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
         return out if integrate(*given, out) else None
@@ -285,7 +304,7 @@ class _Ticks:
     row: Array
     """The sample that acts at every tick, shape (n,)."""
     at: Array
-    """The tick after which every sample is taken, broken, shape (T,)."""
+    """After how many ticks every sample is taken, broken, shape (T,)."""
 
     @classmethod
     def of(cls, recording: Recording, dt: float) -> "_Ticks":
@@ -293,4 +312,4 @@ class _Ticks:
         if first[-1] > 4e7:
             raise LogError(f"an episode lasts {recording.time_s[-1]:.0f} s; split it")
         row = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
-        return cls(row=row, at=recording.time_s / dt - 1.0)
+        return cls(row=row, at=recording.time_s / dt)

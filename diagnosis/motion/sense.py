@@ -10,9 +10,10 @@ from diagnosis.motion.columns import ACROSS, BIAS, LATE, ONCE, SCALE
 def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
     """Write means of what K joints show over blocks of samples into `shown` (B, 3, K).
 
-    `ticks` (n, 3, K): joint, motor and torque after every tick; `at` (T,): the tick of every
-    sample, broken; `edges` (B + 1,): first samples of the blocks; `at_motor` (K,): the side of the
-    gear with the position sensor; `ahead`: ticks after its sample that a torque is read.
+    `ticks` (n + 1, 3, K): joint, motor and torque at the start and after every tick; `at` (T,): how
+    many ticks every sample is after, broken; `edges` (B + 1,): first samples of the blocks;
+    `at_motor` (K,): the side of the gear with the position sensor; `ahead`: ticks after its sample
+    that a torque is read.
     """
     last = len(ticks) - 1
     for b in range(len(edges) - 1):
@@ -21,7 +22,7 @@ def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
             side = 1 if at_motor[j] else 0
             angle = motor = torque = once = 0.0
             for k in range(edges[b], edges[b + 1]):
-                now = min(max(int(np.round(at[k])), 0), last)
+                now = min(int(np.round(at[k])), last)
                 motor += ticks[now, 1, j]
                 torque += ticks[min(now + ahead, last), 2, j]
                 if p[j, LATE] > 0.0:

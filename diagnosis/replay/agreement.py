@@ -68,7 +68,7 @@ def _apart_rad(part: Spec, motion: Recording, engine: Array, columns: list[int])
         start=position[0],
     )
     limb = Limb(spec=part, recordings=(recording,), rigid=False)
-    ours = limb.readings(0, np.arange(len(position) + 1), limb.nominal)
+    ours = limb.samples(0, limb.nominal)
     return float(np.abs(ours[:, 0] - position).max())
 
 

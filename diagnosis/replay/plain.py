@@ -228,7 +228,7 @@ def _apart(part: Spec, recording: Recording, position: Array) -> float:
         start=position[0],
     )
     limb = Limb(spec=part, recordings=(about,), rigid=True)
-    ours = limb.readings(0, np.arange(len(position) + 1), limb.nominal)
+    ours = limb.samples(0, limb.nominal)
     return float(np.abs(ours[1:, 0] - position[1:]).max())
 
 

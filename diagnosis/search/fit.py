@@ -108,9 +108,9 @@ class Usual:
 class Fitter:
     """Fits of one limb's world."""
 
-    def __init__(self, world: World, exact: bool = False) -> None:
+    def __init__(self, world: World) -> None:
         self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
-        self.done_share = DONE_EXACT if exact else DONE_SHARE
+        self.done_share = DONE_EXACT if world.evidence.limb.exact else DONE_SHARE
         self.usual: Usual | None = None
 
     def strained(self, fit: Fit, ordinary: Ordinary) -> Fit:

@@ -58,8 +58,7 @@ def _limb(fitter: Fitter, protocol: str, u: Mapping[int, float]) -> Limb:
             start=asked.target_rad[0],
         )
         limb = Limb(spec=limb.spec, recordings=(along,), rigid=limb.rigid)
-        samples = np.arange(len(asked.t_s) + 1)
-        measured = np.nan_to_num(limb.readings(0, samples, *fitter.world.numbers(u)))
+        measured = np.nan_to_num(limb.samples(0, *fitter.world.numbers(u)))
     return limb
 
 

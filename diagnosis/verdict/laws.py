@@ -11,6 +11,7 @@ import numpy as np
 
 from backends.effect import NumberEffect
 from diagnosis.models.parameters import Parameter
+from diagnosis.models.world import World
 from diagnosis.motion.columns import COLUMNS, INTEGRAL, KP, LIMIT
 from diagnosis.search.fit import Fitter
 from diagnosis.search.search import Found
@@ -85,7 +86,7 @@ def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
             )
             for one, place, unit in zip(numbers, places, units, strict=True)
         ]
-        more = Fitter(type(world)(fitter.evidence, (*world.parameters, *free)))
+        more = Fitter(World(fitter.evidence, (*world.parameters, *free)))
         more.usual = fitter.usual
         own = range(len(world.parameters), len(more.parameters))
         start = {k: one.start for k, one in zip(own, numbers, strict=True)}

@@ -34,12 +34,13 @@ from diagnosis.logs.log import (
     name_of,
     write_log,
 )
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import Recording
 from diagnosis.replay.chain import chain, dynamics, workspace
-from diagnosis.replay.lanes import CHANNELS
+from diagnosis.replay.closed import is_closed
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import numbers_of
-from diagnosis.replay.replay import Commands, is_closed, replay
 
 
 def servo(kp: float = 20.0, kd: float = 0.4, limit: float = 3.0, **more: str) -> DriveSettings:
@@ -99,17 +100,34 @@ def worlds() -> pytest.MarkDecorator:
     return pytest.mark.parametrize("name", MECHANISMS)
 
 
-def commands(spec: Spec) -> Commands:
+def commands(spec: Spec) -> Recording:
     """Targets that step and drift, and pushes, drawn at random for every joint."""
     rng, joints = np.random.default_rng(0), len(spec.hand.joint_names)
     steps = np.repeat(rng.uniform(-0.3, 0.3, (SAMPLES // 50, joints)), 50, axis=0)
     limit = np.array([d.torque_limit_nm for d in spec.drives])
-    return Commands(
-        ticks=np.arange(SAMPLES) * TICKS,
-        target=steps + 0.05 * np.cumsum(rng.normal(size=steps.shape), axis=0) / 20,
-        load=0.1 * limit * rng.normal(size=steps.shape),
-        start=np.zeros(joints),
+    target = steps + 0.05 * np.cumsum(rng.normal(size=steps.shape), axis=0) / 20
+    ticks = np.arange(SAMPLES) * TICKS
+    one = recording(ticks * spec.timing.drive_s, target, 0.1 * limit * rng.normal(size=steps.shape))
+    return replace(one, start=np.zeros(joints))
+
+
+def recording(time_s: Array, target: Array, push: Array | None = None) -> Recording:
+    """Targets and pushes (T, J), from rest at the first target."""
+    return Recording(
+        protocol="free",
+        time_s=time_s,
+        command=target,
+        push=np.zeros_like(target) if push is None else push,
+        measured=np.full((len(target), 3, target.shape[1]), np.nan),
+        start=target[0],
     )
+
+
+def replayed(spec: Spec, asked: Recording) -> Array:
+    """What the sensors show by the replay in closed form (T, 3, J)."""
+    limb = Limb(spec=spec, recordings=(asked,), rigid=False, exact=True)
+    assert limb.closed
+    return limb.samples(0, limb.nominal)
 
 
 def bare(xml: str, dt_s: float) -> mujoco.MjModel:
@@ -123,19 +141,19 @@ def bare(xml: str, dt_s: float) -> mujoco.MjModel:
     return model
 
 
-def simulated(model: mujoco.MjModel, spec: Spec, asked: Commands) -> Array:
+def simulated(model: mujoco.MjModel, spec: Spec, asked: Recording) -> Array:
     """Joint and motor angles (2, T, J) by MuJoCo with the project's drive law, in spec order."""
     names, table = spec.hand.joint_names, drive_table(spec).T.copy()
     data, at = mujoco.MjData(model), [model.joint(n).qposadr[0] for n in names]
     data.qpos[at] = asked.start
     motor, speed, out = asked.start.copy(), np.zeros(len(names)), []
     pd = np.zeros(len(names))
-    for k in range(len(asked.target)):
+    for k in range(SAMPLES):
         out.append((data.qpos[at].copy(), motor.copy()))
         for _ in range(TICKS):
             for j in range(len(names)):
                 motor[j], speed[j], pd[j], gear = motor_tick(
-                    asked.target[k, j],
+                    asked.command[k, j],
                     data.qpos[at[j]],
                     data.qvel[at[j]],
                     motor[j],
@@ -145,7 +163,7 @@ def simulated(model: mujoco.MjModel, spec: Spec, asked: Commands) -> Array:
                     j,
                     model.opt.timestep,
                 )
-                data.qfrc_applied[at[j]] = gear + asked.load[k, j]
+                data.qfrc_applied[at[j]] = gear + asked.push[k, j]
             mujoco.mj_step(model, data)
     return np.array(out).transpose(1, 0, 2)
 
@@ -156,12 +174,12 @@ def test_replay_is_mujocos_own_simulation(name):
     spec = mechanism(*MECHANISMS[name])
     asked = commands(spec)
     expected = simulated(bare(MECHANISMS[name][0], spec.timing.drive_s), spec, asked)
-    shown = replay(spec, asked)
+    shown = replayed(spec, asked)[1:]
     motor = [body.joint.sensor == "motor" for body in spec.hand.driven]
     sensed = np.where(motor, expected[1], expected[0])
     assert np.ptp(expected[0], axis=0).min() > 0.05
-    assert np.abs(shown[CHANNELS.index("position")] - sensed).max() < 1e-9
-    assert np.abs(shown[CHANNELS.index("motor")] - expected[1]).max() < 1e-9
+    assert np.abs(shown[:, 0] - sensed[1:]).max() < 1e-9
+    assert np.abs(shown[:, 1] - expected[1, 1:]).max() < 1e-9
 
 
 @worlds()
@@ -260,15 +278,10 @@ def test_gears_are_rigid_and_stable(name):
         assert drive.gear_stiffness_nm_rad * RIGID_RAD >= drive.torque_limit_nm
     if not is_closed(spec):
         return
-    joints = len(spec.hand.joint_names)
-    asked = Commands(
-        ticks=np.array([0, 20000, 20001]),
-        target=np.full((3, joints), 0.1),
-        load=np.zeros((3, joints)),
-        start=np.zeros(joints),
-    )
-    shown = replay(spec, asked)
-    assert np.abs(shown[CHANNELS.index("velocity")][1:]).max() < 1e-9
+    time_s = np.array([0, 20000, 20001]) * spec.timing.drive_s
+    asked = recording(time_s, np.full((3, len(spec.hand.joint_names)), 0.1))
+    shown = replayed(spec, replace(asked, start=0.0 * asked.start))
+    assert np.abs(shown[2, 0] - shown[1, 0]).max() < 1e-9 * spec.timing.drive_s
 
 
 def test_gears_of_coupled_joints_stay_below_the_bound():
@@ -523,13 +536,7 @@ def test_ordinary_noise_of_a_slide_is_no_finding():
     xml, joints = MECHANISMS["rail"]
     bare, time_s = robot_log(xml, joints, linear=True), np.arange(800) * 5e-3
     target = 0.1 * np.sin(3 * time_s) * np.sin(11 * time_s)
-    commands = Commands(
-        ticks=np.round(time_s / mjcf_world(bare).timing.drive_s).astype(np.int64),
-        target=target[:, None],
-        load=np.zeros((800, 1)),
-        start=target[:1],
-    )
-    moved = replay(mjcf_world(bare), commands)[0, :, 0]
+    moved = replayed(mjcf_world(bare), recording(time_s, target[:, None]))[:, 0, 0]
     for share, verdict in ((1.3e-3, "none"), (1e-2, "encoder-noise")):
         noise = share * np.ptp(moved) * np.random.default_rng(0).normal(size=800)
         samples = pd.DataFrame(
@@ -547,13 +554,8 @@ def test_a_slide_is_diagnosed_by_the_command(tmp_path, capfd):
     samples = pd.DataFrame({"t_s": time_s})
     target = 0.1 * np.sin(3 * time_s) * np.sin(11 * time_s)
     world = registry.load("effect", "coulomb-friction")(magnitude=30.0).on_spec(mjcf_world(bare))
-    commands = Commands(
-        ticks=np.round(time_s / world.timing.drive_s).astype(np.int64),
-        target=target[:, None],
-        load=np.zeros((800, 1)),
-        start=target[:1],
-    )
-    shown = replay(world, commands)[0, :, 0] + 1e-4 * rng.normal(size=800)
+    shown = replayed(world, recording(time_s, target[:, None]))[:, 0, 0]
+    shown += 1e-4 * rng.normal(size=800)
     samples["command_m.x"], samples["position_m.x"] = target, shown
     write_log(make_log(bare.meta, samples, xml), tmp_path / "rail")
     words = ["diagnose", str(tmp_path / "rail"), "--out", str(tmp_path / "out"), "--json"]
