@@ -1,24 +1,19 @@
 """Which unmodelled effects explain a log: for every limb, its tolerances first, then the search.
 
-    from diagnosis.solver import solve
-    result = solve(read_log(path), healthy=[read_log(other)])
-
 What a sound robot would leave decides, see `verdict.ordinary`.
 """
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence
 from diagnosis.evidence.gap import squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
-from diagnosis.logs.log import Log, LogError, MjcfMechanism
+from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
@@ -28,7 +23,6 @@ from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.packets.rounding import Rounding, roundings
 from diagnosis.progress import Progress, Stop, within
-from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import with_own_steps
 from diagnosis.replay.robot import uncertainties
@@ -36,13 +30,13 @@ from diagnosis.search.chaos import spreading
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
-from diagnosis.verdict.combine import combine
 from diagnosis.verdict.decide import decide
 from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
-from diagnosis.verdict.result import LimbResult, Result
+from diagnosis.verdict.result import LimbResult
 from diagnosis.verdict.sensors import loss_cause, sensor_causes, step_cause
+from diagnosis.verdict.sentences import sentences
 
 TURNS = 3
 """Decodings of lost packets, each with the fit to the one before."""
@@ -77,6 +71,12 @@ class Judged:
     fitter: Fitter
     found: Found
 
+    @classmethod
+    def of(cls, result: LimbResult, said: Evidence, fitter: Fitter, found: Found) -> "Judged":
+        """With the sentences about it, and the nominal world of a log."""
+        result = replace(result, sentences=tuple(sentences(result)))
+        return cls(result=result, nominal=World(said, ()), fitter=fitter, found=found)
+
     @property
     def stopped(self) -> bool:
         """Whether it, or a limb after it, could not be searched to the end."""
@@ -88,59 +88,34 @@ class Judged:
         return self.nominal.evidence
 
 
-def solve(
-    log: Log,
-    healthy: Sequence[Log] = (),
-    *,
-    nominal: Spec | None = None,
-    catalogue: Mapping[str, type[Effect]] | None = None,
-    origin: Ordinary | None = None,
-    progress: Progress | None = None,
-) -> Result:
-    """What is wrong with the mechanism of a log; arguments and errors are those of `judged`."""
-    began = time.process_time()
-    limbs, notes = judged(
-        log, healthy, nominal=nominal, catalogue=catalogue, origin=origin, progress=progress
-    )
-    return combine([one.result for one in limbs], time.process_time() - began, notes)
-
-
 def judged(
     log: Log,
-    healthy: Sequence[Log] = (),
-    *,
-    nominal: Spec | None = None,
-    catalogue: Mapping[str, type[Effect]] | None = None,
-    origin: Ordinary | None = None,
-    progress: Progress | None = None,
+    healthy: Sequence[Log],
+    nominal: Spec,
+    catalogue: Mapping[str, type[Effect]],
+    origin: Ordinary | None,
+    progress: Progress,
 ) -> tuple[list[Judged], list[str]]:
-    """All limbs of a log's mechanism, and notes on the log; raises LogError where it cannot say.
+    """All limbs of a log's mechanism, and notes on the log; arguments are those of `diagnose`.
 
-    The last limb is `stopped` where `progress` raises Stop, which is raised where nothing is known.
-
-    `healthy`: logs of the same mechanism while nothing was wrong. `nominal`: what the mechanism
-    should be; needed of a hand known by name. `catalogue`: effects to look for, all by default.
-    `origin`: what is ordinary where no healthy logs say so; by default robots' of a user's MJCF,
-    and simulators' of a hand known by name. `progress`: see `Progress`.
+    Raises LogError where the log cannot say. The last limb is `stopped` where `progress` raises
+    Stop, which is raised where nothing is known.
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
-    if nominal is None and not rigid:
-        raise LogError("this log's mechanism is a hand known by name; give its nominal world")
     asked = Asked(
-        nominal=nominal or mjcf_world(log),
+        nominal=nominal,
         rigid=rigid,
         uncertainty=max(log.meta.nominal_uncertainty, LEAST_UNCERTAINTY),
         guesses=uncertainties(log),
-        catalogue=every_effect() if catalogue is None else catalogue,
+        catalogue=catalogue,
         origin=origin or (ROBOTS if rigid else SIMULATORS),
     )
-    tell = progress or (lambda text, done: None)
-    tell("reading the log", 0.0)
-    parts = limbs(asked.nominal)
+    progress("reading the log", 0.0)
+    parts = limbs(nominal)
     found, notes = list[Judged](), list[str]()
     still = list[StillError]()
     for number, part in enumerate(parts):
-        share = within(tell, number / len(parts), (number + 1) / len(parts))
+        share = within(progress, number / len(parts), (number + 1) / len(parts))
         try:
             said, more = _evidence(part, log, asked)
         except StillError as error:
@@ -178,9 +153,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     if found.stopped:
-        nominal = World(fitter.evidence, ())
-        result = decide(fitter, found, ordinary)
-        return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
+        return Judged.of(decide(fitter, found, ordinary), fitter.evidence, fitter, found)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     received = said
@@ -200,8 +173,7 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    nominal = World(said, ())
-    return Judged(result=result, nominal=nominal, fitter=fitter, found=found)
+    return Judged.of(result, said, fitter, found)
 
 
 def _searched(

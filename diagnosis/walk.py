@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from math import prod
 
 import numpy as np
@@ -12,7 +11,6 @@ from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis import solver
 from diagnosis.answer import Diagnosis
 from diagnosis.coverage import not_looked_for
 from diagnosis.grasp.in_hand import in_hand
@@ -26,13 +24,13 @@ from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import gap_rad
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
-from diagnosis.solver import Judged
+from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
-from diagnosis.verdict.combine import combine
+from diagnosis.verdict.combine import decisive, named, verdict
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import NONE, UNKNOWN, Result
+from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult
 from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
@@ -67,44 +65,40 @@ def diagnose(
     world = nominal or mjcf_world(log)
     tell = _forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
-    said, *_ = [triage(one, world) for one in (log, *healthy)]
+    remarks, *_ = [triage(one, world) for one in (log, *healthy)]
     part = within(tell, CHECKED, JUDGED)
-    limbs, notes = solver.judged(
-        log, healthy, nominal=world, catalogue=known, origin=origin, progress=part
-    )
-    notes = [*said, *notes]
+    limbs, notes = judged(log, healthy, world, known, origin, part)
     stopped = limbs[-1].stopped
     try:
         tell("touch and stick" if log.fingers else "the gap, by place and time", JUDGED)
     except Stop:
         stopped = True
-    result = combine([one.result for one in limbs], 0.0, notes)
+    said = tuple(one.result for one in limbs)
     numbers = dict(_corrected(limbs))
     gravity = _gravity(limbs, world)
-    corrected = replace(with_numbers(world, numbers), gravity_m_s2=gravity or world.gravity_m_s2)
+    corrected = with_numbers(world, numbers, gravity)
     held = Report() if stopped else in_hand(log, corrected, known, simulate)
-    causes = (*result.causes, *(one for one in held.causes if one.effect != UNKNOWN))
-    named = tuple(dict.fromkeys(cause.effect for cause in causes))
-    unknown = result.verdict == (UNKNOWN,) or any(c.effect == UNKNOWN for c in held.causes)
+    causes = (*named(said), *(one for one in held.causes if one.effect != UNKNOWN))
     accused = {joint for cause in causes for joint in cause.joints}
-    worst = max(limbs, key=lambda one: one.result.gap_nominal)
-    if result.verdict == (UNKNOWN,):
-        accused.add(max(worst.result.gaps, key=worst.result.gaps.__getitem__))
+    if verdict(said) == (UNKNOWN,):
+        gaps_by_joint = max(said, key=lambda limb: limb.gap_nominal).gaps
+        accused.add(max(gaps_by_joint, key=gaps_by_joint.__getitem__))
+    worst = max(decisive(said), key=lambda limb: limb.gap_nominal / limb.ordinary)
     parts = [_by_second(one) for one in limbs]
     gaps, gone, gone_nominal = gaps_and_shares(parts)
     with suppress(Stop):
         tell("done", 1.0)
     places = tuple(locate([one.nominal for one in limbs]))
     return Diagnosis(
-        verdict=(UNKNOWN,) if unknown else named or (NONE,),
+        verdict=verdict(said, held.causes),
         joints=tuple(j for one in limbs for j in one.evidence.joints if j in accused),
         magnitudes=causes,
-        probability=_probability(result, held),
-        sentences=(*([STOPPED] if stopped else []), *_sentences(result, held, places)),
-        share=result.share,
-        left=result.left,
-        ordinary=result.ordinary,
-        ordinary_from=result.ordinary_from,
+        probability=_probability(said, held),
+        sentences=(*([STOPPED] if stopped else []), *_sentences(said, held, places)),
+        share=worst.share,
+        left=max(limb.left for limb in said),
+        ordinary=worst.ordinary,
+        ordinary_from=worst.ordinary_from,
         gaps=gaps,
         engine_gaps_rad=_engine_gaps_rad(log, world, corrected, simulate),
         shrinkage=gone,
@@ -112,10 +106,10 @@ def diagnose(
         where=places,
         corrected=numbers,
         gravity_m_s2=gravity,
-        limbs=result.limbs,
+        limbs=said,
         spots=held.spots,
         missing=(*not_looked_for(known), *held.missing),
-        notes=tuple(notes),
+        notes=(*remarks, *notes),
         stopped=stopped,
         signals=tuple(_signals(limbs, accused or {places[0].joint})),
         cpu_s=_cpu_s() - began_s,
@@ -169,16 +163,19 @@ def _engine_gaps_rad(
     return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
 
 
-def _probability(result: Result, held: Report) -> float:
+def _probability(limbs: Sequence[LimbResult], held: Report) -> float:
     """That all that is named is right; of an unknown gap, that no effect explains it."""
-    found = [probability.in_hand(one) for one in held.causes]
-    return prod(found) * (1.0 if found and result.verdict == (NONE,) else result.probability)
+    found = prod(probability.in_hand(one) for one in held.causes)
+    if held.causes and verdict(limbs) == (NONE,):
+        return found
+    strange = [limb for limb in limbs if limb.verdict == (UNKNOWN,)]
+    return found * prod(limb.probability for limb in strange or decisive(limbs))
 
 
-def _sentences(result: Result, held: Report, places: Sequence[Place]) -> Iterator[str]:
+def _sentences(limbs: Sequence[LimbResult], held: Report, places: Sequence[Place]) -> Iterator[str]:
     """Of limbs at fault; of all where none is; then what touch and stick show."""
-    faulty = [limb for limb in result.limbs if limb.verdict != (NONE,) or limb.sensors]
-    shown = faulty or ([] if held.causes else [max(result.limbs, key=lambda limb: limb.left)])
+    faulty = [limb for limb in limbs if limb.verdict != (NONE,) or limb.sensors]
+    shown = faulty or ([] if held.causes else [max(limbs, key=lambda limb: limb.left)])
     for limb in shown:
         yield from limb.sentences
         if limb.verdict == (UNKNOWN,):

@@ -4,7 +4,7 @@ The gap before and after is measured in plain MuJoCo with the two files.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect, NumberEffect
 from backends.mjcf import robot_file
@@ -121,13 +121,12 @@ def take_home(
             kind = catalogue.get(one.effect)
             if kind is not None and issubclass(kind, NumberEffect) and kind.number in HELD:
                 changes.append(_change(nominal, found, joint, kind, one))
-    gravity = found.gravity_m_s2 or nominal.gravity_m_s2
-    world = replace(with_numbers(nominal, found.corrected), gravity_m_s2=gravity)
+    world = with_numbers(nominal, found.corrected, found.gravity_m_s2)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
-    if not changes and gravity == nominal.gravity_m_s2:
+    if not changes and found.gravity_m_s2 is None:
         return None
     text = model_text(log, world, {one.joint for one in changes}, nominal)
     signals, acts = beside(world), drives(world)

@@ -23,7 +23,7 @@ from diagnosis.blind.make import Simulate, real_log
 from diagnosis.blind.oracle import DETECTABLE_NATS, detectable
 from diagnosis.blind.tables import markdown
 from diagnosis.logs.log import Log, LogError
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 BELOW = 8.0
 """The search begins at the smallest level over this and ends at the largest detectable level."""
@@ -111,7 +111,7 @@ def _seen(case: Case, log: Log) -> bool:
     if catalogue()[name].least is not None:
         return detectable(case, log)
     try:
-        return solve(log, nominal=rigs.nominal(case.rig)).verdict == (name,)
+        return diagnose(log, nominal=rigs.nominal(case.rig)).verdict == (name,)
     except LogError:
         return False
 

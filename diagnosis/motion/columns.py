@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from backends.spec import Body, Command, Drive, Encoder, Loop, Spec
+from backends.spec import Body, Command, Drive, Encoder, Loop, Spec, Vec3
 from backends.state import Array
 
 COLUMNS = (
@@ -78,9 +78,12 @@ def by_name(numbers: Array) -> dict[str, float]:
     return dict(zip(COLUMNS, map(float, numbers), strict=True))
 
 
-def with_numbers(spec: Spec, numbers: Mapping[str, Mapping[str, float]]) -> Spec:
-    """A world with other numbers, by joint and name."""
-    return spec.with_driven(_changed(b, numbers.get(b.joint.name, {})) for b in spec.hand.driven)
+def with_numbers(
+    spec: Spec, numbers: Mapping[str, Mapping[str, float]], gravity_m_s2: Vec3 | None = None
+) -> Spec:
+    """A world with other numbers, by joint and name, and with other gravity where some is given."""
+    world = spec.with_driven(_changed(b, numbers.get(b.joint.name, {})) for b in spec.hand.driven)
+    return replace(world, gravity_m_s2=gravity_m_s2 or spec.gravity_m_s2)
 
 
 def _changed(body: Body, numbers: Mapping[str, float]) -> Body:

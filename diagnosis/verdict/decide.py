@@ -13,7 +13,6 @@ from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked
-from diagnosis.verdict.sentences import sentences
 from diagnosis.verdict.sizes import Place, sized
 
 LEADING, RANKED = 3, 6
@@ -47,7 +46,7 @@ def decide(
     leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
     effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
     left = chosen.gap if named or unknown else nominal.gap
-    result = LimbResult(
+    return LimbResult(
         joints=fitter.evidence.joints,
         verdict=effects,
         causes=causes,
@@ -66,11 +65,9 @@ def decide(
         gap_after=left,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
         nominal=tuple(_nominal(fitter, chosen if named else nominal)),
-        sentences=(),
         runs=fitter.world.runs,
         strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
     )
-    return sentences(result)
 
 
 def _probability(

@@ -17,7 +17,6 @@ from diagnosis.search.fit import Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, LimbResult
-from diagnosis.verdict.sentences import sentences
 
 CLOSES = 0.95
 """A law is said that closes so much of the excess, or leaves an ordinary gap."""
@@ -60,7 +59,7 @@ def with_law(result: LimbResult, fitter: Fitter, found: Found, ordinary: Ordinar
     excess, left, said = best
     if excess > (1.0 - CLOSES) * found.nominal.excess and left > ordinary.floors:
         return result
-    return sentences(replace(result, law=said, leading=()))
+    return replace(result, law=said, leading=())
 
 
 def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:

@@ -30,7 +30,6 @@ from diagnosis.motion.columns import KP, STIFFNESS
 from diagnosis.motion.presses import Press, places, presses
 from diagnosis.motion.recordings import Recording
 from diagnosis.verdict.result import Z90, LimbResult, cause
-from diagnosis.verdict.sentences import sentences
 
 PLAY, DEAD_ZONE = "drive.play_rad", "drive.dead_zone_rad"
 SURE_Z = 3.5
@@ -99,7 +98,7 @@ def with_play(
         for one in found
     )
     before, after = (max(getattr(one, name) for one in found) for name in ("before", "after"))
-    said = replace(
+    return replace(
         result,
         verdict=(effect,),
         causes=causes,
@@ -111,7 +110,6 @@ def with_play(
         tied=tuple((f"{names[DEAD_ZONE]}@{one.joint}",) for one in found if DEAD_ZONE in names),
         experiment=MOTOR_ANGLE,
     )
-    return sentences(said)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 
 from backends.effect import UNITS, Effect
 from diagnosis.verdict.sizes import ANYWHERE, Place, sized
@@ -121,35 +121,10 @@ class LimbResult:
     gaps: dict[str, float]
     """By joint, what the tolerances leave [floors]."""
     nominal: tuple[Nominal, ...]
-    sentences: tuple[str, ...]
     runs: int
+    sentences: tuple[str, ...] = ()
     law: str | None = None
     """What a drive may do that the log does not say, and that would close an unknown gap."""
     strain: float = 0.0
     """How much further off the nominal numbers would be together than a healthy robot's, in
     standard deviations; 0 where they are usual."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Result:
-    """What is said of a log."""
-
-    verdict: tuple[str, ...]
-    joints: tuple[str, ...]
-    causes: tuple[Cause, ...]
-    share: float
-    left: float
-    ordinary: float
-    ordinary_from: str
-    probability: float
-    gap_before: float
-    gap_nominal: float
-    gap_after: float
-    limbs: tuple[LimbResult, ...]
-    notes: tuple[str, ...]
-    """What is wrong with the log itself."""
-    cpu_s: float
-
-    def data(self) -> dict:
-        """As plain data."""
-        return asdict(self)

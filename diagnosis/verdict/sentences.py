@@ -1,7 +1,6 @@
 """The sentences about a limb: causes with their shares, what is left, and what would help."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 from diagnosis.verdict.ordinary import ABSURD, SHARE
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, LimbResult
@@ -19,12 +18,8 @@ FROM = {
 }
 
 
-def sentences(result: LimbResult) -> LimbResult:
-    """The result with its sentences."""
-    return replace(result, sentences=tuple(_sentences(result)))
-
-
-def _sentences(result: LimbResult) -> Iterator[str]:
+def sentences(result: LimbResult) -> Iterator[str]:
+    """What is said of a limb."""
     limit = f"{FROM[result.ordinary_from]} {result.ordinary:.1f}"
     strained = (
         f"together they are then {result.strain:.1f} standard deviations further off than those of "

@@ -18,7 +18,7 @@ from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log
 from diagnosis.recording.record import Plan, record
 from diagnosis.skin.skin_faults import DEPTHS as OF_DEPTHS
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 IDEAL = trx.spec(STICKS["reference"])
 FREE = Plan(
@@ -79,7 +79,7 @@ def nominal(kind: type[Effect]) -> Spec:
 def test_a_large_effect_is_named(name):
     """Name the effect, on its joint where it has one, with the truth near its interval."""
     kind = catalogue()[name]
-    found, joint = solve(log(name, FREE), nominal=nominal(kind)), joint_of(kind)
+    found, joint = diagnose(log(name, FREE), nominal=nominal(kind)), joint_of(kind)
     assert found.verdict == (name,)
     assert found.joints == ((joint,) if joint else found.joints)
 

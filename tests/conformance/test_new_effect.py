@@ -13,7 +13,7 @@ from benchmark.parts.registry import ROOT
 from benchmark.settings.effects import parse_effects
 from diagnosis.blind import draw, make, rigs
 from diagnosis.coverage import not_looked_for
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 from files import plugins
 
 FILE = '''"""The encoder's magnet sits askew."""
@@ -72,7 +72,7 @@ def test_a_new_effect_is_drawn_simulated_and_named(added):
     case = next(c for c in cases if c.faults[0].effect == NAME)
     log = make.real_log(case, start, make.case_rng(case, 0))
     kinds = {name: kind for name, kind in added.items() if name != "encoder-bias"}
-    found = solve(log, nominal=rigs.nominal(case.rig), catalogue=kinds)
+    found = diagnose(log, nominal=rigs.nominal(case.rig), catalogue=kinds)
     assert found.verdict == (NAME,)
     assert not_looked_for({NAME: added[NAME]}) == ()
 

@@ -7,7 +7,10 @@ import mujoco
 import numpy as np
 import pandas as pd
 
+from backends.catalogue import catalogue
 from diagnosis.logs.log import Log, LogMeta, make_log
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.solver import Judged, judged
 
 TICK_S, HZ, SECONDS = 1e-3, 200, 4.0
 KP, KD, LIMIT = 120.0, 6.0, 60.0
@@ -118,6 +121,11 @@ def log_of(real: Real, seed: int = 0) -> Log:
     armature = 0.0 if real.armature_kgm2 else ARMATURE
     xml = mjcf(real.joints, option=real.option, armature=armature)
     return make_log(LogMeta.model_validate(meta), pd.concat(frames), xml)
+
+
+def limbs_of(log: Log) -> tuple[list[Judged], list[str]]:
+    """What is said of the limbs of a log, with the fits that it rests on, and notes on the log."""
+    return judged(log, (), mjcf_world(log), catalogue(), None, lambda text, share: None)
 
 
 def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:

@@ -10,7 +10,7 @@ from arms import Real, log_of
 from backends.mjcf import Plain, Play
 from diagnosis.logs.log import Log, LogMeta, make_log
 from diagnosis.replay.alignment import SAID, with_commands_first
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 
 def read_late(log: Log) -> Log:
@@ -28,7 +28,7 @@ def test_a_row_that_is_read_after_its_command_acted(kp, verdict):
     late = read_late(log_of(Real(joints=2, kp=kp)))
     log = with_commands_first(late)
     assert log.warnings[-1] == SAID
-    assert solve(log).verdict == (verdict,)
+    assert diagnose(log).verdict == (verdict,)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 STOP_RAD = 0.25
 
@@ -34,9 +34,9 @@ def test_a_stop_shows_where_the_joint_falls_short():
 @pytest.mark.parametrize("joints", [1, 2])
 def test_a_stop_of_an_arm_is_named_with_its_angle(joints):
     """Name the stop of an arm in plain MuJoCo, on its joint, and say where it stands."""
-    found = solve(log_of(Real(joints=joints, stop_rad=STOP_RAD)))
+    found = diagnose(log_of(Real(joints=joints, stop_rad=STOP_RAD)))
     assert (found.verdict, found.joints) == (("end-stop",), (f"J{joints - 1}",))
-    (cause,) = found.causes
+    (cause,) = found.magnitudes
     stands = float(cause.also.removeprefix("at ").removesuffix(" deg"))
     assert stands == pytest.approx(14.3, abs=1.0)
 
@@ -45,6 +45,6 @@ def test_a_stop_of_an_arm_is_named_with_its_angle(joints):
 def test_a_stop_that_the_model_has_is_no_fault(kp, verdict):
     """Judge nothing where a joint stands at the end of its range, and the rest of the log."""
     log = log_of(Real(joints=2, stop_rad=STOP_RAD, kp=kp))
-    found = solve(replace(log, mjcf_xml=mjcf(2, stop_rad=STOP_RAD)))
+    found = diagnose(replace(log, mjcf_xml=mjcf(2, stop_rad=STOP_RAD)))
     assert found.verdict == (verdict,)
     assert "end of its range" in found.notes[0]

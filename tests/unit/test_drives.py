@@ -19,7 +19,7 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import model_text
 from diagnosis.replay.robot import uncertainties
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body>
 <inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
@@ -224,7 +224,7 @@ def test_an_integral_is_as_unsure_as_the_log_says():
     """Move an integral gain within its uncertainty, and say how far; it is no cause."""
     position = moved(pid)
     said = {"ki": "40 +- 30%", "integral_limit": 2}
-    result = solve(log_of(position, STEPS, said))
+    result = diagnose(log_of(position, STEPS, said))
     assert result.verdict == ("none",)
     (ki,) = [one for one in result.limbs[0].nominal if one.effect == "ki"]
     assert (ki.value, ki.unit) == (pytest.approx(50, abs=15), "%")
@@ -247,14 +247,14 @@ def test_what_an_mjcf_cannot_hold_is_noted_in_it():
 def test_an_integral_that_is_not_said_is_asked_for():
     """Leave a servo's integral unknown without an accused sensor, and say its gain; then none."""
     position = moved(pid) + 3e-4 * np.random.default_rng(0).normal(size=len(TIME_S))
-    unknown = solve(log_of(position, STEPS, {}))
+    unknown = diagnose(log_of(position, STEPS, {}))
     assert unknown.verdict == ("unknown",)
     (limb,) = unknown.limbs
     assert not limb.leading and limb.law and limb.law in limb.sentences
     assert "an integral" in limb.law
     ki, most = (float(x.split(": ")[1]) for x in limb.law.split("`")[1].split(", "))
     assert (ki, most) == pytest.approx((60, 2), rel=0.25)
-    assert solve(log_of(position, STEPS, {"ki": 60, "integral_limit": 2})).verdict == ("none",)
+    assert diagnose(log_of(position, STEPS, {"ki": 60, "integral_limit": 2})).verdict == ("none",)
 
 
 def test_a_delay_of_next_to_nothing_is_none():

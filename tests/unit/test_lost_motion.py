@@ -17,8 +17,8 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
-from diagnosis.solver import solve
 from diagnosis.verdict.lost_motion import lost_motion, play
+from diagnosis.walk import diagnose
 
 LEVER = """
 <mujoco model="lever"><worldbody><body>
@@ -128,7 +128,7 @@ def test_what_moves_otherwise_is_no_play(effects):
 
 def test_a_slow_log_is_diagnosed_at_rest():
     """Name play, and say what this log cannot distinguish it from."""
-    said = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")))
+    said = diagnose(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")))
     assert said.verdict == ("backlash",) and said.joints == ("servo",)
     assert said.limbs[0].tied == (("dead-zone@servo",),)
     assert any("motor's angle" in text for text in said.limbs[0].sentences)
@@ -138,7 +138,7 @@ def test_a_slow_log_is_diagnosed_at_rest():
 def test_no_play_is_named_without_a_name_for_it():
     """Leave the result alone where no effect of the catalogue is play."""
     kinds = {name: kind for name, kind in catalogue().items() if name != "backlash"}
-    said = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
+    said = diagnose(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
     assert "backlash" not in said.verdict
 
 
@@ -163,7 +163,7 @@ def test_a_log_without_pushes_both_ways_has_no_lost_motion():
 def test_rests_say_nothing_of_what_shows_in_motion():
     """Look for no delay, damping or inertia where only rests are judged, and say that they are."""
     kinds = {name: kind for name, kind in catalogue().items() if name != "backlash"}
-    found = solve(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
+    found = diagnose(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")), catalogue=kinds)
     sought = {cause.effect for limb in found.limbs for cause in (*limb.causes, *limb.leading)}
     assert sought and not sought & {"kd-scale", "viscous-friction", "command-rate-limit"}
     assert any("only rests are judged" in note for note in found.notes)

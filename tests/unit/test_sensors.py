@@ -5,10 +5,10 @@ import pytest
 from arms import Real, log_of
 
 from backends.catalogue import catalogue
+from diagnosis.answer import Diagnosis
 from diagnosis.evidence.evidence import quantisation_step
 from diagnosis.logs.log import Log, make_log
-from diagnosis.solver import solve
-from diagnosis.verdict.result import Result
+from diagnosis.walk import diagnose
 
 NOISE_RAD, STEP_RAD = 2e-3, np.radians(0.3)
 
@@ -33,13 +33,13 @@ def without(*names: str) -> dict:
     return {name: kind for name, kind in catalogue().items() if name not in names}
 
 
-def sensors(result: Result) -> list[tuple[str, str | None]]:
+def sensors(result: Diagnosis) -> list[tuple[str, str | None]]:
     return [(one.effect, one.joint) for limb in result.limbs for one in limb.sensors]
 
 
 def test_noise_of_one_joint():
     """Name noise on the joint that has it alone, with its size, and nothing of the arm."""
-    result = solve(noisy(log_of(Real(joints=2))))
+    result = diagnose(noisy(log_of(Real(joints=2))))
     assert sensors(result) == [("encoder-noise", "J1")]
     (one,) = result.limbs[0].sensors
     assert one.value == pytest.approx(1e3 * NOISE_RAD, rel=0.1)
@@ -48,7 +48,7 @@ def test_noise_of_one_joint():
 
 def test_noise_stands_beside_a_fault():
     """Name a fault and the noise; the noise lends the verdict no share and no probability."""
-    loud, plain = (solve(log) for log in (noisy(log_of(FAULTY)), log_of(FAULTY)))
+    loud, plain = (diagnose(log) for log in (noisy(log_of(FAULTY)), log_of(FAULTY)))
     assert sensors(loud) == [("encoder-noise", "J0")] and sensors(plain) == []
     assert loud.limbs[0].verdict == plain.limbs[0].verdict == ("kp-scale",)
     assert loud.limbs[0].sensors[0].share == 0.0
@@ -59,13 +59,13 @@ FAULTY = Real(kp={0: 0.6})
 
 def test_noise_that_no_effect_may_be_is_unknown():
     """Say unknown where readings are noisy and the catalogue has no name for it."""
-    result = solve(noisy(log_of(Real())), catalogue=without("encoder-noise"))
+    result = diagnose(noisy(log_of(Real())), catalogue=without("encoder-noise"))
     assert sensors(result) == [("unknown", "J0")] and result.verdict == ("unknown",)
 
 
 def test_coarse_encoders_are_named():
     """Name the steps of encoders, and no noise beside those that they make."""
-    result = solve(coarse(log_of(Real(noise_rad=1e-5))))
+    result = diagnose(coarse(log_of(Real(noise_rad=1e-5))))
     assert result.verdict == ("encoder-resolution",)
     assert result.limbs[0].sensors[0].value == pytest.approx(0.3, rel=0.05)
 
@@ -73,7 +73,7 @@ def test_coarse_encoders_are_named():
 @pytest.mark.parametrize("step", [np.radians(0.088), np.radians(0.29), np.radians(1.1)])
 def test_coarse_targets_are_named(step):
     """Name the steps of targets by themselves, to a hundredth, and no lost packet beside them."""
-    result = solve(log_of(Real(step_rad=step, noise_rad=1e-5)))
+    result = diagnose(log_of(Real(step_rad=step, noise_rad=1e-5)))
     assert result.verdict == ("command-resolution",)
     assert result.limbs[0].sensors[0].value == pytest.approx(np.degrees(step), rel=0.01)
 
@@ -81,8 +81,8 @@ def test_coarse_targets_are_named(step):
 def test_coarse_targets_stand_beside_a_fault():
     """Name a weak drive and the steps of its targets, and say unknown of steps without a name."""
     log = log_of(Real(kp={0: 0.6}, step_rad=0.02))
-    assert set(solve(log).verdict) == {"kp-scale", "command-resolution"}
-    assert solve(log, catalogue=without("command-resolution")).verdict == ("unknown",)
+    assert set(diagnose(log).verdict) == {"kp-scale", "command-resolution"}
+    assert diagnose(log, catalogue=without("command-resolution")).verdict == ("unknown",)
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.4321])

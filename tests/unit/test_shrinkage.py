@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from arms import Real, log_of
+from arms import Real, limbs_of, log_of
 
 from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
-from diagnosis.solver import judged
 
 SECONDS = 400
 
@@ -41,7 +40,7 @@ def test_seconds_without_readings_do_not_count():
 
 def test_held_out_seconds_are_a_little_worse_than_seen_ones():
     """Leave more on seconds that a fit has not seen, but not much on a log of one motion."""
-    (one,), _ = judged(log_of(Real(kp={0: 0.6})))
+    (one,), _ = limbs_of(log_of(Real(kp={0: 0.6})))
     seen, unseen = (
         by_second(one.evidence, left).mean()
         for left in (one.found.chosen.residual, held_out(one.fitter, one.found.chosen))

@@ -13,7 +13,7 @@ from backends.sticks import STICKS
 from backends.weight import WeightBank
 from diagnosis.motion.along import Along
 from diagnosis.replay.chain import chain
-from diagnosis.solver import solve
+from diagnosis.walk import diagnose
 
 KINDS = catalogue()
 
@@ -46,6 +46,6 @@ def test_a_compensation_that_is_not_as_said_is_named(said, share):
     log = log_of(Real(joints=2, carried=said + share / 100.0))
     mechanism = log.meta.mechanism.model_copy(update={"gravity_compensation": said})
     log = replace(log, meta=log.meta.model_copy(update={"mechanism": mechanism}))
-    found = solve(log)
+    found = diagnose(log)
     assert found.verdict == ("gravity-compensation",) and found.joints == ("J0", "J1")
-    assert found.causes[0].value == pytest.approx(share, abs=8.0)
+    assert found.magnitudes[0].value == pytest.approx(share, abs=8.0)

@@ -2,16 +2,15 @@
 
 import numpy as np
 import pytest
-from arms import Real, log_of
+from arms import Real, limbs_of, log_of
 
-from diagnosis.solver import judged
 from diagnosis.where import PHASES, Place, _interval, largest, locate, phases
 
 
 @pytest.fixture(scope="module")
 def places():
     """The gap of an arm whose second joint has a weak drive."""
-    limbs, _ = judged(log_of(Real(joints=2, kp={1: 0.6})))
+    limbs, _ = limbs_of(log_of(Real(joints=2, kp={1: 0.6})))
     return locate([one.nominal for one in limbs])
 
 
