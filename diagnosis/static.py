@@ -21,8 +21,7 @@ from diagnosis.logs.foreign import read_table
 from diagnosis.logs.log import DriveSettings, LogError
 from diagnosis.logs.roles import joint_of, words
 from diagnosis.logs.two_files import Asked, drives_of, readings
-from diagnosis.motion.along import Along
-from diagnosis.replay.chain import chain
+from diagnosis.replay.dynamics import dynamics
 
 TERMS = ("zero", "sag", "band", "scale", "play")
 """In the order in which a short table loses them, the last first."""
@@ -163,8 +162,7 @@ def _of_model(
     order = spec.hand.joint_names
     slides = {body.joint.name: body.joint.slides for body in spec.hand.driven}
     q = np.stack([rows[name_of("position", n, slides[n])] for n in order], axis=1)
-    still = Along(chain=chain(spec), angle_rad=np.nan_to_num(q), speed_rad_s=np.zeros_like(q))
-    _, weight = still.without_slopes
+    _, weight = dynamics(spec, np.nan_to_num(q), np.zeros_like(q))
     return drives, dict(zip(order, weight.T, strict=True))
 
 

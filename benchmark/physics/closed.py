@@ -6,7 +6,7 @@ import numpy as np
 
 from backends.spec import Drive, Spec
 from backends.state import Array
-from diagnosis.replay.chain import chain, dynamics, workspace
+from diagnosis.replay.dynamics import dynamics
 
 
 def pendulum_period_s(inertia_kgm2: float, moment_nm: float, amplitude_rad: float) -> float:
@@ -52,14 +52,8 @@ def mass_and_bias(
 
     The bias torques keep the joint speeds constant. Without speeds the hand is at rest.
     """
-    n, joints = joint_rad.shape
     speed = np.zeros_like(joint_rad) if joint_rad_s is None else joint_rad_s
-    bodies = chain(spec)
-    work = workspace(len(bodies.parent), joints)
-    mass, bias = np.zeros((n, joints, joints)), np.zeros((n, joints))
-    for i in range(n):
-        dynamics(joint_rad[i], speed[i], bodies.numbers, work, mass[i], bias[i])
-    return mass, bias
+    return dynamics(spec, joint_rad, speed)
 
 
 def free_swing(spec: Spec, start_rad: Array, steps: int) -> Array:

@@ -36,8 +36,8 @@ from diagnosis.motion.columns import (
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
-from diagnosis.replay.chain import Chain, chain
 from diagnosis.replay.closed import POSES, coefficients, is_closed
+from diagnosis.replay.dynamics import dynamics
 
 POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
@@ -98,8 +98,7 @@ class Limb:
     def link_inertia(self) -> Array:
         """The least inertia of each joint's links at starts of episodes [kg m^2], shape (K,)."""
         starts = np.array([r.start for r in self.recordings])
-        still = Along(chain=chain(self.spec), angle_rad=starts, speed_rad_s=np.zeros_like(starts))
-        mass, _ = still.without_slopes
+        mass, _ = dynamics(self.spec, starts, np.zeros_like(starts))
         return np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
 
     @cached_property
@@ -131,17 +130,6 @@ class Limb:
         return tuple(r.time_s[edges[:-1]] for r, edges in pairs)
 
     @cached_property
-    def _loaded(self) -> tuple[Chain, ...]:
-        """See `Along.loaded`; who carries weight beside the drives knows of no load."""
-        hand = self.spec.hand
-        heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
-        held = [replace(body, payload=body.payload + 1.0) for body in hand.ends]
-        light = [replace(b, carried=b.carried + 1.0) for b in hand.driven]
-        bodies = {body.name: body for body in hand.driven}
-        worlds = (bodies | {body.name: body} for body in (*heavy, *held, *light))
-        return tuple(chain(self.spec.with_driven(world.values())) for world in worlds)
-
-    @cached_property
     def _ends(self) -> list[int]:
         """Joints whose links carry no other driven one."""
         return [self.spec.hand.driven.index(body) for body in self.spec.hand.ends]
@@ -154,10 +142,10 @@ class Limb:
     @cached_property
     def along(self) -> tuple[Along, ...]:
         """The rigid-body model along every episode, or at the poses that its closed form is of."""
-        bodies, found = chain(self.spec), []
+        found = []
         if self.closed:
             q = np.ascontiguousarray(POSES[:, : len(self.joints)])
-            poses = Along(chain=bodies, angle_rad=q, speed_rad_s=0.0 * q, loaded=self._loaded)
+            poses = Along(spec=self.spec, angle_rad=q, speed_rad_s=0.0 * q)
             return (poses,) * len(self.recordings)
         for recording, ticks in zip(self.recordings, self._ticks, strict=True):
             count = len(ticks.row) // self.stride + 1
@@ -168,7 +156,7 @@ class Limb:
             read = [np.interp(points_s + late, recording.time_s, x) for x, late in pairs]
             q = unread(np.stack(read, axis=1), self.nominal)
             v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
-            found.append(Along(chain=bodies, angle_rad=q, speed_rad_s=v, loaded=self._loaded))
+            found.append(Along(spec=self.spec, angle_rad=q, speed_rad_s=v))
         return tuple(found)
 
     @cached_property

@@ -10,10 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.along import Along
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.chain import chain
+from diagnosis.replay.dynamics import dynamics
 from diagnosis.triage._faults import BETTER, SCALES, Fault, in_unit
 from diagnosis.triage._signals import COUNTS, rms
 from diagnosis.triage._tracks import Track
@@ -89,8 +88,7 @@ def _expected(track: Track, positions: Array, per_si: float) -> Array:
     if not len(positions):
         return np.zeros(0)
     q = positions / per_si
-    still = Along(chain=chain(track.limb.spec), angle_rad=q, speed_rad_s=np.zeros_like(q))
-    _, bias = still.without_slopes
+    _, bias = dynamics(track.limb.spec, q, np.zeros_like(q))
     return bias[:, track.index] / track.limb.nominal[track.index, KP]
 
 

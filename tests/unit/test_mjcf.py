@@ -36,8 +36,8 @@ from diagnosis.logs.log import (
 )
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.chain import chain, dynamics, workspace
 from diagnosis.replay.closed import is_closed
+from diagnosis.replay.dynamics import dynamics
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import numbers_of
@@ -187,17 +187,14 @@ def test_masses_and_torques_are_mujocos(name):
     """Give MuJoCo's mass matrix and bias torques at random states, up to rounding."""
     xml, servos = MECHANISMS[name]
     spec = mechanism(xml, servos)
-    model, bodies = bare(xml, 1e-3), chain(spec)
-    joints = model.nv
+    model = bare(xml, 1e-3)
     order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
-    data, full = mujoco.MjData(model), np.zeros((joints, joints))
-    mass, bias = np.zeros((joints, joints)), np.zeros(joints)
-    work = workspace(len(bodies.parent), joints)
-    for state in np.random.default_rng(1).uniform(-2, 2, (20, 2, joints)):
-        data.qpos[order], data.qvel[order] = state
+    data, full = mujoco.MjData(model), np.zeros((model.nv, model.nv))
+    states = np.random.default_rng(1).uniform(-2, 2, (2, 20, model.nv))
+    for q, v, mass, bias in zip(*states, *dynamics(spec, *states), strict=True):
+        data.qpos[order], data.qvel[order] = q, v
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)
-        dynamics(*state, bodies.numbers, work, mass, bias)
         assert np.allclose(mass, full[np.ix_(order, order)], rtol=1e-12, atol=1e-13)
         assert np.allclose(bias, data.qfrc_bias[order], rtol=1e-11, atol=1e-12)
 
@@ -213,12 +210,11 @@ def test_a_payload_is_a_point_at_the_end(name):
     model = bare(written(xml, numbers_of(loaded)), 1e-3)
     assert model.body_mass.sum() > bare(xml, 1e-3).body_mass.sum()
     order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
-    data, bias = mujoco.MjData(model), np.zeros(len(order))
-    work = workspace(len(chain(loaded).parent), len(order))
+    data = mujoco.MjData(model)
     data.qpos[order] = q = np.random.default_rng(1).uniform(-1, 1, len(order))
     mujoco.mj_forward(model, data)
-    dynamics(q, np.zeros(len(order)), chain(loaded).numbers, work, np.zeros((0, 0)), bias)
-    assert np.allclose(bias, data.qfrc_bias[order], rtol=1e-9, atol=1e-9)
+    _, bias = dynamics(loaded, q[None], np.zeros((1, len(q))))
+    assert np.allclose(bias[0], data.qfrc_bias[order], rtol=1e-9, atol=1e-9)
 
 
 COUPLED = """<mujoco><worldbody><body name="palm" pos="0 0 .4">
@@ -241,13 +237,12 @@ def test_what_follows_moves_as_in_mujoco():
     """
     spec = mechanism(COUPLED, {"a": DriveSettings(kp=20, kd=1, limit=5)}, geared=False)
     (part,) = limbs(spec)
-    bodies, model = chain(part), mujoco.MjModel.from_xml_string(COUPLED)
+    model = mujoco.MjModel.from_xml_string(COUPLED)
     assert spec.drives[0].rotor_inertia_kgm2 == pytest.approx(0.01 + 2e-3 * RATE(-ZERO)[1] ** 2)
     data, full = mujoco.MjData(model), np.zeros((3, 3))
-    mass, bias, work = np.zeros((1, 1)), np.zeros(1), workspace(len(bodies.parent), 1)
     at = [model.joint(name).dofadr[0] for name in ("a", "tip", "b")]
     for q, qd in ((0.2, 0.0), (0.4, 1.3), (-0.7, 2.0)):
-        dynamics(np.array([q]), np.array([qd]), bodies.numbers, work, mass, bias)
+        mass, bias = dynamics(part, np.array([[q]]), np.array([[qd]]))
         x = q - ZERO
         data.qpos[at] = q, 0.1 + 0.9 * x + 0.5 * x**2 + 0.2 * x**3, -0.3 * x
         data.qvel[at] = rate = RATE(x) * qd
@@ -255,9 +250,9 @@ def test_what_follows_moves_as_in_mujoco():
         mujoco.mj_forward(model, data)
         mujoco.mj_fullM(model, data, full)
         links = (full - np.diag(model.dof_armature))[np.ix_(at, at)]
-        assert mass[0, 0] == pytest.approx(RATE(x) @ links @ RATE(x), rel=1e-9)
+        assert mass[0, 0, 0] == pytest.approx(RATE(x) @ links @ RATE(x), rel=1e-9)
         forces = (data.qfrc_bias - data.qfrc_gravcomp)[at] + links @ bend
-        assert bias[0] == pytest.approx(RATE(x) @ forces, rel=1e-9)
+        assert bias[0, 0] == pytest.approx(RATE(x) @ forces, rel=1e-9)
         assert np.any(rate) == (qd != 0.0)
 
 
@@ -383,11 +378,9 @@ def test_joints_without_a_drive_are_held():
 
 def numbers(spec: Spec) -> list[float]:
     """Mass matrix and bias torques of a world at a pose."""
-    bodies, joints = chain(spec), len(spec.hand.joint_names)
-    mass, bias = np.zeros((joints, joints)), np.zeros(joints)
-    work = workspace(len(bodies.parent), joints)
-    dynamics(np.full(joints, 0.3), np.ones(joints), bodies.numbers, work, mass, bias)
-    return [*mass.ravel(), *bias]
+    pose = np.ones((1, len(spec.hand.joint_names)))
+    mass, bias = dynamics(spec, 0.3 * pose, pose)
+    return [*mass.ravel(), *bias.ravel()]
 
 
 def test_a_floating_base_stands_where_the_file_has_it():

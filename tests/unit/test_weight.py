@@ -11,8 +11,7 @@ from backends.catalogue import catalogue
 from backends.effect import with_effects
 from backends.sticks import STICKS
 from backends.weight import WeightBank
-from diagnosis.motion.along import Along
-from diagnosis.replay.chain import chain
+from diagnosis.replay.dynamics import dynamics
 from diagnosis.walk import diagnose
 
 KINDS = catalogue()
@@ -33,10 +32,7 @@ def test_what_engines_carry_is_what_replays_leave_out():
     assert not torque[0].any()
     for n, world in enumerate(worlds):
         q = angle[n : n + 1]
-        left = [
-            Along(chain=chain(spec), angle_rad=q, speed_rad_s=0.0 * q).model[1][0]
-            for spec in (tilted, world)
-        ]
+        left = [dynamics(spec, q, 0.0 * q)[1][0] for spec in (tilted, world)]
         assert torque[1 + n] == pytest.approx(left[0] - left[1], abs=1e-15)
 
 
