@@ -13,7 +13,7 @@ import pandas as pd
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.gap import root_weights
-from diagnosis.search.fit import RIDGE, Fit, Fitter
+from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.problem import Problem
 from diagnosis.search.quadratic import lowest
 
@@ -42,24 +42,18 @@ class Gaps:
 
 def held_out(fitter: Fitter, fit: Fit) -> Array:
     """Residuals (M,) of a fit, each by the half of the log that it is not in."""
-    problem = Problem.of(fitter.parameters, fit.freed, {}, None)
-    numbers = [n for n, k in enumerate(problem.numbers) if k in fit.slopes]
-    if not numbers:
+    problem = Problem.of(fitter.parameters, fit.freed, {}, None, only=fit.slopes)
+    if not problem.numbers:
         return fit.residual
     weights = root_weights(fitter.evidence, fit.residual)
-    slopes = np.stack([fit.slopes[problem.numbers[n]] for n in numbers], axis=1)
-    rows, left = slopes * weights[:, None], fit.residual * weights
-    sizes = problem.at(fit.u)[numbers]
-    precision = problem.sd[numbers] ** -2.0
-    pull = (sizes - problem.centre[numbers]) * precision
-    room = problem.low[numbers] - sizes, problem.high[numbers] - sizes
-    found = np.empty_like(fit.residual)
+    slopes = np.stack([fit.slopes[k] for k in problem.numbers], axis=1)
+    now, found = problem.at(fit.u), np.empty_like(fit.residual)
     half = fitter.evidence.seconds % HALVES
     for number in range(HALVES):
-        seen, unseen = half != number, half == number
-        curvature = rows[seen].T @ rows[seen] + np.diag(precision)
-        curvature += RIDGE * np.diag(np.diag(curvature))
-        step = lowest(curvature, rows[seen].T @ left[seen] - pull, *room)
+        unseen = half == number
+        seen = np.where(unseen, 0.0, weights)
+        _, curvature, pull = problem.normal(fit.slopes, seen, fit.residual, fit.u)
+        step = lowest(curvature, pull, problem.low - now, problem.high - now)
         found[unseen] = (fit.residual - slopes @ step)[unseen]
     return found
 

@@ -32,16 +32,29 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     refuses a number of the world.
     """
     spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
-    every = recordings(log, spec)
-    ends = [int(np.searchsorted(m.time_s, HORIZON_S, side="right")) for m in every]
-    motions = [_unread(m.part(0, end)) for m, end in zip(every, ends, strict=True)]
-    shown = worlds.replay(simulate, [spec], motions)
+    shown = worlds.replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
     names = spec.hand.joint_names
     return max(
-        _apart_rad(part, motion, engine[0, :, 0], [names.index(n) for n in part.hand.joint_names])
+        apart(part, motion, engine[0, :, 0, [names.index(n) for n in part.hand.joint_names]].T)
         for part in limbs(spec)
-        for motion, engine in zip(motions, shown, strict=True)
+        for motion, engine in zip(begun(log, part), shown, strict=True)
     )
+
+
+def begun(log: Log, spec: Spec) -> list[Recording]:
+    """The beginnings of a log's free-air episodes, under commands and pushes alone."""
+    every = recordings(log, spec)
+    parts = (m.part(0, int(np.searchsorted(m.time_s, HORIZON_S, side="right"))) for m in every)
+    return [dataclasses.replace(one, speed=None, torque=None, own=None) for one in parts]
+
+
+def apart(part: Spec, motion: Recording, position: Array, rigid: bool = False) -> float:
+    """How far a limb's positions (T, K) are at most from its replay about them [rad or m]."""
+    measured = np.full((len(position), len(CHANNELS), position.shape[1]), np.nan)
+    measured[:, 0] = position
+    about = dataclasses.replace(motion, measured=measured, start=position[0])
+    limb = Limb(spec=part, recordings=(about,), rigid=rigid)
+    return float(np.abs(limb.samples(0, limb.nominal)[:, 0] - position).max())
 
 
 def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tuple[float, ...]:
@@ -54,22 +67,6 @@ def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tupl
     off = [s[:, :, 0] - m.measured[:, 0] for s, m in zip(shown, motions, strict=True)]
     squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
     return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())
-
-
-def _apart_rad(part: Spec, motion: Recording, engine: Array, columns: list[int]) -> float:
-    """The same of one limb in one episode, replayed about what the engine (T, J) shows."""
-    position = engine[:, columns]
-    blank = np.full(position.shape, np.nan)
-    recording = dataclasses.replace(
-        motion,
-        command=motion.command[:, columns],
-        push=motion.push[:, columns],
-        measured=np.stack([position, *[blank] * (len(CHANNELS) - 1)], axis=1),
-        start=position[0],
-    )
-    limb = Limb(spec=part, recordings=(recording,), rigid=False)
-    ours = limb.samples(0, limb.nominal)
-    return float(np.abs(ours[:, 0] - position).max())
 
 
 def _sure(body: Body) -> Body:

@@ -13,7 +13,8 @@ from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import CHANNELS, FREE_AIR, Recording, recordings
+from diagnosis.motion.recordings import Recording, recordings
+from diagnosis.replay.agreement import apart, begun
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.robot import model_of
 
@@ -37,8 +38,6 @@ DRIVES = {
     "drive.one_way_friction_nm": ("one_way_friction_nm", "Nm", "N"),
 }
 """Numbers of drives that only that file has, likewise."""
-HORIZON_S = 2.0
-"""Duration of an episode that is compared [s]."""
 INTEGRATOR = "implicitfast"
 
 
@@ -125,17 +124,17 @@ def shown(world: Plain, recording: Recording) -> Array:
 def plain_apart(log: Log, spec: Spec) -> float:
     """Largest difference of a position between replay and plain MuJoCo [rad or m].
 
-    At the beginning of free-air episodes, in the nominal world. Zero if there is no such episode.
+    At the beginning of free-air episodes, in the nominal world. Raises LogError without one.
     """
     text, worst = model_text(log, spec), 0.0
     spec = _by_pd_alone(spec)
     for part in limbs(spec):
         names = part.hand.joint_names
-        episodes = [_begun(r) for r in recordings(log, part) if r.protocol in FREE_AIR]
+        episodes = begun(log, part)
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
         world = plain(log, text, names, step_s, INTEGRATOR, world=spec)
         for recording in episodes:
-            worst = max(worst, _apart(part, recording, shown(world, recording)))
+            worst = max(worst, apart(part, recording, shown(world, recording), rigid=True))
     return worst
 
 
@@ -213,36 +212,6 @@ def gap_rad(log: Log, nominal: Spec, world: Spec) -> float:
             off = shown(moved, recording) - recording.measured[:, 0]
             squares, count = squares + float(np.nansum(off**2)), count + off.size
     return float(np.sqrt(squares / max(count, 1)))
-
-
-def _apart(part: Spec, recording: Recording, position: Array) -> float:
-    """The same of one limb in one episode, replayed about what MuJoCo (T, K) shows."""
-    blank = np.full(position.shape, np.nan)
-    measured = np.stack([position, *[blank] * (len(CHANNELS) - 1)], axis=1)
-    about = Recording(
-        protocol=recording.protocol,
-        time_s=recording.time_s,
-        command=recording.command,
-        push=recording.push,
-        measured=measured,
-        start=position[0],
-    )
-    limb = Limb(spec=part, recordings=(about,), rigid=True)
-    ours = limb.samples(0, limb.nominal)
-    return float(np.abs(ours[1:, 0] - position[1:]).max())
-
-
-def _begun(recording: Recording) -> Recording:
-    """The beginning of an episode."""
-    keep = recording.time_s <= HORIZON_S
-    return Recording(
-        protocol=recording.protocol,
-        time_s=recording.time_s[keep],
-        command=recording.command[keep],
-        push=recording.push[keep],
-        measured=recording.measured[keep],
-        start=recording.start,
-    )
 
 
 def _numbers(body: Body) -> JointNumbers:

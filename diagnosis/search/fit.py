@@ -37,8 +37,6 @@ SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
 WIDEST = 0.1
 """Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples."""
-RIDGE = 1e-9
-"""Relative: keeps normal equations regular where two parameters do the same."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -160,12 +158,7 @@ class Fitter:
         for step in range(steps):
             residual = self.evidence.readings - shown
             weights = root_weights(self.evidence, residual)
-            jacobian = np.stack([known[k] * weights for k in problem.numbers], axis=1)
-            now = problem.at(u)
-            curvature = jacobian.T @ jacobian + problem.precision
-            curvature += RIDGE * np.diag(np.diag(curvature))
-            pull = jacobian.T @ (residual * weights)
-            pull -= (now - problem.centre) / problem.sd**2
+            now, (_, curvature, pull) = problem.at(u), problem.normal(known, weights, residual, u)
             move = lowest(curvature, pull, problem.low - now, problem.high - now)
             most = problem.largest_step(now)
             move = np.clip(move, -most, most)

@@ -2,7 +2,6 @@
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 
@@ -16,6 +15,8 @@ SOFT = 5.0
 """A gear with play may twist so many times more than others."""
 WIDE = 1e3
 """An effect's size has a prior so many times wider than its bounds: none."""
+RIDGE = 1e-9
+"""Relative: keeps normal equations regular where two parameters do the same."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -108,7 +109,12 @@ class Problem:
         free = np.maximum(GROWTH * np.abs(u), STRIDE * self.least)
         return np.where(self.is_free, free, STRIDE * self.sd)
 
-    @cached_property
-    def precision(self) -> Array:
-        """Of the priors, (n, n)."""
-        return np.diag(self.sd**-2.0)
+    def normal(
+        self, slopes: Mapping[int, Array], weights: Array, residual: Array, u: Mapping[int, float]
+    ) -> tuple[Array, Array, Array]:
+        """What a step d from u costs is d'A d / 2 - g'd: the weighted slopes (M, n), A and g."""
+        jacobian = np.stack([slopes[k] * weights for k in self.numbers], axis=1)
+        curvature = jacobian.T @ jacobian + np.diag(self.sd**-2.0)
+        curvature += RIDGE * np.diag(np.diag(curvature))
+        pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2
+        return jacobian, curvature, pull

@@ -7,8 +7,8 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.evidence.gap import root_weights
-from diagnosis.search.fit import RIDGE, Fit, Fitter
-from diagnosis.search.problem import WIDE
+from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.problem import Problem
 
 SIZES = (2.0, 6.0)
 """Multiples of the least size over which an effect's slope is taken."""
@@ -32,24 +32,17 @@ class Screening:
 
     def __init__(self, fitter: Fitter, fit: Fit) -> None:
         self.fitter, self.fit = fitter, fit
-        parameters = fitter.parameters
         self.free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
         self.base = fitter.world.shown(self.free)
-        held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in fit.freed]
-        needed = (*held, *fit.freed)
-        unknown = [k for k in needed if k not in fit.slopes]
+        problem = Problem.of(fitter.parameters, fit.freed, {}, None)
+        self.numbers = problem.numbers
+        unknown = [k for k in self.numbers if k not in fit.slopes]
         fresh = fitter.slopes(unknown, fit.u, fit.freed, self.base)
-        self.slopes = {k: fresh[k] if k in fresh else fit.slopes[k] for k in needed}
-        self.numbers = list(self.slopes)
+        self.slopes = {**fit.slopes, **fresh}
         self.weights = root_weights(fitter.evidence, fit.residual)
         self.left = fit.residual * self.weights
-        self.jacobian = np.stack([s * self.weights for s in self.slopes.values()], axis=1)
-        sd = np.array([parameters[k].tolerance if k in held else WIDE for k in self.numbers])
-        centre = np.array([parameters[k].centre if k in held else 0.0 for k in self.numbers])
-        now = np.array([fit.u.get(k, 0.0) for k in self.numbers])
-        curvature = self.jacobian.T @ self.jacobian + np.diag(sd**-2.0)
-        self.curvature = curvature + RIDGE * np.diag(np.diag(curvature))
-        self.pull = self.jacobian.T @ self.left - (now - centre) / sd**2
+        given = self.slopes, self.weights, fit.residual, fit.u
+        self.jacobian, self.curvature, self.pull = problem.normal(*given)
 
     def screened(self, numbers: Sequence[int]) -> list[Screened]:
         """The effects by what they promise, the best first."""
