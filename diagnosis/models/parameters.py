@@ -14,23 +14,9 @@ from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
+from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES
 from diagnosis.motion.blocked import Blocked, blocked
-from diagnosis.motion.columns import (
-    COGGING,
-    COLUMNS,
-    FIRM,
-    KD,
-    KP,
-    LIMIT,
-    MOVING,
-    OWN_STEPS,
-    PERIOD,
-    PHASE,
-    ROTOR,
-    STIFFNESS,
-    VISCOUS,
-)
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.ripple import ripples
 
@@ -145,7 +131,7 @@ def parameters(
                 sure = _uncertainty(evidence, joint, place, uncertainty, guesses or {})
                 one = _parameter(name, kind, joint, place, evidence, sure, everyday)
                 if one is not None:
-                    shows = not (evidence.only_rests and place in MOVING)
+                    shows = not (evidence.only_rests and place in c.MOVING)
                     one = replace(one, nameable=name in catalogue and shows)
                     found.append(_as_seen(one, evidence.limb, *seen))
             own = [p for p in found if p.effect == name]
@@ -161,16 +147,16 @@ def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]
     if one.joint is None:
         return one
     value = float(limb.nominal[one.joint, one.place])
-    if one.place == COGGING and value == 0.0:
-        return replace(one, beside=tuple(zip((PERIOD, PHASE), ripple[one.joint], strict=True)))
+    if one.place == c.COGGING and value == 0.0:
+        return replace(one, beside=tuple(zip((c.PERIOD, c.PHASE), ripple[one.joint], strict=True)))
     if one.kind.coordinate == "reach":
-        stop, teeth = stops[one.joint], float(limb.nominal[one.joint, STIFFNESS])
+        stop, teeth = stops[one.joint], float(limb.nominal[one.joint, c.STIFFNESS])
         firm = stop.stiffness_nm_rad if limb.rigid else min(stop.stiffness_nm_rad, teeth)
         return replace(
             one,
             unit=stop.side,
             onset=stop.side * stop.inside_rad - value,
-            beside=((FIRM, firm),),
+            beside=((c.FIRM, firm),),
             nameable=one.nameable and stop.short_rad > one.least,
         )
     return one
@@ -180,7 +166,7 @@ _OWN = Parameter(
     effect="simulator-steps",
     kind=_OwnSteps,
     joint=None,
-    place=OWN_STEPS,
+    place=c.OWN_STEPS,
     unit=1.0,
     tolerance=OWN,
     least=1.0,
@@ -199,13 +185,13 @@ def _uncertainty(
     """The relative uncertainty of one nominal number."""
     if joint is None:
         return uncertainty
-    return guesses.get((evidence.joints[joint], COLUMNS[place]), uncertainty)
+    return guesses.get((evidence.joints[joint], c.COLUMNS[place]), uncertainty)
 
 
 def _places(kind: type[Effect]) -> tuple[int, ...]:
     if not issubclass(kind, NumberEffect):
         return tuple(range(len(AXES)))
-    return (COLUMNS.index(kind.number),) if kind.number in COLUMNS else ()
+    return (c.COLUMNS.index(kind.number),) if kind.number in c.COLUMNS else ()
 
 
 def _parameter(
@@ -266,13 +252,13 @@ def _most(kind: type[Effect], unit: float, rigid: bool) -> float:
 
 def _unasked(place: int, joint: int, evidence: Evidence) -> float:
     """How much of a drive's limit nothing asks for, as a logarithm: to lack it changes nothing."""
-    limit = evidence.limb.nominal[joint, LIMIT]
-    return float(np.log(limit / evidence.torque[joint])) if place == LIMIT else 0.0
+    limit = evidence.limb.nominal[joint, c.LIMIT]
+    return float(np.log(limit / evidence.torque[joint])) if place == c.LIMIT else 0.0
 
 
 def _is_unused(place: int, evidence: Evidence) -> bool:
     """Whether a number does nothing: rigid drives have no gear."""
-    return evidence.limb.rigid and COLUMNS[place].startswith("drive.gear_")
+    return evidence.limb.rigid and c.COLUMNS[place].startswith("drive.gear_")
 
 
 def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
@@ -281,8 +267,8 @@ def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
     if kind.coordinate == "logarithm":
         return 1.0
     if kind.coordinate == "compliance":
-        return 1.0 / numbers[KP]
-    damped = numbers[KD] + numbers[VISCOUS] or np.sqrt(numbers[KP] * numbers[ROTOR])
+        return 1.0 / numbers[c.KP]
+    damped = numbers[c.KD] + numbers[c.VISCOUS] or np.sqrt(numbers[c.KP] * numbers[c.ROTOR])
     natural = {"torque": evidence.torque[joint], "damping": damped}
     return float(natural.get(kind.dimension, 1.0))
 
@@ -314,7 +300,7 @@ def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:
     """The effect's magnitude in SI units at u, beside a joint's nominal numbers."""
     kind = parameter.kind
     if kind.coordinate == "compliance":
-        return u * parameter.unit * numbers[STIFFNESS]
+        return u * parameter.unit * numbers[c.STIFFNESS]
     if kind.coordinate == "logarithm":
         share = float(np.expm1(u))
         return share if kind.dimension == "share" else share * numbers[parameter.place]

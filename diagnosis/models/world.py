@@ -8,18 +8,8 @@ import numpy as np
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.parameters import Parameter
+from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES
-from diagnosis.motion.columns import (
-    COULOMB,
-    DELAY,
-    OWN_STEPS,
-    PLAY,
-    ROTOR,
-    STIFFNESS,
-    TEETH,
-    TWO_MASSES,
-    VISCOUS,
-)
 
 FIRM = 0.4
 """A gear that a rigid drive gets is at most so stiff: k dt^2 over the inertia that it sees."""
@@ -27,7 +17,7 @@ RATIO, FIRM_RATIO = 0.15, 0.6
 """Damping ratio of such a gear, and of one that is as stiff as it may be."""
 REMEMBERED = 32
 """So many of the last replays are remembered: fits come back to where they were."""
-POSITIVE = (COULOMB, VISCOUS, DELAY, PLAY)
+POSITIVE = (c.COULOMB, c.VISCOUS, c.DELAY, c.PLAY)
 """Numbers that tolerances may not take below zero."""
 
 
@@ -48,7 +38,7 @@ class World:
 
     def _shown(self, u: frozenset[tuple[int, float]], nudge: float) -> Array:
         shown = self.evidence.pack(self.blocks(dict(sorted(u)), nudge))
-        own = sum(x for k, x in u if self.parameters[k].place == OWN_STEPS)
+        own = sum(x for k, x in u if self.parameters[k].place == c.OWN_STEPS)
         return shown + own * self.evidence.own_steps if own else shown
 
     def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
@@ -64,7 +54,7 @@ class World:
         soft = np.zeros(len(limb.joints))
         for number, value in u.items():
             one = self.parameters[number]
-            if not value or one.place == OWN_STEPS:
+            if not value or one.place == c.OWN_STEPS:
                 continue
             if one.is_tilt:
                 tilt[one.place] += value
@@ -86,14 +76,14 @@ class World:
         """Make gears more compliant by `soft` (K,) [rad/Nm]; rigid drives with play get one."""
         limb = self.evidence.limb
         if not limb.rigid:
-            numbers[:, STIFFNESS] = 1.0 / (1.0 / numbers[:, STIFFNESS] + soft)
+            numbers[:, c.STIFFNESS] = 1.0 / (1.0 / numbers[:, c.STIFFNESS] + soft)
             return
-        for j in np.flatnonzero((soft > 0.0) | (numbers[:, PLAY] > 0.0)):
+        for j in np.flatnonzero((soft > 0.0) | (numbers[:, c.PLAY] > 0.0)):
             most = FIRM * self._reduced[j] / limb.dt**2
             stiffness = min(1.0 / max(soft[j], 1e-12), most)
             ratio = FIRM_RATIO if stiffness == most else RATIO
-            numbers[j, TWO_MASSES], numbers[j, STIFFNESS] = 1.0, stiffness
-            numbers[j, TEETH] = 2.0 * ratio * np.sqrt(stiffness * self._reduced[j])
+            numbers[j, c.TWO_MASSES], numbers[j, c.STIFFNESS] = 1.0, stiffness
+            numbers[j, c.TEETH] = 2.0 * ratio * np.sqrt(stiffness * self._reduced[j])
 
     @cached_property
     def _reduced(self) -> Array:
@@ -101,5 +91,5 @@ class World:
         limb = self.evidence.limb
         mass = np.concatenate([one.model[0] for one in limb.along])[::50]
         link = np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
-        rotor = limb.nominal[:, ROTOR]
+        rotor = limb.nominal[:, c.ROTOR]
         return link * rotor / (link + rotor)

@@ -20,41 +20,7 @@ import numba
 import numpy as np
 
 from backends.drive import STRIBECK_RAD_S, cogged, remembered
-from diagnosis.motion.columns import (
-    BRISTLE,
-    CASCADE,
-    COGGING,
-    COULOMB,
-    DEAD_ZONE,
-    DELAY,
-    FADE,
-    FALL,
-    FILTER,
-    FULL,
-    INTEGRAL,
-    KD,
-    KP,
-    LAG,
-    LEAD,
-    LIMIT,
-    LOAD,
-    LOCK,
-    ONE_WAY,
-    PERIOD,
-    PHASE,
-    PLAY,
-    PROFILE,
-    ROTOR,
-    SLIDING,
-    SLOWNESS,
-    STICTION,
-    STIFFNESS,
-    TEETH,
-    TWO_MASSES,
-    UNLIMITED,
-    VISCOUS,
-    WARM,
-)
+from diagnosis.motion import columns as c
 from diagnosis.replay.closed import closed_form
 
 SWEEPS = 3
@@ -185,11 +151,11 @@ def integrate(
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
     rate, slow, total, lagged, heat, bend, last_pd = np.zeros((7, joints))
-    share, quick = dt / (p[:, FILTER] + dt), dt / (p[:, LAG] + dt)
+    share, quick = dt / (p[:, c.FILTER] + dt), dt / (p[:, c.LAG] + dt)
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
-        if p[j, INTEGRAL] > 0.0 or p[j, CASCADE] > 0.0:
-            total[j] = lagged[j] - p[j, KP] * (command[0, j] - start[j])
+        if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
+            total[j] = lagged[j] - p[j, c.KP] * (command[0, j] - start[j])
     inverse = np.zeros((joints, joints))
     held, at_limit, stopped = np.zeros(joints, np.bool_), False, np.any(ends[:, 1])
     out[0], out[0, 2] = start, 0.0
@@ -199,63 +165,73 @@ def integrate(
             closed_form(closed, q, v, mass[0], bias[0])
         for j in range(joints):
             asked, n = command[k, j], k
-            if p[j, DELAY] > 0.0:
-                then = t - p[j, DELAY] / dt
+            if p[j, c.DELAY] > 0.0:
+                then = t - p[j, c.DELAY] / dt
                 before = int(np.floor(then))
                 n = row[max(before, 0)]
                 asked = command[row[min(max(before + 1, 0), t)], j] * (then - before)
                 asked += command[n, j] * (1.0 - then + before)
             last = target[j]
-            if p[j, PROFILE] > 0.0:
-                moves = p[j, SLOWNESS], p[j, PROFILE], dt
+            if p[j, c.PROFILE] > 0.0:
+                moves = p[j, c.SLOWNESS], p[j, c.PROFILE], dt
                 target[j], rate[j] = _profiled(asked, last, rate[j], *moves)
             else:
-                target[j] = _limited(asked, last, p[j, SLOWNESS], dt)
+                target[j] = _limited(asked, last, p[j, c.SLOWNESS], dt)
             error, slip, more = target[j] - motor[j], -speed[j], 0.0
             if share[j] < 1.0:
                 slip = -slow[j] - share[j] * (speed[j] - slow[j])
-            if p[j, LEAD] > 0.0:
-                own = rate[j] if p[j, PROFILE] > 0.0 else (target[j] - last) / dt
+            if p[j, c.LEAD] > 0.0:
+                own = rate[j] if p[j, c.PROFILE] > 0.0 else (target[j] - last) / dt
                 known = len(given) > 0 and not np.isnan(given[n, j, 0])
-                slip += p[j, LEAD] * (given[n, j, 0] if known else own)
+                slip += p[j, c.LEAD] * (given[n, j, 0] if known else own)
             if len(given) > 0:
                 more = given[n, j, 1]
-            if p[j, INTEGRAL] > 0.0 or p[j, CASCADE] > 0.0:
-                full = p[j, FULL] if p[j, FULL] > 0.0 else p[j, LIMIT]
-                total[j] += (p[j, INTEGRAL] + p[j, CASCADE]) * p[j, KP] * dt * error
-                total[j] += p[j, CASCADE] * p[j, KD] * dt * slip
+            if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
+                full = p[j, c.FULL] if p[j, c.FULL] > 0.0 else p[j, c.LIMIT]
+                total[j] += (p[j, c.INTEGRAL] + p[j, c.CASCADE]) * p[j, c.KP] * dt * error
+                total[j] += p[j, c.CASCADE] * p[j, c.KD] * dt * slip
                 total[j] = min(max(total[j], -full), full)
                 more += total[j]
-            law = p[j, KP], p[j, KD], p[j, LIMIT], p[j, DEAD_ZONE], p[j, UNLIMITED]
-            pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, FALL])
+            law = p[j, c.KP], p[j, c.KD], p[j, c.LIMIT], p[j, c.DEAD_ZONE], p[j, c.UNLIMITED]
+            pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, c.FALL])
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t + 1, 2, j] = pd
-            if t == 0 and p[j, TWO_MASSES] == 0.0:
+            if t == 0 and p[j, c.TWO_MASSES] == 0.0:
                 out[0, 2, j] = pd
-            cog = cogged(motor[j], p[j, COGGING], p[j, PERIOD], p[j, PHASE])
-            if p[j, FADE] > 0.0 or p[j, SLIDING] > 0.0:
-                law = p[j, LIMIT], p[j, FADE], p[j, WARM], p[j, SLIDING], p[j, BRISTLE]
+            cog = cogged(motor[j], p[j, c.COGGING], p[j, c.PERIOD], p[j, c.PHASE])
+            if p[j, c.FADE] > 0.0 or p[j, c.SLIDING] > 0.0:
+                law = p[j, c.LIMIT], p[j, c.FADE], p[j, c.WARM], p[j, c.SLIDING], p[j, c.BRISTLE]
                 more, heat[j], bend[j] = remembered(
                     speed[j], last_pd[j], dt, *law, heat[j], bend[j]
                 )
                 cog, last_pd[j] = cog + more, pd
-            rub[j] = _rubbing(speed[j], p[j, COULOMB], p[j, STICTION])
-            loss = share[j] * quick[j] * p[j, KD] * (p[j, UNLIMITED] if at_limit else 1.0)
-            loss += p[j, VISCOUS] + (p[j, FALL] if at_limit else 0.0)
-            if p[j, TWO_MASSES] > 0.0:
-                gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, ROTOR]
-                gear[j] = _gear(gap, slip, p[j, PLAY], p[j, STIFFNESS], p[j, TEETH])
-                most = rub[j] + p[j, LOAD] * abs(gear[j])
+            rub[j] = _rubbing(speed[j], p[j, c.COULOMB], p[j, c.STICTION])
+            loss = share[j] * quick[j] * p[j, c.KD] * (p[j, c.UNLIMITED] if at_limit else 1.0)
+            loss += p[j, c.VISCOUS] + (p[j, c.FALL] if at_limit else 0.0)
+            if p[j, c.TWO_MASSES] > 0.0:
+                gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, c.ROTOR]
+                gear[j] = _gear(gap, slip, p[j, c.PLAY], p[j, c.STIFFNESS], p[j, c.TEETH])
+                most = rub[j] + p[j, c.LOAD] * abs(gear[j])
                 loss = loss if implicit else 0.0
-                own = pd, cog, gear[j], p[j, VISCOUS], most, p[j, ONE_WAY], p[j, LOCK], r, loss
+                own = (
+                    pd,
+                    cog,
+                    gear[j],
+                    p[j, c.VISCOUS],
+                    most,
+                    p[j, c.ONE_WAY],
+                    p[j, c.LOCK],
+                    r,
+                    loss,
+                )
                 speed[j] = _turned(speed[j], *own)
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
             else:
                 changed |= at_limit != held[j]
                 held[j], damped[j] = at_limit, dt * loss
-                force[j] = pd + cog - p[j, VISCOUS] * v[j]
-                rub[j] += p[j, LOAD] * abs(gear[j])
+                force[j] = pd + cog - p[j, c.VISCOUS] * v[j]
+                rub[j] += p[j, c.LOAD] * abs(gear[j])
         for j in range(joints if stopped else 0):
             past = ends[j, 1] * (q[j] + (dt if implicit else 0.5 * dt) * v[j] - ends[j, 0])
             pressed[j] = np.sign(ends[j, 1]) * max(past, 0.0)
@@ -266,7 +242,7 @@ def integrate(
             for j in range(joints):
                 for n in range(joints):
                     inverse[j, n] = mass[i, j, n]
-                inverse[j, j] += p[j, ROTOR] + damped[j] if p[j, TWO_MASSES] == 0.0 else 0.0
+                inverse[j, j] += p[j, c.ROTOR] + damped[j] if p[j, c.TWO_MASSES] == 0.0 else 0.0
                 inverse[j, j] += firm[j]
             _invert(inverse)
         rubs = False
@@ -274,15 +250,15 @@ def integrate(
             force[j] += push[k, j] - bias[i, j] - pressed[j]
             for n in range(joints):
                 force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
-            rubs |= rub[j] > 0.0 or (p[j, ONE_WAY] != 0.0 and p[j, TWO_MASSES] == 0.0)
+            rubs |= rub[j] > 0.0 or (p[j, c.ONE_WAY] != 0.0 and p[j, c.TWO_MASSES] == 0.0)
         for j in range(joints):
             accel[j] = 0.0
             for n in range(joints):
                 accel[j] += inverse[j, n] * force[n]
-            if p[j, LOCK] > 0.0 and p[j, TWO_MASSES] == 0.0:
+            if p[j, c.LOCK] > 0.0 and p[j, c.TWO_MASSES] == 0.0:
                 slides = v[j] + dt * accel[j]
                 if slides * out[t + 1, 2, j] <= 0.0 and slides * gear[j] < 0.0:
-                    rub[j], rubs = rub[j] + p[j, LOCK], True
+                    rub[j], rubs = rub[j] + p[j, c.LOCK], True
         for j in range(joints):
             after[j] = v[j] + dt * accel[j]
             for n in range(joints if rubs else 0):
@@ -290,7 +266,7 @@ def integrate(
         for _ in range((SWEEPS if joints > 1 else 1) if rubs else 0):
             settled = True
             for j in range(joints):
-                most, way = dt * rub[j], dt * p[j, ONE_WAY] * (1.0 - p[j, TWO_MASSES])
+                most, way = dt * rub[j], dt * p[j, c.ONE_WAY] * (1.0 - p[j, c.TWO_MASSES])
                 low, high = -most - max(way, 0.0), most + max(-way, 0.0)
                 more = min(max(impulse[j] - after[j] / inverse[j, j], low), high) - impulse[j]
                 if more != 0.0:
@@ -305,9 +281,9 @@ def integrate(
             v[j] = after[j]
             q[j] += dt * v[j]
         for j in range(joints):
-            if p[j, TWO_MASSES] == 0.0:
+            if p[j, c.TWO_MASSES] == 0.0:
                 gear[j] = bias[i, j] + pressed[j] - push[k, j]
-                for n in range(joints if p[j, LOAD] > 0.0 or p[j, LOCK] > 0.0 else 0):
+                for n in range(joints if p[j, c.LOAD] > 0.0 or p[j, c.LOCK] > 0.0 else 0):
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]
             slow[j] += share[j] * (speed[j] - slow[j])

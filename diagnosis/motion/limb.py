@@ -13,26 +13,8 @@ from backends.encoder import angles
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
+from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES, Along, smoothed
-from diagnosis.motion.columns import (
-    ACROSS,
-    BIAS,
-    CARRIED,
-    COLUMNS,
-    FIRM,
-    KP,
-    LATE,
-    MASS,
-    ONCE,
-    PAYLOAD,
-    ROTOR,
-    SCALE,
-    STEP,
-    STIFFNESS,
-    STOP,
-    table,
-    with_numbers,
-)
 from diagnosis.motion.integrate import integrate
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.motion.sense import sense
@@ -74,7 +56,7 @@ class Limb:
     @cached_property
     def nominal(self) -> Array:
         """The nominal numbers of the joints, shape (K, len(COLUMNS))."""
-        return table(self.spec, self.rigid)
+        return c.table(self.spec, self.rigid)
 
     @cached_property
     def period_s(self) -> float:
@@ -87,7 +69,7 @@ class Limb:
         if not self.rigid:
             return self.spec.timing.drive_s
         dt = max(TICK_S, self.period_s / TICKS)
-        kp, rotor = self.nominal[:, KP], self.nominal[:, ROTOR]
+        kp, rotor = self.nominal[:, c.KP], self.nominal[:, c.ROTOR]
         moved = rotor + self.link_inertia
         longest = np.sqrt(np.minimum(STABLE * rotor, FINE * moved) / np.maximum(kp, 1e-12)).min()
         while dt > FINEST_S and dt > min(longest, self.period_s):
@@ -151,7 +133,7 @@ class Limb:
             count = len(ticks.row) // self.stride + 1
             points_s = (np.arange(count) + 0.5) * self.stride * self.dt
             still = smoothed(_filled(recording), self.period_s)
-            late_s = self.nominal[:, LATE]
+            late_s = self.nominal[:, c.LATE]
             pairs = zip(still.T, late_s, strict=True)
             read = [np.interp(points_s + late, recording.time_s, x) for x, late in pairs]
             q = unread(np.stack(read, axis=1), self.nominal)
@@ -174,7 +156,7 @@ class Limb:
     def commanded(self, commands: Sequence[Array]) -> "Limb":
         """The same limb and motion with other targets, (T, K) by episode."""
         pairs = zip(self.recordings, commands, strict=True)
-        return self._alike(recordings=tuple(replace(r, command=c) for r, c in pairs))
+        return self._alike(recordings=tuple(replace(r, command=own) for r, own in pairs))
 
     def pushed(self, pushes: Sequence[Array]) -> "Limb":
         """The same limb and motion with other pushes, (T, K) by episode."""
@@ -187,9 +169,9 @@ class Limb:
 
     def with_steps(self, joint: int, step: float) -> "Limb":
         """The same limb and motion, a joint's targets rounded to a step on their way."""
-        numbers = {self.joints[joint]: {COLUMNS[STEP]: step}}
-        other = self._alike(spec=with_numbers(self.spec, numbers))
-        other.__dict__["nominal"] = table(other.spec, self.rigid)
+        numbers = {self.joints[joint]: {c.COLUMNS[c.STEP]: step}}
+        other = self._alike(spec=c.with_numbers(self.spec, numbers))
+        other.__dict__["nominal"] = c.table(other.spec, self.rigid)
         return other
 
     def in_half_steps(self) -> "Limb":
@@ -248,18 +230,18 @@ class Limb:
     ) -> Array | None:
         """Joints, motors and torques of an episode as `integrate` has them; None: diverged."""
         recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
-        mass = self.nominal[:, MASS]
-        heavier = np.where(mass > 0.0, numbers[:, MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
-        payload, carried = (numbers - self.nominal)[:, [PAYLOAD, CARRIED]].T
+        mass = self.nominal[:, c.MASS]
+        heavier = np.where(mass > 0.0, numbers[:, c.MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
+        payload, carried = (numbers - self.nominal)[:, [c.PAYLOAD, c.CARRIED]].T
         load = np.concatenate([heavier, payload[self._ends], carried])
         model = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
-        sent = rounded(recording.command, numbers[:, STEP])
+        sent = rounded(recording.command, numbers[:, c.STEP])
         asked = sent, recording.given, recording.push, clock.row
         start = unread(recording.start, numbers) + shift
         out = np.empty((len(clock.row) + 1, len(CHANNELS), len(self.joints)))
         closed = coefficients(*model[:2]) if self.closed else np.zeros((0, 3, 5))
         motion = path.angle_rad, path.speed_rad_s, *model, closed
-        ends = stops(numbers[:, [STOP, FIRM, STIFFNESS]], self._ranges)
+        ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], self._ranges)
         given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
         return out if integrate(*given, out) else None
 
@@ -276,7 +258,7 @@ def _filled(recording: Recording) -> Array:
 
 def unread(reading: Array, numbers: Array) -> Array:
     """Angles [rad] at which position sensors with these numbers read `reading` (K,)."""
-    return angles(reading, *numbers[:, [BIAS, SCALE, ONCE, ACROSS]].T)
+    return angles(reading, *numbers[:, [c.BIAS, c.SCALE, c.ONCE, c.ACROSS]].T)
 
 
 def block_means(samples: Array, edges: Array) -> Array:

@@ -17,6 +17,7 @@ from diagnosis.evidence.gap import squared_gaps
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
 from diagnosis.search.fit import Fit, Fitter
+from diagnosis.verdict.ordinary import Ordinary
 
 NUDGES_RAD = (-1e-5, -3e-6, 3e-6, 1e-5)
 """Shifts of the start that no sensor shows [rad; of a slide a share of its travel]."""
@@ -32,8 +33,10 @@ def prediction_spread(world: World, u: Mapping[int, float]) -> Array:
     return np.nan_to_num(np.mean(squares, axis=0))
 
 
-def with_prediction_spread(fitter: Fitter, fit: Fit) -> Fit:
-    """The fit with gaps in units of floors and of how far its own prediction spreads."""
+def with_prediction_spread(fitter: Fitter, fit: Fit, ordinary: Ordinary) -> Fit:
+    """The fit of causes that leave more than is ordinary, in what its world itself can predict."""
+    if not fit.freed or fit.worst <= ordinary.floors:
+        return fit
     residual = fit.residual / np.sqrt(1.0 + prediction_spread(fitter.world, fit.u))
     return replace(fit, gap2=squared_gaps(fitter.evidence, residual))
 

@@ -149,7 +149,7 @@ class Search:
             self.singles = self.singles or tuple(fresh)
             if not fresh or not self._is_worth(fresh[0], now, nominal):
                 break
-            self.now = now = self._rattling(fresh[0])
+            self.now = now = with_prediction_spread(self.fitter, fresh[0], self.ordinary)
             width = BEAM if causes < MIXED else 1
             beam = [f for f in fresh[:width] if f.excess < NEAR * fresh[0].excess + NEAR_MORE]
 
@@ -164,24 +164,15 @@ class Search:
         best, others = same[0], same[1 : BEAM + 1]
         return Found(
             nominal=nominal,
-            chosen=self._rattling(best),
+            chosen=with_prediction_spread(self.fitter, best, self.ordinary),
             singles=singles,
             tied=tuple(f for f in others if self._is_tied(f, best, nominal)),
             is_likely=self._is_likely(best, nominal, nominal),
         )
 
-    def _rattling(self, fit: Fit) -> Fit:
-        """The fit; where it leaves more than is ordinary, in what its world itself can predict."""
-        is_ordinary = fit.worst <= self.ordinary.floors
-        return fit if is_ordinary else with_prediction_spread(self.fitter, fit)
-
     def _sets(self) -> Iterator[Fit]:
         """The sets tried whose effects are all some."""
-        yield from filter(self._is_some, self.tried.values())
-
-    def _is_some(self, fit: Fit) -> bool:
-        """Whether the effects of a set are all large enough to be some."""
-        return all(abs(fit.u[k]) >= self.parameters[k].least for k in fit.freed)
+        yield from (fit for fit in self.tried.values() if is_some(self.parameters, fit))
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
         """Sets by rank; the best are fitted on with the tolerances of all joints.
@@ -196,7 +187,7 @@ class Search:
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
                 self._keep(self.fitter.fit(fit.freed, near=self._rough(fit.freed, fit.u).u))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
-        return self._ranked([fit for fit in polished if self._is_some(fit)])
+        return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 
     def _ranked(self, fits: Sequence[Fit]) -> list[Fit]:
         """By what they leave; in an exact world, where gaps are small, by their likelihood."""
@@ -389,6 +380,11 @@ class Search:
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
         is_all = self.ordinary.exact or fit.strain2 > 0.0
         return is_all or own >= CONCERNED * fit.excess
+
+
+def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
+    """Whether the effects of a set are all large enough to be some."""
+    return all(abs(fit.u[k]) >= parameters[k].least for k in fit.freed)
 
 
 def rank(parameters: Sequence[Parameter], fit: Fit) -> float:

@@ -3,7 +3,7 @@
 from diagnosis.progress import Progress
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Found, rank
+from diagnosis.search.search import Found, is_some, rank
 from diagnosis.verdict.ordinary import Ordinary
 
 SINGLES = 3
@@ -18,7 +18,6 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progres
     progress("the nominal numbers, fitted to the whole log", 0.0)
     nominal = fitter.strained(fitter.fit(near=found.nominal.u), ordinary)
     known = {found.nominal.freed: nominal}
-    least = [one.least for one in fitter.parameters]
 
     def again(fit: Fit, anew: bool = True) -> Fit:
         if fit.freed not in known:
@@ -32,12 +31,11 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progres
     fitted = (again(fit, anew=False) for fit in found.singles[:SINGLES])
     singles = sorted(fitted, key=lambda fit: fit.excess)
     alike = [fit for fit in (first, *tied, *singles) if len(fit.freed) == len(first.freed)]
-    some = [fit for fit in alike if all(abs(fit.u[k]) >= least[k] for k in fit.freed)]
+    some = (fit for fit in alike if is_some(fitter.parameters, fit))
     best = min(some, key=lambda fit: rank(fitter.parameters, fit), default=nominal)
-    spreads = best.freed and best.worst > ordinary.floors
     return Found(
         nominal=nominal,
-        chosen=with_prediction_spread(fitter, best) if spreads else best,
+        chosen=with_prediction_spread(fitter, best, ordinary),
         singles=tuple(singles),
         tied=tuple(fit for fit in (first, *tied) if fit.freed != best.freed),
         is_likely=found.is_likely and best is first,

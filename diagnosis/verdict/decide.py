@@ -62,7 +62,6 @@ def decide(
         experiment=experiment(fitter, chosen.u, [f.u for f in tied]) if tied else None,
         gap_before=_gap_before(fitter),
         gap_nominal=nominal.gap,
-        gap_after=left,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
         nominal=tuple(_nominal(fitter, chosen if named else nominal)),
         runs=fitter.world.runs,

@@ -106,7 +106,6 @@ def with_play(
         share=min(one.share for one in found),
         gap_nominal=before,
         left=after,
-        gap_after=after,
         tied=tuple((f"{names[DEAD_ZONE]}@{one.joint}",) for one in found if DEAD_ZONE in names),
         experiment=MOTOR_ANGLE,
     )

@@ -117,7 +117,6 @@ class LimbResult:
     experiment: str | None
     gap_before: float
     gap_nominal: float
-    gap_after: float
     gaps: dict[str, float]
     """By joint, what the tolerances leave [floors]."""
     nominal: tuple[Nominal, ...]

@@ -25,11 +25,11 @@ def sentences(result: LimbResult) -> Iterator[str]:
         f"together they are then {result.strain:.1f} standard deviations further off than those of "
         "a healthy robot"
     )
-    if result.verdict == (NONE,) and result.gap_after > result.ordinary:
-        yield f"The lost packets leave {_floors(result.gap_after)}, and no other effect; {limit}."
+    if result.verdict == (NONE,) and result.left > result.ordinary:
+        yield f"The lost packets leave {_floors(result.left)}, and no other effect; {limit}."
     elif result.verdict == (NONE,):
         subject = "The motion" if result.sensors else "This log"
-        left = _floors(result.gap_after)
+        left = _floors(result.left)
         yield f"{subject} shows no fault: the nominal world, refitted, leaves {left}; {limit}."
         if result.strain:
             yield (
@@ -43,7 +43,7 @@ def sentences(result: LimbResult) -> Iterator[str]:
             )
             if result.leading and result.leading[0].share >= SHARE:
                 yield f"If they are better known, {_cause(result.leading[0])} is likely instead."
-        if result.gap_after > BORDER * result.ordinary:
+        if result.left > BORDER * result.ordinary:
             yield "That is near the limit; healthy logs of this robot would make it more certain."
     elif result.verdict == (UNKNOWN,):
         gap = _floors(result.gap_nominal)

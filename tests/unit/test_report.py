@@ -105,7 +105,7 @@ def test_a_size_has_its_interval(found):
 def test_a_sensor_at_fault_is_no_contradiction(found):
     """Find no fault in the motion, rather than in the log, where a sensor has one."""
     limb = found.limbs[0]
-    none = {"verdict": (NONE,), "causes": (), "gap_after": 0.5}
+    none = {"verdict": (NONE,), "causes": (), "left": 0.5}
     noisy = dataclasses.replace(limb, sensors=limb.causes, **none)
     assert next(sentences(noisy)).startswith("The motion shows no fault")
 
@@ -113,7 +113,7 @@ def test_a_sensor_at_fault_is_no_contradiction(found):
 @pytest.mark.parametrize(("gap", "said"), [(30.0, True), (1.0, False)])
 def test_a_gap_that_nominal_numbers_close_is_said(found, gap, said):
     """Say that no fault is needed only because the nominal numbers may be off."""
-    none = {"verdict": (NONE,), "causes": (), "gap_after": 0.5, "gap_before": gap}
+    none = {"verdict": (NONE,), "causes": (), "left": 0.5, "gap_before": gap}
     limb = dataclasses.replace(found.limbs[0], ordinary=3.5, **none)
     assert ("nominal_uncertainty" in " ".join(sentences(limb))) == said
 
