@@ -17,14 +17,14 @@ of the play back; there the lower end holds. A dead zone of the drive shows as p
 softer than nominal leaves no lost motion after a push.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+import pandas as pd
 
 from backends.catalogue import of_part
 from backends.effect import Effect
-from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import KP, STIFFNESS
 from diagnosis.motion.presses import Press, places, presses
@@ -38,34 +38,8 @@ HARD = 0.9
 """A push counts while it is this share of its largest."""
 LEAST_REST = 4
 """Readings from the end of a push to what comes next; the later half of them counts."""
+WHEN = ["pushed", "released"]
 MOTOR_ANGLE = "log the motor's angle as well"
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rest:
-    """Where a joint rests that is pushed one way and let go."""
-
-    press: Press
-    push_nm: float
-    """Its size."""
-    rests_rad: tuple[float, float]
-    """Where the joint is, about its command: under the push, and after it."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LostMotion:
-    """Between where a joint rests on either side, mean over the positions held."""
-
-    pushed_rad: float
-    released_rad: float
-    errors_rad: tuple[float, float]
-    """Standard errors of both."""
-    rests: tuple[Rest, ...]
-
-    @property
-    def push_nm(self) -> float:
-        """Mean size of the pushes."""
-        return float(np.mean([rest.push_nm for rest in self.rests]))
 
 
 def with_play(
@@ -137,17 +111,25 @@ class Play:
 
 def play(evidence: Evidence, j: int, uncertainty: float) -> Play | None:
     """The play of joint `j`; None where friction may make up its lost motion."""
-    found, numbers = lost_motion(evidence, j), evidence.limb.nominal[j]
-    if found is None:
+    found, numbers = rests(evidence, j), evidence.limb.nominal[j]
+    if found.empty:
         return None
-    give = 0.0 if evidence.limb.rigid else found.push_nm / numbers[STIFFNESS]
-    yields = found.push_nm / numbers[KP] + give
-    low = (found.pushed_rad + found.released_rad) / 2 - yields
-    high = found.pushed_rad - 2 * give
-    error = float(np.hypot(np.hypot(*found.errors_rad) / 2, uncertainty * yields))
-    if min(low / error, found.released_rad / found.errors_rad[1]) < SURE_Z:
+    sigma_rad = float(evidence.floor[0, j])
+    pushed, released = lost_motion(found)
+    push_nm = found["push_nm"].mean()
+    give = 0.0 if evidence.limb.rigid else push_nm / numbers[STIFFNESS]
+    yields = push_nm / numbers[KP] + give
+    low, high = (pushed + released) / 2 - yields, pushed - 2 * give
+    sides = found.groupby("side")[WHEN]
+    variances = sides.var(ddof=0).clip(lower=sigma_rad**2).div(sides.size(), axis=0).sum()
+    error = float(np.hypot(np.sqrt(variances.sum()) / 2, uncertainty * yields))
+    if min(low / error, released / np.sqrt(variances["released"])) < SURE_Z:
         return None
-    before, after = _gaps(found, yields, _sigma_rad(evidence, j))
+    usual = np.outer(2 * found["side"] - 1, [yields, 0.0])
+    before, after = (
+        float(np.sqrt(np.mean((found[WHEN] - at).to_numpy() ** 2))) / sigma_rad
+        for at in (usual, sides.transform("mean"))
+    )
     return Play(
         joint=evidence.joints[j],
         low_rad=low / 2,
@@ -158,57 +140,29 @@ def play(evidence: Evidence, j: int, uncertainty: float) -> Play | None:
     )
 
 
-def lost_motion(evidence: Evidence, j: int) -> LostMotion | None:
-    """The lost motion of joint `j`; None where nothing pushes it both ways at one position."""
-    every = [rest for r in evidence.limb.recordings for rest in _rests_of(r, j)]
-    groups = [[every[k] for k in group] for group in places([rest.press for rest in every])]
-    if not groups:
-        return None
-    sides = [np.stack([_rests(group, side) for group in groups]) for side in (0, 1)]
-    pushed, released = np.mean(sides[1] - sides[0], axis=0)
-    rests = tuple(rest for group in groups for rest in group)
-    squares = [_error(rests, side, _sigma_rad(evidence, j)) for side in (0, 1)]
-    return LostMotion(
-        pushed_rad=float(pushed),
-        released_rad=float(released),
-        errors_rad=tuple(np.sqrt(np.sum(squares, axis=0)).tolist()),
-        rests=rests,
-    )
+def lost_motion(found: pd.DataFrame) -> pd.Series:
+    """Between `rests` on either side [rad], while pushed and after it: mean over the positions."""
+    means = found.groupby(["side", "place"])[WHEN].mean().groupby("side").mean()
+    return means.loc[1] - means.loc[0]
 
 
-def _sigma_rad(evidence: Evidence, j: int) -> float:
-    """One floor of a single position [rad]."""
-    return float(evidence.floor[0, j])
+def rests(evidence: Evidence, j: int) -> pd.DataFrame:
+    """Where joint `j` rests that is pushed one way and let go, at positions pushed both ways.
+
+    A row per press: its `side`, `push_nm`, where the joint is about its command while it is
+    `pushed` and when it is `released` [rad], and the number of the `place` that is held.
+    """
+    found = [one for recording in evidence.limb.recordings for one in _rests_of(recording, j)]
+    rows = pd.DataFrame([row for _, row in found], columns=["side", "push_nm", *WHEN])
+    groups = enumerate(places([press for press, _ in found]))
+    of_place = {k: float(number) for number, group in groups for k in group}
+    return rows.assign(place=pd.Series(of_place, dtype=float)).dropna()
 
 
-def _of_side(rests: Sequence[Rest], side: int) -> Array:
-    """Rests of one side (R, 2), under the push and after it."""
-    return np.array([rest.rests_rad for rest in rests if rest.press.side == side])
-
-
-def _rests(rests: Sequence[Rest], side: int) -> Array:
-    """Mean rests of one side, under the push and after it."""
-    return _of_side(rests, side).mean(axis=0)
-
-
-def _error(rests: Sequence[Rest], side: int, least_rad: float) -> Array:
-    """Squared standard errors of the mean rests of one side."""
-    found = _of_side(rests, side)
-    return np.maximum(found.var(axis=0), least_rad**2) / len(found)
-
-
-def _gaps(found: LostMotion, yields_rad: float, sigma_rad: float) -> tuple[float, float]:
-    """`Play.before` and `Play.after`."""
-    side = np.array([[rest.press.side] for rest in found.rests])
-    rests = np.array([rest.rests_rad for rest in found.rests])
-    usual = (2 * side - 1) * np.array([yields_rad, 0.0])
-    means = np.where(side > 0, _rests(found.rests, 1), _rests(found.rests, 0))
-    before, after = (float(np.sqrt(np.mean((rests - at) ** 2))) for at in (usual, means))
-    return before / sigma_rad, after / sigma_rad
-
-
-def _rests_of(recording: Recording, j: int) -> Iterator[Rest]:
-    """Where joint `j` rests, press by press; a push shows in the reading after its row."""
+def _rests_of(
+    recording: Recording, j: int
+) -> Iterator[tuple[Press, tuple[int, float, float, float]]]:
+    """Press by press; a push shows in the reading after its row."""
     load, reading = recording.push[:, j], recording.measured[:, 0, j]
     for press in presses(recording.command[:, j], load):
         let_go, end = press.released.start, press.released.stop
@@ -216,5 +170,4 @@ def _rests_of(recording: Recording, j: int) -> Iterator[Rest]:
             hard = press.hard(load, HARD)
             both = reading[hard + 1], reading[(let_go + end) // 2 : end]
             under, after = (float(np.median(part) - press.held_rad) for part in both)
-            push_nm = float(np.abs(load[hard]).mean())
-            yield Rest(press=press, push_nm=push_nm, rests_rad=(under, after))
+            yield press, (press.side, float(np.abs(load[hard]).mean()), under, after)

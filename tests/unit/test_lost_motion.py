@@ -17,7 +17,7 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
-from diagnosis.verdict.lost_motion import lost_motion, play
+from diagnosis.verdict.lost_motion import lost_motion, play, rests
 from diagnosis.walk import diagnose
 
 LEVER = """
@@ -144,11 +144,11 @@ def test_no_play_is_named_without_a_name_for_it():
 
 def test_lost_motion_is_what_lies_between_the_sides():
     """Measure play and yield under a push, and the play after it, of a drive without friction."""
-    measured = lost_motion(evidence(at_equilibrium(0.005, 0.0, "motor")), 0)
-    assert measured is not None
-    assert measured.pushed_rad == pytest.approx(2 * (0.005 + PUSH_NM / KP), rel=1e-6)
-    assert measured.released_rad == pytest.approx(2 * 0.005, rel=1e-6)
-    assert measured.push_nm == pytest.approx(PUSH_NM)
+    found = rests(evidence(at_equilibrium(0.005, 0.0, "motor")), 0)
+    pushed, released = lost_motion(found)
+    assert pushed == pytest.approx(2 * (0.005 + PUSH_NM / KP), rel=1e-6)
+    assert released == pytest.approx(2 * 0.005, rel=1e-6)
+    assert found["push_nm"].to_numpy() == pytest.approx(PUSH_NM)
 
 
 def test_a_log_without_pushes_both_ways_has_no_lost_motion():
@@ -157,7 +157,7 @@ def test_a_log_without_pushes_both_ways_has_no_lost_motion():
     (recording,) = part.limb.recordings
     one_way = dataclasses.replace(recording, push=np.abs(recording.push))
     limb = dataclasses.replace(part.limb, recordings=(one_way,))
-    assert lost_motion(dataclasses.replace(part, limb=limb), 0) is None
+    assert rests(dataclasses.replace(part, limb=limb), 0).empty
 
 
 def test_rests_say_nothing_of_what_shows_in_motion():
