@@ -232,8 +232,11 @@ class Search:
         return any(new.is_kin(other) for other in chosen)
 
     def _is_likely(self, fit: Fit, now: Fit, nominal: Fit) -> bool:
-        """Whether the world is exact, and a set much more likely than each with one effect less."""
-        if not self.ordinary.exact or fit.worst > self.ordinary.floors:
+        """Whether the world is exact, and a set much more likely than each with one effect less.
+
+        A set that leaves a larger gap fits single moments better, which says nothing of a cause.
+        """
+        if not self.ordinary.exact or fit.worst > min(self.ordinary.floors, now.worst):
             return False
         before = [now, *(self._without(fit, k) for k in fit.freed)]
         return is_likely(self.fitter.evidence, fit, before, nominal)

@@ -84,7 +84,7 @@ def test_an_inertia_that_no_file_has_is_no_fault(armature_kgm2):
 @pytest.mark.parametrize(("armature_kgm2", "delay_s"), [(0.5, 0.05), (1.0, 0.06)])
 def test_a_delay_is_no_inertia_that_no_file_has(armature_kgm2, delay_s):
     """Find how late commands are beside motors that are as slow, both far from any guess."""
-    found = solve(log_of(Real(joints=2, armature_kgm2=armature_kgm2, delay_s=delay_s)))
+    found = diagnose(log_of(Real(joints=2, armature_kgm2=armature_kgm2, delay_s=delay_s)))
     assert (found.verdict, found.joints) == (("command-delay",), ("J0", "J1"))
     assert found.limbs[0].causes[0].value == pytest.approx(1e3 * delay_s, rel=0.05)
 
@@ -92,7 +92,7 @@ def test_a_delay_is_no_inertia_that_no_file_has(armature_kgm2, delay_s):
 @pytest.mark.parametrize("said_nm", [200.0, 600.0])
 def test_a_limit_far_below_what_the_file_says(said_nm):
     """Find it where nothing asks for the torque between them."""
-    found = solve(log_of(Real(limit_nm=20.0, said_nm=said_nm)))
+    found = diagnose(log_of(Real(limit_nm=20.0, said_nm=said_nm)))
     assert found.verdict == ("torque-limit",)
     assert found.limbs[0].causes[0].value == pytest.approx(100 * (20.0 / said_nm - 1.0), abs=2.0)
 
