@@ -74,6 +74,11 @@ class Difference:
     """How many of these it is off, with what the mean is unsure by."""
     beyond: bool
 
+    @property
+    def odd(self) -> float:
+        """The score; to hunt less than healthy logs, or with less noise, is no fault."""
+        return self.score if self.name in LEVELS else abs(self.score)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Compared:
@@ -93,7 +98,7 @@ class Compared:
     @property
     def oddest(self) -> float:
         """The largest score."""
-        return max(_odd(one.name, one.score) for one in self.differences)
+        return max(one.odd for one in self.differences)
 
 
 @dataclass(frozen=True)
@@ -139,44 +144,28 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     tables = (_beside(one, rest) for one, rest in zip(sound, others, strict=True))
     about = pd.DataFrame([_statistics(table) for table in tables])
     table = _beside(today, sound)
-    found = _statistics(table)
-    least = dict.fromkeys(SIGNATURES, LEAST * float(np.sqrt(np.mean(about.pop("gap") ** 2))))
-    del found["gap"]
-    level = FALSE / len(found) / len(log.joints) / 2
-    by = {
-        name: _difference(name, value, about[name], least.get(name, FLOOR), level)
-        for name, value in found.items()
-    }
-    group = _group(table, by)
-    oddest = max(_odd(one.name, one.score) for one in by.values())
-    odd = min(1.0, 2 * float(student.sf(oddest, len(sound) - 1)) * len(found) * len(log.joints))
+    found = pd.Series(_statistics(table)).drop("gap")
+    gap = float(np.sqrt(np.mean(about["gap"] ** 2)))
+    about = about[list(found.index)]
+    least = [LEAST * gap if name in SIGNATURES else FLOOR for name in found.index]
+    known = pd.DataFrame({"value": found, "healthy": about.mean()})
+    known["spread"] = np.maximum(about.std(), least)
+    known["score"] = (found - known["healthy"]) / known["spread"] / np.sqrt(1 + 1 / len(sound))
+    chances, free = len(found) * len(log.joints), len(sound) - 1
+    limit = student.isf(FALSE / chances / 2, free)
+    differences = [
+        replace(one, beyond=bool(one.odd > limit))
+        for one in (Difference(name=k, beyond=False, **row) for k, row in known.T.to_dict().items())
+    ]
+    group = _group(table, {one.name: one for one in differences})
+    odd = min(1.0, 2 * float(student.sf(max(one.odd for one in differences), free)) * chances)
     return Compared(
         joint=joint,
         group=group,
         confidence=odd if group == NONE else 1.0 - odd,
         place=_place(table) if group == LOCAL else None,
-        differences=tuple(by.values()),
+        differences=tuple(differences),
     )
-
-
-def _difference(
-    name: str, value: float, sound: pd.Series, least: float, level: float
-) -> Difference:
-    spread = max(float(sound.std()), least)
-    score = float((value - sound.mean()) / spread / np.sqrt(1 + 1 / len(sound)))
-    return Difference(
-        name=name,
-        value=value,
-        healthy=float(sound.mean()),
-        spread=spread,
-        score=score,
-        beyond=bool(_odd(name, score) > student.isf(level, len(sound) - 1)),
-    )
-
-
-def _odd(name: str, score: float) -> float:
-    """How odd a score is: to hunt less than healthy logs, or with less noise, is no fault."""
-    return score if name in LEVELS else abs(score)
 
 
 def _motions(joint: str, log: Log) -> Iterator[_Motion]:

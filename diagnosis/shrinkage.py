@@ -8,10 +8,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 
 from backends.state import Array
-from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.gap import root_weights
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.problem import Problem
@@ -56,14 +54,6 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
         step = lowest(curvature, pull, problem.low - now, problem.high - now)
         found[unseen] = (fit.residual - slopes @ step)[unseen]
     return found
-
-
-def by_second(evidence: Evidence, residual: Array) -> Array:
-    """Root mean square of residuals (M,) by joint and second (K, S); NaN where there are none."""
-    joints = range(len(evidence.parts))
-    joint = np.repeat(joints, [part.stop - part.start for part in evidence.parts])
-    squares = pd.Series(residual**2).groupby([joint, evidence.seconds]).mean().unstack()
-    return np.sqrt(squares.reindex(joints).to_numpy())
 
 
 def gaps_and_shares(limbs: Sequence[tuple[Array, Array, Array]]) -> tuple[Gaps, Share, Share]:

@@ -212,8 +212,7 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
     best = dict[int, tuple[float, Rounding]]()
     for one in roundings(world, chosen.u, chosen.residual):
         limb = evidence.limb.with_steps(one.joint, one.step)
-        after = World(replace(evidence, limb=limb), world.parameters)
-        fit = Fitter(after).fit(chosen.freed, near=chosen.u, slopes=chosen.slopes, again=False)
+        fit = fitter.of(limb).fit(chosen.freed, near=chosen.u, slopes=chosen.slopes, again=False)
         part = evidence.parts[one.joint]
         left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))
         if left <= min((1.0 - FURTHER) * before, best.get(one.joint, (np.inf,))[0]):
@@ -239,8 +238,7 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         if lost is None:
             return None
         limb = arrived(evidence.limb, lost)
-        after = World(replace(evidence, limb=limb), world.parameters)
-        fit = Fitter(after).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
+        fit = fitter.of(limb).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
         lost = losses(world, fit.u, fit.residual, lost) or lost
     return lost if likely or share_of(fit, before) >= FURTHER else None
 

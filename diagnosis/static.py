@@ -180,29 +180,35 @@ def regress(one: Rests) -> tuple[list[Term], list[str]]:
         raise LogError(
             f"{one.joint} has {len(one.target)} rows at rest; needed: {SPARE + 1} or more"
         )
-    error = one.reading - one.target
-    whole = _fit(error, columns)
-    kept = dict(columns)
+    error, x, kept = one.reading - one.target, pd.DataFrame(columns), list(columns)
+    whole, _ = fit, rest = _fit(error, x)
     while kept:
-        value, sd, rest = _fit(error, kept)
-        sure = student.ppf(SURE, len(error) - len(kept))
-        reach = [np.abs(column).max() for column in kept.values()]
-        size = {k: _size(k, value[n]) / sd[n] for n, k in enumerate(kept)}
-        faint = [k for n, k in enumerate(kept) if _size(k, value[n]) * reach[n] < LEAST_RAD]
-        least = min(faint or size, key=size.__getitem__)
-        if size[least] > sure and not faint:
+        fit, rest = _fit(error, x[kept])
+        sure = fit["size"] / fit["sd"]
+        faint = fit["size"] * x[kept].abs().max() < LEAST_RAD
+        least = (sure[faint] if faint.any() else sure).idxmin()
+        if not faint.any() and sure[least] > student.ppf(SURE, len(error) - len(kept)):
             break
-        del kept[least]
-    terms = []
-    for n, term in enumerate(kept):
-        value, sd, rest = _fit(error, kept)
-        others = {k: columns[k] for k in columns if k not in kept}
-        alike = tuple(k for k in others if _leaves(error, kept, term, others[k], k) < ALIKE * rest)
-        terms.append(_term(one, term, value[n], sd[n], len(error) - len(kept), True, alike))
-    for n, term in enumerate(columns):
-        if term not in kept:
-            left = len(error) - len(columns)
-            terms.append(_term(one, term, whole[0][n], whole[1][n], left, False, ()))
+        kept.remove(least)
+    others = [term for term in columns if term not in kept]
+    alike = {
+        term: tuple(k for k in others if _leaves(error, x, kept, term, k) < ALIKE * rest)
+        for term in kept
+    }
+    terms = [
+        Term(
+            joint=one.joint,
+            term=term,
+            value=float(row["value"]),
+            low=float(row["value"] - wide * row["sd"]),
+            high=float(row["value"] + wide * row["sd"]),
+            shows=some is kept,
+            alike=alike.get(term, ()),
+        )
+        for some, known, count in ((kept, fit, len(kept)), (others, whole, len(columns)))
+        for wide in [student.ppf(0.95, len(error) - count)]
+        for term, row in known.loc[some].iterrows()
+    ]
     return terms, lacking
 
 
@@ -236,42 +242,23 @@ def _sides(target: np.ndarray) -> np.ndarray:
     return sides.ffill().fillna(0.0).to_numpy()
 
 
-def _fit(
-    error: np.ndarray, columns: Mapping[str, np.ndarray]
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """Least squares: values, standard deviations, and that of the rest."""
-    x = np.stack(list(columns.values()), axis=1)
+def _fit(error: np.ndarray, x: pd.DataFrame) -> tuple[pd.DataFrame, float]:
+    """Least squares: value, standard deviation and size of each term, and that of the rest."""
     inverse = np.linalg.pinv(x.T @ x)
-    value = inverse @ x.T @ error
-    left = error - x @ value
-    rest = float(np.sqrt(max((left**2).sum() / (len(error) - len(columns)), FLOOR_RAD**2)))
-    return value, rest * np.sqrt(np.maximum(np.diag(inverse), 1e-30)), rest
+    value = inverse @ x.T.to_numpy() @ error
+    free = len(error) - x.shape[1]
+    rest = float(np.sqrt(max(((error - x @ value) ** 2).sum() / free, FLOOR_RAD**2)))
+    sd = rest * np.sqrt(np.maximum(np.diag(inverse), 1e-30))
+    size = [abs(v) if term in ("zero", "scale") else v for term, v in zip(x, value, strict=True)]
+    return pd.DataFrame({"value": value, "sd": sd, "size": size}, index=x.columns), rest
 
 
 def _leaves(
-    error: np.ndarray, kept: Mapping[str, np.ndarray], term: str, other: np.ndarray, name: str
+    error: np.ndarray, x: pd.DataFrame, kept: Sequence[str], term: str, other: str
 ) -> float:
-    """What is left with another term in the place of one; infinite where it would be negative."""
-    swapped = {k: v for k, v in kept.items() if k != term} | {name: other}
-    value, _, rest = _fit(error, swapped)
-    return rest if _size(name, value[-1]) > 0.0 else np.inf
+    """What is left with another term in the place of one; infinite where it would be negative.
 
-
-def _size(term: str, value: float) -> float:
-    """How much of a term there is: sag, band and play are never negative."""
-    return abs(value) if term in ("zero", "scale") else value
-
-
-def _term(
-    one: Rests, term: str, value: float, sd: float, left: int, shows: bool, alike: tuple[str, ...]
-) -> Term:
-    wide = float(student.ppf(0.95, left)) * sd
-    return Term(
-        joint=one.joint,
-        term=term,
-        value=float(value),
-        low=float(value) - wide,
-        high=float(value) + wide,
-        shows=shows,
-        alike=alike,
-    )
+    Sag, band and play are never negative.
+    """
+    fit, rest = _fit(error, x[[*(k for k in kept if k != term), other]])
+    return rest if fit["size"][other] > 0.0 else np.inf

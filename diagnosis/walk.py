@@ -13,6 +13,7 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.answer import Diagnosis
 from diagnosis.coverage import not_looked_for
+from diagnosis.evidence.gap import by_second
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.along import turned
@@ -22,7 +23,7 @@ from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import gap_rad
-from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
+from diagnosis.shrinkage import gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage

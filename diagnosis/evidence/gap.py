@@ -17,13 +17,23 @@ def squared_gaps(evidence: Evidence, residual: Array) -> Array:
 
     All channels of a joint together. What happens once, in one second, does not decide.
     """
-    found = np.zeros(len(evidence.parts))
-    for j, part in enumerate(evidence.parts):
-        counts = np.bincount(evidence.seconds[part])
-        squares = np.bincount(evidence.seconds[part], residual[part] ** 2)[counts > 0]
-        if len(squares):
-            found[j] = np.mean(np.sqrt(squares / counts[counts > 0])) ** 2
-    return found
+    sizes, counts = _seconds(evidence, residual)
+    return (sizes.sum(axis=1) / np.maximum((counts > 0).sum(axis=1), 1)) ** 2
+
+
+def by_second(evidence: Evidence, residual: Array) -> Array:
+    """Root mean square of residuals by joint and second (K, S); NaN where there are none."""
+    sizes, counts = _seconds(evidence, residual)
+    return np.where(counts > 0, sizes, np.nan)[:, counts.any(axis=0)]
+
+
+def _seconds(evidence: Evidence, residual: Array) -> tuple[Array, Array]:
+    """Root mean square of residuals by joint and second, 0 without any, and their counts (K, S)."""
+    shape = len(evidence.parts), int(evidence.second[-1]) + 1
+    joint = np.repeat(range(shape[0]), [part.stop - part.start for part in evidence.parts])
+    cell, size = joint * shape[1] + evidence.seconds, shape[0] * shape[1]
+    counts, squares = np.bincount(cell, None, size), np.bincount(cell, residual**2, size)
+    return np.sqrt(squares / np.maximum(counts, 1)).reshape(shape), counts.reshape(shape)
 
 
 def excess(gap2: Array) -> float:

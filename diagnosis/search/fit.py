@@ -14,6 +14,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.evidence.gap import excess, root_weights, squared_gaps
 from diagnosis.models.world import World
+from diagnosis.motion.limb import Limb
 from diagnosis.search.problem import Problem, is_column
 from diagnosis.search.quadratic import lowest
 from diagnosis.verdict.ordinary import Ordinary
@@ -110,6 +111,10 @@ class Fitter:
         self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
         self.done_share = DONE_EXACT if world.evidence.limb.exact else DONE_SHARE
         self.usual: Usual | None = None
+
+    def of(self, limb: Limb) -> "Fitter":
+        """The same fits of the limb under other commands."""
+        return Fitter(World(replace(self.evidence, limb=limb), self.parameters))
 
     def strained(self, fit: Fit, ordinary: Ordinary) -> Fit:
         """A fit of the tolerances alone: where they are unusual together, that counts from now on.

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from arms import Real, limbs_of, log_of
 
-from diagnosis.shrinkage import by_second, gaps_and_shares, held_out
+from diagnosis.evidence.gap import by_second
+from diagnosis.shrinkage import gaps_and_shares, held_out
 
 SECONDS = 400
 
