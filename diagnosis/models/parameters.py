@@ -128,7 +128,8 @@ def parameters(
         joints = range(len(evidence.joints)) if kind.per_joint else (None,)
         for place in places:
             for joint in joints:
-                sure = _uncertainty(evidence, joint, place, uncertainty, guesses or {})
+                where = "" if joint is None else evidence.joints[joint]
+                sure = (guesses or {}).get((where, c.COLUMNS[place]), uncertainty)
                 one = _parameter(name, kind, joint, place, evidence, sure, everyday)
                 if one is not None:
                     shows = not (evidence.only_rests and place in c.MOVING)
@@ -175,19 +176,6 @@ _OWN = Parameter(
 )
 
 
-def _uncertainty(
-    evidence: Evidence,
-    joint: int | None,
-    place: int,
-    uncertainty: float,
-    guesses: Mapping[tuple[str, str], float],
-) -> float:
-    """The relative uncertainty of one nominal number."""
-    if joint is None:
-        return uncertainty
-    return guesses.get((evidence.joints[joint], c.COLUMNS[place]), uncertainty)
-
-
 def _places(kind: type[Effect]) -> tuple[int, ...]:
     if not issubclass(kind, NumberEffect):
         return tuple(range(len(AXES)))
@@ -217,7 +205,8 @@ def _parameter(
         )
     numbers = evidence.limb.nominal[joint]
     value = numbers[place]
-    if kind.coordinate == "logarithm" and (value <= 0.0 or _is_unused(place, evidence)):
+    unused = evidence.limb.rigid and c.COLUMNS[place].startswith("drive.gear_")
+    if kind.coordinate == "logarithm" and (value <= 0.0 or unused):
         return None
     spec = evidence.limb.spec
     if kind.refusal(spec.hand.driven[joint], spec) is not None:
@@ -254,11 +243,6 @@ def _unasked(place: int, joint: int, evidence: Evidence) -> float:
     """How much of a drive's limit nothing asks for, as a logarithm: to lack it changes nothing."""
     limit = evidence.limb.nominal[joint, c.LIMIT]
     return float(np.log(limit / evidence.torque[joint])) if place == c.LIMIT else 0.0
-
-
-def _is_unused(place: int, evidence: Evidence) -> bool:
-    """Whether a number does nothing: rigid drives have no gear."""
-    return evidence.limb.rigid and c.COLUMNS[place].startswith("drive.gear_")
 
 
 def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:

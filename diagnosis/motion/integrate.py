@@ -19,7 +19,7 @@ begins where the drive carries the weight at the start.
 import numba
 import numpy as np
 
-from backends.drive import STRIBECK_RAD_S, cogged, remembered
+from backends.drive import cogged, remembered, rubbing
 from diagnosis.motion import columns as c
 from diagnosis.replay.closed import closed_form
 
@@ -63,12 +63,6 @@ def _pd(error, slip, more, speed, kp, kd, limit, dead_zone, unlimited, fall):
     high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
     pd = min(max(wanted, low), high)
     return pd + unlimited * kd * slip, pd != wanted
-
-
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _rubbing(speed, coulomb, stiction):
-    """Dry friction of a rotor at a speed, without load."""
-    return coulomb + (stiction * np.exp(-abs(speed) / STRIBECK_RAD_S) if stiction > 0.0 else 0.0)
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -205,7 +199,7 @@ def integrate(
                     speed[j], last_pd[j], dt, *law, heat[j], bend[j]
                 )
                 cog, last_pd[j] = cog + more, pd
-            rub[j] = _rubbing(speed[j], p[j, c.COULOMB], p[j, c.STICTION])
+            rub[j] = p[j, c.COULOMB] + rubbing(speed[j], p[j, c.STICTION])
             loss = share[j] * quick[j] * p[j, c.KD] * (p[j, c.UNLIMITED] if at_limit else 1.0)
             loss += p[j, c.VISCOUS] + (p[j, c.FALL] if at_limit else 0.0)
             if p[j, c.TWO_MASSES] > 0.0:

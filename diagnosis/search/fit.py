@@ -14,8 +14,9 @@ import numpy as np
 from backends.state import Array
 from diagnosis.evidence.gap import excess, root_weights, squared_gaps
 from diagnosis.models.world import World
+from diagnosis.motion.columns import PLAY
 from diagnosis.motion.limb import Limb
-from diagnosis.search.problem import Problem, is_column
+from diagnosis.search.problem import Problem
 from diagnosis.search.quadratic import lowest
 from diagnosis.verdict.ordinary import Ordinary
 
@@ -167,12 +168,12 @@ class Fitter:
             move = lowest(curvature, pull, problem.low - now, problem.high - now)
             most = problem.largest_step(now)
             move = np.clip(move, -most, most)
-            cost, won = _cost(residual, weights) + problem.prior(now), 0.0
+            cost, won = _cost(residual, weights) + problem.prior(u), 0.0
             for damping in DAMPINGS:
                 there = problem.put(u, now + damping * move)
                 other = self.bare(there, freed) + self._columns(there, freed, known)
                 left = _cost(self.evidence.readings - other, weights)
-                left += problem.prior(problem.at(there))
+                left += problem.prior(there)
                 if left < cost:
                     u, shown, won = there, other, cost - left
                     break
@@ -194,7 +195,7 @@ class Fitter:
             u=u,
             residual=residual,
             gap2=squared_gaps(self.evidence, residual),
-            prior=Problem.of(self.parameters, freed, {}, None).prior_at(u),
+            prior=Problem.of(self.parameters, freed, {}, None).prior(u),
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
@@ -251,8 +252,13 @@ class Fitter:
         return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
 
     def is_column(self, number: int, freed: Collection[int]) -> bool:
-        """Whether a parameter only adds its slope, see `problem.is_column`."""
-        return is_column(self.parameters[number], number, freed, self.parameters)
+        """Whether a parameter only adds its slope: gears' kinks as tolerances.
+
+        A gear with play that is replayed is replayed with its twist.
+        """
+        one, free = self.parameters[number], [self.parameters[k] for k in freed]
+        plays = any(other.place == PLAY and other.joint == one.joint for other in free)
+        return one.kind.by_column and number not in freed and not plays
 
     def bare(self, u: Mapping[int, float], freed: Collection[int]) -> Array:
         """What is shown without the parameters that only add their slope."""

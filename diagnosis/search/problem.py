@@ -22,16 +22,6 @@ STRIDE, GROWTH = 3.0, 0.7
 least sizes or this share of what it is."""
 
 
-def is_column(parameter: Parameter, number: int, freed: Collection[int], all_: Sequence) -> bool:
-    """Whether a parameter only adds its slope: gears' kinks as tolerances.
-
-    A gear with play that is replayed is replayed with its twist.
-    """
-    if not parameter.kind.by_column or number in freed:
-        return False
-    return not any(all_[k].place == PLAY and all_[k].joint == parameter.joint for k in freed)
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """The parameters of a fit by number, with priors and bounds, all (n,)."""
@@ -96,13 +86,9 @@ class Problem:
         inside = np.clip(sizes, self.low, self.high)
         return {**u, **dict(zip(self.numbers, map(float, inside), strict=True))}
 
-    def prior(self, u: Array) -> float:
+    def prior(self, u: Mapping[int, float]) -> float:
         """Their share of the cost."""
-        return float((((u - self.centre) / self.sd) ** 2).sum()) / 2
-
-    def prior_at(self, u: Mapping[int, float]) -> float:
-        """See `prior`, of parameters by number."""
-        return self.prior(self.at(u))
+        return float((((self.at(u) - self.centre) / self.sd) ** 2).sum()) / 2
 
     def largest_step(self, u: Array) -> Array:
         """How far a step may go (n,)."""

@@ -63,7 +63,7 @@ def with_play(
     causes = tuple(
         cause(
             effect,
-            one.sizes_rad,
+            ((one.low_rad + one.high_rad) / 2, *one.interval_rad),
             catalogue,
             joints=(one.joint,),
             share=one.share,
@@ -97,11 +97,6 @@ class Play:
     """Gap of all rests from those of the nominal drive [floors]."""
     after: float
     """The same from their side's mean."""
-
-    @property
-    def sizes_rad(self) -> tuple[float, float, float]:
-        """Its middle, and its 90 % interval."""
-        return (self.low_rad + self.high_rad) / 2, *self.interval_rad
 
     @property
     def share(self) -> float:
