@@ -7,6 +7,7 @@ all are screened by one linear step, the best are fitted. What a set leaves deci
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 import numpy as np
 
@@ -130,8 +131,8 @@ class Search:
 
     def _best_tried(self, now: Fit) -> Fit:
         """The best set with one cause more, where it is worth it already."""
-        more = self._ranked([f for f in self._sets() if len(f.freed) == len(now.freed) + 1])
-        return more[0] if more and self._is_worth(more[0], now, self.nominal) else now
+        more = self._ranked(self._sets(len(now.freed) + 1))
+        return more[0] if more and self._is_worth(more[0], now) else now
 
     def _seek(self) -> None:
         """Fit sets of ever more causes, until nothing more is worth it."""
@@ -145,9 +146,9 @@ class Search:
                 break
             for number, one in enumerate(beam):
                 self._add(one, causes - 1 + number / len(beam), 1.0 / len(beam))
-            fresh = self._polished([f for f in self._sets() if len(f.freed) == causes])
+            fresh = self._polished(self._sets(causes))
             self.singles = self.singles or tuple(fresh)
-            if not fresh or not self._is_worth(fresh[0], now, nominal):
+            if not fresh or not self._is_worth(fresh[0], now):
                 break
             self.now = now = with_prediction_spread(self.fitter, fresh[0], self.ordinary)
             width = BEAM if causes < MIXED else 1
@@ -157,22 +158,23 @@ class Search:
         """The best of the sets tried, of as many causes as `now` has."""
         nominal, singles = self.nominal, self.singles
         if not singles:
-            singles = tuple(self._ranked([f for f in self._sets() if len(f.freed) == 1]))
+            singles = tuple(self._ranked(self._sets(1)))
         if not now.freed:
             return Found(nominal=nominal, chosen=now, singles=singles, tied=(), is_likely=False)
-        same = self._ranked([f for f in self._sets() if len(f.freed) == len(now.freed)])
+        same = self._ranked(self._sets(len(now.freed)))
         best, others = same[0], same[1 : BEAM + 1]
         return Found(
             nominal=nominal,
             chosen=with_prediction_spread(self.fitter, best, self.ordinary),
             singles=singles,
-            tied=tuple(f for f in others if self._is_tied(f, best, nominal)),
-            is_likely=self._is_likely(best, nominal, nominal),
+            tied=tuple(f for f in others if self._is_tied(f, best)),
+            is_likely=self._is_likely(best, self.nominal),
         )
 
-    def _sets(self) -> Iterator[Fit]:
-        """The sets tried whose effects are all some."""
-        yield from (fit for fit in self.tried.values() if is_some(self.parameters, fit))
+    def _sets(self, causes: int) -> list[Fit]:
+        """The sets tried of so many effects, all of them some."""
+        same = (fit for fit in self.tried.values() if len(fit.freed) == causes)
+        return [fit for fit in same if is_some(self.parameters, fit)]
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
         """Sets by rank; the best are fitted on with the tolerances of all joints.
@@ -210,20 +212,19 @@ class Search:
         if old is None or (fit.excess, _squares(fit)) < (old.excess, _squares(old)):
             self.tried[name] = fit
 
-    def _is_worth(self, fit: Fit, now: Fit, nominal: Fit) -> bool:
+    def _is_worth(self, fit: Fit, now: Fit) -> bool:
         """Whether a set is worth more than the best with one effect less, and needs all of its own.
 
         The first effect may be a part of what is wrong.
         """
-        if self._is_likely(fit, now, nominal):
+        if self._is_likely(fit, now):
             return True
         if now.freed and set(now.freed) < set(fit.freed) and self._is_shape(fit, now):
             return share_of(fit, now) >= SHAPED
         if not now.freed:
             return share_of(fit, now) >= PART
-        if not is_worth(fit, now, self.ordinary, nominal):
-            return False
-        return all(is_worth(fit, self._without(fit, k), self.ordinary, nominal) for k in fit.freed)
+        less = chain([now], (self._without(fit, k) for k in fit.freed))
+        return all(is_worth(fit, one, self.ordinary, self.nominal) for one in less)
 
     def _is_shape(self, fit: Fit, now: Fit) -> bool:
         """Whether what a set has more is of the family of another cause on the same joint."""
@@ -231,7 +232,7 @@ class Search:
         chosen = [self.parameters[k] for k in now.freed]
         return any(new.is_kin(other) for other in chosen)
 
-    def _is_likely(self, fit: Fit, now: Fit, nominal: Fit) -> bool:
+    def _is_likely(self, fit: Fit, now: Fit) -> bool:
         """Whether the world is exact, and a set much more likely than each with one effect less.
 
         A set that leaves a larger gap fits single moments better, which says nothing of a cause.
@@ -239,7 +240,7 @@ class Search:
         if not self.ordinary.exact or fit.worst > min(self.ordinary.floors, now.worst):
             return False
         before = [now, *(self._without(fit, k) for k in fit.freed)]
-        return is_likely(self.fitter.evidence, fit, before, nominal)
+        return is_likely(self.fitter.evidence, fit, before, self.nominal)
 
     def _without(self, fit: Fit, number: int) -> Fit:
         """The set with one effect less, fitted from there as well: its own start may mislead it."""
@@ -310,7 +311,7 @@ class Search:
 
     def _singles(self) -> list[tuple[int, float]]:
         """Effects and their sizes as single causes, the best first."""
-        fits = self._ranked([f for f in self._sets() if len(f.freed) == 1])
+        fits = self._ranked(self._sets(1))
         return [(k, fit.u[k]) for fit in fits for k in fit.freed]
 
     def _starts(self, one: Screened, fit: Fit) -> Iterator[tuple[float, Mapping[int, float]]]:
@@ -346,8 +347,7 @@ class Search:
 
     def _least(self, causes: int) -> float:
         """The least excess that a set of so many causes leaves so far."""
-        left = (f.excess for f in self._sets() if len(f.freed) == causes)
-        return min(left, default=np.inf)
+        return min((fit.excess for fit in self._sets(causes)), default=np.inf)
 
     def _name(self, number: int) -> str:
         one = self.parameters[number]
@@ -359,12 +359,12 @@ class Search:
         joint = self.parameters[number].joint
         return None if joint is None else (joint,)
 
-    def _is_tied(self, fit: Fit, best: Fit, nominal: Fit) -> bool:
+    def _is_tied(self, fit: Fit, best: Fit) -> bool:
         """Whether a set of the same size is as good as the best one."""
         if self.ordinary.exact and fit.worst <= self.ordinary.floors:
             costs = [cost for cost, _ in ranked_by_nats(self.fitter.evidence, [fit, best])]
             return costs[1] - costs[0] < TIE_NATS
-        behind = (fit.excess - best.excess) / max(nominal.excess, 1e-9)
+        behind = (fit.excess - best.excess) / max(self.nominal.excess, 1e-9)
         return behind < TIE_SHARE and fit.excess < TIE * best.excess + TIE_MORE
 
     def _is_asked(self, number: int, fit: Fit) -> bool:
