@@ -58,6 +58,8 @@ NEAR, NEAR_MORE = 4.0, 3.0
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 """Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
 times the best's, and this."""
+END = 0.97
+"""An effect is as large as is tried from this share of it on."""
 SCANNED, FINER, FINEST = 11, 2, 4
 """A kink is sought at so many sizes, and so often between the neighbours of the best; where the law
 is exact, so often."""
@@ -199,7 +201,7 @@ class Search:
         ):
             pairs = ranked_by_nats(self.fitter.evidence, fits)
             return [fit for _, fit in sorted(pairs, key=self._nats)]
-        return sorted(fits, key=lambda f: (rank(self.parameters, f), _reach(self.parameters, f)))
+        return sorted(fits, key=lambda f: (rank(self.parameters, f), _ended(self.parameters, f)))
 
     def _nats(self, pair: tuple[float, Fit]) -> float:
         """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
@@ -398,9 +400,9 @@ def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
     return fit.excess * SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
 
 
-def _reach(parameters: Sequence[Parameter], fit: Fit) -> float:
-    """How far effects go of what they may: of two that leave nothing, the smaller one leads."""
-    return sum(abs(fit.u[k]) / parameters[k].most for k in fit.freed)
+def _ended(parameters: Sequence[Parameter], fit: Fit) -> int:
+    """How many effects are as large as is tried: of sets that leave nothing, others lead."""
+    return sum(abs(fit.u[k]) > END * parameters[k].most for k in fit.freed)
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:
