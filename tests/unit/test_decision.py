@@ -46,7 +46,7 @@ def test_the_lowest_point_keeps_its_bounds():
 def test_one_violent_second_does_not_decide():
     """Take the mean over seconds of a second's root mean square."""
     seconds = np.repeat(np.arange(10), 100)
-    evidence = SimpleNamespace(parts=(slice(0, 1000),), seconds=seconds)
+    evidence = SimpleNamespace(parts=(slice(0, 1000),), second=seconds, seconds=seconds)
     quiet = np.ones(1000)
     assert squared_gaps(evidence, quiet) == pytest.approx([1.0])
     quiet[:100] = 11.0
