@@ -58,7 +58,7 @@ class Log:
 
     @property
     def is_binary(self) -> bool:
-        """Whether taxels say contact or none, and not how deep they are pressed."""
+        """Whether taxels say contact or none, and no depth."""
         touch = self.meta.channels.get("touch")
         return touch is not None and touch.unit == "1"
 

@@ -16,6 +16,7 @@ from leaderboard.transfer_text import interval
 
 CAUSES = "circle-causes"
 MENDED = ("circle-mended-bullet", "circle-mended-sapien")
+TRAINED, UNMENDED = "circle-trained-mended", "bullet built"
 
 
 @block
@@ -73,6 +74,30 @@ def predicted(kept: Kept) -> str:
                 scores = (interval(found, "tracked", 2), interval(there, "tracked", 2))
                 rows.append([world(train), f"`{name}`", *scores, off])
     return grid(head, rows)
+
+
+@block
+def trained(kept: Kept) -> str:
+    """Scores of policies that were trained in an engine as it is, mended, and in the reference.
+
+    Won back: of what the reference's own policies reach there more than the engine's.
+    """
+    engines, mended = (kept.episodes(name) for name in (ENGINES, TRAINED))
+    known = engines[engines["episode"].isin(mended["episode"]) & ~engines["floor"]]
+    mended = mended[~mended["floor"]]
+    own, lost = (_tracked(known, w, REFERENCE)["tracked"] for w in (REFERENCE, UNMENDED))
+    rows = []
+    for frame, names in (
+        (known, (UNMENDED,)),
+        (mended, tuple(dict.fromkeys(mended["train"]))),
+        (known, (REFERENCE,)),
+    ):
+        for name in names:
+            home, there = (_tracked(frame, name, deploy) for deploy in (name, REFERENCE))
+            won = f"{(there['tracked'] - lost) / (own - lost):.2f}"
+            scores = (interval(home, "tracked", 2), interval(there, "tracked", 2))
+            rows.append([f"`{name}`", *scores, won])
+    return grid(("trained in", "at home", "on the reference", "won back"), rows)
 
 
 def _tracked(episodes: pd.DataFrame, train: str, deploy: str) -> dict[str, float]:

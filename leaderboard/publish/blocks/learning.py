@@ -15,7 +15,9 @@ from leaderboard.tables import scores_of
 from leaderboard.transfer import IDENTITY
 from leaderboard.transfer_text import interval
 
-STEPS = 1_000_000
+STEPS, FEWER = 1_000_000, 600_000
+SHORTER = f"{USUAL['algo']} gamma=0.97"
+"""The usual learner with a shorter horizon, which needs fewer steps."""
 TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("worlds around the nominal one, starts of the paper's Algorithm 1", {}),
     ("the nominal world alone (`--no-randomize`)", {"randomize": False}),
@@ -38,16 +40,24 @@ def compared(kept: Kept) -> tuple[list[str], list[str]]:
 @block
 def learners(kept: Kept) -> str:
     """Both learners on the circle in every engine."""
-    head = ("engine", "learner", "tracked", "held", "p_err [cm]", "q_err [deg]", "minutes a seed")
-    rows = []
     engines, algos = compared(kept)
+    rows = []
     for backend in engines:
         for algo in algos:
             cells = kept.line("circle", backend=backend, algo=algo, steps=STEPS).cells
-            errors = [with_interval(cells, name, 2) for name in ("p_err_cm", "q_err_deg")]
-            scores = (with_interval(cells, "tracked", 3), f"{cells['held']:.3f}", *errors)
-            rows.append((shown(backend), f"`{algo}`", *scores, f"{cells['wall_s'] / 60:.1f}"))
-    return grid(head, rows)
+            rows.append((shown(backend), f"`{algo}`", *_with_minutes(cells)))
+    return grid(("engine", "learner", *SCORES, "minutes a seed"), rows)
+
+
+@block
+def fewer_steps(kept: Kept) -> str:
+    """The circle with a shorter horizon in fewer steps."""
+    rows = []
+    for backend in ("mujoco", "bullet"):
+        for algo, steps in ((USUAL["algo"], STEPS), (SHORTER, FEWER)):
+            cells = kept.line("circle", backend=backend, algo=algo, steps=steps).cells
+            rows.append((shown(backend), f"`{algo}`", million(steps), *_with_minutes(cells)))
+    return grid(("engine", "learner", "steps", *SCORES, "minutes a seed"), rows)
 
 
 @block
@@ -122,6 +132,13 @@ def training(kept: Kept) -> str:
         same = (matrix[list(wanted)] == pd.Series(wanted)).all(axis=1)
         rows.append((words, *_scores(matrix[same], matrix)))
     return grid(("trained on", *SCORES, *_kept_in(matrix)), rows)
+
+
+def _with_minutes(cells: dict[str, Any]) -> tuple[str, ...]:
+    """`SCORES` with their intervals, and the time that a seed took."""
+    errors = [with_interval(cells, name, 2) for name in ("p_err_cm", "q_err_deg")]
+    scores = (with_interval(cells, "tracked", 3), f"{cells['held']:.3f}", *errors)
+    return (*scores, f"{cells['wall_s'] / 60:.1f}")
 
 
 def _elsewhere(matrix: pd.DataFrame) -> list[str]:

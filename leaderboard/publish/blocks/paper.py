@@ -57,6 +57,18 @@ def search(kept: Kept) -> str:
     return grid(head, [_single(cells, row) for cells, row in found])
 
 
+@block
+def large_said(kept: Kept) -> str:
+    """What training on the large circle itself reaches."""
+    line = kept.line("circle", observation=LEAD, radius_m=0.03, steps=1_000_000)
+    cells = line.cells
+    return (
+        f"A policy that is trained on the large circle itself, with `{LEAD}` for "
+        f"{million(cells['steps'])} steps ({len(line.rows)} seed), reaches "
+        f"{cells['p_err_cm']:.2f} cm and {cells['q_err_deg']:.2f} deg there."
+    )
+
+
 def _single(cells: dict[str, Any], row: Row) -> tuple[str, ...]:
     scores = row.scores
     assert scores is not None  # the board's rows are done
