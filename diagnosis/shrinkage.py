@@ -40,7 +40,8 @@ class Gaps:
 
 def held_out(fitter: Fitter, fit: Fit) -> Array:
     """Residuals (M,) of a fit, each by the half of the log that it is not in."""
-    problem = Problem.of(fitter.parameters, fit.freed, {}, None, only=fit.slopes)
+    moved = [k for k in fit.freed if k in fit.slopes]
+    problem = Problem.of(fitter.parameters, moved, {}, None, only=fit.slopes)
     if not problem.numbers:
         return fit.residual
     weights = root_weights(fitter.evidence, fit.residual)

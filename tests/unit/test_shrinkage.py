@@ -47,3 +47,16 @@ def test_held_out_seconds_are_a_little_worse_than_seen_ones():
         for left in (one.found.chosen.residual, held_out(one.fitter, one.found.chosen))
     )
     assert seen < unseen < 1.5 * seen
+
+
+def test_what_a_fit_did_not_move_is_held():
+    """Take a fit in which an effect on another joint stays where it was."""
+    (one,), _ = limbs_of(log_of(Real(joints=2, kp={0: 0.6})))
+    nominal = one.found.nominal
+    first, other = (
+        next(k for k, p in enumerate(one.fitter.parameters) if p.joint == j and p.least < p.most)
+        for j in (0, 1)
+    )
+    fit = one.fitter.fit((first, other), near={**nominal.u, other: 0.01}, joints=(0,))
+    left = held_out(one.fitter, fit)
+    assert other not in fit.slopes and np.isfinite(left).all() and len(left) == len(fit.residual)
