@@ -79,9 +79,9 @@ def test_joints_touch_and_stick_together(held):
 
 
 @pytest.mark.slow
-def test_grasps_are_replayed_with_refitted_drives():
+def test_pulls_are_replayed_with_refitted_drives():
     """Measure a heavy stick although gains are off by what nominal ones may be."""
-    real = log("kp-scale=4%,stick-mass=100%", "mujoco", ("multisine", "grasp"), 2)
+    real = log("kp-scale=4%,stick-mass=100%", "mujoco", ("multisine", "grasp", "pull"), 2)
     few = {name: registry.load("effect", name) for name in (*FEW, "stick-mass")}
     found = diagnose(real, nominal=NOMINAL, catalogue=few, simulate=on("mujoco"))
     assert found.verdict == ("stick-mass",)
