@@ -160,6 +160,8 @@ def test_torques_are_read_from_their_samples_on_or_until_then(late):
     samples["torque_nm.J0"] = np.clip(KP_NM_RAD * (command - angle) - KD_NMS_RAD * speed, -60, 60)
     limb, notes = checked(limb_of(make_log(log.meta, samples, log.mjcf_xml)))
     assert limb.torque_from == (late == 0) and not notes
+    exact = replace(limb_of(make_log(log.meta, samples, log.mjcf_xml)), exact=True)
+    assert not checked(exact)[0].torque_from  # our simulators' are of the period until then
 
 
 def test_a_diverging_replay_is_nan_and_no_crash():
