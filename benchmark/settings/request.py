@@ -13,7 +13,8 @@ from pydantic import TypeAdapter, ValidationError
 from benchmark.errors import UsageError, unknown
 from benchmark.parts import registry
 from benchmark.settings.run_spec import SMOKE_STEPS, SMOKE_WORLDS, RunSpec, read_settings
-from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from files.bounded import FileError
+from files.plain_yaml import read_plain_yaml
 
 
 def requested(
@@ -124,7 +125,7 @@ def _read(path: Path) -> dict:
         data = read_plain_yaml(path)
     except FileNotFoundError:
         raise UsageError(f"no file of settings at {path}") from None
-    except PlainYamlError as error:
+    except FileError as error:
         raise UsageError(str(error)) from error
     if not isinstance(data, dict):
         raise UsageError(f"{path} holds no settings; allowed: a run.json, or NAME: VALUE lines")

@@ -26,7 +26,8 @@ from benchmark.settings import quantities
 from benchmark.settings.kinds import Setting
 from benchmark.settings.request import requested
 from benchmark.settings.run_spec import SETTINGS, RunSpec
-from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from files.bounded import FileError
+from files.plain_yaml import read_plain_yaml
 
 Text = Annotated[str, Field(min_length=1)]
 MOST_CELLS = 5_000
@@ -195,7 +196,7 @@ def _checked(path: Path) -> _File:
         return _File.model_validate({} if content is None else content)
     except FileNotFoundError:
         raise UsageError(f"no sweep file at {path}") from None
-    except PlainYamlError as error:
+    except FileError as error:
         raise UsageError(str(error)) from error
     except ValidationError as error:
         raise UsageError(f"{path}: {'; '.join(_complaints(error))}") from error

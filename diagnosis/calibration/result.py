@@ -10,7 +10,8 @@ from pydantic import Field, ValidationError
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
 from diagnosis.logs._meta import problem
-from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from files.bounded import FileError
+from files.plain_yaml import read_plain_yaml
 
 SCHEMA: Literal[1] = 1
 
@@ -120,7 +121,7 @@ def read_calibration(path: Path) -> CalibrationFile:
         data = read_plain_yaml(path)
     except FileNotFoundError:
         raise CalibrationError(f"no calibration at {path}; `bench calibrate` writes one") from None
-    except PlainYamlError as error:
+    except FileError as error:
         raise CalibrationError(str(error)) from None
     try:
         return CalibrationFile.model_validate(data)

@@ -13,10 +13,9 @@ import numpy as np
 import pandas as pd
 import yaml
 
-from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, dump_meta, parse_meta
-from diagnosis.logs.plain_yaml import read_plain_yaml
+from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, as_log_errors, parse_meta
 from files import bounded, tables
-from files.bounded import FileError
+from files.plain_yaml import read_plain_yaml
 
 META_FILE, PARQUET_FILE, CSV_FILE = "log.yaml", "samples.parquet", "samples.csv"
 PROVENANCE_FILE = "provenance.json"
@@ -27,23 +26,25 @@ MOST_MJCF_BYTES = 1_000_000
 """Largest MJCF file that is read."""
 
 
+@as_log_errors()
 def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
     """Meta, samples, the MJCF's text and warnings; raises LogError."""
-    try:
-        return _read(folder)
-    except FileError as error:
-        raise LogError(str(error)) from None
-
-
-def _read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
+    if folder.is_file():
+        raise LogError(
+            f"{folder} is a file; give its folder, which holds {META_FILE}, too, or "
+            "with a table its robot's model"
+        )
     if not folder.is_dir():
-        if folder.is_file():
-            raise LogError(
-                f"{folder} is a file; give its folder, which holds {META_FILE}, too, or "
-                "with a table its robot's model"
-            )
         raise LogError(f"no log folder at {folder}; give a folder that holds {META_FILE}")
-    meta = parse_meta(_yaml(folder / META_FILE))
+    try:
+        meta = parse_meta(read_plain_yaml(folder / META_FILE))
+    except FileNotFoundError:
+        if (folder / "log" / META_FILE).is_file():
+            raise LogError(f"{folder} is no log; did you mean {folder / 'log'}?") from None
+        raise LogError(
+            f"{folder / META_FILE} does not exist; docs/reference/log-format.md has an example of "
+            "eight lines"
+        ) from None
     found = [folder / name for name in (PARQUET_FILE, CSV_FILE) if (folder / name).is_file()]
     if len(found) != 1:
         names = "both {} and {}" if found else "neither {} nor {}"
@@ -52,7 +53,8 @@ def _read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, .
     odd: list[str] = []
     is_csv = found[0].name == CSV_FILE
     samples = _csv(found[0], odd) if is_csv else tables.read_parquet(found[0])
-    return meta, samples, _mjcf(folder, meta), tuple(odd)
+    mjcf = meta.mechanism.mjcf if isinstance(meta.mechanism, MjcfMechanism) else None
+    return meta, samples, read_model(folder / mjcf) if mjcf else None, tuple(odd)
 
 
 def write(
@@ -74,7 +76,8 @@ def write(
     shutil.rmtree(temporary, ignore_errors=True)
     temporary.mkdir()
     try:
-        text = yaml.safe_dump(dump_meta(meta), sort_keys=False, width=100)
+        data = meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+        text = yaml.safe_dump(data, sort_keys=False, width=100)
         (temporary / META_FILE).write_text(text)
         if isinstance(meta.mechanism, MjcfMechanism):
             (temporary / meta.mechanism.mjcf).write_text(mjcf_xml or "")
@@ -111,52 +114,24 @@ def check_target(folder: Path, form: str, force: bool = False) -> None:
             )
 
 
-def _yaml(path: Path) -> object:
-    try:
-        return read_plain_yaml(path)
-    except FileNotFoundError:
-        below = path.parent / "log"
-        if (below / META_FILE).is_file():
-            raise LogError(f"{path.parent} is no log; did you mean {below}?") from None
-        raise LogError(
-            f"{path} does not exist; docs/reference/log-format.md has an example of eight lines"
-        ) from None
-
-
-def _mjcf(folder: Path, meta: LogMeta) -> str | None:
-    if not isinstance(meta.mechanism, MjcfMechanism):
-        return None
-    return read_model(folder / meta.mechanism.mjcf)
-
-
 def read_model(path: Path) -> str:
     """The text of an MJCF or URDF, with all that matters of other files; raises LogError."""
     from backends.mjcf import MjcfError, whole
 
     try:
-        return whole(bounded.read_text(path, MOST_MJCF_BYTES), path.parent)
+        with as_log_errors("the mechanism's file "):
+            return whole(bounded.read_text(path, MOST_MJCF_BYTES), path.parent)
     except MjcfError as error:
         raise LogError(f"{path.name}: {error}") from None
     except FileNotFoundError:
         raise LogError(f"no model at {path}; give its own path, or copy it there") from None
-    except FileError as error:
-        raise LogError(f"the mechanism's file {error}") from None
 
 
 def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
+    """The samples in a CSV file, and what is odd of it; touch cells are numbers between spaces."""
     text = bounded.read_text(path, tables.MOST_BYTES)
-    header = _header(path, text)
-    _refuse_cut(path, text, len(header), odd)
-    touch = {name: str for name in header if name.startswith("touch.")}
-    frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
-    for name in touch:
-        frame[name] = [_numbers(path, name, row, cell) for row, cell in enumerate(frame[name])]
-    return frame
-
-
-def _header(path: Path, text: str) -> list[str]:
-    first = text.split("\n", 1)[0]
-    header = [name.strip() for name in next(csv.reader([first]), [])]
+    first, last = text.split("\n", 1)[0], text.rstrip("\n").rsplit("\n", 1)[-1]
+    header, given = ([c.strip() for c in next(csv.reader([line]), [])] for line in (first, last))
     if not any(header):
         raise LogError(f"{path} is empty; its first line must hold the column names")
     if len(header) == 1 and (";" in first or "\t" in first):
@@ -164,24 +139,21 @@ def _header(path: Path, text: str) -> list[str]:
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise LogError(f"{path} has two columns '{twice[0]}'; use every name once")
-    return header
-
-
-def _refuse_cut(path: Path, text: str, columns: int, odd: list[str]) -> None:
-    """Raise LogError if the last line is shorter than the header."""
-    last = text.rstrip("\n").rsplit("\n", 1)[-1]
-    given = len(next(csv.reader([last]), []))
-    if given < columns:
+    if len(given) < len(header):
         raise LogError(
-            f"{path} is incomplete: its last line has {given} of {columns} values; "
+            f"{path} is incomplete: its last line has {len(given)} of {len(header)} values; "
             "remove that line or record it again"
         )
     if not text.endswith("\n"):
         odd.append(f"{path.name} has no newline at its end; its last value may be incomplete")
+    touch = {name: str for name in header if name.startswith("touch.")}
+    frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
+    for name in touch:
+        frame[name] = [_cell(path, name, row, cell) for row, cell in enumerate(frame[name])]
+    return frame
 
 
-def _numbers(path: Path, name: str, row: int, cell: object) -> np.ndarray | None:
-    """A touch cell of a CSV: numbers separated by spaces, or empty."""
+def _cell(path: Path, name: str, row: int, cell: object) -> np.ndarray | None:
     if not isinstance(cell, str):
         return None
     try:

@@ -2,6 +2,8 @@
 
 import re
 import reprlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import PurePath
 from typing import Annotated, Literal
 
@@ -19,7 +21,8 @@ from pydantic import (
 )
 from pydantic_core import ErrorDetails
 
-SCHEMA = 1
+from files.bounded import FileError
+
 NOMINAL_UNCERTAINTY = 0.05
 """Relative uncertainty of the nominal parameters if none is given."""
 
@@ -32,6 +35,15 @@ Positive = Annotated[FiniteFloat, Field(gt=0)]
 
 class LogError(ValueError):
     """A log cannot be used; the message says what was given, what is allowed and what to do."""
+
+
+@contextmanager
+def as_log_errors(before: str = "") -> Iterator[None]:
+    """Say of a file that cannot be read, as a LogError, what is wrong with it."""
+    try:
+        yield
+    except FileError as error:
+        raise LogError(f"{before}{error}") from None
 
 
 class _Part(BaseModel):
@@ -216,20 +228,19 @@ def parse_meta(data: object) -> LogMeta:
         raise LogError(
             "log.yaml is empty; it needs the fields schema and source, and mechanism for a model"
         )
-    if data.get("schema") != SCHEMA:
+    if data.get("schema") != 1:
         raise LogError(
-            f"log.yaml has schema {data.get('schema')!r}; allowed: {SCHEMA}; "
+            f"log.yaml has schema {data.get('schema')!r}; allowed: 1; "
             "write `schema: 1` and follow docs/reference/log-format.md"
         )
     # One of two mechanisms is meant: say what is wrong with that one only.
     mechanism = data.get("mechanism")
     is_mjcf = isinstance(mechanism, dict) and "mjcf" in mechanism
-    wanted = "MjcfMechanism" if is_mjcf else "HandMechanism"
-    other = {"MjcfMechanism", "HandMechanism"} - {wanted}
+    other = "HandMechanism" if is_mjcf else "MjcfMechanism"
     try:
         return LogMeta.model_validate(data)
     except ValidationError as error:
-        wrong = [problem(e) for e in error.errors() if not other & set(e["loc"])]
+        wrong = [problem(e) for e in error.errors() if other not in e["loc"]]
         raise LogError(f"log.yaml: {'; '.join(wrong)}; see docs/reference/log-format.md") from None
 
 
@@ -252,8 +263,3 @@ def problem(error: ErrorDetails) -> str:
         place.pop()
         message, given = f"a name must be text; quote it: '{error['input']}'", ""
     return f"{'.'.join(place) or 'the file'}: {message}{given}"
-
-
-def dump_meta(meta: LogMeta) -> dict:
-    """The data of a log.yaml, without fields at their default."""
-    return meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)

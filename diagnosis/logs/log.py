@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs import _checks, _files, _loads
+from diagnosis.logs import _checks, _files
 from diagnosis.logs._columns import KINDS, PULL, STICK, kind_of, name_of
 from diagnosis.logs._files import check_target as check_target
 from diagnosis.logs._meta import Channel as Channel
@@ -141,7 +141,7 @@ def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _files.read(Path(path))
     log = make_log(meta, samples, mjcf_xml)
-    _loads.check(log.meta, log.samples)
+    _checks.check_loads(log.meta, log.samples)
     return dataclasses.replace(log, warnings=(*odd, *log.warnings))
 
 

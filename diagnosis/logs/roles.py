@@ -42,6 +42,7 @@ IDLE = {"joint", "jnt", "observation", "obs", "motor"}
 SAYING = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
 SAYING |= {*ANGLES, *LENGTHS, *TIMES, "push", "nm", "n"}
 """Words that say of what kind a column is, or in which unit."""
+BOTH = COMMAND | POSITION
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,32 +65,38 @@ def words(name: str) -> list[str]:
 
 def time_column(names: Sequence[str]) -> str | None:
     """The column of time stamps."""
-    found = [n for n in names if TIME & set(words(n)) and not (COMMAND | POSITION) & set(words(n))]
-    return found[0] if found else None
+    return next((n for n in names if TIME & {*words(n)} and not BOTH & {*words(n)}), None)
 
 
 def commands_else(names: Sequence[str]) -> bool:
     """Whether a column commands something that is no position."""
     other = TORQUE | VELOCITY | {"current", "pwm", "duty", "voltage"}
-    return any(COMMAND & set(words(name)) and other & set(words(name)) for name in names)
+    return any(COMMAND & {*words(name)} and other & {*words(name)} for name in names)
 
 
 def episode_column(names: Sequence[str]) -> str | None:
     """The column of episode numbers."""
     rest = EPISODE | {"index", "number", "id", "no"}
-    found = [n for n in names if EPISODE & set(words(n)) and set(words(n)) <= rest]
-    return found[0] if found else None
+    return next((n for n in names if EPISODE & {*words(n)} and {*words(n)} <= rest), None)
 
 
 def roles(names: Sequence[str], joints: Sequence[str]) -> list[Role]:
     """What columns are of a model's joints; those that are of none are left out.
 
     Of a model with one joint, columns that name none are its own where their kind is known.
+    Columns such as q_0, q_1, ... are in the order of the joints, where they are as many.
     """
-    found = [(name, joint_named(name, joints)) for name in names]
-    by_number = _numbered([name for name, joint in found if joint is None], joints)
-    pairs = [(name, joint or by_number.get(name)) for name, joint in found]
-    there = [_role(name, joint) for name, joint in pairs if joint is not None]
+    found = {name: joint_named(name, joints) for name in names}
+    groups: dict[str, dict[int, str]] = {}
+    for name in (name for name, joint in found.items() if joint is None):
+        numbers = [word for word in words(name) if word.isdigit()]
+        if len(numbers) == 1:
+            stem = " ".join(word for word in words(name) if not word.isdigit())
+            groups.setdefault(stem, {})[int(numbers[0])] = name
+    for group in groups.values():
+        if len(group) == len(joints):
+            found |= {group[k]: joint for k, joint in zip(sorted(group), joints, strict=True)}
+    there = [_role(name, joint) for name, joint in found.items() if joint is not None]
     if there or len(joints) != 1:
         return there
     alone = (_role(name, joints[0]) for name in names)
@@ -97,14 +104,10 @@ def roles(names: Sequence[str], joints: Sequence[str]) -> list[Role]:
 
 
 def joint_named(name: str, joints: Sequence[str]) -> str | None:
-    """The joint whose words a column's name has in a row: that with the most."""
-    have, best, most = words(name), None, 0
-    for joint in joints:
-        wanted = _own(joint)
-        at = range(len(have) - len(wanted) + 1)
-        if len(wanted) > most and any(have[k : k + len(wanted)] == wanted for k in at):
-            best, most = joint, len(wanted)
-    return best
+    """The joint whose words a column's name has in a row: the first of those with the most."""
+    have = f" {' '.join(words(name))} "
+    named = [j for j in joints if (own := _own(j)) and f" {' '.join(own)} " in have]
+    return max(named, key=lambda joint: len(_own(joint)), default=None)
 
 
 def _own(joint: str) -> list[str]:
@@ -113,46 +116,25 @@ def _own(joint: str) -> list[str]:
     return [word for word in every if word not in IDLE] or every
 
 
-def _numbered(names: Sequence[str], joints: Sequence[str]) -> dict[str, str]:
-    """Columns such as q_0, q_1, ... in the order of the joints, where they are as many."""
-    groups: dict[str, dict[int, str]] = {}
-    for name in names:
-        numbers = [word for word in words(name) if word.isdigit()]
-        if len(numbers) == 1:
-            stem = " ".join(word for word in words(name) if not word.isdigit())
-            groups.setdefault(stem, {})[int(numbers[0])] = name
-    return {
-        group[number]: joint
-        for group in groups.values()
-        if len(group) == len(joints)
-        for number, joint in zip(sorted(group), joints, strict=True)
-    }
-
-
 def _role(name: str, joint: str) -> Role:
-    rest = set(words(name)) - set(_own(joint))
-    units = [u for u in (*ANGLES, *(u for u in LENGTHS if u != "m")) if u in rest]
-    unit = "counts" if COUNTS & rest else units[0] if units else "m" if "m" in rest else None
-    return Role(column=name, joint=joint, kind=_kind(rest), unit=unit)
+    rest = {*words(name)} - {*_own(joint)}
+    units = [u for u in (*ANGLES, *LENGTHS) if u in rest]
+    unit = next((u for u in units if u != "m"), "m" if units else None)
+    kind = _kind(rest | {word[:-1] for word in rest if len(word) > 4 and word.endswith("s")})
+    return Role(column=name, joint=joint, kind=kind, unit="counts" if COUNTS & rest else unit)
 
 
 def _kind(rest: set[str]) -> str:
-    rest = rest | {word[:-1] for word in rest if len(word) > 4 and word.endswith("s")}
     asked = bool(COMMAND & rest)
     if OTHER & rest:
         return "other"
-    for kind, names in (("torque", TORQUE), ("velocity", VELOCITY)):
-        if names & rest and FEED & rest:
-            return "feedforward" if kind == "torque" else "other"
-        if names & rest:
-            return kind if not asked else "reference" if kind == "velocity" else "other"
-    if asked:
-        return "command"
-    if "push" in rest:
-        return "push"
-    if POSITION & rest:
-        return "position"
-    return "motor" if "motor" in rest else "bare"
+    if TORQUE & rest:
+        return "feedforward" if FEED & rest else "other" if asked else "torque"
+    if VELOCITY & rest:
+        return "other" if FEED & rest else "reference" if asked else "velocity"
+    if asked or "push" in rest:
+        return "command" if asked else "push"
+    return "position" if POSITION & rest else "motor" if "motor" in rest else "bare"
 
 
 def joint_of(name: str) -> str:

@@ -1,19 +1,17 @@
 """The clock of a table: its time stamps in seconds, and the episodes that they show."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs._checks import MIN_SAMPLES
+from diagnosis.logs._checks import HOLE_PERIODS, MIN_SAMPLES, SLOWEST_S
 from diagnosis.logs._meta import LogError
 from diagnosis.logs.roles import TIMES, episode_column, time_column, words
 
-HOLE, COARSE = 20.0, 0.02
-"""A step of so many median steps begins a new episode; so large a share of repeated stamps means
-that they are coarse, a smaller one that rows are doubled."""
-SLOWEST_S = 0.5
-"""Rows further apart than this are stamped in another unit."""
+COARSE = 0.02
+"""So large a share of repeated stamps means that they are coarse, a smaller one that rows are
+doubled."""
 UNTIMED = 0.1
 """Largest share of rows without a time."""
 
@@ -40,15 +38,6 @@ class Timed:
     part: np.ndarray
     """Number of the stretch of each row, shape (T,): a clock that starts again, or another episode,
     begins one."""
-
-    def of(self, rows: np.ndarray) -> "Timed":
-        """Some of the rows, by a mask (T,)."""
-        return replace(
-            self,
-            frame=self.frame[rows].reset_index(drop=True),
-            time_s=self.time_s[rows],
-            part=self.part[rows],
-        )
 
 
 def rows(count: int) -> str:
@@ -81,25 +70,25 @@ def timed(frame: pd.DataFrame, notes: Notes) -> Timed:
     order = np.lexsort((time_s, part))
     if moved := int((np.diff(time_s) < 0).sum() - (np.diff(time_s[order]) < 0).sum()):
         notes.warnings.append(f"{rows(moved)} earlier than the row before: put in order")
-    return Timed(
-        frame=frame.iloc[order].reset_index(drop=True),
-        column=name,
-        unit=unit,
-        time_s=time_s[order],
-        part=part,
-    )
+    frame = frame.iloc[order].reset_index(drop=True)
+    return Timed(frame=frame, column=name, unit=unit, time_s=time_s[order], part=part)
 
 
 def _stamps(column: pd.Series, name: str) -> tuple[np.ndarray, str]:
-    """Time stamps [s], NaN where a row has none, and their unit; dates and times of day, too."""
+    """Time stamps [s], NaN where a row has none, and their unit; dates and times of day, too.
+
+    The unit is that of the name, or the one that puts rows a plausible time apart.
+    """
     values = pd.to_numeric(column, errors="coerce").to_numpy(float)
     if not np.isfinite(values).any():
         texts = column.astype(str)
         dates = pd.to_datetime(texts, errors="coerce", format="ISO8601", utc=True)
         found = dates if dates.notna().any() else pd.to_timedelta(texts, errors="coerce")
         return (found - found.min()).dt.total_seconds().to_numpy(float), "dates"
-    plausible = _unit(_median(values[np.isfinite(values)]))
-    unit = next((u for u in words(name) if u in TIMES and u != "s"), plausible)
+    step = _median(values[np.isfinite(values)])
+    named = [u for u in words(name) if u in TIMES and u != "s"]
+    plausible = [u for u in ("s", "ms", "us", "ns") if step / TIMES[u] <= SLOWEST_S]
+    unit = [*named, *plausible, "ns"][0]
     return values / TIMES[unit], unit
 
 
@@ -109,19 +98,15 @@ def _median(times: np.ndarray) -> float:
     return float(np.median(forward)) if len(forward) else 1.0
 
 
-def _unit(median: float) -> str:
-    """The unit that puts rows a plausible time apart."""
-    return next((u for u in ("s", "ms", "us", "ns") if median / TIMES[u] <= SLOWEST_S), "ns")
-
-
-def episodes(clock: Timed, notes: Notes) -> tuple[pd.DataFrame, np.ndarray]:
-    """Episodes and times of rows, and which rows count.
+def episodes(clock: Timed, whole: np.ndarray, notes: Notes) -> tuple[pd.DataFrame, np.ndarray]:
+    """Episodes and times of the `whole` rows (T,), and which of the clock's rows count (T,).
 
     A stretch that is too short for an episode does not count, unless all are.
     """
-    step = np.diff(clock.time_s)
-    holes = step > HOLE * _median(clock.time_s)
-    number = np.append(0, np.cumsum((np.diff(clock.part) != 0) | holes))
+    at, part = np.flatnonzero(whole), clock.part[whole]
+    step = np.diff(clock.time_s[at])
+    holes = step > HOLE_PERIODS * _median(clock.time_s[at])
+    number = np.append(0, np.cumsum((np.diff(part) != 0) | holes))
     same = np.append(False, (step == 0) & (np.diff(number) == 0))
     counts = np.full(len(number), True)
     if 0 < same.sum() <= COARSE * len(same):
@@ -134,31 +119,23 @@ def episodes(clock: Timed, notes: Notes) -> tuple[pd.DataFrame, np.ndarray]:
         notes.warnings.append(
             f"{rows(short.sum())} left out, in stretches of fewer than {MIN_SAMPLES} rows"
         )
-    number = np.unique(number[counts], return_inverse=True)[1]
-    time_s, repeated = _even(clock.time_s[counts], number)
-    if repeated:
-        notes.warnings.append(
-            f"{repeated} times repeat, so rows are spread evenly over each episode"
-        )
-    samples = pd.DataFrame({"episode": number, "t_s": time_s})
-    if "protocol" in clock.frame:
-        samples["protocol"] = clock.frame["protocol"][counts].astype(str).to_numpy()
+    at, number = at[counts], np.unique(number[counts], return_inverse=True)[1]
+    samples = pd.DataFrame({"episode": number, "t_s": clock.time_s[at]})
     by_number = samples.groupby("episode")["t_s"]
-    lasts_s = float((by_number.last() - by_number.first()).sum())
-    count, rate = int(number.max()) + 1, 1.0 / _median(time_s)
+    first, last = by_number.transform("first"), by_number.transform("last")
+    samples["t_s"] -= first
+    repeats = samples["t_s"].diff().le(0) & samples["episode"].diff().eq(0)
+    if repeats.any():
+        coarse = by_number.transform("size").where(repeats.groupby(number).transform("any"))
+        evenly = (last - first) * by_number.cumcount() / (coarse - 1)
+        samples["t_s"] = evenly.fillna(samples["t_s"])
+        notes.warnings.append(
+            f"{repeats.sum()} times repeat, so rows are spread evenly over each episode"
+        )
+    if "protocol" in clock.frame:
+        samples["protocol"] = clock.frame["protocol"].iloc[at].astype(str).to_numpy()
+    lasts_s = float(samples.groupby("episode")["t_s"].last().sum())
+    count, rate = int(number.max()) + 1, 1.0 / _median(samples["t_s"].to_numpy())
     notes.said.append(f"t_s is '{clock.column}' in {clock.unit}")
     notes.said.append(f"{count} episode{'s' * (count > 1)}, {lasts_s:.3g} s at {rate:.4g} Hz")
-    return samples, counts
-
-
-def _even(time_s: np.ndarray, episode: np.ndarray) -> tuple[np.ndarray, int]:
-    """Times from 0 by episode, spread evenly where some repeat, and how many do."""
-    found, repeated = time_s.copy(), 0
-    for number in np.unique(episode):
-        rows = np.flatnonzero(episode == number)
-        same = np.diff(time_s[rows]) <= 0
-        found[rows] -= time_s[rows[0]]
-        if same.any():
-            repeated += int(same.sum())
-            found[rows] = np.linspace(0.0, time_s[rows[-1]] - time_s[rows[0]], len(rows))
-    return found, repeated
+    return samples, at

@@ -30,8 +30,6 @@ from diagnosis.logs.whole_rows import whole_rows
 
 Ranges = Mapping[str, tuple[float, float, bool]]
 """By joint the ends of its range, and whether it slides: `backends.mjcf.joint_ranges`."""
-Columns = dict[tuple[str, str], Role]
-"""The column of each joint and kind."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
 OPEN_LOOP = (
@@ -82,8 +80,8 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
     joints, whole = whole_rows(joints, clock.time_s, clock.part, notes)
     if not whole.any():
         raise LogError("no row of the table has readings of all joints, and commands before it")
-    samples, counts = episodes(clock.of(whole), notes)
-    samples = pd.concat([samples, joints[whole][counts].reset_index(drop=True)], axis=1)
+    samples, at = episodes(clock, whole, notes)
+    samples = pd.concat([samples, joints.iloc[at].reset_index(drop=True)], axis=1)
     drives = drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n])
     meta = LogMeta(
         schema=1,
@@ -101,17 +99,30 @@ def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.Data
     Raises LogError.
     """
     columns, samples, said = _columns(frame, list(ranges), asked), {}, []
-    scales = _scales(frame, columns, ranges, asked)
-    for (joint, kind), role in columns.items():
-        scale, unit = scales[role.column]
-        name = name_of(kind, joint, ranges[joint][2])
-        samples[name] = pd.to_numeric(frame[role.column], errors="coerce") / scale
-        said.append(f"{name} is '{role.column}'" + (f" in {unit}" if unit else ""))
-    unused = [n for n in frame.columns if n not in {role.column for role in columns.values()}]
-    unused = [n for n in unused if n not in (time_column(unused), episode_column(unused))]
-    if "protocol" in unused:
-        unused.remove("protocol")
-    if unused:
+    unused = [n for n in frame if n not in {role.column for role in columns}]
+    numbers = {r.column: pd.to_numeric(frame[r.column], errors="coerce") for r in columns}
+    guessed = {
+        slides: _guess(numbers, [r for r in columns if ranges[r.joint][2] == slides], ranges)
+        if not asked.unit
+        else None
+        for slides in {ranges[role.joint][2] for role in columns}
+    }
+    for role in columns:
+        slides = ranges[role.joint][2]
+        sizes, unit = LENGTHS if slides else ANGLES, asked.unit or role.unit or guessed[slides]
+        name, scale, of = name_of(role.kind, role.joint, slides), 1.0, "N" if slides else "Nm"
+        if KINDS[role.kind] != "torque":
+            if unit not in sizes:
+                raise LogError(
+                    f"'{role.column}' is in {unit}, of which one does not know how many are a "
+                    f"{'metre' if slides else 'turn'}; convert it, or say --unit with one of "
+                    f"{', '.join(sizes)}"
+                )
+            scale, of = sizes[unit], f"{unit}/s" if KINDS[role.kind] == "speed" else unit
+        samples[name] = numbers[role.column] / scale
+        said.append(f"{name} is '{role.column}' in {of}")
+    known = ("protocol", time_column(unused), episode_column(unused))
+    if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
     return pd.DataFrame(samples), said
 
@@ -122,12 +133,12 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
-def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> Columns:
+def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[Role]:
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
-    known = [role for role in roles(list(frame.columns), joints) if role.kind != "other"]
-    for role in known:
-        found.setdefault((role.joint, role.kind), []).append(role)
+    for role in roles(list(frame.columns), joints):
+        if role.kind != "other":
+            found.setdefault((role.joint, role.kind), []).append(role)
     for place, column in asked.columns.items():
         joint, _, kind = place.rpartition(".")
         if joint not in joints or kind not in KINDS or column not in frame.columns:
@@ -135,100 +146,59 @@ def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> Column
                 f"--column {place}={column}: give JOINT.KIND=COLUMN, of the joints "
                 f"{', '.join(joints)}, the kinds {', '.join(KINDS)}, and the table's columns"
             )
-        found[joint, kind] = [Role(column=column, joint=joint, kind=kind, unit=_unit_in(column))]
+        unit = next((unit for unit in (*ANGLES, *LENGTHS) if unit in words(column)), None)
+        found[joint, kind] = [Role(column=column, joint=joint, kind=kind, unit=unit)]
     for joint in joints:
         bare = found.pop((joint, "bare"), [])
         for kind in ("position", "command"):
             if bare and (joint, kind) not in found:
-                found[joint, kind], bare = bare, []
-    chosen = {place: _only(*place, some) for place, some in found.items()}
-    return _with_both(frame, chosen, joints)
-
-
-def _only(joint: str, kind: str, some: Sequence[Role]) -> Role:
-    """The one column; raises LogError where there are several."""
-    if len(some) > 1:
-        names = " or ".join(f"'{role.column}'" for role in some)
-        raise LogError(
-            f"which column is the {kind} of {joint}: {names}? Say it with "
-            f"--column '{joint}.{kind}={some[0].column}'"
-        )
-    return some[0]
-
-
-def _unit_in(column: str) -> str | None:
-    have = words(column)
-    return next((unit for unit in (*ANGLES, *LENGTHS) if unit in have), None)
-
-
-def _with_both(frame: pd.DataFrame, chosen: Columns, joints: Sequence[str]) -> Columns:
-    """Joints that have both a command and a position; raises LogError where none has."""
-    there = {joint for joint, _ in chosen}
-    both = [j for j in joints if {(j, "command"), (j, "position")} <= set(chosen)]
-    if both:
-        return {place: role for place, role in chosen.items() if place[0] in both}
-    if not there:
-        raise LogError(
-            f"no column names a joint of the model, which has {', '.join(joints)}; the table has "
-            f"{', '.join(map(str, frame.columns))}; say which is which with "
-            f"--column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
-        )
-    first = sorted(there)[0]
-    if (first, "position") in chosen and commands_else(list(frame.columns)):
-        raise LogError(OPEN_LOOP)
-    lacks = "command" if (first, "command") not in chosen else "position"
-    raise LogError(
-        f"no column is the {lacks} of {first}; the table has {', '.join(map(str, frame.columns))}; "
-        f"say which with --column '{first}.{lacks}=COLUMN'"
-    )
-
-
-def _scales(
-    frame: pd.DataFrame, columns: Columns, ranges: Ranges, asked: Asked
-) -> dict[str, tuple[float, str | None]]:
-    """What each column is divided by, and its unit in words; raises LogError."""
-    found: dict[str, tuple[float, str | None]] = {}
-    guessed = {
-        slides: _guess(frame, columns, ranges, slides, asked.unit)
-        for slides in {ranges[joint][2] for joint, _ in columns}
-    }
-    for (joint, kind), role in columns.items():
-        if kind in ("torque", "push", "feedforward"):
-            found[role.column] = 1.0, "N" if ranges[joint][2] else "Nm"
-            continue
-        unit = asked.unit or role.unit or guessed[ranges[joint][2]]
-        sizes = LENGTHS if ranges[joint][2] else ANGLES
-        if unit not in sizes:
+                found[joint, kind], bare = [replace(role, kind=kind) for role in bare], []
+    for (joint, kind), some in found.items():
+        if len(some) > 1:
+            names = " or ".join(f"'{role.column}'" for role in some)
             raise LogError(
-                f"'{role.column}' is in {unit}, of which one does not know how many are a "
-                f"{'metre' if ranges[joint][2] else 'turn'}; convert it, or say --unit with one of "
-                f"{', '.join(sizes)}"
+                f"which column is the {kind} of {joint}: {names}? Say it with "
+                f"--column '{joint}.{kind}={some[0].column}'"
             )
-        speed = kind in ("velocity", "reference")
-        found[role.column] = sizes[unit], f"{unit}/s" if speed else unit
-    return found
+    _refuse_open_loop(frame, found, joints)
+    both = {j for j, _ in found if (j, "command") in found and (j, "position") in found}
+    return [some[0] for (joint, _), some in found.items() if joint in both]
 
 
-def _guess(
-    frame: pd.DataFrame, columns: Columns, ranges: Ranges, slides: bool, given: str | None
-) -> str:
-    """The unit of columns whose names have none: SI, or what alone fits the joints' ranges."""
-    si, other = ("m", "mm") if slides else ("rad", "deg")
-    size = LENGTHS[other] if slides else ANGLES[other]
-    over, fits = 0, True
-    for (joint, kind), role in columns.items():
-        if kind not in ("command", "position") or ranges[joint][2] != slides or role.unit:
-            continue
-        read = np.abs(pd.to_numeric(frame[role.column], errors="coerce").to_numpy(float))
-        reach = float(read[np.isfinite(read)].max(initial=0.0))
-        room = BEYOND * max(map(abs, ranges[joint][:2]))
-        over += reach > room
-        fits &= reach / size <= room
-    if not over or given:
-        return si
-    if fits:
-        return other
+def _refuse_open_loop(
+    frame: pd.DataFrame, found: Mapping[tuple[str, str], object], joints: Sequence[str]
+) -> None:
+    """Raise LogError where no joint has both a command and a position."""
+    has = f"the table has {', '.join(map(str, frame.columns))}; say which"
+    if not found:
+        raise LogError(
+            f"no column names a joint of the model, which has {', '.join(joints)}; {has} is which "
+            f"with --column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
+        )
+    if any((j, "command") in found and (j, "position") in found for j in joints):
+        return
+    first = min(joint for joint, _ in found)
+    if (first, "position") in found and commands_else(list(frame.columns)):
+        raise LogError(OPEN_LOOP)
+    lacks = "command" if (first, "command") not in found else "position"
     raise LogError(
-        f"positions are beyond the joints' ranges in {si} and in {other}: in which unit are they? "
-        f"Say it with --unit"
+        f"no column is the {lacks} of {first}; {has} with --column '{first}.{lacks}=COLUMN'"
     )
+
+
+def _guess(numbers: Mapping[str, pd.Series], columns: Sequence[Role], ranges: Ranges) -> str:
+    """The unit of columns whose names have none: SI, or what alone fits the joints' ranges."""
+    si, other = ("m", "mm") if ranges[columns[0].joint][2] else ("rad", "deg")
+    over, fits = False, True
+    for role in columns:
+        if role.kind in ("command", "position") and not role.unit:
+            read = numbers[role.column].replace([np.inf, -np.inf], np.nan).abs().max()
+            room = BEYOND * max(map(abs, ranges[role.joint][:2]))
+            over |= read > room
+            fits &= not read / (ANGLES | LENGTHS)[other] > room
+    if over and not fits:
+        raise LogError(
+            f"positions are beyond the joints' ranges in {si} and in {other}: in which unit are "
+            "they? Say it with --unit"
+        )
+    return other if over else si

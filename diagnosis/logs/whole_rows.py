@@ -4,7 +4,7 @@ A row is a reading of all joints. Rows of commands alone, and empty cells of slo
 more than that; a few readings of a joint that lack are interpolated, and many are refused.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -37,12 +37,16 @@ def whole_rows(
     read = [name for name, kind in kinds.items() if kind == "position"]
     held = [name for name, kind in kinds.items() if kind in HELD]
     slow = [name for name in kinds if name not in (*read, *held)]
-    rows, said = samples[read].notna().any(axis=1).to_numpy(), notes.warnings
-    there = samples[read].notna().to_numpy()
-    if there.all(axis=1).sum() < TOGETHER * rows.sum() and _regular(there, time_s, part):
-        samples, rows = _by_the_slowest(samples, read, time_s, part)
+    there, said = samples[read].notna(), notes.warnings
+    rows = there.any(axis=1).to_numpy()
+    apart = there.all(axis=1).sum() < TOGETHER * rows.sum()
+    if apart and all(_is_regular(there[name].to_numpy(), time_s, part) for name in read):
+        rows = there[there.sum().idxmin()].to_numpy()
+        samples = samples.assign(**{name: _between(samples[name], time_s, part) for name in read})
         said.append("joints are read at different times: between readings they are interpolated")
-    given, samples = samples, _interpolated(samples, read, rows, time_s, part)
+    few = [n for n in read if 0 < (rows & samples[n].isna()).sum() <= FEW * rows.sum()]
+    given = samples
+    samples = samples.assign(**{name: _between(samples[name], time_s, part) for name in few})
     counts = rows & samples[read].notna().all(axis=1).to_numpy()
     if counts.sum() < (1.0 - FEW) * rows.sum():
         lacking = samples.loc[rows, read].isna().sum()
@@ -52,10 +56,8 @@ def whole_rows(
         )
     said += _empty(given[read], counts, time_s, "there readings are interpolated")
     said += _empty(samples[read], rows, time_s, "these rows are left out")
-    filled = samples.copy()
     ahead_s = float(np.median(np.diff(time_s[counts]))) / 2 if counts.sum() > 1 else 0.0
-    for name in held:
-        filled[name] = _last(samples[name].to_numpy(float), time_s, part, ahead_s)
+    filled = samples.assign(**{name: _last(samples[name], time_s, part, ahead_s) for name in held})
     begun = filled[held].notna().all(axis=1).to_numpy()
     if early := int((counts & ~begun).sum()):
         said.append(f"{in_words(early)} before the first command left out")
@@ -66,89 +68,54 @@ def whole_rows(
     return filled, counts
 
 
-def _regular(there: np.ndarray, time_s: np.ndarray, part: np.ndarray) -> bool:
-    """Whether each joint is read at steps that are alike; `there` (T, J): where it is."""
-    for mine in there.T:
-        step = np.diff(time_s[mine])[np.diff(part[mine]) == 0]
-        if not len(step) or np.mean(np.abs(step / np.median(step) - 1.0) > REGULAR) > FEW:
-            return False
-    return True
+def _is_regular(there: np.ndarray, time_s: np.ndarray, part: np.ndarray) -> bool:
+    """Whether a joint is read at steps that are alike; `there` (T,): where it is."""
+    step = np.diff(time_s[there])[np.diff(part[there]) == 0]
+    return bool(len(step)) and np.mean(np.abs(step / np.median(step) - 1.0) > REGULAR) <= FEW
 
 
-def _interpolated(
-    samples: pd.DataFrame,
-    read: Sequence[str],
-    rows: np.ndarray,
-    time_s: np.ndarray,
-    part: np.ndarray,
-) -> pd.DataFrame:
-    """Readings of joints that lack a few, with those that their neighbours are near."""
-    found = {}
-    for name in read:
-        mine = samples[name].notna().to_numpy()
-        if 0 < (rows & ~mine).sum() <= FEW * rows.sum():
-            found[name] = _between(samples[name].to_numpy(float), mine, time_s, part)
-    return samples.assign(**found)
+def _stretches(part: np.ndarray) -> list[np.ndarray]:
+    """The rows of each stretch."""
+    return np.split(np.arange(len(part)), np.flatnonzero(np.diff(part)) + 1)
 
 
-def _by_the_slowest(
-    samples: pd.DataFrame, read: Sequence[str], time_s: np.ndarray, part: np.ndarray
-) -> tuple[pd.DataFrame, np.ndarray]:
-    """Readings at the times of the joint that is read least, and which rows these are."""
-    there = {name: samples[name].notna().to_numpy() for name in read}
-    found = {
-        name: _between(samples[name].to_numpy(float), mine, time_s, part)
-        for name, mine in there.items()
-    }
-    return samples.assign(**found), there[min(read, key=lambda name: int(there[name].sum()))]
-
-
-def _last(values: np.ndarray, time_s: np.ndarray, part: np.ndarray, ahead_s: float) -> np.ndarray:
+def _last(column: pd.Series, time_s: np.ndarray, part: np.ndarray, ahead_s: float) -> pd.Series:
     """The value of each row, or the one that acts for most of it: the last before its middle."""
-    found, there = values.copy(), np.isfinite(values)
-    for number in np.unique(part):
-        rows = np.flatnonzero(part == number)
-        own = rows[there[rows]]
-        last = np.searchsorted(time_s[own], time_s[rows] + ahead_s, side="right") - 1
-        held = np.where(last >= 0, values[own[np.maximum(last, 0)]], np.nan) if len(own) else np.nan
-        found[rows] = np.where(there[rows], values[rows], held)
-    return found
+    held = column.to_numpy(float, copy=True)
+    for rows in _stretches(part):
+        own = rows[np.isfinite(held[rows])]
+        before = np.searchsorted(time_s[own], time_s[rows] + ahead_s, side="right")
+        held[rows] = np.append(np.nan, held[own])[before]
+    return column.fillna(pd.Series(held, index=column.index))
 
 
-def _between(
-    values: np.ndarray, mine: np.ndarray, time_s: np.ndarray, part: np.ndarray
-) -> np.ndarray:
+def _between(column: pd.Series, time_s: np.ndarray, part: np.ndarray) -> pd.Series:
     """Readings, interpolated where two of them are near each other in one stretch."""
-    found = values.copy()
-    for number in np.unique(part):
-        rows = part == number
-        own = rows & mine
-        if own.sum() < 2:
+    found = np.full(len(column), np.nan)
+    for rows in _stretches(part):
+        own = rows[column.iloc[rows].notna()]
+        if len(own) < 2:
             continue
         at = time_s[own]
         after = np.clip(np.searchsorted(at, time_s[rows]), 1, len(at) - 1)
-        inside = (time_s[rows] >= at[0]) & (time_s[rows] <= at[-1])
         near = at[after] - at[after - 1] <= NEAR * np.median(np.diff(at))
-        between = np.interp(time_s[rows], at, values[own])
-        known = np.where(inside & near, between, np.nan)
-        found[rows] = np.where(mine[rows], values[rows], known)
-    return found
+        between = np.interp(time_s[rows], at, column.iloc[own], left=np.nan, right=np.nan)
+        found[rows] = np.where(near, between, np.nan)
+    return column.fillna(pd.Series(found, index=column.index))
 
 
 def _empty(some: pd.DataFrame, rows: np.ndarray, time_s: np.ndarray, then: str) -> Iterator[str]:
     """How many rows lack which columns, and where the first is."""
-    found: dict[tuple[int, float], list[str]] = {}
-    for name in some.columns:
-        lacks = rows & some[name].isna().to_numpy()
-        if lacks.any():
-            first_s = float(time_s[lacks][0] - time_s[rows][0])
-            found.setdefault((int(lacks.sum()), first_s), []).append(str(name))
-    for (count, first_s), names in found.items():
+    lacks = some.isna() & rows[:, None]
+    found = pd.DataFrame({"count": lacks.sum(), "first": lacks.to_numpy().argmax(axis=0)})
+    for (count, first), names in found[found["count"] > 0].groupby(["count", "first"], sort=False):
+        said = ", ".join(names.index)
         if count > FEW * rows.sum():
-            own = in_words(some[names[0]].count())
-            yield f"{', '.join(names)}: {own} of their own, each holds until the next"
+            own = in_words(some[names.index[0]].count())
+            yield f"{said}: {own} of their own, each holds until the next"
         else:
+            first_s = float(time_s[first] - time_s[rows][0])
             yield (
-                f"{', '.join(names)}: empty in {count} of {rows.sum()} rows, the first at "
-                f"{first_s:.4g} s; {then}"
+                f"{said}: empty in {count} of {rows.sum()} rows, the first at {first_s:.4g} s; "
+                f"{then}"
             )

@@ -2,7 +2,8 @@
 
 import pytest
 
-from diagnosis.logs.plain_yaml import PlainYamlError, read_plain_yaml
+from files.bounded import FileError
+from files.plain_yaml import read_plain_yaml
 
 BOMB = "a: &a [x, x, x, x, x, x, x, x, x, x]\n" + "".join(
     f"{name}: &{name} [{', '.join([f'*{before}'] * 10)}]\n"
@@ -37,7 +38,7 @@ def test_what_is_not_plain_is_refused_in_one_line(tmp_path, text, said):
     """Name the file, the place and the fault, and repeat no more than a line."""
     file = tmp_path / "a.yaml"
     file.write_bytes(text if isinstance(text, bytes) else text.encode())
-    with pytest.raises(PlainYamlError) as refused:
+    with pytest.raises(FileError) as refused:
         read_plain_yaml(file)
     message = str(refused.value)
     assert said in message
@@ -48,5 +49,5 @@ def test_what_is_not_plain_is_refused_in_one_line(tmp_path, text, said):
 def test_a_device_is_no_file(tmp_path):
     """Refuse what has no end."""
     (tmp_path / "a.yaml").symlink_to("/dev/zero")
-    with pytest.raises(PlainYamlError, match="no file with data"):
+    with pytest.raises(FileError, match="no file with data"):
         read_plain_yaml(tmp_path / "a.yaml")

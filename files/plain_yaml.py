@@ -21,10 +21,6 @@ MERGE = "tag:yaml.org,2002:merge"
 """Tag of `<<`, which takes over the keys of another mapping."""
 
 
-class PlainYamlError(FileError):
-    """A file is no plain YAML; the message is complete."""
-
-
 class _Loader(yaml.SafeLoader):
     """Plain data; a key that is given twice is an error, a date is text."""
 
@@ -51,33 +47,31 @@ _Loader.yaml_implicit_resolvers = {
 
 
 def read_plain_yaml(path: Path) -> Any:
-    """The data of a YAML file; raises PlainYamlError, or FileNotFoundError where there is none."""
+    """The data of a YAML file; raises FileError, or FileNotFoundError where there is none."""
     try:
         data = yaml.load(read_text(path, MOST_BYTES), Loader=_Loader)  # noqa: S506 - safe
         _refuse_large(path, data)
         return data
-    except (PlainYamlError, FileNotFoundError):
+    except (FileError, FileNotFoundError):
         raise
-    except FileError as error:
-        raise PlainYamlError(str(error)) from error
     except RecursionError as error:
-        raise PlainYamlError(f"{path} is nested too deeply") from error
+        raise FileError(f"{path} is nested too deeply") from error
     except yaml.MarkedYAMLError as error:
         where = f"line {error.problem_mark.line + 1}: " if error.problem_mark else ""
         what = one_line(error.problem or str(error))
-        raise PlainYamlError(f"{path} cannot be read as YAML: {where}{what}") from error
+        raise FileError(f"{path} cannot be read as YAML: {where}{what}") from error
     except (yaml.YAMLError, ValueError) as error:
-        raise PlainYamlError(f"{path} cannot be read as YAML: {one_line(str(error))}") from error
+        raise FileError(f"{path} cannot be read as YAML: {one_line(str(error))}") from error
 
 
 def _refuse_large(path: Path, data: Any) -> None:
-    """Raise PlainYamlError where the data has too many values, or nests too deeply."""
+    """Raise FileError where the data has too many values, or nests too deeply."""
     count, waiting = 0, [(data, 0)]
     while waiting:
         value, depth = waiting.pop()
         count += 1
         if count > MOST_VALUES or depth > MOST_DEPTH:
-            raise PlainYamlError(
+            raise FileError(
                 f"{path} has more than {MOST_VALUES} values (aliases counted as often as they are "
                 f"used), or more than {MOST_DEPTH} levels"
             )
