@@ -67,8 +67,9 @@ def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
     return ExternalFunction(name, result(*arguments))
 
 
-_HEAD = 9
-"""Length of the argument block: worlds, joints, period, then the addresses of six arrays."""
+_HEAD = 10
+"""Length of the argument block: worlds, joints, period, whether drives have extras, then the
+addresses of six arrays."""
 _NUMBERS = len(COLUMNS) + len(MEMORY)
 
 
@@ -84,6 +85,19 @@ def _pointer(typing_context, address):
 _doubles_at: Any = intrinsic(_pointer)
 
 
+def _room(typing_context, size):
+    """Room for some 64-bit floats on the stack of the function that asks; its address."""
+
+    def generate(context, builder, signature, arguments):
+        room = builder.alloca(context.get_value_type(types.double), arguments[0])
+        return builder.ptrtoint(room, context.get_value_type(types.uintp))
+
+    return types.uintp(types.intp), generate
+
+
+stack: Any = intrinsic(_room)
+
+
 @numba.njit(cache=True)
 def array_at(address, shape):
     """The array of 64-bit floats at an address, itself a float or an integer."""
@@ -94,15 +108,14 @@ def array_at(address, shape):
 def motor_step(address, n, angle, rate):
     """Advance the motors of world `n` by one drive period; returns its joint torques (J,) [Nm]."""
     head = array_at(address, _HEAD)
-    joints, dt = int(head[1]), head[2]
-    shape = int(head[0]), joints
-    target, motor = array_at(head[3], shape), array_at(head[4], shape)
-    speed, p = array_at(head[5], shape), array_at(head[6], (_NUMBERS, shape[0] * joints))
-    pd, gear = array_at(head[7], shape), array_at(head[8], shape)
-    for j in range(joints):
+    shape, dt, extra = (int(head[0]), int(head[1])), head[2], head[3] != 0.0
+    target, motor = array_at(head[4], shape), array_at(head[5], shape)
+    speed, p = array_at(head[6], shape), array_at(head[7], (*shape, _NUMBERS))
+    pd, gear = array_at(head[8], shape), array_at(head[9], shape)
+    for j in range(shape[1]):
         rotor = motor[n, j], speed[n, j], pd[n, j]
         motor[n, j], speed[n, j], pd[n, j], gear[n, j] = motor_tick(
-            target[n, j], angle[j], rate[j], *rotor, p, n * joints + j, dt
+            target[n, j], angle[j], rate[j], *rotor, p[n, j], dt, extra
         )
     return gear[n]
 
@@ -111,12 +124,12 @@ class DriveCallArgs:
     """The arguments with which compiled code advances the motors of a drive bank."""
 
     def __init__(self, drives: DriveBank) -> None:
-        motor, speed, parameters, dt_s, pd, gear, _ = drives.rotors
+        motor, speed, numbers, dt_s, extra, pd, gear = drives.rotors
         self.target_rad: Array = np.zeros_like(motor)
         """Target angles (N, J) [rad]; write them before each policy period."""
-        self._arrays = (self.target_rad, motor, speed, parameters, pd, gear)
+        self._arrays = (self.target_rad, motor, speed, numbers, pd, gear)
         addresses = [array.ctypes.data for array in self._arrays]
-        self._head = np.array([*motor.shape, dt_s, *addresses], dtype=np.float64)
+        self._head = np.array([*motor.shape, dt_s, extra, *addresses], dtype=np.float64)
         self.address = self._head.ctypes.data
         """Address of the argument block, valid as long as this object lives; all its numbers are
         exact in 64-bit floats."""

@@ -9,7 +9,7 @@ import numba
 import numpy as np
 from numba.core import types
 
-from backends._calls import DriveCallArgs, array_at, find, function, motor_step
+from backends._calls import DriveCallArgs, array_at, find, function, motor_step, stack
 from backends.engine import Team
 from backends.state import Array
 
@@ -21,7 +21,6 @@ QPOS, QVEL, APPLIED, USER = (
     for name in ("QPOS", "QVEL", "QFRC_APPLIED", "USERDATA")
 )
 """Bits of this version's mjtState; a state holds its parts in the order of their bits."""
-_SENSED = QPOS | QVEL | USER
 _HEAD = 8
 """Length of the fixed part of `CallbackArgs`: worlds, joints, lengths of qpos and qvel, place of
 the stick in qvel, and the addresses of the drive arguments, of the remaining weightless ticks and
@@ -29,7 +28,6 @@ of the forces that carry the sticks. The joints' places in qpos and qvel follow.
 
 _library = find("mujoco", "libmujoco.so*")
 _model, _data = types.voidptr, types.voidptr
-_size = function(_library, "mj_stateSize", types.intc, _model, types.intc)
 _copy = types.void, _model, _data, types.uintp, types.intc
 _get, _set = (function(_library, name, *_copy) for name in ("mj_getState", "mj_setState"))
 
@@ -37,17 +35,23 @@ _get, _set = (function(_library, name, *_copy) for name in ("mj_getState", "mj_s
 @numba.cfunc(types.void(_model, _data), cache=True)
 def control(model, data):
     """Advance the motors of one world by one drive period and apply their torques."""
-    state = np.empty(_size(model, _SENSED))
-    _get(model, data, state.ctypes.data, _SENSED)
-    n, args = int(state[-2]), state[-1]
+    user_at = stack(USER_NUMBERS)
+    _get(model, data, user_at, USER)
+    user = array_at(user_at, USER_NUMBERS)
+    n, args = int(user[0]), user[1]
     head = array_at(args, _HEAD)
     worlds, joints, q_size = int(head[0]), int(head[1]), int(head[2])
     v_size, stick = int(head[3]), int(head[4])
     places = array_at(args, _HEAD + 2 * joints)[_HEAD:]
-    angle, rate, applied = np.empty(joints), np.empty(joints), np.zeros(v_size)
+    state_at, applied_at = stack(q_size + v_size), stack(v_size)
+    _get(model, data, state_at, QPOS | QVEL)
+    state, applied = array_at(state_at, q_size + v_size), array_at(applied_at, v_size)
+    angle, rate = array_at(stack(joints), joints), array_at(stack(joints), joints)
     for j in range(joints):
         angle[j] = state[int(places[j])]
         rate[j] = state[q_size + int(places[joints + j])]
+    for i in range(v_size):
+        applied[i] = 0.0
     torque = motor_step(head[5], n, angle, rate)
     for j in range(joints):
         applied[int(places[joints + j])] = torque[j]
@@ -57,7 +61,11 @@ def control(model, data):
         carry_n = array_at(head[7], (worlds, 3))
         for i in range(3):
             applied[stick + i] = carry_n[n, i]
-    _set(model, data, applied.ctypes.data, APPLIED)
+    _set(model, data, applied_at, APPLIED)
+
+
+CALLBACK = control.ctypes
+"""`control`, as MuJoCo takes it."""
 
 
 class CallbackArgs:

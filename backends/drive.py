@@ -46,12 +46,13 @@ BRISTLE_RAD = 3e-3
 """How far bristles bend where nothing is given."""
 MEMORY = ("heat", "bend")
 """What a drive remembers beside its rotor: the rows behind its numbers in a table."""
-_LIMIT, _FADE = COLUMNS.index("torque_limit_nm"), COLUMNS.index("thermal_fade")
-_SLIDING, _HEAT = COLUMNS.index("presliding_nm"), len(COLUMNS)
+_HEAT = len(COLUMNS)
+_LIMIT, _TEETH = COLUMNS.index("torque_limit_nm"), COLUMNS.index("gear_stiffness_nm_rad")
 _STICTION, _COGGING = COLUMNS.index("stiction_nm"), COLUMNS.index("cogging_nm")
 _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_phase_rad")
 _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
-_TEETH = COLUMNS.index("gear_stiffness_nm_rad")
+_FADE, _WARM = COLUMNS.index("thermal_fade"), COLUMNS.index("thermal_s")
+_SLIDING, _BRISTLE = COLUMNS.index("presliding_nm"), COLUMNS.index("presliding_rad")
 
 
 @numba.njit(cache=True)
@@ -95,34 +96,31 @@ def remembered(speed, pd, dt, limit, fade, warm_s, sliding, bristle, heat, bend)
     return torque, heat, bend
 
 
-@numba.njit(cache=True, error_model="numpy", forceinline=True)
-def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
-    """`motor_tick` with given stiction `rub`, and `cog`: cogging and what is remembered.
+@numba.njit(cache=True)
+def _extra(motor, speed, pd, p, dt):
+    """Stiction of a drive with the numbers `p` (26,), and its torques of cogging and memory [Nm].
 
-    Without branches and inline: so it vectorises.
+    Its memory is written.
     """
-    (
-        kp,
-        kd,
-        limit,
-        inertia,
-        coulomb,
-        viscous,
-        k,
-        c,
-        play,
-        lock,
-        _,
-        load,
-        dead,
-        way,
-        fall,
-        _,
-        _,
-        _,
-        stop,
-        firm,
-    ) = p
+    cog = cogged(motor, p[_COGGING], p[_PERIOD], p[_PHASE])
+    if p[_FADE] > 0.0 or p[_SLIDING] > 0.0:
+        law = p[_LIMIT], p[_FADE], p[_WARM], p[_SLIDING], p[_BRISTLE]
+        torque, p[_HEAT], p[_HEAT + 1] = remembered(speed, pd, dt, *law, p[_HEAT], p[_HEAT + 1])
+        cog += torque
+    return rubbing(speed, p[_STICTION]), cog
+
+
+@numba.njit(cache=True, error_model="numpy")
+def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
+    """Step one joint's drive by one period `dt`, with its row `p` (26,) of a `drive_table`.
+
+    `pd` is the last PD torque; `extra`: whether it may have stiction, cogging or a memory. Returns
+    the motor's new angle and speed, its PD torque and the torque on the joint.
+    """
+    kp, kd, limit, inertia, coulomb, viscous = p[0], p[1], p[2], p[3], p[4], p[5]
+    k, c, play, lock, load, dead = p[6], p[7], p[8], p[9], p[11], p[12]
+    way, fall, stop, firm = p[13], p[14], p[18], p[19]
+    rub, cog = _extra(motor, speed, pd, p, dt) if extra else (0.0, 0.0)
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
     press = gap - play if gap > 0.0 else gap + play
@@ -143,66 +141,15 @@ def turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, p):
     return motor + dt * speed, speed, pd, gear - (abs(firm) * past if firm * past > 0.0 else 0.0)
 
 
-@numba.njit(cache=True, forceinline=True)
-def numbers_at(p, i):
-    """What `turn_motor` takes of column `i` of `p`; as an array it would keep SIMD away."""
-    return (
-        *(p[0, i], p[1, i], p[2, i], p[3, i], p[4, i], p[5, i], p[6, i]),
-        *(p[7, i], p[8, i], p[9, i], p[10, i], p[11, i], p[12, i], p[13, i], p[14, i]),
-        *(p[15, i], p[16, i], p[17, i], p[18, i], p[19, i]),
-    )
-
-
 @numba.njit(cache=True)
-def _recalled(speed, pd, p, i, dt):
-    """`remembered` by the numbers in column `i` of `p`, where its memory is written."""
-    if p[_FADE, i] <= 0.0 and p[_SLIDING, i] <= 0.0:
-        return 0.0
-    law = p[_LIMIT, i], p[_FADE, i], p[_FADE + 1, i], p[_SLIDING, i], p[_SLIDING + 1, i]
-    torque, heat, bend = remembered(speed, pd, dt, *law, p[_HEAT, i], p[_HEAT + 1, i])
-    p[_HEAT, i], p[_HEAT + 1, i] = heat, bend
-    return torque
-
-
-@numba.njit(cache=True)
-def _recall(speed, pd, p, dt, cog):
-    """Add what drives (M,) remember to torques `cog`; apart, for writing `p` keeps SIMD away."""
-    for i in range(len(cog)):
-        cog[i] += _recalled(speed[i], pd[i], p, i, dt)
-
-
-@numba.njit(cache=True)
-def motor_tick(target, joint, joint_speed, motor, speed, pd, p, i, dt):
-    """Step one joint's drive by one period `dt`, with the numbers in column `i` of `p`.
-
-    They are as in `drive_table`, and their memory is written; `pd` is the last PD torque. Returns
-    the motor's new angle and speed, its PD torque and the torque on the joint.
-    """
-    rub, cog = (
-        rubbing(speed, p[_STICTION, i]),
-        cogged(motor, p[_COGGING, i], p[_PERIOD, i], p[_PHASE, i]),
-    )
-    cog += _recalled(speed, pd, p, i, dt)
-    return turn_motor(target, joint, joint_speed, motor, speed, rub, cog, dt, numbers_at(p, i))
-
-
-@numba.njit(cache=True, error_model="numpy")
-def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, pd, gear, remembers=True):
-    """`motor_tick` for contiguous arrays (N, J); `p` (26, N, J) holds the numbers of all drives.
-
-    `remembers`: whether any of them has a memory.
-    """
-    target, joint, joint_speed = target.ravel(), joint.ravel(), joint_speed.ravel()
-    motor, motor_speed, pd, gear = motor.ravel(), motor_speed.ravel(), pd.ravel(), gear.ravel()
-    p, rub, cog = p.reshape(p.shape[0], -1), np.zeros(len(motor)), np.zeros(len(motor))
-    for i in range(len(motor)):
-        rub[i] = rubbing(motor_speed[i], p[_STICTION, i])
-        cog[i] = cogged(motor[i], p[_COGGING, i], p[_PERIOD, i], p[_PHASE, i])
-    if remembers:
-        _recall(motor_speed, pd, p, dt, cog)
-    for i in range(len(motor)):
-        own = target[i], joint[i], joint_speed[i], motor[i], motor_speed[i], rub[i], cog[i]
-        motor[i], motor_speed[i], pd[i], gear[i] = turn_motor(*own, dt, numbers_at(p, i))
+def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd, gear):
+    """`motor_tick` for arrays (N, J); `p` (N, J, 26) holds the numbers of all drives."""
+    for n in range(p.shape[0]):
+        for j in range(p.shape[1]):
+            rotor = motor[n, j], motor_speed[n, j], pd[n, j]
+            motor[n, j], motor_speed[n, j], pd[n, j], gear[n, j] = motor_tick(
+                target[n, j], joint[n, j], joint_speed[n, j], *rotor, p[n, j], dt, extra
+            )
 
 
 def drive_table(spec: Spec) -> Array:
@@ -232,10 +179,8 @@ class DriveBank:
     """The drives of N worlds and their rotor states."""
 
     def __init__(self, specs: Sequence[Spec]) -> None:
-        self._dt_s = specs[0].timing.drive_s
-        tables = np.array([drive_table(spec) for spec in specs])
-        self._parameters = np.moveaxis(tables, -1, 0).copy()
-        shape = tables.shape[:2]
+        self._numbers = np.array([drive_table(spec) for spec in specs])
+        shape = self._numbers.shape[:2]
         self.motor_rad = np.zeros(shape)
         """Motor angles reflected through the gear [rad], shape (N, J)."""
         self.motor_rad_s = np.zeros(shape)
@@ -247,11 +192,11 @@ class DriveBank:
         self.rotors = (
             self.motor_rad,
             self.motor_rad_s,
-            self._parameters,
-            self._dt_s,
+            self._numbers,
+            specs[0].timing.drive_s,
+            bool(self._numbers[..., [_FADE, _SLIDING, _STICTION, _COGGING]].any()),
             self.pd_nm,
             self.gear_nm,
-            bool(self._parameters[[_FADE, _SLIDING]].any()),
         )
         """The arguments of `drive_step` after target, joint angle and joint speed."""
 
@@ -260,7 +205,7 @@ class DriveBank:
         self.motor_rad[mask] = joint_rad[mask]
         for rate in (self.motor_rad_s, self.pd_nm, self.gear_nm):
             rate[mask] = 0.0
-        self._parameters[_HEAT:, mask] = 0.0
+        self._numbers[np.flatnonzero(mask), :, _HEAT:] = 0.0
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
         """Advance the rotors by one drive period; returns the joint torques [Nm], (N, J)."""

@@ -8,7 +8,7 @@ import mujoco
 import numba
 import numpy as np
 
-from backends._mujoco_drive import USER_NUMBERS, CallbackArgs, control
+from backends._mujoco_drive import CALLBACK, USER_NUMBERS, CallbackArgs
 from backends._mujoco_worlds import HAS_SENSOR, SLOT, Touching, pool
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
@@ -320,7 +320,7 @@ class Backend(Engine):
             return
         self._args.drive_args.target_rad[:] = target_rad
         self._args.lifted_ticks[:] = team.lifted_ticks(self._age_steps)
-        mujoco.set_mjcb_control(control.ctypes)
+        mujoco.set_mjcb_control(CALLBACK)
         try:
             self._batch.step(nstep=self._timing.substeps)
         finally:

@@ -1,6 +1,7 @@
 """The transfer matrix as a picture: a panel per kind of policy, a row per train world."""
 
 import math
+import textwrap
 from typing import IO, Any
 
 import pandas as pd
@@ -14,8 +15,8 @@ CELL_IN = (1.35, 0.75)
 MARGIN_IN = (2.6, 1.5)
 """Margins of a panel: left and right, above and below [inch]."""
 TITLE = "Transfer: mean tracked as shade and number, retention below it"
-LETTERS = 18
-"""Letters of the usual size that fit under a cell."""
+LETTERS = 20
+"""Letters of a line of a world's name."""
 DARK = 0.55
 """Cells with shades above this have dark text."""
 
@@ -45,11 +46,8 @@ def _draw(axes: Axes, part: Panel) -> None:
     picture = axes.imshow(blank, vmin=0, vmax=1, cmap="viridis", aspect="auto")
     axes.figure.colorbar(picture, ax=axes, label="tracked", pad=0.01)
     worlds = [*part.deploy, FLOOR]
-    lines = [world.replace(" ", "\n").replace(",", ",\n") for world in worlds]
-    longest = max(len(part) for line in lines for part in line.split("\n"))
-    size = min(8.0, 8.0 * LETTERS / longest)
-    axes.set_xticks(range(len(worlds)), lines, fontsize=size)
-    axes.set_yticks(range(len(part.train)), part.train, fontsize=8)
+    axes.set_xticks(range(len(worlds)), map(_wrapped, worlds), fontsize=8)
+    axes.set_yticks(range(len(part.train)), map(_wrapped, part.train), fontsize=8)
     axes.set(xlabel="deployed in", ylabel="trained in")
     axes.set_title(title(part.shared), fontsize=9)
     axes.spines[:].set_visible(False)
@@ -60,6 +58,11 @@ def _draw(axes: Axes, part: Panel) -> None:
                 axes.text(x, y, _score(line), ha="center", va="center", fontsize=7, color=light)
         floor = f"× {interval(part.any_line(train), 'floor', 2)}"
         axes.text(len(part.deploy), y, floor, ha="center", va="center", fontsize=7)
+
+
+def _wrapped(world: str) -> str:
+    """A world's name in short lines, broken between effects and words first."""
+    return textwrap.fill(world.replace(",", ", "), LETTERS)
 
 
 def _shade(part: Panel, train: str, world: str) -> float:

@@ -143,7 +143,7 @@ def bare(xml: str, dt_s: float) -> mujoco.MjModel:
 
 def simulated(model: mujoco.MjModel, spec: Spec, asked: Recording) -> Array:
     """Joint and motor angles (2, T, J) by MuJoCo with the project's drive law, in spec order."""
-    names, table = spec.hand.joint_names, drive_table(spec).T.copy()
+    names, table = spec.hand.joint_names, drive_table(spec)
     data, at = mujoco.MjData(model), [model.joint(n).qposadr[0] for n in names]
     data.qpos[at] = asked.start
     motor, speed, out = asked.start.copy(), np.zeros(len(names)), []
@@ -159,8 +159,7 @@ def simulated(model: mujoco.MjModel, spec: Spec, asked: Recording) -> Array:
                     motor[j],
                     speed[j],
                     pd[j],
-                    table,
-                    j,
+                    table[j],
                     model.opt.timestep,
                 )
                 data.qfrc_applied[at[j]] = gear + asked.push[k, j]

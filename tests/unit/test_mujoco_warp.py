@@ -55,13 +55,13 @@ def world(stick: str = "reference", effects: str = "built") -> Spec:
 
 
 def drives(rng: np.random.Generator) -> Array:
-    """Numbers of random drives (26, N, J), each of which is often zero where it may be."""
+    """Numbers of random drives (N, J, 26), each of which is often zero where it may be."""
     largest = np.array(astuple(LARGEST))
-    numbers = largest[:, None, None] * rng.uniform(0.2, 1.0, (len(largest), WORLDS, JOINTS))
-    for row, field in enumerate(fields(Drive)):
+    numbers = largest * rng.uniform(0.2, 1.0, (WORLDS, JOINTS, len(largest)))
+    for column, field in enumerate(fields(Drive)):
         if field.name in OFTEN_ZERO:
-            numbers[row] *= rng.random((WORLDS, JOINTS)) < 0.6
-    return np.concatenate([numbers, np.zeros((len(MEMORY), WORLDS, JOINTS))])
+            numbers[..., column] *= rng.random((WORLDS, JOINTS)) < 0.6
+    return np.pad(numbers, ((0, 0), (0, 0), (0, len(MEMORY))))
 
 
 def test_the_drive_law_is_the_same_to_1e_6():
@@ -86,13 +86,13 @@ def test_the_drive_law_is_the_same_to_1e_6():
         place,
         place,
     ]
-    numbers = wp.array(np.moveaxis(p, 0, -1), dtype=wp.float64)
+    numbers = wp.array(p, dtype=wp.float64)
     inputs = [*state, numbers, wp.float64(DT_S), *there, applied]
     for _ in range(3):
         wp.launch(drive_tick, dim=shape, inputs=inputs)
         drive_step(
             *(target, joint.astype(float), joint_speed.astype(float)),
-            *(here[0], here[1], p, DT_S, here[2], here[3]),
+            *(here[0], here[1], p, DT_S, True, here[2], here[3]),
         )
     for one, other in zip(here, there, strict=True):
         assert np.abs(one).max() > 0.0

@@ -105,7 +105,7 @@ def test_many_drives_at_a_time_equal_one_by_one() -> None:
     spec = trx.spec(sticks.STICKS["reference"])
     law = [Drive(**{k: v * rng.uniform(0.5, 2) for k, v in own.items()}) for _ in spec.drives]
     spec = spec.with_drives(law)
-    bank, table = DriveBank([spec] * 3), np.array([drive.drive_table(spec).T] * 3)
+    bank, table = DriveBank([spec] * 3), np.array([drive.drive_table(spec)] * 3)
     motor, motor_speed, pd = np.zeros((3, 3, len(law)))
     for _ in range(200):
         target, joint, speed_ = rng.normal(0, 0.05, (3, 3, len(law)))
@@ -118,8 +118,7 @@ def test_many_drives_at_a_time_equal_one_by_one() -> None:
                 motor[n, j],
                 motor_speed[n, j],
                 pd[n, j],
-                table[n],
-                j,
+                table[n, j],
                 spec.timing.drive_s,
             )
             assert (pd[n, j], gear) == (bank.pd_nm[n, j], torque[n, j])
