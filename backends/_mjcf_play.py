@@ -36,6 +36,8 @@ class Play:
     """External torques [Nm or N], shape (T, K)."""
     start: Array
     """Positions at rest [rad or m], shape (K,)."""
+    held: tuple[Array, Array, Array] | None = None
+    """A motion (T, K) to which springs hold the joints, their stiffness and their damping (K,)."""
 
 
 class Plain:
@@ -73,7 +75,7 @@ class Plain:
         model.dof_armature[still], model.dof_frictionloss[still] = IMMOVABLE_KGM2, 0.0
         model.eq_active0[:] = 0
         model.eq_active0[[one.equality for one in led.values()]] = 1
-        self.model, self._at = model, model.jnt_qposadr[own]
+        self.model, self._at, self._own = model, model.jnt_qposadr[own], own
         self._led = {int(model.jnt_qposadr[j]): one for j, one in led.items()}
         self._joints, self._beside, self._drives = tuple(joints), beside, drives
         self._pushed = [
@@ -91,15 +93,32 @@ class Plain:
         ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
         steps = np.maximum(np.diff(ticks, append=ticks[-1] + 1), 1)
         command, push = (np.repeat(x, steps, axis=0) for x in (play.command, play.push))
-        moved = self._stepped if self._drives else self._passed
-        return moved(play.start, command, push)[np.cumsum(steps) - steps]
+        if self._drives or play.held:
+            shown = self._stepped(play, command, push)
+        else:
+            shown = self._passed(play.start, command, push)
+        return shown[np.cumsum(steps) - steps]
 
-    def _stepped(self, start: Array, command: Array, push: Array) -> Array:
+    def _stepped(self, play: Play, command: Array, push: Array) -> Array:
         """What sensors read (S, K) under commands and pushes, a step after the other."""
-        robot = Robot(copy.copy(self.model), self._beside, self._drives)
-        self._place(robot.data, start)
-        steps = ([dict(zip(self._joints, x, strict=True)) for x in one] for one in (command, push))
-        return np.array([list(robot.step(*one).values()) for one in zip(*steps, strict=True)])
+        robot, shown = Robot(copy.copy(self.model), self._beside, self._drives), []
+        self._place(robot.data, play.start)
+        own = [robot.signals[name] for name in self._joints]
+        time_s = np.arange(len(push)) * self.model.opt.timestep
+        if play.held:
+            motion, stiffness, damping = play.held
+            q = np.stack([np.interp(time_s, play.time_s, x) for x in motion.T], axis=1)
+            v = np.gradient(q, time_s, axis=0)
+            robot.data.qvel[self.model.jnt_dofadr[self._own]] = np.where(stiffness, v[0], 0.0)
+        for k in range(len(push)):
+            more = 0.0
+            if play.held:
+                angle = np.array([robot.data.qpos[one.places].sum() for one in own])
+                speed = np.array([robot.data.qvel[one.dofs].sum() for one in own])
+                more = stiffness * (q[k] - angle) + damping * (v[k] - speed)
+            acts = (dict(zip(self._joints, x, strict=True)) for x in (command[k], push[k] + more))
+            shown.append(list(robot.step(*acts).values()))
+        return np.array(shown)
 
     def _passed(self, start: Array, command: Array, push: Array) -> Array:
         """The same of servos alone, all steps at once."""

@@ -19,7 +19,8 @@ DRIVES: dict[str, dict[str, float]] = {}
 class Robot:
     """A model whose commands and readings pass as those of the robot do, with its drives.
 
-    `numbers` by joint: `delay_s` of commands, `slowness_s_rad` and `step` of targets, and `late_s`,
+    `numbers` by joint: `open`, 1 where its target is a torque; `delay_s` of commands,
+    `slowness_s_rad` and `step` of targets, and `late_s`,
     `scale`, `bias`, `cosine` and `sine` of readings. `drives`: those of `Drive`.
     """
 
@@ -102,7 +103,7 @@ class Signals:
             for a in range(model.nu)
             if model.actuator_trnid[a, 0] == j
             and model.actuator_trntype[a] == mujoco.mjtTrn.mjTRN_JOINT
-            and model.actuator_biasprm[a, 1] != 0.0
+            and (model.actuator_biasprm[a, 1] != 0.0 or own.get("open"))
         ]
         self.late, self.read_late = own.get("delay_s", 0.0) / dt, own.get("late_s", 0.0) / dt
         slowness = own.get("slowness_s_rad", 0.0)

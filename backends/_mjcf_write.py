@@ -42,6 +42,8 @@ class JointNumbers:
 
     payload: float = 0.0
     """Mass of a point at that body's end, over the body's own mass."""
+    open: bool = False
+    """Whether it is a motor, whose `kp` is the gain of the torque that it is given."""
     note: str = ""
     """What its drive does that an MJCF cannot hold: written as a comment."""
     play: float = 0.0
@@ -73,7 +75,7 @@ def written(
     for name, one in numbers.items():
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
-        joint.set("damping", repr(one.damping))
+        joint.set("damping", repr(one.damping + one.open * one.kd))
         _set_friction(joint, model, name, one.frictionloss)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
@@ -243,8 +245,13 @@ def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumber
     by = next(iter(own.values()), 1.0)
     if by_tendon:
         servo.set("gear", repr(by))
-    servo.set("kp", repr(one.kp / by**2))
-    servo.set("kv", repr(one.kd / by**2))
+    if one.open:  # the torque in place of a control within the file's range
+        servo.tag, by = "general", 1.0
+        servo.attrib = {k: x for k, x in servo.attrib.items() if k in ("name", "joint", "class")}
+        servo.attrib |= {"gear": "1", "gainprm": repr(one.kp), "ctrllimited": "false"}
+    else:
+        servo.set("kp", repr(one.kp / by**2))
+        servo.set("kv", repr(one.kd / by**2))
     servo.set("forcelimited", "true" if one.limit else "false")
     if one.limit:
         most = one.limit / abs(by)

@@ -116,6 +116,9 @@ class Loop:
     unlimited: float = 0.0
     """Share of the derivative gain that the torque limit does not hold, as a motor's back-EMF
     [1]."""
+    open: float = 0.0
+    """1: no position is fed back, and the proportional gain is of the torque that is given beside
+    the target [1]."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -105,7 +105,8 @@ def understood(log: Log) -> Iterator[str]:
             for number, value, unit in zip(NUMBERS, values, units, strict=True)
         )
         kind = "slide" if slides[name] else "hinge"
-        yield f"{name}, a {kind}: PD law on the joint, {numbers}{_more(drive.more)}"
+        law = "no loop on the position" if drive.more.open_loop else "PD law on the joint"
+        yield f"{name}, a {kind}: {law}, {numbers}{_more(drive.more)}"
     yield from contradictions(log)
     yield from (f"not simulated: {text}" for text in left_out(log))
     yield from (f"warning: {text}" for text in log.warnings)

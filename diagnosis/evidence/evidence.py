@@ -161,7 +161,7 @@ def _counts(limb: Limb) -> Array:
         return np.ones(shape, dtype=bool)
     found = []
     for recording, edges in zip(limb.recordings, limb.edges, strict=True):
-        rests = stood_s(recording.time_s, recording.command) >= REST_S
+        rests = stood_s(recording.time_s, recording.asked) >= REST_S
         found.append(np.repeat(rests[edges[:-1], None], shape[1], axis=1))
     return np.concatenate(found)
 

@@ -16,8 +16,6 @@ from diagnosis.motion.recordings import CHANNELS, Recording
 
 STILL_RAD, MOVES_RAD = 2e-3, 2e-2
 """Below this nothing moves; beyond this something must [rad; of a slide a share of its travel]."""
-ALIVE = 3
-"""A sensor that reads fewer different values while its joint is commanded to move is dead."""
 ABSURD_SHARE, ABSURD_NOISE = 0.5, 100.0
 """A sample is absurd that leaves its neighbours by this share of the whole range and by so many
 typical steps, for it returns at once."""
@@ -52,10 +50,8 @@ def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
 
 
 def _require_motion(limb: Limb) -> None:
-    """Raise LogError where nothing is asked for, or a sensor reads the same throughout."""
-    command = np.concatenate([r.command for r in limb.recordings])
-    position = np.concatenate([r.measured[:, 0] for r in limb.recordings])
-    pushed = any(r.push.any() for r in limb.recordings)
+    """Raise LogError where nothing is asked for."""
+    pushed = any(r.push.any() or np.nan_to_num(r.given).any() for r in limb.recordings)
     commanded = max(float(np.ptp(r.command, axis=0).max()) for r in limb.recordings)
     slides = any(body.joint.slides for body in limb.spec.hand.driven)
     if commanded < (0.0 if slides else STILL_RAD) and not pushed:
@@ -63,13 +59,6 @@ def _require_motion(limb: Limb) -> None:
             f"nothing moves in this log: the targets of {', '.join(limb.joints)} stand still and "
             "no joint is pushed; record steps, triangle, multisine, push"
         )
-    for j, name in enumerate(limb.joints):
-        values = np.unique(position[:, j])
-        if len(values) < ALIVE and np.ptp(command[:, j]) > MOVES_RAD:
-            raise LogError(
-                f"the position of {name} reads {values[0]:.4g} throughout while its target moves "
-                f"by {np.ptp(command[:, j]):.3g}: a dead sensor, or the wrong column"
-            )
 
 
 def _cleaned(recording: Recording, most: Array) -> tuple[Recording, int]:
@@ -95,7 +84,7 @@ def _without_stops(limb: Limb) -> tuple[Limb, list[str]]:
     """
     recordings, notes = [replace(r, measured=r.measured.copy()) for r in limb.recordings], []
     for j, body in enumerate(limb.spec.hand.driven):
-        stopped = [_at_ends(recording, j, body.joint.range_rad) for recording in recordings]
+        stopped = [_at_ends(r, j, body.joint.range_rad, limb.open[j]) for r in recordings]
         share = float(np.concatenate(stopped).mean())
         if 0.0 < share < STOP_SHARE:
             notes.append(
@@ -107,13 +96,14 @@ def _without_stops(limb: Limb) -> tuple[Limb, list[str]]:
     return (replace(limb, recordings=tuple(recordings)), notes) if notes else (limb, [])
 
 
-def _at_ends(recording: Recording, joint: int, ends: tuple[float, float]) -> Array:
+def _at_ends(recording: Recording, joint: int, ends: tuple[float, float], is_open: bool) -> Array:
     """Rows (T,) at which a joint stands at an end of its range, and some time after them."""
     command, position = recording.command[:, joint], recording.measured[:, 0, joint]
     near = STOP_NEAR * (ends[1] - ends[0])
     rows = np.zeros(len(command), dtype=bool)
     for side, end in zip((-1.0, 1.0), ends, strict=True):
         past, asked = side * (position - end), side * (command - end)
+        asked = np.full(len(asked), np.inf) if is_open else asked
         if np.nanmax(past) < max(near, asked.max() / 2):
             rows |= (asked > 0.0) & (past > -near)
     last_s = np.maximum.accumulate(np.where(rows, recording.time_s, -np.inf))

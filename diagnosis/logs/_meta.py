@@ -68,7 +68,7 @@ class EpisodeMeta(_Part):
     note: str | None = None
 
 
-HELD = {"kp", "kd", "limit", "armature", "sensor", "uncertainty"}
+HELD = {"kp", "kd", "limit", "armature", "sensor", "uncertainty", "open_loop"}
 """Fields of a drive that say nothing of its loop."""
 UNSURE = re.compile(r"^\s*([^\s%±]+?)\s*(?:\+-|\+/-|±)\s*([^\s%±]+)\s*(%?)\s*$")
 """A number and one standard deviation of it, such as '60 +- 20%'."""
@@ -116,6 +116,9 @@ class DriveSettings(_Part):
     """Time constant by which the torque follows what is asked [s]."""
     back_emf: Amount = 0.0
     """Damping beside kd that the limit does not hold: kt^2 / R of a driven voltage [Nms/rad]."""
+    open_loop: bool = False
+    """Whether no position is fed back: the log's `feedforward`, or its `reference` with kd, is all
+    that is asked, and kp, 1 by itself, is the gain of that torque."""
     uncertainty: dict[
         Literal["kp", "kd", "limit", "armature", "ki", "speed_integral"], Positive
     ] = {}
@@ -172,6 +175,7 @@ class DriveSettings(_Part):
             "profile_rad_s2": self.acceleration,
             "lag_s": self.lag,
             "unlimited": self.back_emf / self.kd if self.kd else 0.0,
+            "open": float(self.open_loop),
         }
 
 

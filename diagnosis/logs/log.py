@@ -23,6 +23,8 @@ from diagnosis.logs._meta import EpisodeMeta, LogError, LogMeta
 from diagnosis.logs._meta import HandMechanism as HandMechanism
 from diagnosis.logs._meta import MjcfMechanism as MjcfMechanism
 from diagnosis.logs._meta import drive_of as drive_of
+from diagnosis.logs.stamps import Notes
+from diagnosis.logs.whole_rows import without_empty_cells
 
 Array = np.ndarray
 
@@ -140,9 +142,10 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
 def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
     meta, samples, mjcf_xml, odd = _files.read(Path(path))
-    log = make_log(meta, samples, mjcf_xml)
+    notes = Notes()
+    log = make_log(meta, without_empty_cells(samples, notes), mjcf_xml)
     _checks.check_loads(log.meta, log.samples)
-    return dataclasses.replace(log, warnings=(*odd, *log.warnings))
+    return dataclasses.replace(log, warnings=(*odd, *notes.warnings, *log.warnings))
 
 
 def is_log(path: Path) -> bool:

@@ -18,6 +18,8 @@ VELOCITY |= {"dq", "qvel", "omega", "rpm"}
 OTHER = {"current", "temperature", "temp", "voltage", "volt", "volts", "load", "error", "err"}
 OTHER |= {"pwm", "status", "acc", "acceleration", "accel", "index", "duty", "amps", "power"}
 FEED = {"feedforward", "ff", "feed", "forward"}
+BY_CONSTANT = {"current", "amps", "ma", "duty", "pwm", "voltage", "volt", "volts", "mv"}
+"""What makes a torque by a constant of the drive."""
 TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
 EPISODE = {"episode", "run", "trial", "repetition"}
 ANGLES = {
@@ -29,6 +31,10 @@ ANGLES = {
 """Units of angles, per radian."""
 LENGTHS = {"m": 1.0, "mm": 1e3, "cm": 1e2, "um": 1e6}
 """Units of lengths, per metre."""
+EFFORTS = {"nm": 1.0, "n": 1.0, "mnm": 1e3, "nmm": 1e3, "ncm": 1e2, "mn": 1e3, "kn": 1e-3}
+EFFORTS |= {"ma": 1e3, "mv": 1e3, "percent": 1e2}
+"""Units of torques and forces, per Nm or N; of what makes them, per A, V or whole duty cycle."""
+EFFORT = re.compile(r"(?<![A-Za-z])(m?N[cm]?m|m[NAV]|kN)(?![A-Za-z])")
 TIMES = {
     **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
     **dict.fromkeys(("ms", "msec", "millis", "milliseconds"), 1e3),
@@ -40,7 +46,7 @@ COUNTS = {"count", "counts", "tick", "ticks", "raw", "steps", "lsb"}
 IDLE = {"joint", "jnt", "observation", "obs", "motor"}
 """Words that say nothing where they stand beside others."""
 SAYING = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
-SAYING |= {*ANGLES, *LENGTHS, *TIMES, "push", "nm", "n"}
+SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, "push"}
 """Words that say of what kind a column is, or in which unit."""
 BOTH = COMMAND | POSITION
 
@@ -52,26 +58,22 @@ class Role:
     column: str
     joint: str
     kind: str
-    """A kind of column, `bare` or `other`."""
+    """A kind of column, `effort` (a torque that is asked, or what makes it), `bare` or `other`."""
     unit: str | None
-    """A key of `ANGLES` or `LENGTHS`, `counts`, or None where the name has none."""
+    """A key of `ANGLES`, `LENGTHS` or `EFFORTS`, `counts`, or None where the name has none."""
 
 
 def words(name: str) -> list[str]:
     """The words and numbers of a name."""
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name.replace("°", " deg ").replace("µ", "u"))
+    name = name.replace("°", " deg ").replace("µ", "u").replace("%", " percent ")
+    name = EFFORT.sub(lambda unit: unit[0].lower(), name)
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)
     return re.findall(r"[a-z]+|\d+", text.lower())
 
 
 def time_column(names: Sequence[str]) -> str | None:
     """The column of time stamps."""
     return next((n for n in names if TIME & {*words(n)} and not BOTH & {*words(n)}), None)
-
-
-def commands_else(names: Sequence[str]) -> bool:
-    """Whether a column commands something that is no position."""
-    other = TORQUE | VELOCITY | {"current", "pwm", "duty", "voltage"}
-    return any(COMMAND & {*words(name)} and other & {*words(name)} for name in names)
 
 
 def episode_column(names: Sequence[str]) -> str | None:
@@ -118,20 +120,25 @@ def _own(joint: str) -> list[str]:
 
 def _role(name: str, joint: str) -> Role:
     rest = {*words(name)} - {*_own(joint)}
-    units = [u for u in (*ANGLES, *LENGTHS) if u in rest]
-    unit = next((u for u in units if u != "m"), "m" if units else None)
     kind = _kind(rest | {word[:-1] for word in rest if len(word) > 4 and word.endswith("s")})
+    sizes = EFFORTS if kind in ("torque", "effort", "feedforward") else ANGLES | LENGTHS
+    units = [u for u in sizes if u in rest]
+    unit = next((u for u in units if u != "m"), "m" if units else None)
     return Role(column=name, joint=joint, kind=kind, unit="counts" if COUNTS & rest else unit)
 
 
 def _kind(rest: set[str]) -> str:
     asked = bool(COMMAND & rest)
+    if FEED & rest and (TORQUE | VELOCITY) & rest:
+        return "feedforward" if TORQUE & rest else "other"
+    if asked and (BY_CONSTANT | TORQUE | EFFORTS.keys()) & rest:
+        return "effort"
     if OTHER & rest:
         return "other"
     if TORQUE & rest:
-        return "feedforward" if FEED & rest else "other" if asked else "torque"
+        return "torque"
     if VELOCITY & rest:
-        return "other" if FEED & rest else "reference" if asked else "velocity"
+        return "reference" if asked else "velocity"
     if asked or "push" in rest:
         return "command" if asked else "push"
     return "position" if POSITION & rest else "motor" if "motor" in rest else "bare"

@@ -16,9 +16,10 @@ from diagnosis.logs._meta import DriveSettings, LogError, LogMeta, MjcfMechanism
 from diagnosis.logs.log import Log, make_log, name_of
 from diagnosis.logs.roles import (
     ANGLES,
+    BY_CONSTANT,
+    EFFORTS,
     LENGTHS,
     Role,
-    commands_else,
     episode_column,
     roles,
     time_column,
@@ -32,12 +33,8 @@ Ranges = Mapping[str, tuple[float, float, bool]]
 """By joint the ends of its range, and whether it slides: `backends.mjcf.joint_ranges`."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
-OPEN_LOOP = (
-    "the table has commands of torque, current or speed and none of positions: a motion under them "
-    "alone drifts from any model within seconds and cannot be replayed; log the target of the loop "
-    "that makes them, with its gains, and them as JOINT.feedforward (Nm) or JOINT.reference (rad/s)"
-)
-"""Why a drive without a loop over positions is refused."""
+ASKED = ("command", "feedforward", "reference")
+"""Kinds of which one says what is asked of a joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,6 +71,7 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
     ranges, notes = joint_ranges(xml), Notes()
     frame = read_tables(tables, list(ranges), notes)
     if none := [name for name in frame if frame[name].isna().all()]:
+        _refuse_dead(none, frame, list(ranges))
         notes.warnings.append(f"{', '.join(none)}: empty in all rows, and not used")
     clock = timed(frame.drop(columns=none), notes)
     joints, columns = readings(clock.frame, ranges, asked)
@@ -82,7 +80,13 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
         raise LogError("no row of the table has readings of all joints, and commands before it")
     samples, at = episodes(clock, whole, notes)
     samples = pd.concat([samples, joints.iloc[at].reset_index(drop=True)], axis=1)
-    drives = drives_of(asked, [n.partition(".")[2] for n in joints if "command" in n])
+    read = [n for n in joints if "position" in n]
+    free = [n for n in read if n.replace("position", "command") not in joints]
+    for name in free:  # the loop is open: its target says nothing
+        target = samples.groupby("episode")[name].transform("first")
+        samples[name.replace("position", "command")] = target
+    drives = drives_of(asked, [n.partition(".")[2] for n in read])
+    drives |= {n: _opened(drives.get(n)) for n in (n.partition(".")[2] for n in free)}
     meta = LogMeta(
         schema=1,
         source=f"{', '.join(one.name for one in tables)} of {mechanism.mjcf}",
@@ -110,8 +114,10 @@ def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.Data
     for role in columns:
         slides = ranges[role.joint][2]
         sizes, unit = LENGTHS if slides else ANGLES, asked.unit or role.unit or guessed[slides]
-        name, scale, of = name_of(role.kind, role.joint, slides), 1.0, "N" if slides else "Nm"
-        if KINDS[role.kind] != "torque":
+        name, of = name_of(role.kind, role.joint, slides), "N" if slides else "Nm"
+        if KINDS[role.kind] == "torque":
+            scale = _effort(role, asked)
+        else:
             if unit not in sizes:
                 raise LogError(
                     f"'{role.column}' is in {unit}, of which one does not know how many are a "
@@ -133,6 +139,40 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
+def _opened(drive: DriveSettings | None) -> DriveSettings:
+    """A drive without a loop on the position; its kp has made torques of what is asked."""
+    return (drive or DriveSettings()).model_copy(update={"open_loop": True, "kp": None})
+
+
+def _effort(role: Role, asked: Asked) -> float:
+    """What a column of efforts is divided by, to be torques; raises LogError."""
+    size = EFFORTS.get(role.unit or "", 1.0)
+    if not BY_CONSTANT & {*words(role.column)}:
+        return size
+    drive = asked.drives.get(role.joint, asked.drives.get("*", DriveSettings()))
+    if not drive.kp:
+        raise LogError(
+            f"'{role.column}' is no torque yet: say what one A, one V or the whole duty cycle "
+            f"makes at the joint, such as --drive '{role.joint}=kp:0.12' [Nm]"
+        )
+    return size / drive.kp
+
+
+def _refuse_dead(empty: Sequence[str], frame: pd.DataFrame, joints: Sequence[str]) -> None:
+    """Raise LogError where a joint has commands, and readings that are empty throughout."""
+    every = roles(list(frame.columns), joints)
+    alive = [role for role in every if role.column not in empty]
+    asked = {role.joint for role in alive if role.kind in (*ASKED, "effort")}
+    read = {role.joint for role in alive if role.kind in ("position", "bare")}
+    for role in every:
+        if role.kind == "position" and role.joint in asked - read:
+            raise LogError(
+                f"'{role.column}' is empty in all rows, while {role.joint} is commanded: a dead "
+                "sensor; mend it, or give the table without this joint's commands and --hold it "
+                "where it stood"
+            )
+
+
 def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[Role]:
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
@@ -149,10 +189,13 @@ def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[R
         unit = next((unit for unit in (*ANGLES, *LENGTHS) if unit in words(column)), None)
         found[joint, kind] = [Role(column=column, joint=joint, kind=kind, unit=unit)]
     for joint in joints:
-        bare = found.pop((joint, "bare"), [])
-        for kind in ("position", "command"):
-            if bare and (joint, kind) not in found:
-                found[joint, kind], bare = [replace(role, kind=kind) for role in bare], []
+        bare, effort = found.pop((joint, "bare"), []), found.pop((joint, "effort"), [])
+        if effort and not any((joint, kind) in found for kind in ASKED):
+            found[joint, "feedforward"] = [replace(role, kind="feedforward") for role in effort]
+        if bare and (joint, "position") not in found:
+            found[joint, "position"] = [replace(role, kind="position") for role in bare]
+        elif bare and not any((joint, kind) in found for kind in ASKED):
+            found[joint, "command"] = [replace(role, kind="command") for role in bare]
     for (joint, kind), some in found.items():
         if len(some) > 1:
             names = " or ".join(f"'{role.column}'" for role in some)
@@ -160,26 +203,24 @@ def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[R
                 f"which column is the {kind} of {joint}: {names}? Say it with "
                 f"--column '{joint}.{kind}={some[0].column}'"
             )
-    _refuse_open_loop(frame, found, joints)
-    both = {j for j, _ in found if (j, "command") in found and (j, "position") in found}
+    asked_of = {joint for joint, kind in found if kind in ASKED}
+    both = {joint for joint in asked_of if (joint, "position") in found}
+    if not both:
+        _refuse_unasked(frame, found, joints)
     return [some[0] for (joint, _), some in found.items() if joint in both]
 
 
-def _refuse_open_loop(
+def _refuse_unasked(
     frame: pd.DataFrame, found: Mapping[tuple[str, str], object], joints: Sequence[str]
 ) -> None:
-    """Raise LogError where no joint has both a command and a position."""
+    """Raise LogError: no joint is asked for something and has a position."""
     has = f"the table has {', '.join(map(str, frame.columns))}; say which"
     if not found:
         raise LogError(
             f"no column names a joint of the model, which has {', '.join(joints)}; {has} is which "
             f"with --column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
         )
-    if any((j, "command") in found and (j, "position") in found for j in joints):
-        return
     first = min(joint for joint, _ in found)
-    if (first, "position") in found and commands_else(list(frame.columns)):
-        raise LogError(OPEN_LOOP)
     lacks = "command" if (first, "command") not in found else "position"
     raise LogError(
         f"no column is the {lacks} of {first}; {has} with --column '{first}.{lacks}=COLUMN'"

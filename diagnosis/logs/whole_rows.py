@@ -25,6 +25,28 @@ NEAR = 3.5
 """Readings so many median steps apart, or fewer, say what was between them."""
 
 
+def without_empty_cells(samples: pd.DataFrame, notes: Notes) -> pd.DataFrame:
+    """The samples of a log, in which joints may lack a few; raises LogError where they lack many.
+
+    Columns that are empty throughout an episode stay so.
+    """
+    joints = [name for name in samples.columns if kind_of(str(name))]
+    numbers = samples[joints].apply(pd.to_numeric, errors="coerce").astype(float)
+    texts = numbers.isna() & samples[joints].notna()
+    if np.isfinite(numbers).all(axis=None) or texts.any(axis=None) or "t_s" not in samples:
+        return samples
+    episode = samples["episode"] if "episode" in samples else pd.Series(0, index=samples.index)
+    found = []
+    for _, rows in samples.groupby(episode, sort=False, dropna=False):
+        some = numbers.loc[rows.index].dropna(axis=1, how="all")
+        if any("position" in name for name in some) and not np.isfinite(some).all(axis=None):
+            time_s = pd.to_numeric(rows["t_s"], errors="coerce").to_numpy(float)
+            filled, whole = whole_rows(some, time_s, np.zeros(len(rows), int), notes)
+            rows = rows.assign(**filled)[whole]
+        found.append(rows)
+    return pd.concat(found, ignore_index=True)
+
+
 def whole_rows(
     samples: pd.DataFrame, time_s: np.ndarray, part: np.ndarray, notes: Notes
 ) -> tuple[pd.DataFrame, np.ndarray]:

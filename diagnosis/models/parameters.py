@@ -248,11 +248,12 @@ def _unasked(place: int, joint: int, evidence: Evidence) -> float:
 def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
     """The natural size of an effect's number on a joint, SI."""
     numbers = evidence.limb.nominal[joint]
+    stiffness, damping = evidence.limb.servo[:, joint]
     if kind.coordinate == "logarithm":
         return 1.0
     if kind.coordinate == "compliance":
-        return 1.0 / numbers[c.KP]
-    damped = numbers[c.KD] + numbers[c.VISCOUS] or np.sqrt(numbers[c.KP] * numbers[c.ROTOR])
+        return float(1.0 / stiffness)
+    damped = damping + numbers[c.VISCOUS] or np.sqrt(stiffness * numbers[c.ROTOR])
     natural = {"torque": evidence.torque[joint], "damping": damped}
     return float(natural.get(kind.dimension, 1.0))
 

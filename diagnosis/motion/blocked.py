@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.columns import KP
 from diagnosis.motion.limb import BLOCK_S, Limb
 
 HELD, STILL_HZ = 0.3, 0.05
@@ -60,7 +59,7 @@ def _blocked(limb: Limb, joint: int, shown: Array, read: Array) -> Blocked:
     stiffness = 0.0
     if held.sum() >= LEAST_BLOCKS and np.ptp(x[held]) > SPAN * short:
         yields = float(np.clip(np.polyfit(x[held], y[held], 1)[0], *YIELDS))
-        stiffness = float(limb.nominal[joint, KP]) * (1.0 / yields - 1.0)
+        stiffness = float(limb.servo[0, joint]) * (1.0 / yields - 1.0)
     return Blocked(
         side=side,
         inside_rad=max(end - float(x.max()), 0.0),

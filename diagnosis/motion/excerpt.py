@@ -33,11 +33,11 @@ def excerpt(recordings: Sequence[Recording], enough_s: float) -> tuple[Recording
         return tuple(recordings)
     longest_s = LEAST * enough_s
     pieces = [piece for recording in recordings for piece in _pieces(recording, longest_s)]
-    moved = np.array([np.abs(np.diff(p.command, axis=0)).sum(axis=0) for p in pieces])
+    moved = np.array([np.abs(np.diff(p.asked, axis=0)).sum(axis=0) for p in pieces])
     moved /= np.maximum(moved.sum(axis=0), 1e-12)
     lasts_s = np.array([max(float(p.time_s[-1]), 1e-3) for p in pieces])
     taken: list[int] = []
-    seen = np.full(joints, FIRST)
+    seen = np.full(moved.shape[1], FIRST)
     while len(taken) < len(pieces) and lasts_s[taken].sum() < budget_s:
         gain = (moved / seen).sum(axis=1) / lasts_s
         gain[taken] = -1.0
@@ -72,7 +72,7 @@ def _rests(recording: Recording) -> Array:
     position, travel = recording.measured[:, 0], np.ptp(recording.measured[:, 0], axis=0)
     moves = np.ptp(recording.command, axis=0) > 0.0
     still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
-    asked = np.concatenate([recording.command, recording.push], axis=1)
+    asked = np.concatenate([recording.asked, recording.push], axis=1)
     row = np.arange(len(asked))
     fresh = np.append(True, np.any(np.diff(asked, axis=0) != 0.0, axis=1))
     steady = row - np.maximum.accumulate(np.where(fresh, row, 0)) >= window

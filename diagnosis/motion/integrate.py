@@ -13,7 +13,8 @@ implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). It
     e = target - motor,    s = lead target' - filter(motor')
 
 with the target that its profile makes of the command, and a torque that is given beside it. I
-begins where the drive carries the weight at the start.
+begins where the drive carries the weight at the start. An open loop feeds no position back: e = 0,
+and kp is the gain of the given torque. G and C then hold the joint to the measured motion as well.
 """
 
 import numba
@@ -129,19 +130,20 @@ def integrate(
     Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K),
     or in their place the coefficients of `closed_form` (5, 3, 5), else (0, 3, 5); commands and
     pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2): the target's
-    speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (K,), numbers p
-    (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2). `implicit`: damping
-    and stops at the end of a tick, as MuJoCo's damping. False where the motion diverged.
+    speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (2, K): positions and
+    speeds; numbers p (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2).
+    `implicit`: damping and stops at the end of a tick, as MuJoCo's damping. False where the motion
+    diverged.
 
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
-    joints, exact = len(start), len(closed) > 0
+    joints, exact = start.shape[1], len(closed) > 0
+    q, v, motor, speed = start[0].copy(), start[1].copy(), start[0].copy(), start[1].copy()
     if exact:
         q_m, v_m, bias = np.zeros((3, 1, joints))
         mass, dq, dv = np.zeros((3, 1, joints, joints))
-        closed_form(closed, start, v_m[0], mass[0], bias[0])
+        closed_form(closed, q, v, mass[0], bias[0])
     end = len(mass) - 1
-    q, v, motor, speed = start.copy(), np.zeros(joints), start.copy(), np.zeros(joints)
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
     rate, slow, total, lagged, heat, bend, last_pd = np.zeros((7, joints))
@@ -149,10 +151,10 @@ def integrate(
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
         if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
-            total[j] = lagged[j] - p[j, c.KP] * (command[0, j] - start[j])
+            total[j] = lagged[j] - (1.0 - p[j, c.OPEN]) * p[j, c.KP] * (command[0, j] - q[j])
     inverse = np.zeros((joints, joints))
     held, at_limit, stopped = np.zeros(joints, np.bool_), False, np.any(ends[:, 1])
-    out[0], out[0, 2] = start, 0.0
+    out[0], out[0, 2] = start[0], 0.0
     for t in range(len(row)):
         i, k, changed = min(t // stride, end), row[t], exact or t % stride == 0
         if exact:
@@ -171,7 +173,7 @@ def integrate(
                 target[j], rate[j] = _profiled(asked, last, rate[j], *moves)
             else:
                 target[j] = _limited(asked, last, p[j, c.SLOWNESS], dt)
-            error, slip, more = target[j] - motor[j], -speed[j], 0.0
+            error, slip, more = (1.0 - p[j, c.OPEN]) * (target[j] - motor[j]), -speed[j], 0.0
             if share[j] < 1.0:
                 slip = -slow[j] - share[j] * (speed[j] - slow[j])
             if p[j, c.LEAD] > 0.0:
@@ -179,7 +181,7 @@ def integrate(
                 known = len(given) > 0 and not np.isnan(given[n, j, 0])
                 slip += p[j, c.LEAD] * (given[n, j, 0] if known else own)
             if len(given) > 0:
-                more = given[n, j, 1]
+                more = given[n, j, 1] * (p[j, c.KP] if p[j, c.OPEN] > 0.0 else 1.0)
             if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
                 full = p[j, c.FULL] if p[j, c.FULL] > 0.0 else p[j, c.LIMIT]
                 total[j] += (p[j, c.INTEGRAL] + p[j, c.CASCADE]) * p[j, c.KP] * dt * error

@@ -29,6 +29,9 @@ TICK_S, FINEST_S = 1e-3, 2e-5
 """Longest and shortest step of a rigid drive [s]."""
 TICKS = 10
 """Ticks between samples are enough where those are far apart."""
+TRACKED_RAD_S = 20.0
+"""A joint under torque alone drifts from any model: in a replay a spring and a critical damper hold
+it to the measured motion, with this natural frequency, as a soft servo would."""
 STABLE, FINE = 1.0, 0.05
 """A step is short enough where kp dt^2 is at most so many times the rotor's inertia, which a gear
 may have to be put behind, and this share of all that the drive moves."""
@@ -84,6 +87,26 @@ class Limb:
         return np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
 
     @cached_property
+    def open(self) -> Array:
+        """Joints whose drives feed no position back, shape (K,)."""
+        return np.asarray(self.nominal[:, c.OPEN] > 0.0)
+
+    @cached_property
+    def servo(self) -> Array:
+        """Stiffness [Nm/rad] and damping [Nms/rad] by which joints are held, shape (2, K).
+
+        Those of their drives, or that hold an open loop to the measured motion, against its weight.
+        """
+        own = self.nominal[:, [c.KP, c.KD]].T
+        if not self.open.any():
+            return own
+        slope = np.concatenate([path.model[2] for path in self.along])
+        falls = -min(np.linalg.eigvalsh(slope + slope.transpose(0, 2, 1)).min() / 2, 0.0)
+        inertia = self.nominal[:, c.ROTOR] + self.link_inertia
+        stiffness = inertia * TRACKED_RAD_S**2 + falls
+        return np.where(self.open, [stiffness, 2.0 * np.sqrt(inertia * stiffness)], own)
+
+    @cached_property
     def stride(self) -> int:
         """Ticks between points of the model."""
         return max(1, round(max(POINT_S, self.period_s / 2) / self.dt))
@@ -129,17 +152,24 @@ class Limb:
             q = np.ascontiguousarray(POSES[:, : len(self.joints)])
             poses = Along(spec=self.spec, angle_rad=q, speed_rad_s=0.0 * q)
             return (poses,) * len(self.recordings)
-        for recording, ticks in zip(self.recordings, self._ticks, strict=True):
-            count = len(ticks.row) // self.stride + 1
-            points_s = (np.arange(count) + 0.5) * self.stride * self.dt
-            still = smoothed(_filled(recording), self.period_s)
-            late_s = self.nominal[:, c.LATE]
-            pairs = zip(still.T, late_s, strict=True)
-            read = [np.interp(points_s + late, recording.time_s, x) for x, late in pairs]
-            q = unread(np.stack(read, axis=1), self.nominal)
-            v = np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
+        for number in range(len(self.recordings)):
+            count = len(self._ticks[number].row) // self.stride + 1
+            q, v = self._moved(number, self.nominal, count)
             found.append(Along(spec=self.spec, angle_rad=q, speed_rad_s=v))
         return tuple(found)
+
+    def _moved(self, number: int, numbers: Array, count: int) -> tuple[Array, Array]:
+        """How an episode moved by sensors with these numbers: angles and speeds (P, K)."""
+        points_s = (np.arange(count) + 0.5) * self.stride * self.dt
+        pairs = zip(self._still[number].T, numbers[:, c.LATE], strict=True)
+        time_s = self.recordings[number].time_s
+        read = [np.interp(points_s + late, time_s, x) for x, late in pairs]
+        q = unread(np.stack(read, axis=1), numbers)
+        return q, np.gradient(q, points_s, axis=0) if count > 1 else np.zeros_like(q)
+
+    @cached_property
+    def _still(self) -> tuple[Array, ...]:
+        return tuple(smoothed(_filled(r), self.period_s) for r in self.recordings)
 
     @cached_property
     def _ticks(self) -> "tuple[_Ticks, ...]":
@@ -152,6 +182,14 @@ class Limb:
     @cached_property
     def _ranges(self) -> Array:
         return np.array([body.joint.range_rad for body in self.spec.hand.driven])
+
+    def held(self, recording: Recording) -> tuple[Array, Array, Array] | None:
+        """The motion (T, K) that open loops are held to, by which stiffness and damping (K,)."""
+        if not self.open.any():
+            return None
+        stiffness, damping = np.where(self.open, self.servo, 0.0)
+        still = smoothed(_filled(recording), self.period_s)
+        return unread(still, self.nominal), stiffness, damping
 
     def commanded(self, commands: Sequence[Array]) -> "Limb":
         """The same limb and motion with other targets, (T, K) by episode."""
@@ -234,13 +272,19 @@ class Limb:
         heavier = np.where(mass > 0.0, numbers[:, c.MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
         payload, carried = (numbers - self.nominal)[:, [c.PAYLOAD, c.CARRIED]].T
         load = np.concatenate([heavier, payload[self._ends], carried])
-        model = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
+        m, h, dq, dv = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
         sent = rounded(recording.command, numbers[:, c.STEP])
         asked = sent, recording.given, recording.push, clock.row
-        start = unread(recording.start, numbers) + shift
+        start = np.stack([unread(recording.start, numbers) + shift, np.zeros(len(numbers))])
+        if self.open.any():
+            q, v = self._moved(number, numbers, len(path.angle_rad))
+            stiffness, damping = np.where(self.open, self.servo, 0.0)
+            h = h + stiffness * (path.angle_rad - q) + damping * (path.speed_rad_s - v)
+            dq, dv = dq + np.diag(stiffness), dv + np.diag(damping)
+            start[1] = np.where(self.open, v[0], 0.0)
         out = np.empty((len(clock.row) + 1, len(CHANNELS), len(self.joints)))
-        closed = coefficients(*model[:2]) if self.closed else np.zeros((0, 3, 5))
-        motion = path.angle_rad, path.speed_rad_s, *model, closed
+        closed = coefficients(m, h) if self.closed else np.zeros((0, 3, 5))
+        motion = path.angle_rad, path.speed_rad_s, m, h, dq, dv, closed
         ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], self._ranges)
         given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
         return out if integrate(*given, out) else None

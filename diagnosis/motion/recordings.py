@@ -54,6 +54,12 @@ class Recording:
         return replace(self, time_s=self.time_s[begin:end] - self.time_s[begin], **rows)
 
     @cached_property
+    def asked(self) -> Array:
+        """All that drives are given from each sample on, shape (T, A)."""
+        more = np.nan_to_num(self.given).transpose(2, 0, 1) if len(self.given) else ()
+        return np.concatenate([self.command, *more], axis=1)
+
+    @cached_property
     def given(self) -> Array:
         """Speeds and torques that are given, shape (T, K, 2); (0, K, 2) where none are."""
         if self.speed is None or self.torque is None:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from backends.state import Array
-from diagnosis.motion.columns import KD, KP, ROTOR, VISCOUS
+from diagnosis.motion.columns import ROTOR, VISCOUS
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 
 PERIODS_RAD = (0.05, 1.0)
@@ -79,12 +79,13 @@ def _moved(limb: Limb, joint: int, torque: Array) -> Array:
     numbers = limb.nominal[joint]
     step = max(BLOCK_S, limb.period_s)
     inertia = numbers[ROTOR] + limb.link_inertia[joint]
-    damping, s = numbers[KD] + numbers[VISCOUS], 2.0 / step
+    stiffness, kd = limb.servo[:, joint]
+    damping, s = kd + numbers[VISCOUS], 2.0 / step
     # The bilinear transform of 1 / (J s^2 + d s + kp).
     low = [
-        inertia * s**2 + damping * s + numbers[KP],
-        2.0 * (numbers[KP] - inertia * s**2),
-        inertia * s**2 - damping * s + numbers[KP],
+        inertia * s**2 + damping * s + stiffness,
+        2.0 * (stiffness - inertia * s**2),
+        inertia * s**2 - damping * s + stiffness,
     ]
     ends = np.cumsum([len(one) for one in limb.time_s])[:-1]
     parts = np.split(torque, ends, axis=-2)

@@ -42,9 +42,14 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
 
 
 def begun(log: Log, spec: Spec) -> list[Recording]:
-    """The beginnings of a log's free-air episodes, under commands and pushes alone."""
+    """The beginnings of a log's free-air episodes, under commands and pushes alone.
+
+    Of open loops with the torques and speeds that are all that is asked.
+    """
     every = recordings(log, spec)
     parts = (m.part(0, int(np.searchsorted(m.time_s, HORIZON_S, side="right"))) for m in every)
+    if any(body.joint.loop.open for body in spec.hand.driven):
+        return [dataclasses.replace(one, own=None) for one in parts]
     return [dataclasses.replace(one, speed=None, torque=None, own=None) for one in parts]
 
 

@@ -10,7 +10,7 @@ from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, Log, LogError
-from diagnosis.motion.columns import COLUMNS, table
+from diagnosis.motion.columns import COLUMNS, KD, KP, LEAD, OPEN, table
 from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
@@ -27,6 +27,7 @@ BESIDE = {
     "encoder.bias_rad": ("bias", "rad", "m"),
     "encoder.eccentricity_rad": ("cosine", "rad", ""),
     "encoder.eccentricity_sine_rad": ("sine", "rad", ""),
+    "loop.open": ("open", "", ""),
 }
 """Numbers that an MJCF has not: their names in `backends.mjcf.robot_file`, and their units."""
 DRIVES = {
@@ -58,7 +59,7 @@ def model_text(
     some = {
         name: replace(one, note=_note(settings.joints.get(name, DriveSettings())))
         for name, one in every.items()
-        if joints is None or name in joints
+        if joints is None or name in joints or one.open
     }
     try:
         turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
@@ -109,14 +110,25 @@ def plain(
     )
 
 
-def shown(world: Plain, recording: Recording) -> Array:
-    """Positions (T, K) of an episode's joints in plain MuJoCo."""
+def shown(world: Plain, recording: Recording, part: Spec, held: Limb | None = None) -> Array:
+    """Positions (T, K) of an episode's joints in plain MuJoCo, with the gains of a part.
+
+    `held`: open loops are held to the motion as this limb's are.
+    """
+    command, push, numbers = recording.command, recording.push, table(part, True)
+    if len(recording.given):
+        speed, torque = np.nan_to_num(recording.given).transpose(2, 0, 1)
+        motors = numbers[:, OPEN] * (numbers[:, LEAD] == 0.0) > 0.0
+        command = np.where(motors, torque, command)
+        gain = np.where(numbers[:, OPEN] > 0.0, numbers[:, KP], 1.0)
+        push = push + numbers[:, LEAD] * numbers[:, KD] * speed + np.where(motors, 0, gain * torque)
     return world.positions(
         Play(
             time_s=recording.time_s,
-            command=recording.command,
-            push=recording.push,
+            command=command,
+            push=push,
             start=recording.start,
+            held=None if held is None else held.held(recording),
         )
     )
 
@@ -134,16 +146,21 @@ def plain_apart(log: Log, spec: Spec) -> float:
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
         world = plain(log, text, names, step_s, INTEGRATOR, world=spec)
         for recording in episodes:
-            worst = max(worst, apart(part, recording, shown(world, recording), rigid=True))
+            worst = max(worst, apart(part, recording, shown(world, recording, part), rigid=True))
     return worst
 
 
 def _by_pd_alone(spec: Spec) -> Spec:
     """A world whose drives do what a position actuator does, and no more."""
     return spec.with_driven(
-        replace(body, joint=replace(body.joint, loop=Loop(), command=Command()))
+        replace(body, joint=replace(body.joint, loop=_given_alone(body), command=Command()))
         for body in spec.hand.driven
     )
+
+
+def _given_alone(body: Body) -> Loop:
+    loop = body.joint.loop
+    return Loop(open=loop.open, lead=loop.lead if loop.open else 0.0)
 
 
 def beside(world: Spec) -> dict[str, dict[str, float]]:
@@ -192,7 +209,7 @@ def with_own_steps(
     worlds = plain(log, text, names), plain(log, text, names, step_s, INTEGRATOR, firm=True)
     found = []
     for recording in recordings:
-        own, small = (shown(world, recording) for world in worlds)
+        own, small = (shown(world, recording, part) for world in worlds)
         known = np.isfinite(own - small).all()
         found.append(replace(recording, own=own - small if known else None))
     return tuple(found)
@@ -205,21 +222,25 @@ def gap_rad(log: Log, nominal: Spec, world: Spec) -> float:
     is fitted to.
     """
     squares, count, text = 0.0, 0, model_text(log, world, nominal=nominal)
+    parts = {part.hand.joint_names: part for part in limbs(world)}
     for part in limbs(nominal):
         episodes = excerpt(recordings(log, part), FITTED_S)
         moved = plain(log, text, part.hand.joint_names, world=world)
+        limb, own = Limb(spec=part, recordings=episodes, rigid=True), parts[part.hand.joint_names]
         for recording in episodes:
-            off = shown(moved, recording) - recording.measured[:, 0]
+            off = shown(moved, recording, own, limb) - recording.measured[:, 0]
             squares, count = squares + float(np.nansum(off**2)), count + off.size
     return float(np.sqrt(squares / max(count, 1)))
 
 
 def _numbers(body: Body) -> JointNumbers:
-    drive = body.joint.drive
+    drive, loop = body.joint.drive, body.joint.loop
     assert drive is not None
+    motor = bool(loop.open and not loop.lead)
     return JointNumbers(
-        kp=drive.kp_nm_rad,
+        kp=drive.kp_nm_rad if motor or not loop.open else 0.0,
         kd=drive.kd_nms_rad,
+        open=motor,
         limit=drive.torque_limit_nm,
         armature=drive.rotor_inertia_kgm2,
         damping=drive.viscous_nms_rad,

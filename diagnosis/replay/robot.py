@@ -5,7 +5,7 @@ Where both say something, log.yaml counts.
 
 import difflib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -77,14 +77,17 @@ def known_drives(log: Log) -> dict[str, KnownDrive]:
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
     _require_joints(log, settings.mjcf, list(files))
-    found = {name: _known(settings, name, files[name]) for name in log.joints}
+    found = {
+        name: _known(settings, name, files[name], log.has("reference", name)) for name in log.joints
+    }
     without = [name for name, one in found.items() if one is None]
     if without:
         first = f"{{{without[0]}: {{kp: 60, kd: 1.5}}}}"
         raise LogError(
             f"{settings.mjcf} has no position actuator for {', '.join(without)}, and log.yaml has "
             f"no kp: write the drives there, such as `joints: {first}` [Nm/rad, Nms/rad], or give "
-            f"them with --drive '{without[0]}=kp:60,kd:1.5'"
+            f"them with --drive '{without[0]}=kp:60,kd:1.5'; if its commands are torques, say "
+            f"--column '{without[0]}.feedforward=COLUMN'"
         )
     return {name: one for name, one in found.items() if one is not None}
 
@@ -98,7 +101,7 @@ def servos(log: Log) -> dict[str, DriveSettings]:
         name: one.more.model_copy(
             update={
                 "kp": one.kp,
-                "limit": one.limit or _ample(log, name, one.kp),
+                "limit": one.limit or _ample(log, name, one),
                 "armature": one.armature,
                 "kd": one.kd + one.more.back_emf,
                 "lead": _lead(log, name, one.more.lead),
@@ -135,10 +138,12 @@ def contradictions(log: Log) -> Iterator[str]:
         )
 
 
-def _known(settings: MjcfMechanism, name: str, file: Any) -> KnownDrive | None:
+def _known(settings: MjcfMechanism, name: str, file: Any, has_reference: bool) -> KnownDrive | None:
     """One joint's drive; None where neither says its gain."""
     said = settings.joints.get(name, DriveSettings())
     numbers, origins, differing = {}, {}, []
+    if said.open_loop:
+        file = replace(file, kp=1.0, kd=file.kd if has_reference else 0.0)
     for number in NUMBERS:
         here, there = getattr(said, number), getattr(file, number) or None
         numbers[number] = there if here is None else here
@@ -178,7 +183,12 @@ def _lead(log: Log, joint: str, said: float | None) -> float:
     return float(log.has("reference", joint)) if said is None else said
 
 
-def _ample(log: Log, joint: str, kp: float) -> float:
+def _ample(log: Log, joint: str, drive: KnownDrive) -> float:
     """A limit that the log never reaches; at least 1e-6 Nm."""
     error = log.samples[log.column("command", joint)] - log.samples[log.column("position", joint)]
-    return max(FREE_LIMIT * kp * float(np.abs(error).max()), 1e-6)
+    most = 0.0 if drive.more.open_loop else drive.kp * float(np.abs(error).max())
+    gain = drive.kp if drive.more.open_loop else 1.0
+    for kind, by in (("feedforward", gain), ("reference", drive.kd)):
+        if log.has(kind, joint):
+            most += by * float(np.abs(log.samples[log.column(kind, joint)]).max())
+    return max(FREE_LIMIT * most, 1e-6)

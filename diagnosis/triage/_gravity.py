@@ -63,7 +63,7 @@ def rests(track: Track) -> tuple[Array, Array]:
 
 
 def _rests(recording: Recording, j: int) -> list[tuple[float, Array]]:
-    asked = np.concatenate([recording.command, recording.push], axis=1)
+    asked = np.concatenate([recording.asked, recording.push], axis=1)
     fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
     edges = [0, *fresh, len(asked)]
     travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)

@@ -9,6 +9,25 @@ from diagnosis.triage._tracks import Track
 MOST_PUSH = 50.0
 """Largest push, as a multiple of the drive's largest torque."""
 UNKNOWN_UNIT = "counts of an unknown encoder, or another gear ratio"
+ALIVE, MOVES_RAD = 3, 2e-2
+"""A sensor is dead that reads fewer different values while its joint should move by so much [rad;
+of a slide a share of its commands' travel]."""
+
+
+def dead(track: Track) -> Fault | None:
+    """A reading that is the same throughout while its drive should move the joint."""
+    values = np.unique(np.concatenate(track.position))
+    least = MOVES_RAD * track.travel if track.slides else MOVES_RAD
+    if len(values) >= ALIVE or not track.moves > least:
+        return None
+    return Fault(
+        kind="sensor",
+        joints=(track.name,),
+        evidence=f"its position reads {values[0]:.4g} {track.si} throughout, where its drive "
+        f"should move it by {track.moves:.3g} {track.si}: a dead sensor, or a joint that is stuck "
+        "or off",
+        remedy="mend it, or give the table without its columns and --hold it where it stood",
+    )
 
 
 def scale(track: Track) -> Fault | None:
@@ -64,6 +83,26 @@ def pushed_way(track: Track) -> Fault | None:
         joints=(track.name,),
         evidence=f"the joint moves against its pushes (correlation {found.correlation:.2f})",
         remedy="change the sign of 'push': a positive push moves a free joint to larger positions",
+    )
+
+
+def torque(track: Track) -> Fault | None:
+    """Sign and unit of torques that are all that is asked, from how they move the joint."""
+    if not track.limb.open[track.index]:
+        return None
+    alone = track.undriven().shown
+    found = line(less(track.shown, alone), less(track.position, alone))
+    if abs(found.correlation) < CLEAR or SCALES[0] <= found.slope <= SCALES[1]:
+        return None
+    kind = "sign" if SCALES[0] < -found.slope < SCALES[1] else "unit"
+    return Fault(
+        kind=kind,
+        joints=(track.name,),
+        evidence=f"the joint moves as if its torques were {found.slope:.3g} times as large "
+        f"(correlation {found.correlation:.2f})",
+        remedy="change the sign of the torques that it is given"
+        if kind == "sign"
+        else f"convert them to {'N' if track.slides else 'Nm'} at the joint",
     )
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.columns import KD, LIMIT
+from diagnosis.motion.columns import COLUMNS, KD, KP, LIMIT, with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.triage._signals import LENGTHS, UNITS, centred
@@ -103,6 +103,11 @@ class Track:
         return max(float(np.ptp(c)) for c in self.command)
 
     @property
+    def moves(self) -> float:
+        """Largest range of the nominal world's readings in one episode [rad or m]."""
+        return max(float(np.ptp(s)) for s in self.shown)
+
+    @property
     def is_pushed(self) -> bool:
         """Whether a known torque acts on it."""
         return any(r.push[:, self.index].any() for r in self.limb.recordings)
@@ -150,6 +155,11 @@ class Track:
         others = np.arange(len(self.limb.joints)) != self.index
         return self.beside(self.limb.pushed([r.push * others for r in self.limb.recordings]))
 
+    def undriven(self) -> "Track":
+        """The same track beside a nominal world whose drive of it gives no torque."""
+        numbers = {self.name: {COLUMNS[KP]: 0.0}}
+        return self.beside(replace(self.limb, spec=with_numbers(self.limb.spec, numbers)))
+
 
 def tracks(limbs: Sequence[Limb]) -> list[Track]:
     """The joints of all limbs; each limb is replayed once."""
@@ -157,7 +167,7 @@ def tracks(limbs: Sequence[Limb]) -> list[Track]:
 
 
 def _of_limb(limb: Limb) -> Iterator[Track]:
-    near = replace(limb, recordings=tuple(map(_within_reach, limb.recordings)))
+    near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
     replays = Replays(near)
     for j in range(len(limb.joints)):
         yield Track(
@@ -171,10 +181,11 @@ def _of_limb(limb: Limb) -> Iterator[Track]:
         )
 
 
-def _within_reach(recording: Recording) -> Recording:
+def _within_reach(recording: Recording, is_open: Array) -> Recording:
     """The recording with commands for positions that move so far that they are in another unit."""
     command, position = recording.command, recording.measured[:, 0]
     odd = np.ptp(position, axis=0) > FARTHEST * np.maximum(np.ptp(command, axis=0), LEAST)
+    odd &= ~is_open
     measured = recording.measured.copy()
     measured[:, 0] = np.where(odd, command, position)
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))

@@ -1,9 +1,9 @@
 """Triage: find faults in the data of a log before a cause is sought in the mechanism.
 
-Swapped columns, a wrong sign, unit, zero, convention of targets or clock: each leaves a gap that
-the search could wrongly explain by a physical effect. `triage` raises before it does. Each fault
-has its own test, which compares the position with the command and with the nominal world. The
-limits are beyond what any effect of the catalogue causes in a working mechanism:
+A dead sensor, swapped columns, a wrong sign, unit, zero, convention of targets or clock: each
+leaves a gap that the search could wrongly explain by a physical effect. `triage` raises before it
+does. Each fault has its own test, which compares the position with the command and with the nominal
+world. The limits are beyond what any effect of the catalogue causes in a working mechanism:
 
     scale   0.4 to 2.5 can be physics (gains, sensors); beyond it is a unit; a sign never is physics
     zero    up to 15 degrees (slide: its travel) can be physics (encoder-bias); beyond it is a fault
@@ -29,8 +29,9 @@ from diagnosis.triage._signals import CLEAR, UNCLEAR, line
 from diagnosis.triage._stamps import made_up
 from diagnosis.triage._tracks import Track, tracks
 
-KINDS = ("order", "sign", "unit", "zero", "convention", "clock")
+KINDS = ("sensor", "order", "sign", "unit", "zero", "convention", "clock")
 TESTS: tuple[Callable[[Track], Fault | None], ...] = (
+    _scales.dead,
     _zeros.convention,
     _gravity.weight,
     _scales.scale,
@@ -39,6 +40,7 @@ TESTS: tuple[Callable[[Track], Fault | None], ...] = (
     _zeros.zero,
     _scales.sides,
     _scales.pushed_way,
+    _scales.torque,
 )
 """Tests of one joint, in order; each assumes that the earlier ones passed."""
 

@@ -53,7 +53,8 @@ TERMS = {
 
 def with_law(result: LimbResult, fitter: Fitter, found: Found, ordinary: Ordinary) -> LimbResult:
     """The result, of which an unknown gap says what its drives may do; only of rigid drives."""
-    if result.verdict != (UNKNOWN,) or not fitter.evidence.limb.rigid:
+    limb = fitter.evidence.limb
+    if result.verdict != (UNKNOWN,) or not limb.rigid or limb.open.any():
         return result
     best = min(_tried(fitter, found), key=lambda one: one[0], default=(np.inf, 0.0, ""))
     excess, left, said = best

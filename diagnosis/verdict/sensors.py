@@ -56,7 +56,7 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
     """White noise of a position where all targets rest; 0 where they hardly do."""
     third = []
     for recording in evidence.limb.recordings:
-        stood, time_s = stood_s(recording.time_s, recording.command)[3:], recording.time_s
+        stood, time_s = stood_s(recording.time_s, recording.asked)[3:], recording.time_s
         whole = (stood > REST_S) & (stood >= time_s[3:] - time_s[:-3])
         third.append(np.diff(recording.measured[:, 0, j], n=3)[whole])
     found = np.abs(np.concatenate(third))

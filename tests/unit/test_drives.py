@@ -17,8 +17,9 @@ from diagnosis.motion.columns import DELAY
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.plain import model_text
+from diagnosis.replay.plain import gap_rad, model_text, plain_apart
 from diagnosis.replay.robot import uncertainties
+from diagnosis.triage.triage import FaultError, triage
 from diagnosis.walk import diagnose
 
 ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body>
@@ -197,13 +198,83 @@ def test_servos_stand_in_for_drives(tmp_path, capfd):
         assert answer in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("name", ["a torque cmd [Nm]", "a.velocity_command", "current_ref.a"])
-def test_commands_without_a_loop_over_positions_are_refused(tmp_path, name):
-    """Say in one sentence why torque or speed alone is not replayed, and what to log."""
-    pd.DataFrame({"time": TIME_S, "a_pos": STEPS, name: SINE}).to_csv(tmp_path / "r.csv")
+def driven(gain: float = 1.0, late: int = 0) -> pd.DataFrame:
+    """The arm under a torque that a loop outside of its log makes, held for a sample."""
+    sent = list[float]()
+
+    def law(_: dict, q: float, v: float, k: int) -> float:
+        if k in (0, len(sent)):
+            sent[k:] = [30 * (SINE[k] - q) + 1.5 * (RATE[k] - v)]
+        return gain * sent[max(k - late, 0)]
+
+    return pd.DataFrame({"time": TIME_S, "a_pos": moved(law), "torque": sent})
+
+
+@pytest.mark.parametrize(
+    ("name", "size", "drives"),
+    [
+        ("a torque cmd [Nm]", 1.0, {}),
+        ("tau_des.a [mNm]", 1e3, {}),
+        ("a_current_cmd [mA]", 1e3 / 0.12, {"a": DriveSettings(kp=0.12)}),
+    ],
+)
+def test_torque_alone_is_replayed(tmp_path, name, size, drives):
+    """Replay a torque that is all that is commanded, in each unit, as plain MuJoCo moves."""
+    frame = driven()
+    frame[name] = size * frame.pop("torque")
+    frame.to_csv(tmp_path / "r.csv", index=False)
     (tmp_path / "arm.xml").write_text(ARM)
-    with pytest.raises(LogError, match="none of positions: .*log the target of the loop"):
+    log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
+    assert mjcf_world(log).hand.driven[0].joint.loop.open and off(log) < 1e-3
+    assert plain_apart(log, mjcf_world(log)) < 1e-3
+    assert gap_rad(log, mjcf_world(log), mjcf_world(log)) < 1e-3
+
+
+def test_a_current_needs_its_constant(tmp_path):
+    """Ask for the torque of an A where a current is all that is commanded."""
+    frame = driven().rename(columns={"torque": "current_ref.a"})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(ARM)
+    with pytest.raises(LogError, match="no torque yet: .*--drive 'a=kp:0.12'"):
         pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked())
+
+
+@pytest.mark.parametrize(
+    ("gain", "late", "named", "size"), [(0.7, 0, "kp-scale", -30), (1, 4, "command-delay", 20)]
+)
+def test_a_fault_under_torque_is_found(tmp_path, gain, late, named, size):
+    """Find weak torque and late torque where torque is all that is commanded, and mend both."""
+    frame = driven(gain, late).rename(columns={"torque": "a_torque_cmd"})
+    frame["a_pos"] += 3e-4 * np.random.default_rng(0).normal(size=len(frame))
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(ARM)
+    found = diagnose(pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked()))
+    assert found.verdict == (named,)
+    assert found.magnitudes[0].value == pytest.approx(size, rel=0.25)
+    assert found.engine_gaps_rad[1] < 0.5 * found.engine_gaps_rad[0]
+
+
+def test_torques_of_the_wrong_sign_are_named(tmp_path):
+    """Say that torques, or their unit, are wrong before any cause."""
+    frame = driven().rename(columns={"torque": "a_torque_cmd"})
+    (tmp_path / "arm.xml").write_text(ARM)
+    for size, said in ((-1.0, "sign of a: "), (1e-3, "unit of a: ")):
+        frame.assign(a_torque_cmd=size * frame["a_torque_cmd"]).to_csv(tmp_path / "r.csv")
+        log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked())
+        with pytest.raises(FaultError, match=f"{said}the joint moves as if its torques were"):
+            triage(log, mjcf_world(log))
+
+
+def test_speed_alone_is_replayed(tmp_path):
+    """Replay a drive whose only command is a speed."""
+    asked = 3.0 * SINE
+    position = moved(lambda _, q, v, k: np.clip(4.0 * (asked[k] - v), -LIMIT, LIMIT))
+    frame = pd.DataFrame({"time": TIME_S, "a_pos": position, "a.velocity_command": asked})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(ARM)
+    drives = {"a": DriveSettings(kd=4.0, limit=LIMIT)}
+    log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
+    assert off(log) < 1e-3 and gap_rad(log, mjcf_world(log), mjcf_world(log)) < 1e-3
 
 
 def test_columns_beside_the_target_are_read(tmp_path):

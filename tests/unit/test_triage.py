@@ -124,6 +124,12 @@ def stamped(factor: float) -> Change:
 
 
 BUGS: dict[str, tuple[Change, str, tuple[str, ...], str]] = {
+    "position dead": (
+        lambda samples: samples.__setitem__("position_rad.J1", 0.1),
+        "sensor",
+        ("J1",),
+        "reads 0.1 rad throughout",
+    ),
     "positions swapped": (
         swapped("position_rad.J1", "position_rad.J4"),
         "order",

@@ -12,6 +12,8 @@ import pytest
 from benchmark.cli import app as cli
 from diagnosis.logs.log import LogError, read_log
 from diagnosis.logs.two_files import Asked, pair
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.triage.triage import triage
 
 BODY = (
     '<body name="{0}" pos="0.3 0 0"><inertial mass="0.8" pos="0.15 0 0" '
@@ -246,3 +248,23 @@ def test_the_folder_of_a_check_is_taken_for_its_log(tmp_path):
     (tmp_path / "log" / "log.yaml").write_text("schema: 1\n")
     with pytest.raises(LogError, match="did you mean .*log"):
         read_log(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (np.nan, "'elbow_flex_pos' is empty .* a dead sensor"),
+        (0.1, "sensor of elbow_flex: .* dead"),
+    ],
+)
+def test_a_dead_sensor_is_named(robot, tmp_path, value, said):
+    """Say that a sensor reads nothing, or the same throughout, instead of a unit or a cause."""
+    frame = table("{}_cmd", "{}_pos").assign(elbow_flex_pos=value)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+
+    def looked_at() -> tuple[str, ...]:
+        made = pair(robot, [tmp_path / "run.csv"], Asked())
+        return triage(made, mjcf_world(made))
+
+    with pytest.raises(LogError, match=said):
+        looked_at()
