@@ -121,7 +121,7 @@ def compare(log: Log, healthy: Sequence[Log]) -> tuple[Compared, ...]:
         raise LogError(
             f"this log names no model, and without one {LEAST_LOGS} healthy logs or more say what "
             f"is ordinary; given: {len(healthy)}; add --healthy for each, or write the MJCF into "
-            "log.yaml"
+            "log.yaml, or give a table with --robot and --log"
         )
     for one in healthy:
         if one.joints != log.joints:

@@ -79,7 +79,7 @@ class Source:
         place = self.folder or next(iter(self.tables), self.robot)
         if place is None:
             raise UsageError("give LOG, the folder of a log, or --robot MODEL and --log TABLE")
-        return place.resolve().stem if self.folder is None else place.resolve().name
+        return place.resolve().name if place.is_dir() and self.folder else place.resolve().stem
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -8,7 +8,7 @@ from rich.text import Text
 from benchmark.errors import UsageError
 from benchmark.gap import robot_log
 from benchmark.gap.asked import Source
-from diagnosis.logs.log import HandMechanism, Log, LogError
+from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.report.motion_picture import draw
 from diagnosis.triage.triage import FaultError, triage
@@ -50,7 +50,7 @@ def run(source: Source, out: Path | None, force: bool) -> tuple[dict, Renderable
 
 def _judged(log: Log) -> tuple[list[str], list[str]]:
     """What is wrong with the data of a user's robot, and what may be."""
-    if isinstance(log.meta.mechanism, HandMechanism):
+    if not isinstance(log.meta.mechanism, MjcfMechanism):
         return [], []
     try:
         return [], list(triage(log, mjcf_world(log)))

@@ -72,7 +72,8 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
         if log.meta.mechanism is None:
             from benchmark.gap import without_model  # draws with matplotlib, which takes its time
 
-            return without_model.run(log, path, asked.healthy, folder)
+            healthy = [robot_log.read_beside(one, asked, log) for one in asked.healthy]
+            return without_model.run(log, path, asked.healthy, healthy, folder)
         world = nominal_world(log, asked.known_effects)
         healthy = _healthy(asked, path, log, world)
         apart = _apart_rad(log, world, asked.nominal, engine)

@@ -14,7 +14,6 @@ from diagnosis.logs.log import (
     DriveSettings,
     HandMechanism,
     Log,
-    MjcfMechanism,
     is_log,
     read_log,
     write_log,
@@ -41,11 +40,16 @@ class Read:
 
 
 def read(source: Source, out: Path, force: bool) -> Read:
-    """The log of a source; that of two files is written to a folder in `out`.
+    """The log of a source; that of tables is written to a folder in `out`.
+
+    Tables without a robot make a log that can only be compared with healthy ones.
 
     Raises UsageError, or LogError for a log that cannot be used.
     """
-    if source.folder is not None:
+    tables = source.tables
+    if source.folder is not None and source.folder.is_file() and not tables:
+        tables = (source.folder,)
+    elif source.folder is not None:
         if source.folder.is_file() and source.tables:
             raise UsageError(
                 f"{source.folder} is one table too many: say --log before each, or quote a name "
@@ -54,13 +58,16 @@ def read(source: Source, out: Path, force: bool) -> Read:
         if source.robot or source.tables:
             raise UsageError("give LOG, or --robot and --log, not both")
         return Read(folder=source.folder, log=read_log(source.folder))
-    if source.robot is None or not source.tables:
-        lacks = "--robot MODEL" if source.robot is None else "--log TABLE"
-        raise UsageError(f"{lacks} is missing; give both, or LOG, the folder of a log")
-    _require_reader(source.tables)
-    made, folder = pair(source.robot, source.tables, asked_of(source)), out / FOLDER
-    known_drives(made)
-    log = with_commands_first(made)
+    if not tables:
+        raise UsageError("--log TABLE is missing; give it, or LOG, the folder of a log")
+    _require_reader(tables)
+    asked, folder = asked_of(source), out / FOLDER
+    if source.robot is None:
+        log = made = put_together(None, None, tables, asked)
+    else:
+        made = pair(source.robot, tables, asked)
+        known_drives(made)
+        log = with_commands_first(made)
     write_log(log, folder, "csv", force=force)
     return Read(folder=folder, log=log, said=made.said)
 
@@ -72,10 +79,10 @@ def read_beside(path: Path, source: Source, today: Log) -> Log:
     """
     mechanism = today.meta.mechanism
     is_table = path.exists() or path.suffix
-    if is_log(path) or not is_table or not isinstance(mechanism, MjcfMechanism):
+    if is_log(path) or not is_table or isinstance(mechanism, HandMechanism):
         return read_log(path)
     _require_reader([path])
-    made = put_together(today.mjcf_xml or "", mechanism, [path], asked_of(source))
+    made = put_together(today.mjcf_xml, mechanism, [path], asked_of(source))
     return with_commands_first(made)
 
 
@@ -92,6 +99,10 @@ def understood(log: Log) -> Iterator[str]:
     """What is known of a robot's joints and drives, from where, and what is left out, by line."""
     if isinstance(log.meta.mechanism, HandMechanism):
         yield f"a hand known by name: {log.meta.mechanism.hand}"
+        return
+    if log.meta.mechanism is None:
+        yield "no model: the log is compared with healthy ones; --robot MODEL gives one"
+        yield from (f"warning: {text}" for text in log.warnings)
         return
     world = mjcf_world(log)
     slides = {body.joint.name: body.joint.slides for body in world.hand.driven}

@@ -15,18 +15,19 @@ from rich.text import Text
 from benchmark.provenance import provenance
 from benchmark.runs.run_folder import write_atomically
 from diagnosis.compare import LOCAL, NONE, Compared, Difference, compare
-from diagnosis.logs.log import Log, read_log
+from diagnosis.logs.log import Log
 
 FILE, PICTURE = "diagnosis.json", "differences.png"
 MOST_JOINTS = 16
 
 
-def run(log: Log, path: Path, healthy: Sequence[Path], folder: Path) -> tuple[dict, RenderableType]:
+def run(
+    log: Log, path: Path, healthy: Sequence[Path], sound: Sequence[Log], folder: Path
+) -> tuple[dict, RenderableType]:
     """Compare, and write diagnosis.json and a picture; returns the result and its summary.
 
-    Raises LogError where the logs cannot be compared.
+    `sound`: the logs at `healthy`. Raises LogError where the logs cannot be compared.
     """
-    sound = [read_log(one) for one in healthy]
     found = compare(log, sound)
     folder.mkdir(parents=True, exist_ok=True)
     _draw(log, sound, found, folder / PICTURE)

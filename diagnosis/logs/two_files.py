@@ -21,6 +21,7 @@ from diagnosis.logs.roles import (
     LENGTHS,
     Role,
     episode_column,
+    joint_of,
     roles,
     time_column,
     words,
@@ -64,11 +65,15 @@ def pair(robot: Path, tables: Sequence[Path], asked: Asked) -> Log:
     return put_together(xml, mechanism, tables, asked)
 
 
-def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], asked: Asked) -> Log:
-    """A log of tables and a model that is known; raises LogError."""
+def put_together(
+    xml: str | None, mechanism: MjcfMechanism | None, tables: Sequence[Path], asked: Asked
+) -> Log:
+    """A log of tables and a model that is known, or of none; raises LogError."""
     from backends.mjcf import joint_ranges
 
-    ranges, notes = joint_ranges(xml), Notes()
+    notes = Notes()
+    ranges = _named_joints(read_tables(tables[:1], (), Notes())) if xml is None else {}
+    ranges = ranges if xml is None else joint_ranges(xml)
     frame = read_tables(tables, list(ranges), notes)
     if none := [name for name in frame if frame[name].isna().all()]:
         _refuse_dead(none, frame, list(ranges))
@@ -87,11 +92,11 @@ def put_together(xml: str, mechanism: MjcfMechanism, tables: Sequence[Path], ask
         samples[name.replace("position", "command")] = target
     drives = drives_of(asked, [n.partition(".")[2] for n in read])
     drives |= {n: _opened(drives.get(n)) for n in (n.partition(".")[2] for n in free)}
-    meta = LogMeta(
-        schema=1,
-        source=f"{', '.join(one.name for one in tables)} of {mechanism.mjcf}",
-        mechanism=mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}}),
-    )
+    source = ", ".join(one.name for one in tables)
+    meta = LogMeta(schema=1, source=source)
+    if mechanism is not None:
+        known = mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}})
+        meta = LogMeta(schema=1, source=f"{source} of {mechanism.mjcf}", mechanism=known)
     log = make_log(meta, samples, xml)
     warnings = (*notes.warnings, *log.warnings)
     return replace(log, warnings=warnings, said=(*notes.said, *columns))
@@ -137,6 +142,21 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     """What is said of the drives of these joints."""
     every = dict.fromkeys(joints, asked.drives["*"]) if "*" in asked.drives else {}
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
+
+
+def _named_joints(frame: pd.DataFrame) -> Ranges:
+    """Joints that columns name with commands and positions, without a model; one where none is.
+
+    They slide where a column of theirs is in a unit of lengths.
+    """
+    names = dict.fromkeys(joint_of(str(column)) for column in frame)
+    every = {
+        joint: roles([n for n in frame if joint_of(str(n)) == joint], [joint]) for joint in names
+    }
+    kinds = {joint: {role.kind for role in some} for joint, some in every.items()}
+    found = [j for j, have in kinds.items() if "command" in have and {"position", "bare"} & have]
+    lengths = {joint: any(role.unit in LENGTHS for role in some) for joint, some in every.items()}
+    return {j: (-np.inf, np.inf, lengths[j]) for j in found or ["joint"]}
 
 
 def _opened(drive: DriveSettings | None) -> DriveSettings:

@@ -159,6 +159,11 @@ def test_a_log_without_a_model_is_diagnosed(screws, tmp_path, capfd):
     assert code == 1, said
     assert said["verdict"] == [PLAY] and said["joints"] == ["screw"]
     assert (tmp_path / "out/differences.png").stat().st_size > 10_000
+    tables = ["diagnose", str(tmp_path / "today/samples.csv")]
+    tables += [f"{w}/samples.csv" if w != "--healthy" else w for w in healthy]
+    assert cli.call([*tables, "--out", str(tmp_path / "tables"), "--json"]) == 0
+    of_tables = json.loads(capfd.readouterr().out)
+    assert of_tables["groups"] == json.loads(json.dumps(said["groups"]))
     kept = json.loads((tmp_path / "out/diagnosis.json").read_text())
     assert kept["sentence"] == said["sentence"]
     shutil.rmtree(tmp_path / "out")
