@@ -29,7 +29,7 @@ class Source:
         many=True,
     )
     unit: str | None = setting(
-        "Of positions and commands: rad, deg, turn, mrad, m, mm.",
+        "Of positions and commands: rad, deg, turn, mrad, m, mm, or 4096/turn@2048.",
         Text("UNIT"),
         None,
         shown="as the names say, or as the ranges do",

@@ -24,7 +24,7 @@ from diagnosis.logs._meta import HandMechanism as HandMechanism
 from diagnosis.logs._meta import MjcfMechanism as MjcfMechanism
 from diagnosis.logs._meta import drive_of as drive_of
 from diagnosis.logs.stamps import Notes
-from diagnosis.logs.whole_rows import without_empty_cells
+from diagnosis.logs.whole_rows import without_empty_cells, without_missing_rows
 
 Array = np.ndarray
 
@@ -144,6 +144,7 @@ def read_log(path: Path | str) -> Log:
     meta, samples, mjcf_xml, odd = _files.read(Path(path))
     notes = Notes()
     log = make_log(meta, without_empty_cells(samples, notes), mjcf_xml)
+    log = dataclasses.replace(log, samples=without_missing_rows(log.samples, notes))
     _checks.check_loads(log.meta, log.samples)
     return dataclasses.replace(log, warnings=(*odd, *notes.warnings, *log.warnings))
 

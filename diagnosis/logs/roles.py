@@ -20,7 +20,8 @@ OTHER |= {"pwm", "status", "acc", "acceleration", "accel", "index", "duty", "amp
 FEED = {"feedforward", "ff", "feed", "forward"}
 BY_CONSTANT = {"current", "amps", "ma", "duty", "pwm", "voltage", "volt", "volts", "mv"}
 """What makes a torque by a constant of the drive."""
-TIME = {"t", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
+TIME = {"t", "ts", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
+TIME |= {"date", "datetime"}
 EPISODE = {"episode", "run", "trial", "repetition"}
 ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),

@@ -55,7 +55,9 @@ def read_tables(paths: Sequence[Path], joints: Sequence[str], notes: Notes) -> p
 
 def _files(path: Path) -> list[Path]:
     """A file; the tables of a folder, or those that a name with * means; raises LogError."""
-    if path.is_dir() and not is_bag(path):
+    if (path / "meta" / "info.json").is_file():  # a data set of LeRobot
+        found = sorted(path.glob("data/**/*.parquet"))
+    elif path.is_dir() and not is_bag(path):
         every = ([*path.glob(f"*{end}"), *path.glob(f"*{end.upper()}")] for end in ENDS)
         found = sorted(next(filter(None, every), []))
     elif not path.exists() and any(c in path.name for c in "*?["):

@@ -3,6 +3,7 @@
 What names and numbers show is taken and said; what they do not is asked for in one sentence.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -28,10 +29,12 @@ from diagnosis.logs.roles import (
 )
 from diagnosis.logs.stamps import Notes, episodes, timed
 from diagnosis.logs.together import read_tables
-from diagnosis.logs.whole_rows import whole_rows
+from diagnosis.logs.whole_rows import whole_rows, without_missing_rows
 
 Ranges = Mapping[str, tuple[float, float, bool]]
 """By joint the ends of its range, and whether it slides: `backends.mjcf.joint_ranges`."""
+COUNTED = re.compile(r"(\d+(?:\.\d+)?)/(turn|mm)(?:@(-?\d+(?:\.\d+)?))?")
+"""Counts of an encoder, and where its zero is: `4096/turn@2048`, `200/mm`."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
 ASKED = ("command", "feedforward", "reference")
@@ -43,7 +46,7 @@ class Asked:
     """What the user says of a recording, where the table does not show it."""
 
     unit: str | None = None
-    """Of positions and commands: a key of `ANGLES` or `LENGTHS`."""
+    """Of positions and commands: a key of `ANGLES` or `LENGTHS`, or as `COUNTED`."""
     columns: Mapping[str, str] = field(default_factory=dict)
     """Columns by what they are, such as `shoulder.command`."""
     drives: Mapping[str, DriveSettings] = field(default_factory=dict)
@@ -85,6 +88,7 @@ def put_together(
         raise LogError("no row of the table has readings of all joints, and commands before it")
     samples, at = episodes(clock, whole, notes)
     samples = pd.concat([samples, joints.iloc[at].reset_index(drop=True)], axis=1)
+    samples = without_missing_rows(samples, notes)
     read = [n for n in joints if "position" in n]
     free = [n for n in read if n.replace("position", "command") not in joints]
     for name in free:  # the loop is open: its target says nothing
@@ -118,24 +122,35 @@ def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.Data
     }
     for role in columns:
         slides = ranges[role.joint][2]
-        sizes, unit = LENGTHS if slides else ANGLES, asked.unit or role.unit or guessed[slides]
+        unit, zero = asked.unit or role.unit or guessed[slides] or "", 0.0
         name, of = name_of(role.kind, role.joint, slides), "N" if slides else "Nm"
         if KINDS[role.kind] == "torque":
             scale = _effort(role, asked)
         else:
-            if unit not in sizes:
+            scale, zero = _sized(unit, slides)
+            if not np.isfinite(scale):
                 raise LogError(
                     f"'{role.column}' is in {unit}, of which one does not know how many are a "
-                    f"{'metre' if slides else 'turn'}; convert it, or say --unit with one of "
-                    f"{', '.join(sizes)}"
+                    f"{'metre' if slides else 'turn'}: say --unit with one of "
+                    f"{', '.join(LENGTHS if slides else ANGLES)}, or with the counts and their "
+                    f"zero, such as {'200/mm' if slides else '4096/turn@2048'}"
                 )
-            scale, of = sizes[unit], f"{unit}/s" if KINDS[role.kind] == "speed" else unit
-        samples[name] = numbers[role.column] / scale
+            is_speed = KINDS[role.kind] == "speed"
+            zero, of = (0.0, f"{unit}/s") if is_speed else (zero, unit)
+        samples[name] = (numbers[role.column] - zero) / scale
         said.append(f"{name} is '{role.column}' in {of}")
     known = ("protocol", time_column(unused), episode_column(unused))
     if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
     return pd.DataFrame(samples), said
+
+
+def _sized(unit: str, slides: bool) -> tuple[float, float]:
+    """How many of a unit make a radian or metre, and where their zero is; NaN: it is unknown."""
+    sizes, counted = LENGTHS if slides else ANGLES, COUNTED.fullmatch(unit)
+    if counted is None:
+        return sizes.get(unit, np.nan), 0.0
+    return float(counted[1]) * sizes.get(counted[2], np.nan), float(counted[3] or 0.0)
 
 
 def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:

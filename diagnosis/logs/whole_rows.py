@@ -23,6 +23,9 @@ TOGETHER, REGULAR = 0.6, 0.5
 steps of each are within this share of their median."""
 NEAR = 3.5
 """Readings so many median steps apart, or fewer, say what was between them."""
+EVEN, WHOLE, MOST = 0.2, 0.9, 0.5
+"""Rows are even where so many of their steps are whole periods to this share of one, and where no
+more of them lack."""
 
 
 def without_empty_cells(samples: pd.DataFrame, notes: Notes) -> pd.DataFrame:
@@ -44,6 +47,41 @@ def without_empty_cells(samples: pd.DataFrame, notes: Notes) -> pd.DataFrame:
             filled, whole = whole_rows(some, time_s, np.zeros(len(rows), int), notes)
             rows = rows.assign(**filled)[whole]
         found.append(rows)
+    return pd.concat(found, ignore_index=True)
+
+
+def without_missing_rows(samples: pd.DataFrame, notes: Notes) -> pd.DataFrame:
+    """The samples of joints alone, with rows that evenly made ones lack.
+
+    Readings there are interpolated; so are commands that change from row to row, for what was sent
+    in between was on its way, and to hold the last would look like a lost packet.
+    """
+    joints = [name for name in samples.columns if kind_of(str(name))]
+    if set(samples.columns) - {*joints, "episode", "t_s", "protocol"}:
+        return samples
+    found, count = [], 0
+    for _, rows in samples.groupby("episode", sort=False):
+        time_s = rows["t_s"].to_numpy(float)
+        periods = np.diff(time_s) / max(np.median(np.diff(time_s)), 1e-9)
+        lacks = np.where(periods < NEAR, np.round(periods).astype(int) - 1, 0)
+        even = np.mean(np.abs(periods - np.round(periods)) < EVEN) > WHOLE
+        if not even or not 0 < lacks.clip(0).sum() < MOST * len(rows):
+            found.append(rows)
+            continue
+        pairs = zip(time_s[:-1], time_s[1:], lacks, strict=True)
+        between = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in pairs if n > 0]
+        every = np.sort(np.concatenate([time_s, *between]))
+        last = np.searchsorted(time_s, every, side="right") - 1
+        more = rows.iloc[last].reset_index(drop=True).assign(t_s=every)
+        for name in joints:
+            values = rows[name].to_numpy(float)
+            if np.mean(np.diff(values) != 0.0) > 0.5:
+                more[name] = np.interp(every, time_s, values)
+        found.append(more)
+        count += len(more) - len(rows)
+    if not count:
+        return samples
+    notes.warnings.append(f"{in_words(count)} of even ones lack: there values are interpolated")
     return pd.concat(found, ignore_index=True)
 
 

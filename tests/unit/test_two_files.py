@@ -268,3 +268,43 @@ def test_a_dead_sensor_is_named(robot, tmp_path, value, said):
 
     with pytest.raises(LogError, match=said):
         looked_at()
+
+
+def test_counts_are_known_by_their_number_and_zero(robot, tmp_path):
+    """Ask how many counts make a turn, and take the answer with the zero."""
+    frame = table("{}_goal_counts", "{}_present_counts")
+    counts = np.round(frame.iloc[:, 1:] * 4096 / (2 * np.pi) + 2048)
+    pd.concat([frame["t"], counts], axis=1).to_csv(tmp_path / "run.csv", index=False)
+    with pytest.raises(LogError, match="such as 4096/turn@2048"):
+        pair(robot, [tmp_path / "run.csv"], Asked())
+    made = pair(robot, [tmp_path / "run.csv"], Asked(unit="4096/turn@2048"))
+    assert np.allclose(made.signal("position", 0), POSITION, atol=1e-3)
+
+
+def test_rows_that_lack_are_interpolated(robot, tmp_path):
+    """Put back rows that evenly made ones lack, of a stream of commands with its values."""
+    lost = np.random.default_rng(0).uniform(size=len(T)) < 0.1
+    lost[[0, -1]] = False
+    table("{}_cmd", "{}_pos")[~lost].to_csv(tmp_path / "run.csv", index=False)
+    made = pair(robot, [tmp_path / "run.csv"], Asked())
+    at = np.round(made.samples["t_s"] * 200).astype(int)
+    assert len(at) > 0.99 * len(T) and any("of even ones lack" in w for w in made.warnings)
+    assert np.allclose(made.signal("command", 0), COMMAND[at], atol=1e-3)
+    assert np.allclose(made.signal("position", 0), POSITION[at], atol=1e-3)
+
+
+def test_a_data_set_of_lerobot_is_read_from_its_root(robot, tmp_path):
+    """Read all files of a data set, with the names that stand in its info.json."""
+    names = {"names": [f"{name}.pos" for name in NAMES]}
+    features = {"action": names, "observation.state": names}
+    (tmp_path / "set/meta").mkdir(parents=True)
+    (tmp_path / "set/meta/info.json").write_text(json.dumps({"features": features}))
+    for number in range(2):
+        frame = pd.DataFrame({"action": list(COMMAND), "observation.state": list(POSITION)})
+        frame = frame.assign(timestamp=T, episode_index=number)
+        file = tmp_path / f"set/data/chunk-000/file-00{number}.parquet"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        frame.to_parquet(file)
+    made = pair(robot, [tmp_path / "set"], Asked())
+    assert len(made.episodes) == 2
+    assert np.allclose(made.signal("position", 1), POSITION)
