@@ -6,9 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from backends.state import Array
-from diagnosis.triage._faults import BETTER, Fault
-from diagnosis.triage._signals import CLEAR, regressions, rms
-from diagnosis.triage._tracks import Track
+from diagnosis.triage._signals import CLEAR, line, rms
+from diagnosis.triage._tracks import BETTER, Fault, Track
 
 FINE = 0.01
 """Misfit below which no clock can be wrong, because the motion is that of the nominal world."""
@@ -31,8 +30,6 @@ COARSE, FINER = 161, 26
 COARSE_S = 0.02
 """Distance of the samples that are used for the first lags [s]."""
 WINDOWS, WINDOW_LAGS = 5, 101
-AT_ONCE = 1_000_000
-"""Samples of all lags that are compared at once; this bounds the memory for long logs."""
 ONE_CLOCK = "stamp command and position with the same clock"
 
 
@@ -74,19 +71,25 @@ def _shifted(track: Track) -> tuple[str, str] | None:
 def _drifting(track: Track) -> tuple[str, str] | None:
     """A lag that grows with time: command and position have different clocks."""
     longest = max(range(len(track.time_s)), key=lambda k: float(track.time_s[k][-1]))
-    t = track.time_s[longest]
-    lags = _window_lags(t, track.shown[longest], track.position[longest])
-    if lags is None:
+    t, shown, position = (s[longest] for s in (track.time_s, track.shown, track.position))
+    edges, lags = np.linspace(0, len(t), WINDOWS + 1).astype(int), np.linspace(-1, 1, WINDOW_LAGS)
+    middle, found = [], []
+    for part in (slice(*ends) for ends in zip(edges[:-1], edges[1:], strict=True)):
+        moved = (np.interp(t[part] - LATE_S * lag, t, shown) for lag in lags)
+        fits = [line([one], [position[part]]).correlation for one in moved]
+        if max(fits) >= CLEAR:
+            middle.append(t[part].mean())
+            found.append(LATE_S * lags[int(np.argmax(fits))])
+    if len(found) < 3:
         return None
-    middle, late_s = lags
-    rate, offset_s = np.polyfit(middle, late_s, 1)
+    rate, offset_s = np.polyfit(middle, found, 1)
     if abs(rate) < LEAST_DRIFT or abs(rate) * t[-1] < DRIFT_S:
         return None
-    moved = np.interp(t - offset_s - rate * t, t, track.shown[longest])
-    before = rms(track.position[longest] - track.shown[longest])
-    constant = np.interp(t - np.median(late_s), t, track.shown[longest])
-    left = rms(track.position[longest] - moved)
-    if left * BETTER > min(before, rms(track.position[longest] - constant)):
+    drifted, constant, as_it_is = (
+        rms(position - np.interp(t - late_s, t, shown))
+        for late_s in (offset_s + rate * t, np.median(found), 0.0)
+    )
+    if drifted * BETTER > min(as_it_is, constant):
         return None
     return (
         f"the clock of the position is {100 * abs(rate):.2g} % too "
@@ -115,50 +118,29 @@ def _paced(track: Track) -> tuple[str, str] | None:
 
 def _lag_s(track: Track, cause: list[Array]) -> float:
     """Delay of the position against `cause` [s]; 0 if they are not the same motion."""
-    coarse = np.linspace(*SEARCH_S, COARSE)
-    width, every = coarse[1] - coarse[0], max(1, round(COARSE_S / track.dt_s))
-    best = coarse[np.argmax(_alike(track, cause, coarse, every))]
-    fine = best + np.linspace(-width, width, FINER)
-    fits = _alike(track, cause, fine)
-    return float(fine[np.argmax(fits)]) if fits.max() >= CLEAR else 0.0
+    coarse, every = np.linspace(*SEARCH_S, COARSE), max(1, round(COARSE_S / track.dt_s))
+    best = coarse[np.argmax([_alike(track, cause, lag_s, every) for lag_s in coarse])]
+    fine = best + (coarse[1] - coarse[0]) * np.linspace(-1.0, 1.0, FINER)
+    fits = [_alike(track, cause, lag_s) for lag_s in fine]
+    return float(fine[np.argmax(fits)]) if max(fits) >= CLEAR else 0.0
 
 
-def _alike(track: Track, cause: list[Array], lags_s: Array, every: int = 1) -> Array:
-    """Correlations (L,) of the position with a delayed cause, on every `every`-th sample."""
-    longest = max(len(t[::every]) for t in track.time_s)
-    some = np.array_split(lags_s, 1 + len(lags_s) * longest // AT_ONCE)
-    return np.concatenate([_alike_at(track, cause, part, every) for part in some])
+def _alike(track: Track, cause: list[Array], lag_s: float, every: int = 1) -> float:
+    """Correlation of the position with a delayed cause, on every `every`-th sample.
 
-
-def _alike_at(track: Track, cause: list[Array], lags_s: Array, every: int) -> Array:
-    moved, inside = [], []
-    for t, c in zip(track.time_s, cause, strict=True):
-        late = t[::every] - lags_s[:, None]
-        within = (late >= t[0]) & (late <= t[-1])
-        inside.append(within & (2 * within.sum(axis=1, keepdims=True) > late.shape[1]))
-        moved.append(np.interp(late, t, c))
-    return regressions(moved, [p[::every] for p in track.position], inside)[1]
+    Episodes of which it leaves no more than half do not count.
+    """
+    moved, position = list[Array](), list[Array]()
+    for t, c, p in zip(track.time_s, cause, track.position, strict=True):
+        late = t[::every] - lag_s
+        inside = (late >= t[0]) & (late <= t[-1])
+        if 2 * inside.sum() > len(late):
+            moved.append(np.interp(late[inside], t, c))
+            position.append(p[::every][inside])
+    return line(moved, position).correlation if moved else 0.0
 
 
 def _misfit(track: Track, lag_s: float) -> float:
     """`Track.misfit` against a delayed nominal world."""
     pairs = zip(track.time_s, track.shown, strict=True)
-    later = [np.interp(t - lag_s, t, s) for t, s in pairs]
-    return dataclasses.replace(track, shown=later).misfit
-
-
-def _window_lags(t: Array, shown: Array, position: Array) -> tuple[Array, Array] | None:
-    """Centres and lags of windows of an episode [s]; None if too few are certain."""
-    edges = np.linspace(0, len(t), WINDOWS + 1).astype(int)
-    lags = np.linspace(-LATE_S, LATE_S, WINDOW_LAGS)
-    middles, found = [], []
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
-        part = slice(start, stop)
-        moved = np.interp(t[part] - lags[:, None], t, shown)
-        used = np.ones(moved.shape, dtype=bool)
-        fits = regressions([moved], [position[part]], [used])[1]
-        if fits.max() < CLEAR:
-            continue
-        middles.append(t[part].mean())
-        found.append(lags[np.argmax(fits)])
-    return (np.array(middles), np.array(found)) if len(found) >= 3 else None
+    return dataclasses.replace(track, shown=[np.interp(t - lag_s, t, s) for t, s in pairs]).misfit

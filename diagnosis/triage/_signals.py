@@ -1,6 +1,6 @@
 """Whether two signals are one motion, and in which units: to check positions by their commands."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -37,42 +37,21 @@ def rms(values: Array) -> float:
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 
-def centred(episodes: Sequence[Array]) -> Iterator[Array]:
-    """Every episode minus its mean, so that offsets do not count."""
-    for values in episodes:
-        yield values - values.mean()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Regression:
     """Regression of one signal on another: slope and correlation, over all episodes."""
 
-    slope: float
-    correlation: float
+    slope: float = 0.0
+    correlation: float = 0.0
 
 
 def line(cause: Sequence[Array], effect: Sequence[Array]) -> Regression:
-    """The regression of `effect` on `cause`; the correlation is 0 where either stands still."""
-    used = [np.ones((1, len(values)), dtype=bool) for values in effect]
-    slope, correlation = regressions([values[None] for values in cause], effect, used)
-    return Regression(slope=float(slope[0]), correlation=float(correlation[0]))
+    """The regression of `effect` on `cause`, each episode about its mean: offsets do not count.
 
-
-def regressions(
-    cause: Sequence[Array], effect: Sequence[Array], used: Sequence[Array]
-) -> tuple[Array, Array]:
-    """Slopes and correlations (L,) of an effect (T,) on causes (L, T) over the samples used (L, T).
-
-    Both are 0 where either stands still, or is not finite.
+    Both numbers are 0 where either stands still, or is not finite.
     """
-    xx, yy, xy, count, most = np.zeros((5, len(cause[0])))
-    for c, e, u in zip(cause, effect, used, strict=True):
-        every = np.maximum(u.sum(axis=1, keepdims=True), 1)
-        x, y = (np.where(u, v, 0.0) for v in (c, e))
-        most = np.maximum(most, np.abs(x).max(axis=1, initial=0.0))
-        x, y = (np.where(u, v - v.sum(axis=1, keepdims=True) / every, 0.0) for v in (x, y))
-        xx, yy, xy = xx + (x * x).sum(axis=1), yy + (y * y).sum(axis=1), xy + (x * y).sum(axis=1)
-        count = count + u.sum(axis=1)
-    moves = (xx > count * (STILL * np.maximum(most, 1e-12)) ** 2) & (yy > 0.0)
-    xx, yy, xy = np.where(moves, (xx, yy, xy), ((1.0,), (1.0,), (0.0,)))
-    return xy / xx, xy / np.sqrt(xx * yy)
+    x, y = (np.concatenate([v - v.mean() for v in signal]) for signal in (cause, effect))
+    most = max(float(np.abs(v).max()) for v in cause)
+    xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)
+    moves = xx > len(x) * (STILL * max(most, 1e-12)) ** 2 and yy > 0.0
+    return Regression(slope=xy / xx, correlation=xy / np.sqrt(xx * yy)) if moves else Regression()

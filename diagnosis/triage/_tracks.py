@@ -9,10 +9,30 @@ from backends.state import Array
 from diagnosis.motion.columns import COLUMNS, KD, KP, LIMIT, with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
-from diagnosis.triage._signals import LENGTHS, UNITS, centred
+from diagnosis.triage._signals import CLEAR, LENGTHS, UNITS, Regression, line
 
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
+SCALES = (0.4, 2.5)
+"""Range of position change over command change that gains and sensors can cause."""
+BETTER = 3.0
+"""A fault is reported if correcting it lowers the misfit by this factor."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fault:
+    """A fault in the data of a log."""
+
+    kind: str
+    """One of `triage.KINDS`."""
+    joints: tuple[str, ...]
+    evidence: str
+    """What shows it, with numbers."""
+    remedy: str
+    """What to do."""
+
+    def __str__(self) -> str:
+        return f"{self.kind} of {', '.join(self.joints)}: {self.evidence}; {self.remedy}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,27 +43,28 @@ class Replays:
     found: dict[tuple, list[Array]] = field(default_factory=dict)
     """Of worlds that all joints ask for."""
 
-    def at(self, paced: float = 1.0, damped: float = 1.0, limited: float = 1.0) -> list[Array]:
-        """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied."""
-        if (paced, damped, limited) not in self.found:
-            numbers, limb = self.limb.nominal.copy(), self.limb
+    def at(
+        self,
+        paced: float = 1.0,
+        damped: float = 1.0,
+        limited: float = 1.0,
+        units: tuple[float, float] = (1.0, 1.0),
+    ) -> list[Array]:
+        """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied.
+
+        `units`: in how many per radian hinges are logged, and per metre slides.
+        """
+        key = paced, damped, limited, units
+        if key not in self.found:
+            limb, numbers = self.limb, self.limb.nominal.copy()
             numbers[:, KD] *= damped
             numbers[:, LIMIT] *= limited
-            if paced != 1.0:
-                every = (replace(r, time_s=r.time_s * paced) for r in limb.recordings)
+            if paced != 1.0 or units != (1.0, 1.0):
+                per_si = np.array([units[b.joint.slides] for b in limb.spec.hand.driven])
+                every = (_converted(r, paced, per_si) for r in limb.recordings)
                 limb = replace(limb, recordings=tuple(every))
-            self.found[paced, damped, limited] = shown_by(limb, numbers)
-        return self.found[paced, damped, limited]
-
-    def in_unit(self, slides: bool, per_si: float) -> list[Array]:
-        """Readings [rad, m] where hinges, or slides, are logged in a unit of so many per SI's."""
-        if (slides, per_si, "unit") not in self.found:
-            alike = [body.joint.slides == slides for body in self.limb.spec.hand.driven]
-            size = np.where(alike, per_si, 1.0)
-            every = tuple(_converted(r, size) for r in self.limb.recordings)
-            limb = replace(self.limb, recordings=every)
-            self.found[slides, per_si, "unit"] = shown_by(limb, limb.nominal)
-        return self.found[slides, per_si, "unit"]
+            self.found[key] = shown_by(limb, numbers)
+        return self.found[key]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,21 +77,17 @@ class Track:
     """Those of its limb, which all joints share."""
     index: int
     """Column of the joint in its limb."""
+    name: str
+    slides: bool
+    room: float
+    """The farthest end of its range from zero [rad or m]."""
+    dt_s: float
+    """Sample period."""
     time_s: list[Array]
     command: list[Array]
     position: list[Array]
     shown: list[Array]
     """Readings of the position sensor in the nominal world."""
-
-    @property
-    def name(self) -> str:
-        """Name of the joint."""
-        return self.limb.joints[self.index]
-
-    @property
-    def slides(self) -> bool:
-        """Whether it is a slide."""
-        return self.limb.spec.hand.driven[self.index].joint.slides
 
     @property
     def si(self) -> str:
@@ -83,19 +100,9 @@ class Track:
         return LENGTHS if self.slides else UNITS
 
     @property
-    def room(self) -> float:
-        """The farthest end of its range from zero [rad or m]."""
-        return max(map(abs, self.limb.spec.hand.driven[self.index].joint.range_rad))
-
-    @property
     def reach(self) -> float:
         """The farthest command from zero [rad or m]."""
         return max(float(np.abs(c).max()) for c in self.command)
-
-    @property
-    def dt_s(self) -> float:
-        """Sample period [s]."""
-        return self.limb.period_s
 
     @property
     def travel(self) -> float:
@@ -108,47 +115,65 @@ class Track:
         return max(float(np.ptp(s)) for s in self.shown)
 
     @property
-    def is_pushed(self) -> bool:
-        """Whether a known torque acts on it."""
-        return any(r.push[:, self.index].any() for r in self.limb.recordings)
+    def most_push(self) -> float:
+        """The largest known torque or force on it [Nm or N]."""
+        return max(float(np.abs(r.push[:, self.index]).max()) for r in self.limb.recordings)
+
+    @property
+    def missed(self) -> list[Array]:
+        """The positions less the nominal world's."""
+        return less(self.position, self.shown)
 
     @property
     def misfit(self) -> float:
         """Distance of the positions from the nominal world's, over the size of the motion."""
-        moved = np.concatenate(list(centred(self.command)))
-        missed = np.concatenate(self.position) - np.concatenate(self.shown)
+        return self.share(np.concatenate(self.missed))
+
+    def share(self, missed: Array) -> float:
+        """A distance of positions (N,), over the size of the motion."""
+        moved = np.concatenate([c - c.mean() for c in self.command])
         found = float(np.sqrt(np.mean(missed**2) / max(np.mean(moved**2), 1e-18)))
         return found if np.isfinite(found) else np.inf
+
+    def line(self) -> tuple[Regression, str]:
+        """Regression of the position on the nominal world's, or on the command if it is clearer."""
+        shown, asked = (line(cause, self.position) for cause in (self.shown, self.command))
+        if abs(shown.correlation) >= min(CLEAR, abs(asked.correlation)):
+            return shown, "the nominal world's"
+        return asked, "its command"
+
+    def fault(self, kind: str, evidence: str, remedy: str) -> Fault:
+        """A fault of this joint's data."""
+        return Fault(kind=kind, joints=(self.name,), evidence=evidence, remedy=remedy)
 
     def measured(self, channel: str) -> list[Array]:
         """Readings of a channel per episode; NaN where none were logged."""
         row = CHANNELS.index(channel)
         return [r.measured[:, row, self.index] for r in self.limb.recordings]
 
-    def nominal(self, channel: str, **multiplied: float) -> list[Array]:
-        """A channel of the nominal world per episode, see `Replays.at`."""
+    def nominal(self, channel: str) -> list[Array]:
+        """A channel of the nominal world per episode."""
         row = CHANNELS.index(channel)
-        return [shown[:, row, self.index] for shown in self.replays.at(**multiplied)]
+        return [shown[:, row, self.index] for shown in self.replays.at()]
+
+    def varied(self, per_si: float = 1.0, **multiplied: float) -> "Track":
+        """The same track beside another nominal world, see `Replays.at`.
+
+        Where both sides are in a unit of so many per radian or metre.
+        """
+        units = (1.0, per_si) if self.slides else (per_si, 1.0)
+        return replace(
+            self,
+            command=[c / per_si for c in self.command],
+            position=[p / per_si for p in self.position],
+            shown=[s[:, 0, self.index] for s in self.replays.at(**multiplied, units=units)],
+        )
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
         """The same track beside another limb, with its own start shifted."""
         shift = started * np.eye(len(limb.joints))[self.index]
         every = shown_by(limb, limb.nominal, shift)
         return replace(self, shown=[shown[:, 0, self.index] for shown in every])
-
-    def varied(self, **multiplied: float) -> "Track":
-        """The same track beside another nominal world, see `Replays.at`."""
-        return replace(self, shown=self.nominal("position", **multiplied))
-
-    def in_unit(self, per_si: float) -> "Track":
-        """The same track where both sides are in a unit of so many per radian or metre."""
-        shown = self.replays.in_unit(self.slides, per_si)
-        return replace(
-            self,
-            command=[c / per_si for c in self.command],
-            position=[p / per_si for p in self.position],
-            shown=[one[:, 0, self.index] for one in shown],
-        )
 
     def unpushed(self) -> "Track":
         """The same track beside a nominal world that is not pushed."""
@@ -160,25 +185,37 @@ class Track:
         numbers = {self.name: {COLUMNS[KP]: 0.0}}
         return self.beside(replace(self.limb, spec=with_numbers(self.limb.spec, numbers)))
 
-
-def tracks(limbs: Sequence[Limb]) -> list[Track]:
-    """The joints of all limbs; each limb is replayed once."""
-    return [track for limb in limbs for track in _of_limb(limb)]
-
-
-def _of_limb(limb: Limb) -> Iterator[Track]:
-    near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
-    replays = Replays(near)
-    for j in range(len(limb.joints)):
-        yield Track(
-            limb=near,
-            replays=replays,
-            index=j,
-            time_s=[r.time_s for r in limb.recordings],
-            command=[r.command[:, j] for r in limb.recordings],
-            position=[r.measured[:, 0, j] for r in limb.recordings],
-            shown=[s[:, 0, j] for s in replays.at()],
+    def weightless(self) -> "Track":
+        """The same track beside a nominal world without gravity."""
+        return self.beside(
+            replace(self.limb, spec=replace(self.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
         )
+
+
+def less(ones: Sequence[Array], others: Sequence[Array]) -> list[Array]:
+    """Differences of two signals by episode."""
+    return [one - other for one, other in zip(ones, others, strict=True)]
+
+
+def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
+    """The joints of all limbs; each limb is replayed once."""
+    for limb in limbs:
+        near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
+        replays = Replays(near)
+        for j, joint in enumerate(body.joint for body in limb.spec.hand.driven):
+            yield Track(
+                limb=near,
+                replays=replays,
+                index=j,
+                name=joint.name,
+                slides=joint.slides,
+                room=max(map(abs, joint.range_rad)),
+                dt_s=limb.period_s,
+                time_s=[r.time_s for r in limb.recordings],
+                command=[r.command[:, j] for r in limb.recordings],
+                position=[r.measured[:, 0, j] for r in limb.recordings],
+                shown=[s[:, 0, j] for s in replays.at()],
+            )
 
 
 def _within_reach(recording: Recording, is_open: Array) -> Recording:
@@ -191,12 +228,13 @@ def _within_reach(recording: Recording, is_open: Array) -> Recording:
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
 
 
-def _converted(recording: Recording, per_si: Array) -> Recording:
-    """The recording in SI units, from one of so many per SI's, by joint (K,)."""
+def _converted(recording: Recording, paced: float, per_si: Array) -> Recording:
+    """The recording at another pace, in SI units, from one of so many per SI's, by joint (K,)."""
     measured = recording.measured.copy()
     measured[:, :2] /= per_si
     return replace(
         recording,
+        time_s=paced * recording.time_s,
         command=recording.command / per_si,
         measured=measured,
         start=recording.start / per_si,

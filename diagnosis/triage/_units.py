@@ -4,12 +4,10 @@ Where nothing but stiffness and inertia acts, a motion looks the same in every u
 of torque and links that turn far tell units apart, and so does the joint's range.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
-from diagnosis.triage._faults import BETTER, Fault, in_unit
-from diagnosis.triage._tracks import Track
+from diagnosis.triage._signals import OPTIONS
+from diagnosis.triage._tracks import BETTER, Fault, Track
 
 BEYOND, WITHIN = 3.0, 1.5
 """Commands beyond the first multiple of a joint's range are in another unit if that brings them
@@ -20,6 +18,12 @@ RIVAL = 2.0
 """A unit must leave less than a weight that is carried, or another limit, by this factor."""
 
 LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
+
+
+def in_unit(track: Track, unit: str, evidence: str) -> Fault:
+    """Commands and positions that are in another unit."""
+    option = f", or read the table with --unit {OPTIONS[unit]}" if unit in OPTIONS else ""
+    return track.fault("unit", evidence, f"convert command and position to {track.si}{option}")
 
 
 def both(track: Track) -> Fault | None:
@@ -54,7 +58,7 @@ def _possible(track: Track) -> dict[str, float]:
 
 def _best(track: Track, tried: dict[str, float]) -> tuple[str, float]:
     """The unit that leaves least, or the first where that is hardly more; and what it leaves."""
-    found = {name: _left(track.in_unit(size)) for name, size in tried.items()}
+    found = {name: _left(track.varied(size)) for name, size in tried.items()}
     first, best = next(iter(found)), min(found, key=found.__getitem__)
     best = best if found[best] * BETTER < found[first] else first
     return best, found[best]
@@ -76,9 +80,8 @@ def _moves_as_logged(track: Track) -> tuple[str, str] | None:
 
 def _rivals(track: Track, per_si: float) -> list[str]:
     """What else leaves as little: other limits of the torque, or a weight that is carried."""
-    bare = replace(track.limb, spec=replace(track.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
-    others = {LIMIT: track.varied(limited=per_si), WEIGHT: track.beside(bare)}
-    most = RIVAL * _left(track.in_unit(per_si))
+    others = {LIMIT: track.varied(limited=per_si), WEIGHT: track.weightless()}
+    most = RIVAL * _left(track.varied(per_si))
     return [text for text, other in others.items() if _left(other) < most]
 
 
@@ -90,6 +93,4 @@ def _left(track: Track) -> float:
     pairs = zip(track.time_s, track.shown, strict=True)
     speed = np.concatenate([np.gradient(s, t) for t, s in pairs])
     columns = np.stack([shown, speed], axis=1)
-    rest = read - columns @ np.linalg.lstsq(columns, read)[0]
-    moved = np.concatenate([c - c.mean() for c in track.command])
-    return float(np.sqrt(np.mean(rest**2) / max(np.mean(moved**2), 1e-18)))
+    return track.share(read - columns @ np.linalg.lstsq(columns, read)[0])

@@ -22,29 +22,25 @@ from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
-from diagnosis.triage import _clocks, _gravity, _scales, _units, _zeros
-from diagnosis.triage._faults import Fault
-from diagnosis.triage._pauses import pauses
+from diagnosis.triage import _clocks, _gravity, _lines, _units
+from diagnosis.triage._remarks import made_up, pauses
 from diagnosis.triage._signals import CLEAR, UNCLEAR, line
-from diagnosis.triage._stamps import made_up
-from diagnosis.triage._tracks import Track, tracks
+from diagnosis.triage._tracks import Fault, Track, tracks
 
 KINDS = ("sensor", "order", "sign", "unit", "zero", "convention", "clock")
 TESTS: tuple[Callable[[Track], Fault | None], ...] = (
-    _scales.dead,
-    _zeros.convention,
+    _lines.dead,
+    _lines.convention,
     _gravity.weight,
-    _scales.scale,
+    _lines.scale,
     _units.both,
-    _zeros.slips,
-    _zeros.zero,
-    _scales.sides,
-    _scales.pushed_way,
-    _scales.torque,
+    _lines.slips,
+    _lines.zero,
+    _lines.sides,
+    _lines.pushed_way,
+    _lines.torque,
 )
 """Tests of one joint, in order; each assumes that the earlier ones passed."""
-
-
 LOST = (
     "the nominal world cannot follow this log: its links leave their drives at once; are positions "
     "and commands in the units of their names, and masses and gains those of the robot?"
@@ -68,38 +64,28 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     whole = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
-    some = _excerpts(whole)
-    every = tracks(some)
+    parts = [excerpt(limb.recordings, FITTED_S) for limb in whole]
+    is_long = any(part != limb.recordings for limb, part in zip(whole, parts, strict=True))
+    some = [replace(limb, recordings=part) for limb, part in zip(whole, parts, strict=True)]
+    every = list(tracks(some if is_long else whole))
     if found := _faults(every):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
         raise LogError(LOST)
     units = [said for track in every if (said := _units.perhaps(track))]
-    if some != whole:
+    if is_long:
         del every  # a long log's replays take memory
-        every = tracks(whole)
-    stamps = [said for track in every if (said := made_up(track))]
-    return (*units, *(text for track in every for text in pauses(track)), *stamps)
-
-
-def _excerpts(whole: Sequence[Limb]) -> list[Limb]:
-    """The limbs, with less of what they did where a log is long."""
-    parts = [(limb, excerpt(limb.recordings, FITTED_S)) for limb in whole]
-    return [
-        limb if limb.recordings == part else replace(limb, recordings=part) for limb, part in parts
-    ]
+        every = list(tracks(whole))
+    remarks = (said for about in (pauses, made_up) for track in every for said in about(track))
+    return (*units, *remarks)
 
 
 def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
-    first = _order(every) or tuple(f for track in every if (f := _scales.push_size(track)))
+    first = _order(every) or tuple(f for track in every if (f := _lines.push_size(track)))
     if first:
         return first
-    found = [fault for track in every if (fault := _first(track))]
-    return tuple(found) or _clocks.faults(every)
-
-
-def _first(track: Track) -> Fault | None:
-    return next((fault for test in TESTS if (fault := test(track))), None)
+    tested = (next((f for test in TESTS if (f := test(track))), None) for track in every)
+    return tuple(f for f in tested if f) or _clocks.faults(every)
 
 
 def _order(every: Sequence[Track]) -> tuple[Fault, ...]:

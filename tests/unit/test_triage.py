@@ -17,9 +17,9 @@ from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import Log, make_log
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.triage._faults import Fault
-from diagnosis.triage._signals import line, regressions
-from diagnosis.triage._zeros import ZERO_RAD
+from diagnosis.triage._lines import ZERO_RAD
+from diagnosis.triage._signals import line
+from diagnosis.triage._tracks import Fault
 from diagnosis.triage.triage import KINDS, FaultError
 from diagnosis.walk import diagnose
 
@@ -349,18 +349,13 @@ def test_joints_that_stand_still_have_no_bugs(ideal):
     assert found(changed(ideal, still)) == ()
 
 
-def test_regressions_are_those_of_lines():
-    """Correlate rows of causes with an effect, where they are used, as each by itself."""
+def test_lines_are_about_the_means_of_episodes():
+    """Take the slope and the correlation about each episode's mean; none where one stands still."""
     rng = np.random.default_rng(0)
-    causes, effects = rng.normal(size=(2, 4, 50)), rng.normal(size=(2, 50))
-    used = rng.random((2, 4, 50)) < 0.7
-    used[1, 2] = False
-    causes[:, 3] = 1.0
-    causes[0, 0, 7] = np.nan
-    used[0, 0, 7] = True
-    _, found = regressions(list(causes), list(effects), list(used))
-    for row, each in enumerate(found):
-        pairs = [(c[row][u[row]], e[u[row]]) for c, e, u in zip(causes, effects, used, strict=True)]
-        cause, effect = zip(*[p for p in pairs if len(p[0])], strict=True)
-        assert each == pytest.approx(line(cause, effect).correlation, abs=1e-12)
-    assert found[1] != 0.0 and found[0] == found[3] == 0.0
+    cause = [rng.normal(size=50), rng.normal(size=30)]
+    effect = [5.0 - 2.0 * cause[0], 9.0 - 2.0 * cause[1]]
+    assert line(cause, effect).slope == pytest.approx(-2.0)
+    assert line(cause, effect).correlation == pytest.approx(-1.0)
+    still, lost = [np.ones(50), np.ones(30)], [cause[0], np.full(30, np.nan)]
+    for pair in ((still, effect), (cause, still), (lost, effect), (cause, lost)):
+        assert line(*pair).correlation == 0.0
