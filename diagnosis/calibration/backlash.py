@@ -112,28 +112,20 @@ def _test(nominal: Spec, pushes: Sequence[Recording], shown: list[Array], j: int
     """The play of joint `j`; `shown` is a replay of two worlds: without and with a lock."""
     if nominal.hand.driven[j].joint.sensor == "motor":
         return MOTOR_SIDE
-    nominal_give = 1.0 / nominal.drives[j].gear_stiffness_nm_rad
-    replayed = [[s[world, :, 1, j] for s in shown] for world in (0, 1)]
-    logged = [motion.measured[:, 1, j] for motion in pushes]
+    give = 1.0 / nominal.drives[j].gear_stiffness_nm_rad
     free, locked = (
-        _fit(pushes, motor, j, nominal_give, reference="replayed") for motor in replayed
+        _fit(pushes, [s[world, :, 1, j] for s in shown], j, give, "replayed") for world in (0, 1)
     )
     if free is None or locked is None:
         return NO_PUSH
-    if _is_stuck(pushes, j, nominal_give):
+    moved = max(float(np.ptp(np.quantile(m.measured[:, 0, j], (0.01, 0.99)))) for m in pushes)
+    if moved < STUCK_SHARE * give * max(float(np.ptp(m.push[:, j])) for m in pushes):
         return STUCK
     locks = locked.residual_rad < free.residual_rad
-    best = locked if locks else free
-    if all(np.isfinite(motor).all() for motor in logged):
-        best = _fit(pushes, logged, j, nominal_give, reference="logged") or best
+    best, logged = locked if locks else free, [motion.measured[:, 1, j] for motion in pushes]
+    if np.isfinite(np.concatenate(logged)).all():
+        best = _fit(pushes, logged, j, give, "logged") or best
     return dataclasses.replace(best, locks=locks)
-
-
-def _is_stuck(pushes: Sequence[Recording], j: int, nominal_give: float) -> bool:
-    """Whether the readings of joint `j` hardly change although it is pushed."""
-    moved = max(float(np.ptp(np.quantile(m.measured[:, 0, j], (0.01, 0.99)))) for m in pushes)
-    pushed_nm = max(float(np.ptp(m.push[:, j])) for m in pushes)
-    return moved < STUCK_SHARE * nominal_give * pushed_nm
 
 
 def _fit(
@@ -143,22 +135,20 @@ def _fit(
 
     So samples at which a weight still keeps the joint off its teeth hardly count.
     """
-    found, rests, loads, beyonds = list[Press](), list[float](), list[Array](), list[Array]()
+    found, rests, samples = list[Press](), list[float](), list[tuple[Array, Array]]()
     for motion, motor in zip(pushes, motor_rad, strict=True):
         load, relative = motion.push[:, j], motion.measured[:, 0, j] - motor
         for press in presses(motion.command[:, j], load):
             hard, start = press.hard(load, PUSHED_SHARE), press.pushed.start
             found.append(press)
             rests.append(float(relative[max(start - REST_SAMPLES, 0) : start + 1].mean()))
-            loads.append(load[hard])
-            beyonds.append(relative[hard])
+            samples.append((load[hard], relative[hard]))
     held = places(found)
     if not held:
         return None
-    ends_of = [(2 * k + found[i].side, i) for k, group in enumerate(held) for i in group]
-    load = np.concatenate([loads[i] for _, i in ends_of])
-    beyond = np.concatenate([beyonds[i] for _, i in ends_of])
-    end = np.concatenate([np.full(len(loads[i]), k) for k, i in ends_of])
+    ends_of = {i: 2 * k + found[i].side for k, group in enumerate(held) for i in group}
+    load, beyond = (np.concatenate([samples[i][n] for i in ends_of]) for n in (0, 1))
+    end = np.repeat([*ends_of.values()], [len(samples[i][0]) for i in ends_of])
     at_end = np.eye(2 * len(held))[end]
     counts = at_end.sum(axis=0)
     varied_nm = load - at_end @ (at_end.T @ load / counts)

@@ -42,10 +42,13 @@ def confusions(
     worlds = [effect.on_spec(world) for of_joint in effects.values() for effect in of_joint]
     shown = compared.angles(replay(simulate, [world, *worlds], motions))
     moved = iter(shown[1:] - shown[0])
-    return {
-        j: tuple(_confused(of_joint, [next(moved)[compared.used[:, j], j] for _ in of_joint]))
-        for j, of_joint in effects.items()
-    }
+    found = {}
+    for j, of_joint in effects.items():
+        kp, kd, *traces = (next(moved)[compared.used[:, j], j] for _ in of_joint)
+        columns = np.stack([kp, kd], axis=1) / STEP
+        pairs = zip(of_joint[2:], traces, strict=True)
+        found[j] = tuple(text for one, path in pairs for text in _confused(one, path, columns))
+    return found
 
 
 def _effects(world: Spec, j: int) -> list[Effect]:
@@ -65,17 +68,15 @@ def _effects(world: Spec, j: int) -> list[Effect]:
     return [kind(magnitude=size, joint=joint) for kind, size in sizes]
 
 
-def _confused(effects: Sequence[Effect], traces: Sequence[Array]) -> Iterator[str]:
-    """Those whose traces (T,) the first two, the gains', make up."""
-    columns = np.stack(traces[:2], axis=1) / STEP
-    for effect, path in zip(effects[2:], traces[2:], strict=True):
-        x, *_ = np.linalg.lstsq(columns, path)
-        total = float(path @ path)
-        share = 1 - float(np.sum((path - columns @ x) ** 2)) / total if total > 0 else 0.0
-        if share > SHARE:
-            kp, kd = 100 * x
-            yield (
-                f"{name_of(type(effect).__module__)}: "
-                f"{effect.magnitude / UNITS[effect.unit][1]:g} {effect.unit} "
-                f"would look like kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * share:.1f} % of it)"
-            )
+def _confused(effect: Effect, path: Array, columns: Array) -> Iterator[str]:
+    """What to say of an effect whose trace (T,) changes of the gains (T, 2) make up."""
+    x, *_ = np.linalg.lstsq(columns, path)
+    total = float(path @ path)
+    share = 1 - float(np.sum((path - columns @ x) ** 2)) / total if total > 0 else 0.0
+    if share > SHARE:
+        kp, kd = 100 * x
+        yield (
+            f"{name_of(type(effect).__module__)}: "
+            f"{effect.magnitude / UNITS[effect.unit][1]:g} {effect.unit} "
+            f"would look like kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * share:.1f} % of it)"
+        )

@@ -20,7 +20,7 @@ candidates with replacement and asks for the least error each time.
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import cma
@@ -95,14 +95,17 @@ class GainFit:
     correlation: float
 
 
-def with_gains(spec: Spec, scale: Array) -> Spec:
-    """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2)."""
-    return spec.with_drives(
-        dataclasses.replace(
-            drive, kp_nm_rad=drive.kp_nm_rad * float(kp), kd_nms_rad=drive.kd_nms_rad * float(kd)
-        )
-        for drive, (kp, kd) in zip(spec.drives, scale, strict=True)
-    )
+def with_gains(spec: Spec, scale: Array, play_rad: Array | None = None) -> Spec:
+    """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2); its play (J,)."""
+    drives = []
+    for j, (drive, (kp, kd)) in enumerate(zip(spec.drives, scale, strict=True)):
+        gains = {
+            "kp_nm_rad": drive.kp_nm_rad * float(kp),
+            "kd_nms_rad": drive.kd_nms_rad * float(kd),
+        }
+        play = drive.play_rad if play_rad is None else float(play_rad[j])
+        drives.append(dataclasses.replace(drive, **gains, play_rad=play))
+    return spec.with_drives(drives)
 
 
 def reason_against(motions: Sequence[Recording], j: int) -> str | None:
@@ -122,16 +125,6 @@ def reason_against(motions: Sequence[Recording], j: int) -> str | None:
     return None
 
 
-def _jittered(world: Spec, count: int, rng: np.random.Generator) -> tuple[list[Spec], Array]:
-    """W slightly different worlds, and the offsets of their start [rad], shape (W, J)."""
-    play = np.array([d.play_rad for d in world.drives])
-    specs = []
-    for share in rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (count, len(play))):
-        pairs = zip(world.drives, play * share, strict=True)
-        specs.append(world.with_drives(dataclasses.replace(d, play_rad=float(p)) for d, p in pairs))
-    return specs, play * rng.uniform(-JITTER_START, JITTER_START, (count, len(play)))
-
-
 def search(
     simulate: Simulate,
     world: Spec,
@@ -141,38 +134,27 @@ def search(
     progress: Progress = lambda generations: None,
 ) -> Array:
     """The gains of `joints` over nominal by CMA-ES, (J, 2); other joints keep those of `world`."""
-    compared = Compared.of(motions)
-    searches = {j: _cma(rng) for j in joints}
-    for generation in range(GENERATIONS):
-        asked = {j: es.ask() for j, es in searches.items()}
-        candidates = [
-            with_gains(world, _scales(world, {j: asked[j][k] for j in joints}))
-            for k in range(CANDIDATES)
-        ]
-        errors = compared.errors(replay(simulate, candidates, motions), motions).mean(axis=1)
-        for j, es in searches.items():
-            es.tell(asked[j], list(errors[:, j]))
-        progress(generation + 1)
-        if all(es.result.stds.max() < CONVERGED_STD for es in searches.values()):
-            break
-    return _scales(world, {j: es.result.xfavorite for j, es in searches.items()})
-
-
-def _cma(rng: np.random.Generator) -> cma.CMAEvolutionStrategy:
     options = {
         "popsize": CANDIDATES,
         "verbose": -9,
         "seed": np.nan,
         "randn": lambda *shape: rng.standard_normal(shape),
     }
-    return cma.CMAEvolutionStrategy(np.zeros(2), FIRST_STD, options)
-
-
-def _scales(world: Spec, points: Mapping[int, Array]) -> Array:
-    """Gains over nominal, shape (J, 2), from points in the coordinates of the search."""
-    scale = np.ones((len(world.drives), 2))
-    for j, point in points.items():
-        scale[j] = np.clip(np.exp(TO_LOG_GAINS @ point), *SCALES.T)
+    compared, scale = Compared.of(motions), np.ones((len(world.drives), 2))
+    searches = {j: cma.CMAEvolutionStrategy(np.zeros(2), FIRST_STD, options) for j in joints}
+    for generation in range(GENERATIONS):
+        asked = {j: es.ask() for j, es in searches.items()}
+        scales = np.ones((CANDIDATES, *scale.shape))
+        for j, points in asked.items():
+            scales[:, j] = np.clip(np.exp(points @ TO_LOG_GAINS.T), *SCALES.T)
+        shown = replay(simulate, [with_gains(world, one) for one in scales], motions)
+        errors = compared.errors(shown, motions).mean(axis=1)
+        for j, es in searches.items():
+            es.tell(asked[j], list(errors[:, j]))
+            scale[j] = np.clip(np.exp(TO_LOG_GAINS @ es.result.xfavorite), *SCALES.T)
+        progress(generation + 1)
+        if all(es.result.stds.max() < CONVERGED_STD for es in searches.values()):
+            break
     return scale
 
 
@@ -188,13 +170,15 @@ def refine(
     """The gains of `joints` with the least error, from `scale` over `nominal` (J, 2) on."""
     blocks = [motion.time_s // BLOCK_S for motion in motions]
     block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
+    play = np.array([drive.play_rad for drive in nominal.drives])
     for done in range(ROUNDS):
-        world = with_gains(nominal, scale)
-        specs, offset_rad = _jittered(world, AROUND, rng)
+        shares = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (AROUND, len(play)))
+        offset_rad = play * rng.uniform(-JITTER_START, JITTER_START, (AROUND, len(play)))
         points = np.zeros((AROUND, *scale.shape))
         points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
         points = NEAR_STD * points @ TO_LOG_GAINS.T
-        candidates = [with_gains(*pair) for pair in zip(specs, np.exp(points), strict=True)]
+        world, around = with_gains(nominal, scale), zip(np.exp(points), play * shares, strict=True)
+        candidates = [with_gains(world, gains, plays) for gains, plays in around]
         compared = Compared.of(motions)
         shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
         read = compared.angles([motion.measured for motion in motions])

@@ -86,54 +86,51 @@ def calibrate_touch(
     `grid` holds the rows and columns of the taxels; without it no dead taxel is found. `threshold`
     replaces the one computed from the noise.
     """
-    quiet = _episodes(log, FREE_AIR)
+    quiet, pressed = (
+        [
+            (log.episode(one.episode)["t_s"].to_numpy(dtype=float), touch)
+            for one in log.episodes
+            if one.protocol in protocols and (touch := log.touch(one.episode)) is not None
+        ]
+        for protocols in (FREE_AIR, PROTOCOLS)
+    )
     if sum(len(time_s) for time_s, _ in quiet) < LEAST_SAMPLES:
         return NO_READINGS
-    pressed = _episodes(log, PROTOCOLS)
     found = {}
     for f, finger in enumerate(log.fingers):
         rest = [(time_s, touch[:, f]) for time_s, touch in quiet]
-        press = [touch[:, f] for _, touch in pressed]
-        found[finger] = _finger(rest, press, grid, threshold)
+        readings = np.concatenate([touch for _, touch in rest])
+        offset = readings.mean(axis=0)
+        drift, drift_std, noise = _drift(rest)
+        level = NOISES * float(noise.max()) if threshold is None else threshold
+        dead, touched = _dead([binarise(touch[:, f], offset, level) for _, touch in pressed], grid)
+        found[finger] = TouchSensor(
+            offset=tuple(offset),
+            noise=tuple(noise),
+            drift_s=tuple(drift),
+            drift_std_s=tuple(drift_std),
+            fastest_drift_s=float(drift[drift > SURE * drift_std].max(initial=0.0)),
+            threshold=level,
+            false_share=float(binarise(readings, offset, level).mean()),
+            dead=dead,
+            touched=touched,
+        )
     return found
 
 
-def _episodes(log: Log, protocols: Sequence[str]) -> list[tuple[Array, Array]]:
-    """Times (T,) and readings (T, F, taxels) of the episodes that have them."""
-    numbers = [e.episode for e in log.episodes if e.protocol in protocols]
-    pairs = [(log.episode(k)["t_s"].to_numpy(dtype=float), log.touch(k)) for k in numbers]
-    return [(time_s, touch) for time_s, touch in pairs if touch is not None]
-
-
-def _finger(
-    rest: Sequence[tuple[Array, Array]],
-    press: Sequence[Array],
-    grid: tuple[int, int] | None,
-    threshold: float | None,
-) -> TouchSensor:
-    readings = np.concatenate([touch for _, touch in rest])
-    offset = readings.mean(axis=0)
-    drift, drift_std, noise = _drift(rest)
-    level = NOISES * float(noise.max()) if threshold is None else threshold
-    active = [binarise(touch, offset, level) for touch in press]
-    dead, touched = _dead(active, grid)
-    return TouchSensor(
-        offset=tuple(offset),
-        noise=tuple(noise),
-        drift_s=tuple(drift),
-        drift_std_s=tuple(drift_std),
-        fastest_drift_s=float(drift[drift > SURE * drift_std].max(initial=0.0)),
-        threshold=level,
-        false_share=float(binarise(readings, offset, level).mean()),
-        dead=dead,
-        touched=touched,
-    )
-
-
 def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
-    """Slopes, their standard deviations and the noise about them, each (T,)."""
-    pieces = [[_means(values) for values in episode] for episode in rest]
-    time_s, means = (np.concatenate(parts) for parts in zip(*pieces, strict=True))
+    """Slopes, their standard deviations and the noise about them, each (T,).
+
+    Slopes are those of the means over pieces of an episode, about the episode's mean.
+    """
+    pieces = [
+        [np.stack([piece.mean(axis=0) for piece in np.array_split(v, PIECES)]) for v in episode]
+        for episode in rest
+    ]
+    time_s, means = (
+        np.concatenate([part - part.mean(axis=0) for part in parts])
+        for parts in zip(*pieces, strict=True)
+    )
     squares = float(time_s @ time_s)
     slope = time_s @ means / squares
     free = max(len(time_s) - len(pieces) - 1, 1)
@@ -142,30 +139,21 @@ def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
     return slope, np.sqrt(left / squares), np.concatenate(level).std(axis=0)
 
 
-def _means(values: Array) -> Array:
-    """Means over the pieces of an episode, about their mean, shape (P, ...)."""
-    means = np.stack([piece.mean(axis=0) for piece in np.array_split(values, PIECES)])
-    return np.asarray(means - means.mean(axis=0))
-
-
 def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[int, ...], int]:
-    """Dead taxels, and the number of taxels that could be judged."""
+    """Dead taxels, and the number of taxels that could be judged.
+
+    Of a taxel's neighbours, up to eight, a share is in contact.
+    """
     if not active or grid is None or active[0].shape[1] != grid[0] * grid[1]:
         return (), 0
-    ever = np.any([a.any(axis=0) for a in active], axis=0)
-    silent = np.zeros(active[0].shape[1], dtype=int)
-    for contact in active:
-        around = _around(contact.reshape(len(contact), *grid)).reshape(contact.shape)
-        silent += ((around >= SURROUNDED) & ~contact).sum(axis=0)
-    dead = ~ever & (silent >= WITNESSES)
-    return tuple(int(k) for k in np.flatnonzero(dead)), int((ever | dead).sum())
-
-
-def _around(contact: Array) -> Array:
-    """Share of each taxel's neighbours, up to eight, that are in contact: shape (N, rows, cols)."""
-    ring = np.ones((1, 3, 3))
-    ring[0, 1, 1] = 0.0
+    contact = np.concatenate(active)
+    ring = np.array([[[1.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]])
     near, there = (
-        correlate(v.astype(float), ring, mode="constant") for v in (contact, np.ones_like(contact))
+        correlate(v.reshape(len(v), *grid).astype(float), ring, mode="constant")
+        for v in (contact, np.ones_like(contact))
     )
-    return near / there
+    around = (near / there).reshape(contact.shape)
+    silent = ((around >= SURROUNDED) & ~contact).sum(axis=0)
+    ever = contact.any(axis=0)
+    dead = ~ever & (silent >= WITNESSES)
+    return tuple(np.flatnonzero(dead).tolist()), int((ever | dead).sum())

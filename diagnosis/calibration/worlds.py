@@ -26,7 +26,8 @@ def replay(
 ) -> list[Array]:
     """The readings of every world: per motion, shape (W, T, 2, J) with `READINGS` third.
 
-    Joints start at their position in the log, plus `offset_rad` (W, J).
+    Joints start at the mean of some readings at rest, of the motor where it was logged, plus
+    `offset_rad` (W, J). The stick is out of the way.
     """
     drive_s = specs[0].timing.drive_s
     ticks = [np.round(m.time_s / drive_s).astype(np.int64) for m in motions]
@@ -34,25 +35,15 @@ def replay(
     rows = [t // stride for t in ticks]
     held = [np.searchsorted(r, np.arange(r[-1] + 1), side="right") - 1 for r in rows]
     target, load = (
-        together([getattr(m, name)[at] for m, at in zip(motions, held, strict=True)])
+        together([getattr(m, name)[at] for m, at in zip(motions, held, strict=True)] * len(specs))
         for name in ("command", "push")
     )
+    rests = [m.measured[:REST_SAMPLES, :2].mean(axis=0) for m in motions]
+    start = np.stack([np.where(np.isfinite(motor), motor, joint) for joint, motor in rests])
     offset = np.zeros((len(specs), 1)) if offset_rad is None else offset_rad
-    start = np.concatenate([np.stack([_start(m) for m in motions]) + one for one in offset])
-    worlds = [_aside(spec, stride) for spec in specs for _ in motions]
-    repeated = (np.tile(asked, (1, len(specs), 1)) for asked in (target, load))
-    every = states(simulate(worlds), at_rest(start), *repeated)
+    aside = {"policy_s": stride * drive_s, "weightless_s": FOREVER_S}
+    worlds = [changed(s, timing=changed(s.timing, **aside)) for s in specs for _ in motions]
+    starts = at_rest(np.concatenate([start + one for one in offset]))
+    every = states(simulate(worlds), starts, target, load)
     shown = np.stack([np.stack([s.measured_rad, s.motor_rad], axis=1) for s in every], axis=1)
     return [shown[k :: len(motions), row] for k, row in enumerate(rows)]
-
-
-def _start(motion: Recording) -> Array:
-    """The mean of some readings at rest (J,), of the motor if it was logged."""
-    joint_rad, motor_rad = motion.measured[:REST_SAMPLES, :2].mean(axis=0)
-    return np.where(np.isfinite(motor_rad), motor_rad, joint_rad)
-
-
-def _aside(spec: Spec, stride: int) -> Spec:
-    """The world with steps of `stride` drive periods and the stick out of the way."""
-    period_s = stride * spec.timing.drive_s
-    return changed(spec, timing=changed(spec.timing, policy_s=period_s, weightless_s=FOREVER_S))
