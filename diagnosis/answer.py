@@ -98,9 +98,9 @@ class Diagnosis:
 
     def _repr_html_(self) -> str:
         """As a notebook shows it."""
-        from diagnosis.report.notebook import shown
+        from diagnosis.report.report import notebook
 
-        return shown(self)
+        return notebook(self)
 
     @classmethod
     def of(cls, data: Mapping[str, Any]) -> "Diagnosis":

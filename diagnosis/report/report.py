@@ -5,6 +5,7 @@ It is made from the answer as plain data and the log, so it can be made again fr
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from html import escape
 from itertools import groupby
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
@@ -12,12 +13,11 @@ from plotly.offline import get_plotlyjs
 
 from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
-from diagnosis.logs.log import Log
+from diagnosis.logs.log import EpisodeMeta, Log
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
 from diagnosis.report import wording
 from diagnosis.report._figures import overlay
-from diagnosis.verdict.in_hand import Spot
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
 from diagnosis.verdict.sentences import FROM, named
 from diagnosis.where import PHASES, Place
@@ -71,13 +71,29 @@ def page(
         heat=_heat(found.where, log),
         largest=[p for p in found.where if p.share >= FAINT][:LARGEST],
         meaning=_meaning,
-        fingers=_fingers(found.spots),
+        faint=FAINT,
+        spots={(spot.finger, spot.family): spot for spot in found.spots},
+        fingers=list(dict.fromkeys(spot.finger for spot in found.spots)),
+        families=list(dict.fromkeys(spot.family for spot in found.spots)),
         held=[one for one in found.magnitudes if one.evidence],
         overlays=[(one, overlay(one)) for one in found.signals],
-        episodes=[_episode(log, e.episode, e.protocol) for e in log.episodes],
+        episodes=[(e, list(log.episode(e.episode)["t_s"]), _use(log, e)) for e in log.episodes],
         channels=_channels(log),
         warnings=log.warnings,
     )
+
+
+def notebook(found: Diagnosis) -> str:
+    """A diagnosis as a notebook shows it: the sentences, the shares of the gap, the sizes.
+
+    A piece of HTML that follows the notebook's colours.
+    """
+    first, *rest = found.sentences
+    shares = ", ".join(f"{one.name} {100 * one.share:.0f} %" for one in parts(found))
+    rest += [f"Probability: {wording.probability(found)}. Of the gap: {shares}."]
+    rest += [f"{named(one)}, with its 90 % interval." for one in found.magnitudes]
+    lines = "".join(f"<p>{escape(text)}</p>" for text in rest)
+    return f"<div><p><b>{escape(first)}</b></p>{lines}</div>"
 
 
 def parts(found: Diagnosis) -> list[Part]:
@@ -111,28 +127,15 @@ def _causes(found: Diagnosis, taken: float) -> Iterator[Part]:
 
 def _heat(where: tuple[Place, ...], log: Log) -> dict:
     """Shares of the gap: a row per joint and channel, a column per protocol and phase."""
-    protocols = dict.fromkeys(e.protocol for e in log.episodes)
-    there = {(p.protocol, p.phase) for p in where}
-    columns = [(a, b) for a in protocols for b in PHASES if (a, b) in there]
-    shown = {(p.joint, p.channel) for p in where}
-    rows = [(a, b) for a in log.joints for b in CHANNELS if (a, b) in shown]
     cells = {(p.joint, p.channel, p.protocol, p.phase): p for p in where}
+    shown, there = {key[:2] for key in cells}, {key[2:] for key in cells}
+    protocols = dict.fromkeys(e.protocol for e in log.episodes)
+    columns = [(a, b) for a in protocols for b in PHASES if (a, b) in there]
     return {
+        "cells": cells,
+        "rows": [(a, b) for a in log.joints for b in CHANNELS if (a, b) in shown],
+        "columns": columns,
         "protocols": [(name, len(list(group))) for name, group in groupby(columns, lambda c: c[0])],
-        "phases": [phase for _, phase in columns],
-        "rows": [(row, [_cell(cells.get((*row, *column))) for column in columns]) for row in rows],
-    }
-
-
-def _cell(place: Place | None) -> dict:
-    if place is None or place.share < FAINT:
-        return {"share": "", "interval": "", "strength": 0.0, "said": ""}
-    low, high = (100 * end for end in place.share_interval)
-    return {
-        "share": f"{100 * place.share:.1f}",
-        "interval": f"{low:.1f}–{high:.1f}",
-        "strength": round(place.share**0.5, 3),
-        "said": f"{place.rms / place.noise:.3g} times the noise floor, {place.samples} samples",
     }
 
 
@@ -143,40 +146,18 @@ def _meaning(one: Ranked) -> str:
     return " ".join(text.strip().splitlines()[0] for text in texts if text.strip())
 
 
-def _fingers(spots: tuple[Spot, ...]) -> dict:
-    """Gaps of touch and stick: a row per finger, a column per family."""
-    families = list(dict.fromkeys(spot.family for spot in spots))
-    cells = {(spot.finger, spot.family): spot for spot in spots}
-    fingers = dict.fromkeys(spot.finger for spot in spots)
-    return {
-        "families": families,
-        "rows": [(name, [cells.get((name, family)) for family in families]) for name in fingers],
-    }
-
-
-def _episode(log: Log, number: int, protocol: str) -> dict:
+def _use(log: Log, one: EpisodeMeta) -> str:
     """How an episode was used."""
-    time_s = log.episode(number)["t_s"]
-    return {
-        "number": number,
-        "protocol": protocol,
-        "samples": len(time_s),
-        "seconds": float(time_s.iloc[-1] - time_s.iloc[0]),
-        "use": _use(log, number, protocol),
-    }
-
-
-def _use(log: Log, number: int, protocol: str) -> str:
-    seen = log.stick(number) is not None
-    if protocol in HELD:
+    seen = log.stick(one.episode) is not None
+    if one.protocol in HELD:
         return "used for touch and stick" if seen else "left out: the stick's pose is missing"
-    if protocol == "pull":
-        if seen and log.pull(number) is not None:
+    if one.protocol == "pull":
+        if seen and log.pull(one.episode) is not None:
             return "used for friction and mass"
         return "left out: the stick's pose or the pull is missing"
-    if protocol not in FREE_AIR:
+    if one.protocol not in FREE_AIR:
         return "left out: not in free air"
-    if len(log.episode(number)) < LEAST_SAMPLES:
+    if len(log.episode(one.episode)) < LEAST_SAMPLES:
         return f"left out: fewer than {LEAST_SAMPLES} samples"
     return "used"
 
