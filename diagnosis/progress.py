@@ -13,3 +13,15 @@ class Stop(Exception):
 def within(progress: Progress, begin: float, end: float) -> Progress:
     """The progress of a part, as one of the whole: it is `begin` to `end` of that."""
     return lambda text, share: progress(text, begin + (end - begin) * share)
+
+
+def forward(progress: Progress) -> Progress:
+    """The progress without steps back: a search that begins again takes some."""
+    done = 0.0
+
+    def tell(text: str, share: float) -> None:
+        nonlocal done
+        done = max(done, share)
+        progress(text, done)
+
+    return tell

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.gap import root_weights
+from diagnosis.evidence.evidence import root_weights
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.problem import Problem
-from diagnosis.search.quadratic import lowest
+from diagnosis.search.problem import Problem, lowest
 
 HALVES, RESAMPLES = 2, 400
 
@@ -41,7 +40,7 @@ class Gaps:
 def held_out(fitter: Fitter, fit: Fit) -> Array:
     """Residuals (M,) of a fit, each by the half of the log that it is not in."""
     moved = [k for k in fit.freed if k in fit.slopes]
-    problem = Problem.of(fitter.parameters, moved, {}, None, only=fit.slopes)
+    problem = Problem.of(fitter.parameters, moved, fit.slopes)
     if not problem.numbers:
         return fit.residual
     weights = root_weights(fitter.evidence, fit.residual)

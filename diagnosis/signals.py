@@ -43,21 +43,20 @@ def signals(
 
     `worlds`: by name, a world and its parameters; `nominal` among them.
     """
-    shown = {name: world.blocks(u) for name, (world, u) in worlds.items()}
+    limb, shown = evidence.limb, {name: world.blocks(u) for name, (world, u) in worlds.items()}
     left = (evidence.measured - shown[NOMINAL])[:, :, joint] / evidence.floor[:, joint]
-    number, channel = _worst(evidence, left)
-    limb = evidence.limb
-    begin = sum(len(time_s) for time_s in limb.time_s[:number])
-    time_s = limb.time_s[number]
-    inside = slice(begin, begin + len(time_s))
-    residual = np.abs(np.nan_to_num(left[inside, channel]))
-    worst_s = float(time_s[int(np.argmax(residual))])
+    squares = [np.ma.masked_invalid(part**2) for part in limb.by_episode(left)]
+    sizes = np.stack([one.mean(axis=0).filled(0.0) for one in squares])
+    number, channel = map(int, np.unravel_index(int(np.argmax(sizes)), sizes.shape))
+    time_s, measured = limb.time_s[number], limb.by_episode(evidence.measured)[number]
+    worst_s = float(time_s[int(np.argmax(squares[number][:, channel].filled(0.0)))])
     begin_s = float(np.clip(worst_s - EXCERPT_S / 2, 0.0, max(time_s[-1] - EXCERPT_S, 0.0)))
     kept = (time_s >= begin_s) & (time_s <= begin_s + EXCERPT_S)
-    kept &= np.isfinite(evidence.measured[inside, channel, joint])
+    kept &= np.isfinite(measured[:, channel, joint])
 
     def line(values: Array) -> tuple[float, ...]:
-        return tuple(float(f"{v:.{DIGITS}g}") for v in values[inside, channel, joint][kept])
+        own = limb.by_episode(values)[number][kept, channel, joint]
+        return tuple(float(f"{v:.{DIGITS}g}") for v in own)
 
     return Signals(
         joint=evidence.joints[joint],
@@ -75,12 +74,3 @@ def signals(
 def drawable(lines: Mapping[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
     """The lines without those of worlds that diverge, of which nothing can be drawn or kept."""
     return {name: line for name, line in lines.items() if np.isfinite(line).all()}
-
-
-def _worst(evidence: Evidence, left: Array) -> tuple[int, int]:
-    """Episode and channel with the largest mean square of what is left (N, 3)."""
-    ends = np.cumsum([len(time_s) for time_s in evidence.limb.time_s])[:-1]
-    squares = [np.ma.masked_invalid(part**2) for part in np.split(left, ends)]
-    sizes = np.stack([one.mean(axis=0).filled(0.0) for one in squares])
-    number, channel = np.unravel_index(int(np.argmax(sizes)), sizes.shape)
-    return int(number), int(channel)

@@ -10,8 +10,7 @@ import numpy as np
 
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.evidence.evidence import Evidence, evidence
-from diagnosis.evidence.gap import squared_gaps
+from diagnosis.evidence.evidence import Evidence, evidence, squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.models.parameters import Parameter, parameters
@@ -44,6 +43,8 @@ SEARCHED, FITTED = 0.6, 0.9
 """Shares of a limb's work that are done after the search, and after the fits to the whole log."""
 RESTS = "rows are {:.0f} ms apart, so only rests are judged; record one every 50 ms or faster"
 LONG = "fitted to the {:.0f} s of {:.0f} s that say most"
+LEAST_UNCERTAINTY = 1e-3
+"""No nominal number is known better."""
 NARROW = 0.5
 """Around where healthy logs have it, a tolerance of either sign is so much narrower."""
 
@@ -52,13 +53,17 @@ NARROW = 0.5
 class Asked:
     """What a log is judged by."""
 
-    nominal: Spec
     rigid: bool
     uncertainty: float
-    guesses: Mapping[tuple[str, str], float]
-    """Of nominal numbers that are hardly known, see `replay.robot.uncertainties`."""
     catalogue: Mapping[str, type[Effect]]
     origin: Ordinary
+    guesses: Mapping[tuple[str, str], float]
+    """Of nominal numbers that are hardly known, see `replay.robot.uncertainties`."""
+
+    def parameters(self, said: Evidence) -> tuple[Parameter, ...]:
+        """What may be off or wrong of a limb."""
+        known = self.uncertainty, self.origin.everyday, self.guesses
+        return parameters(self.catalogue, said, *known)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -70,12 +75,6 @@ class Judged:
     """The nominal world as it stands, without parameters."""
     fitter: Fitter
     found: Found
-
-    @classmethod
-    def of(cls, result: LimbResult, said: Evidence, fitter: Fitter, found: Found) -> "Judged":
-        """With the sentences about it, and the nominal world of a log."""
-        result = replace(result, sentences=tuple(sentences(result)))
-        return cls(result=result, nominal=World(said, ()), fitter=fitter, found=found)
 
     @property
     def stopped(self) -> bool:
@@ -103,17 +102,15 @@ def judged(
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
     asked = Asked(
-        nominal=nominal,
         rigid=rigid,
         uncertainty=max(log.meta.nominal_uncertainty, LEAST_UNCERTAINTY),
-        guesses=uncertainties(log),
         catalogue=catalogue,
         origin=origin or (ROBOTS if rigid else SIMULATORS),
+        guesses=uncertainties(log),
     )
     progress("reading the log", 0.0)
     parts = limbs(nominal)
-    found, notes = list[Judged](), list[str]()
-    still = list[StillError]()
+    found, notes, still = list[Judged](), list[str](), list[StillError]()
     for number, part in enumerate(parts):
         share = within(progress, number / len(parts), (number + 1) / len(parts))
         try:
@@ -139,21 +136,15 @@ def judged(
     return found, notes
 
 
-LEAST_UNCERTAINTY = 1e-3
-"""No nominal number is known better."""
-
-
 def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: Progress) -> Judged:
-    known = _parameters(said, asked)
-    ordinary = asked.origin
+    known, ordinary = asked.parameters(said), asked.origin
     if healthy:
-        pairs = ((_part(one), _parameters(one, asked)) for one in healthy)
-        sound = [Fitter(World(*pair)).settled() for pair in pairs]
+        sound = [Fitter(_part(one), asked.parameters(one)).settled() for one in healthy]
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)
     if found.stopped:
-        return Judged.of(decide(fitter, found, ordinary), fitter.evidence, fitter, found)
+        return _judged(decide(fitter, found, ordinary), fitter.evidence, fitter, found)
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     received = said
@@ -173,7 +164,12 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     result = decide(fitter, found, ordinary, sensors, explained)
     result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
-    return Judged.of(result, said, fitter, found)
+    return _judged(result, said, fitter, found)
+
+
+def _judged(result: LimbResult, said: Evidence, fitter: Fitter, found: Found) -> Judged:
+    result = replace(result, sentences=tuple(sentences(result)))
+    return Judged(result=result, nominal=World(said), fitter=fitter, found=found)
 
 
 def _searched(
@@ -181,11 +177,11 @@ def _searched(
 ) -> tuple[Fitter, Found]:
     """What a search finds, on a part of a long log, then fitted to all of it."""
     part = _part(said)
-    fitter = Fitter(World(part, known))
+    fitter = Fitter(part, known)
     found = Search(fitter, ordinary, within(progress, 0.0, SEARCHED)).run()
     try:
         if part is not said and not found.stopped:
-            whole = Fitter(World(said, known))
+            whole = Fitter(said, known)
             found = on_whole(whole, found, ordinary, within(progress, SEARCHED, FITTED))
             fitter = whole
         progress("what is left", FITTED)
@@ -200,7 +196,7 @@ def _part(said: Evidence) -> Evidence:
     some = excerpt(limb.recordings, SEARCHED_S)
     if some == limb.recordings:
         return said
-    return spreading(World(evidence(replace(limb, recordings=some)), ()))
+    return spreading(World(evidence(replace(limb, recordings=some))))
 
 
 def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
@@ -208,11 +204,11 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
 
     A rounding is exact: where its steps fit, they fit all of a joint's samples.
     """
-    world, evidence = fitter.world, fitter.evidence
+    evidence = fitter.evidence
     best = dict[int, tuple[float, Rounding]]()
-    for one in roundings(world, chosen.u, chosen.residual):
+    for one in roundings(fitter, chosen.u, chosen.residual):
         limb = evidence.limb.with_steps(one.joint, one.step)
-        fit = fitter.of(limb).fit(chosen.freed, near=chosen.u, slopes=chosen.slopes, again=False)
+        fit = fitter.of(limb).fit(chosen.freed, chosen.u, slopes=chosen.slopes, again=False)
         part = evidence.parts[one.joint]
         left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))
         if left <= min((1.0 - FURTHER) * before, best.get(one.joint, (np.inf,))[0]):
@@ -227,19 +223,19 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
     ordinary gap may be theirs: where the law is exact as well and nothing rattles, its likelihood
     is enough.
     """
-    world, evidence = fitter.world, fitter.evidence
+    evidence = fitter.evidence
     before = replace(chosen, gap2=squared_gaps(evidence, chosen.residual), strain2=0.0)
-    rattles = evidence.rattles or any(world.parameters[k].place == PLAY for k in chosen.freed)
+    rattles = evidence.rattles or any(fitter.parameters[k].place == PLAY for k in chosen.freed)
     likely = ordinary.exact and not rattles and chosen.worst <= ordinary.floors
     if not likely and before.worst < QUIET:
         return None
-    lost, fit = losses(world, chosen.u, chosen.residual), chosen
+    lost, fit = losses(fitter, chosen.u, chosen.residual), chosen
     for _ in range(TURNS):
         if lost is None:
             return None
         limb = arrived(evidence.limb, lost)
-        fit = fitter.of(limb).fit(chosen.freed, near=fit.u, slopes=fit.slopes, again=False)
-        lost = losses(world, fit.u, fit.residual, lost) or lost
+        fit = fitter.of(limb).fit(chosen.freed, fit.u, slopes=fit.slopes, again=False)
+        lost = losses(fitter, fit.u, fit.residual, lost) or lost
     return lost if likely or share_of(fit, before) >= FURTHER else None
 
 
@@ -256,16 +252,11 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     said = evidence(limb)
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
-    return spreading(World(said, ())), notes
+    return spreading(World(said)), notes
 
 
 def _lasts_s(every: Sequence[Recording]) -> float:
     return sum(float(one.time_s[-1]) for one in every)
-
-
-def _parameters(said: Evidence, asked: Asked) -> tuple[Parameter, ...]:
-    known = asked.uncertainty, asked.origin.everyday, asked.guesses
-    return parameters(asked.catalogue, said, *known)
 
 
 def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Parameter, ...]:
@@ -274,7 +265,7 @@ def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Paramete
     for k, one in enumerate(known):
         if one.tolerance > 0.0:
             centre = float(np.mean([fit.u.get(k, 0.0) for fit in sound]))
-            narrow = one.tolerance * (NARROW if one.either_sign else 1.0)
+            narrow = one.tolerance * (NARROW if one.kind.either_sign else 1.0)
             one = replace(one, centre=centre, tolerance=narrow)
         found.append(one)
     return tuple(found)

@@ -12,14 +12,13 @@ from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.answer import Diagnosis
-from diagnosis.coverage import not_looked_for
-from diagnosis.evidence.gap import by_second
+from diagnosis.evidence.evidence import by_second
 from diagnosis.grasp.in_hand import in_hand
 from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.along import turned
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import by_name, with_numbers
-from diagnosis.progress import Progress, Stop, within
+from diagnosis.progress import Progress, Stop, forward, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.plain import gap_rad
@@ -28,10 +27,10 @@ from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
-from diagnosis.verdict.combine import decisive, named, verdict
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult
+from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, decisive, named, verdict
+from diagnosis.verdict.sensors import not_looked_for
 from diagnosis.where import Place, largest, locate
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
@@ -63,8 +62,7 @@ def diagnose(
     """
     began_s = _cpu_s()
     known = every_effect() if catalogue is None else catalogue
-    world = nominal or mjcf_world(log)
-    tell = _forward(progress or (lambda text, share: None))
+    world, tell = nominal or mjcf_world(log), forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
     remarks, *_ = [triage(one, world) for one in (log, *healthy)]
     part = within(tell, CHECKED, JUDGED)
@@ -117,18 +115,6 @@ def diagnose(
     )
 
 
-def _forward(progress: Progress) -> Progress:
-    """Progress that never falls back: a search that begins again does."""
-    done = 0.0
-
-    def tell(text: str, share: float) -> None:
-        nonlocal done
-        done = max(done, share)
-        progress(text, done)
-
-    return tell
-
-
 def _cpu_s() -> float:
     """CPU time of this process and of the children it has waited for [s]."""
     return sum(os.times()[:4])
@@ -136,18 +122,19 @@ def _cpu_s() -> float:
 
 def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]]:
     """See `Diagnosis.corrected`, joint by joint."""
-    for one in limbs:
-        if one.result.verdict != (UNKNOWN,):
-            fit = one.found.chosen if one.result.causes else one.found.nominal
-            pairs = zip(one.fitter.world.numbers(fit.u)[0], one.evidence.limb.nominal, strict=True)
-            for joint, (row, nominal) in zip(one.evidence.joints, pairs, strict=True):
-                yield joint, dict(by_name(row).items() - by_name(nominal).items())
+    for one in (limb for limb in limbs if limb.result.verdict != (UNKNOWN,)):
+        numbers, _ = one.fitter.numbers(
+            (one.found.chosen if one.result.causes else one.found.nominal).u
+        )
+        rows = zip(one.evidence.joints, numbers, one.evidence.limb.nominal, strict=True)
+        for joint, row, nominal in rows:
+            yield joint, dict(by_name(row).items() - by_name(nominal).items())
 
 
 def _gravity(limbs: Sequence[Judged], nominal: Spec) -> tuple[float, float, float] | None:
     """See `Diagnosis.gravity_m_s2`: of the limb that turns it most."""
     known = [one for one in limbs if one.result.causes and one.result.verdict != (UNKNOWN,)]
-    tilts = [one.fitter.world.numbers(one.found.chosen.u)[1] for one in known]
+    tilts = [one.fitter.numbers(one.found.chosen.u)[1] for one in known]
     most = max(tilts, key=lambda tilt: float(np.abs(tilt).max()), default=None)
     if most is None or not most.any():
         return None
@@ -196,7 +183,7 @@ def _by_second(one: Judged) -> tuple[Array, Array, Array]:
 
 def _signals(limbs: Sequence[Judged], joints: set[str]) -> Iterator[Signals]:
     for one in limbs:
-        world, found = one.fitter.world, one.found
+        world, found = one.fitter, one.found
         worlds = {NOMINAL: (one.nominal, {}), REFITTED: (world, found.nominal.u)}
         if found.chosen.freed:
             worlds[CAUSES] = (world, found.chosen.u)

@@ -1,13 +1,12 @@
 """Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
 from backends.state import Array
-from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.world import World
 from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
@@ -51,8 +50,7 @@ class Place:
 
 def locate(limbs: Sequence[World]) -> list[Place]:
     """The gap between a log and the nominal worlds of its limbs, largest part first."""
-    tables = [table for number, one in enumerate(limbs) for table in _tables(number, one)]
-    table = pd.concat(tables, ignore_index=True)
+    table = pd.concat([_table(*one) for one in enumerate(limbs)], ignore_index=True)
     table["square"] = (table["residual"] / table["noise"]) ** 2
     table["power"] = table["residual"] ** 2
     found = table.groupby(KEYS).agg(
@@ -100,39 +98,28 @@ def _interval(by_second: Array, rng: np.random.Generator) -> tuple[Array, Array]
     return low, high
 
 
-def _tables(number: int, world: World) -> Iterator[pd.DataFrame]:
-    """By joint and channel, a row per residual of the nominal world."""
+def _table(number: int, world: World) -> pd.DataFrame:
+    """A row per residual of the nominal world of a limb."""
     evidence, shown = world.evidence, world.blocks({})
     limb = evidence.limb
-    phase = np.concatenate(list(_phases(evidence, shown[:, 0])))
-    counts = [len(time_s) for time_s in limb.time_s]
-    protocol = np.repeat([r.protocol for r in limb.recordings], counts)
-    for j, joint in enumerate(evidence.joints):
-        for c, channel in enumerate(CHANNELS):
-            there = evidence.logged[j, c] & np.isfinite(shown[:, c, j])
-            residual = (evidence.measured - shown)[there, c, j]
-            yield pd.DataFrame(
-                {
-                    "limb": number,
-                    "second": evidence.second[there],
-                    "joint": joint,
-                    "channel": channel,
-                    "protocol": protocol[there],
-                    "phase": np.array(PHASES)[phase[there, j]],
-                    "residual": residual,
-                    "noise": evidence.floor[c, j],
-                }
-            )
-
-
-def _phases(evidence: Evidence, angle: Array) -> Iterator[Array]:
-    """What each joint (N, K) is doing in every block by the nominal world, by episode."""
-    limb, begin = evidence.limb, 0
-    for recording, edges, time_s in zip(limb.recordings, limb.edges, limb.time_s, strict=True):
-        end = begin + len(time_s)
-        pushed = block_means(np.abs(recording.push), edges) > 0.0
-        yield phases(time_s, np.nan_to_num(angle[begin:end]), pushed)
-        begin = end
+    angles = limb.by_episode(np.nan_to_num(shown[:, 0]))
+    pairs = zip(limb.recordings, limb.edges, strict=True)
+    pushed = (block_means(np.abs(one.push), edges) > 0.0 for one, edges in pairs)
+    phase = np.concatenate(list(map(phases, limb.time_s, angles, pushed)))
+    protocol = np.repeat([r.protocol for r in limb.recordings], list(map(len, limb.time_s)))
+    j, c, n = np.nonzero(evidence.logged & np.isfinite(shown).transpose(2, 1, 0))
+    return pd.DataFrame(
+        {
+            "limb": number,
+            "second": evidence.second[n],
+            "joint": np.array(evidence.joints)[j],
+            "channel": np.array(CHANNELS)[c],
+            "protocol": protocol[n],
+            "phase": np.array(PHASES)[phase[n, j]],
+            "residual": (evidence.measured - shown)[n, c, j],
+            "noise": evidence.floor[c, j],
+        }
+    )
 
 
 def phases(time_s: Array, angle: Array, pushed: Array) -> Array:

@@ -37,8 +37,7 @@ from diagnosis.replay.nominal import left_out, mjcf_world, own_catalogue
 from diagnosis.replay.plain import plain_apart
 from diagnosis.replay.robot import contradictions
 from diagnosis.report.report import page
-from diagnosis.verdict.result import NONE
-from diagnosis.verdict.sizes import distance
+from diagnosis.verdict.result import NONE, distance
 from diagnosis.walk import diagnose
 
 FILE, REPORT = "diagnosis.json", "report.html"

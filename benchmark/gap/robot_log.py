@@ -106,18 +106,19 @@ def understood(log: Log) -> Iterator[str]:
         return
     world = mjcf_world(log)
     slides = {body.joint.name: body.joint.slides for body in world.hand.driven}
-    for name, drive in known_drives(log).items():
+    for name, known in known_drives(log).items():
+        drive = known.drive
         units = ("N/m", "Ns/m", "N", "kg") if slides[name] else ("Nm/rad", "Nms/rad", "Nm", "kg m²")
         values = (drive.kp, drive.kd, drive.limit, drive.armature)
         numbers = ", ".join(
-            f"{number} {value:g} {unit} ({drive.origins[number]})"
+            f"{number} {value:g} {unit} ({known.origins[number]})"
             if value is not None
             else f"{number} unknown"
             for number, value, unit in zip(NUMBERS, values, units, strict=True)
         )
         kind = "slide" if slides[name] else "hinge"
-        law = "no loop on the position" if drive.more.open_loop else "PD law on the joint"
-        yield f"{name}, a {kind}: {law}, {numbers}{_more(drive.more)}"
+        law = "no loop on the position" if drive.open_loop else "PD law on the joint"
+        yield f"{name}, a {kind}: {law}, {numbers}{_more(drive)}"
     yield from contradictions(log)
     yield from (f"not simulated: {text}" for text in left_out(log))
     yield from (f"warning: {text}" for text in log.warnings)

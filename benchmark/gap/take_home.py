@@ -13,9 +13,8 @@ from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, table, with_numbers
 from diagnosis.replay.plain import BESIDE, DRIVES, beside, drives, model_text, urdf_text
-from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal
+from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal, distance, in_other_words
 from diagnosis.verdict.sentences import size
-from diagnosis.verdict.sizes import distance, in_other_words
 
 FILE, URDF, ROBOT = "corrected.xml", "corrected.urdf", "corrected.py"
 SPREAD = 3.29

@@ -21,7 +21,6 @@ from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, LogError, read_log
 from diagnosis.models.parameters import Parameter, parameters
-from diagnosis.models.world import World
 from diagnosis.motion.columns import STIFFNESS
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
@@ -153,7 +152,7 @@ def fitters(case: Case, log: Log, origin: Ordinary) -> Iterator[Fitter]:
             continue
         said = evidence(limb)
         known = parameters(catalogue(), said, log.meta.nominal_uncertainty, origin.everyday)
-        yield Fitter(World(said, known))
+        yield Fitter(said, known)
 
 
 def _explained(case: Case, fitter: Fitter) -> _Explained:
@@ -173,7 +172,7 @@ def _fitted(
 ) -> Fit:
     """Effects fitted from their true sizes, with tolerances from several starts: the best."""
     start = {number: u for one in starts for number, u in one.items()}
-    fits = [fitter.fit(tuple(start), start, others) for others in near]
+    fits = [fitter.fit(tuple(start), {**others, **start}) for others in near]
     return min(fits, key=lambda fit: fit.excess)
 
 
@@ -188,7 +187,7 @@ def _starts(fault: Fault, fitter: Fitter) -> dict[int, float]:
         joint = None if one.joint is None else fitter.evidence.joints[one.joint]
         if one.effect == fault.effect and (joint in joints if kind.per_joint else joint is None):
             nominal = fitter.evidence.limb.nominal[one.joint or 0]
-            low = -one.most if one.either_sign else 0.0
+            low = -one.most if one.kind.either_sign else 0.0
             found[number] = float(np.clip(_size(one, fault.magnitude, nominal), low, one.most))
     return found
 

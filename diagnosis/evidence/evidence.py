@@ -1,4 +1,7 @@
-"""What a limb's log says, block by block, in floors: what no model of a robot is right to."""
+"""What a limb's log says, block by block, in floors: what no model of a robot is right to.
+
+And the size of a gap, by residuals (M,) in floors, and how much each of them counts.
+"""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,7 +14,7 @@ from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT, STIFFNESS
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 from diagnosis.motion.recordings import stood_s, white_noise
-from diagnosis.verdict.sizes import Place
+from diagnosis.verdict.result import Place
 
 FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
 """No model is right to this: angles [rad; of a slide a share of its travel], and torques as a share
@@ -90,9 +93,9 @@ class Evidence:
         """What is shown (N, 3, K) as `readings` are, in floors."""
         return (shown / self.floor).transpose(2, 1, 0)[self.logged] / np.sqrt(1.0 + self.spread)
 
-    def place(self, *joints: int) -> Place:
-        """What sizes on these joints are said by; of none: on all."""
-        chosen = list(joints) or list(range(len(self.joints)))
+    def place(self, *joints: int | None) -> Place:
+        """What sizes on these joints are said by; None: on all."""
+        chosen = [j for j in joints if j is not None] or list(range(len(self.joints)))
         bodies = [self.limb.spec.hand.driven[j] for j in chosen]
         return Place(
             slides=all(body.joint.slides for body in bodies),
@@ -146,8 +149,7 @@ def evidence(limb: Limb) -> Evidence:
 def _torque(limb: Limb) -> Array:
     """Largest torque that the nominal drives ask for, at most half as much again as logged."""
     asked = np.zeros(len(limb.joints))
-    for number in range(len(limb.recordings)):
-        ticks = limb.ticks(number, limb.nominal)
+    for ticks in limb.ticks(limb.nominal):
         if ticks is not None:
             asked = np.maximum(asked, np.abs(ticks[:, 2]).max(axis=0))
     limit = limb.nominal[:, LIMIT]
@@ -176,3 +178,62 @@ def quantisation_step(readings: Array) -> float:
     step = np.median(gaps[gaps < 1.5 * gaps.min()])
     broken = np.abs(gaps / step - np.round(gaps / step))
     return float(step) if np.quantile(broken, 0.9) < 0.1 else 0.0
+
+
+MOST_VARIANCE, MOST_CORRELATION = 9.0, 0.95
+"""Residuals never count less than with these: a bad fit would else let its priors hold it there."""
+TYPICAL, OUTLYING = 6.0, 4.0
+"""A residual counts for its joint's variance up to so many medians; one beyond so many root mean
+squares counts less and less."""
+
+
+def squared_gaps(evidence: Evidence, residual: Array) -> Array:
+    """Squared gap by joint (K,): the mean over seconds of a second's root mean square, squared.
+
+    All channels of a joint together. What happens once, in one second, does not decide.
+    """
+    sizes, counts = _seconds(evidence, residual)
+    return (sizes.sum(axis=1) / np.maximum((counts > 0).sum(axis=1), 1)) ** 2
+
+
+def by_second(evidence: Evidence, residual: Array) -> Array:
+    """Root mean square of residuals by joint and second (K, S); NaN where there are none."""
+    sizes, counts = _seconds(evidence, residual)
+    return np.where(counts > 0, sizes, np.nan)[:, counts.any(axis=0)]
+
+
+def _seconds(evidence: Evidence, residual: Array) -> tuple[Array, Array]:
+    """Root mean square of residuals by joint and second, 0 without any, and their counts (K, S)."""
+    shape = len(evidence.parts), int(evidence.second[-1]) + 1
+    joint = np.repeat(range(shape[0]), [part.stop - part.start for part in evidence.parts])
+    cell, size = joint * shape[1] + evidence.seconds, shape[0] * shape[1]
+    counts, squares = np.bincount(cell, None, size), np.bincount(cell, residual**2, size)
+    return np.sqrt(squares / np.maximum(counts, 1)).reshape(shape), counts.reshape(shape)
+
+
+def excess(gap2: Array) -> float:
+    """What squared gaps (K,) are beyond one floor, over all joints."""
+    return float(np.maximum(gap2 - 1.0, 0.0).sum())
+
+
+def root_weights(evidence: Evidence, residual: Array) -> Array:
+    """Square roots of the weights of residuals, (M,).
+
+    A joint's residuals count as many samples as they are independent, with the variance that they
+    have: one weight for all channels of a joint, since a channel that fits badly would else count
+    less and then fit worse.
+    """
+    weights = np.zeros_like(residual)
+    for part in evidence.parts:
+        r = residual[part]
+        if not len(r):
+            continue
+        size = np.abs(r)
+        variance = np.mean(np.minimum(size, TYPICAL * np.median(size) + 1e-9) ** 2)
+        variance = np.clip(variance, 1.0, MOST_VARIANCE)
+        correlation = (r[1:] @ r[:-1]) / (r @ r + 1e-9)
+        correlation = np.clip(correlation, 0.0, MOST_CORRELATION)
+        outlying = (r / (OUTLYING * np.sqrt(np.mean(r * r) + 1.0))) ** 2
+        share = (1 - correlation) / (1 + correlation) / variance
+        weights[part] = np.sqrt(share / np.sqrt(1.0 + outlying))
+    return weights

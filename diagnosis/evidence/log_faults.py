@@ -3,7 +3,7 @@
 What cannot be used is left out with a note; a log that then says nothing is refused.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -37,16 +37,21 @@ class StillError(LogError):
 def checked(limb: Limb) -> tuple[Limb, tuple[str, ...]]:
     """The limb's log without what cannot be, and notes of it; raises LogError."""
     _require_motion(limb)
-    most = BEYOND_LIMIT * limb.nominal[:, LIMIT]
-    cleaned = [_cleaned(recording, most) for recording in limb.recordings]
     notes = []
-    if count := sum(number for _, number in cleaned):
+    wrong = [_wrong(recording, limb) for recording in limb.recordings]
+    if count := sum(int(one.sum()) for one in wrong):
         notes.append(f"{count} absurd samples of {', '.join(limb.joints)} are left out")
-    limb = replace(limb, recordings=tuple(recording for recording, _ in cleaned))
+        limb = _without(limb, wrong)
     limb, stopped = _without_stops(limb)
-    notes += stopped
     limb, more = _with_plausible_torques(limb)
-    return limb, (*notes, *more)
+    return limb, (*notes, *stopped, *more)
+
+
+def _without(limb: Limb, masks: Sequence[Array]) -> Limb:
+    """The limb without what is masked of its readings (T, 3, K), by episode."""
+    pairs = zip(limb.recordings, masks, strict=True)
+    cleaned = (replace(r, measured=np.where(mask, np.nan, r.measured)) for r, mask in pairs)
+    return replace(limb, recordings=tuple(cleaned))
 
 
 def _require_motion(limb: Limb) -> None:
@@ -61,20 +66,15 @@ def _require_motion(limb: Limb) -> None:
         )
 
 
-def _cleaned(recording: Recording, most: Array) -> tuple[Recording, int]:
-    """The recording with absurd samples as NaN, and how many there are.
+def _wrong(recording: Recording, limb: Limb) -> Array:
+    """Which of the readings (T, 3, K) are absurd.
 
-    A step's torque peaks in a single sample: absurd are those beyond `most` (K,) [Nm].
+    A step's torque peaks in a single sample: absurd are those beyond `BEYOND_LIMIT`.
     """
-    measured, count = recording.measured.copy(), 0
-    for c in range(measured.shape[1]):
-        for j in range(measured.shape[2]):
-            wrong = absurd(measured[:, c, j])
-            if c == TORQUE:
-                wrong &= np.abs(measured[:, c, j]) > most[j]
-            measured[wrong, c, j] = np.nan
-            count += int(wrong.sum())
-    return (replace(recording, measured=measured), count) if count else (recording, 0)
+    wrong = np.apply_along_axis(absurd, 0, recording.measured)
+    most = BEYOND_LIMIT * limb.nominal[:, LIMIT]
+    wrong[:, TORQUE] &= np.abs(recording.measured[:, TORQUE]) > most
+    return wrong
 
 
 def _without_stops(limb: Limb) -> tuple[Limb, list[str]]:
@@ -82,18 +82,19 @@ def _without_stops(limb: Limb) -> tuple[Limb, list[str]]:
 
     Where its model ends a joint no fault shows: no replay has those stops.
     """
-    recordings, notes = [replace(r, measured=r.measured.copy()) for r in limb.recordings], []
+    masks, notes = [np.zeros(r.measured.shape, dtype=bool) for r in limb.recordings], []
     for j, body in enumerate(limb.spec.hand.driven):
-        stopped = [_at_ends(r, j, body.joint.range_rad, limb.open[j]) for r in recordings]
+        ends, is_open = body.joint.range_rad, bool(limb.open[j])
+        stopped = [_at_ends(recording, j, ends, is_open) for recording in limb.recordings]
         share = float(np.concatenate(stopped).mean())
         if 0.0 < share < STOP_SHARE:
             notes.append(
                 f"{limb.joints[j]} stands at the end of its range for {100 * share:.2g} % of the "
                 "log, with targets beyond it: that is not judged"
             )
-            for recording, rows in zip(recordings, stopped, strict=True):
-                recording.measured[rows, :, j] = np.nan
-    return (replace(limb, recordings=tuple(recordings)), notes) if notes else (limb, [])
+            for mask, rows in zip(masks, stopped, strict=True):
+                mask[rows, :, j] = True
+    return (_without(limb, masks) if notes else limb), notes
 
 
 def _at_ends(recording: Recording, joint: int, ends: tuple[float, float], is_open: bool) -> Array:
@@ -124,28 +125,19 @@ def absurd(readings: Array) -> Array:
     return wrong
 
 
-def _torques(limb: Limb) -> Iterator[tuple[Limb, Array]]:
-    """The limb with torques read until and from their samples, and what nominal drives show.
-
-    Our own simulators' are of the period until then.
-    """
-    for torque_from in (False,) if limb.exact else (False, True):
-        read = limb.with_torque_from(torque_from)
-        yield read, read.simulate(limb.nominal)[:, TORQUE]
-
-
-def _distance(shown: Array, measured: Array) -> float:
-    """How far torques (N, K) are apart, each joint's over its own largest."""
-    most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
-    return float(np.nansum(((shown - measured) / most) ** 2))
-
-
 def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
-    """The limb, as its torques were read, without those that cannot be its drives'."""
+    """The limb, as its torques were read, without those that cannot be its drives'.
+
+    Read until or from their samples: our own simulators' are of the period until then.
+    """
     measured = limb.measured[:, TORQUE]
-    limb, shown = min(_torques(limb), key=lambda pair: _distance(pair[1], measured))
+    most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
+    ways = [limb.with_torque_from(way) for way in ((False,) if limb.exact else (False, True))]
+    shows = [one.simulate(limb.nominal)[:, TORQUE] for one in ways]
+    far = [np.nansum(((shown - measured) / most) ** 2) for shown in shows]
+    limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]
     command = np.concatenate([r.command for r in limb.recordings])
-    notes, drop = [], []
+    dropped, notes = np.zeros((len(CHANNELS), len(limb.joints)), dtype=bool), []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
         if both.sum() < 10 or np.std(shown[both, j]) == 0.0:
@@ -158,13 +150,6 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
         elif np.ptp(command[:, j]) > MOVES_RAD:
             what = "the same throughout"
         if what:
-            drop.append(j)
+            dropped[TORQUE, j] = True
             notes.append(f"the torque of {name} is {what} and left out")
-    if not drop:
-        return limb, notes
-    recordings = []
-    for recording in limb.recordings:
-        without = recording.measured.copy()
-        without[:, TORQUE, drop] = np.nan
-        recordings.append(replace(recording, measured=without))
-    return replace(limb, recordings=tuple(recordings)), notes
+    return (_without(limb, [dropped] * len(limb.recordings)) if notes else limb), notes

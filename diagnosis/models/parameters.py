@@ -7,6 +7,8 @@ take any size within its bounds.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 
 import numpy as np
 
@@ -85,11 +87,6 @@ class Parameter:
     nameable: bool = True
     """Whether it may be let free as an effect, instead of as a tolerance alone."""
 
-    @property
-    def either_sign(self) -> bool:
-        """Whether u may be negative as an effect."""
-        return self.kind.either_sign
-
     def is_kin(self, other: "Parameter") -> bool:
         """Whether both are of one family at one joint: one cause, and the shape of its law."""
         family = self.kind.family
@@ -99,11 +96,6 @@ class Parameter:
     def is_tilt(self) -> bool:
         """Whether it turns gravity for all joints at once."""
         return not issubclass(self.kind, NumberEffect)
-
-    @property
-    def below_zero(self) -> bool:
-        """Whether a healthy robot may have less than nominal of it."""
-        return self.either_sign or self.kind.coordinate == "logarithm"
 
 
 def parameters(
@@ -120,27 +112,23 @@ def parameters(
     some of them by joint and number; `everyday`: the share of the other tolerances that mechanisms
     of this origin have.
     """
-    found, seen = [], (ripples(evidence.limb), blocked(evidence.limb))
+    found, seen = list[Parameter](), (ripples(evidence.limb), blocked(evidence.limb))
     for name, kind in {**every_effect(), **catalogue, **TERMS}.items():
-        if kind.least is None:
-            continue
-        places = _places(kind)
         joints = range(len(evidence.joints)) if kind.per_joint else (None,)
-        for place in places:
-            for joint in joints:
-                where = "" if joint is None else evidence.joints[joint]
-                sure = (guesses or {}).get((where, c.COLUMNS[place]), uncertainty)
-                one = _parameter(name, kind, joint, place, evidence, sure, everyday)
-                if one is not None:
-                    shows = not (evidence.only_rests and place in c.MOVING)
-                    one = replace(one, nameable=name in catalogue and shows)
-                    found.append(_as_seen(one, evidence.limb, *seen))
-            own = [p for p in found if p.effect == name]
-            if kind.shared and len(evidence.joints) > 1 and own:
-                found.append(_shared(own))
-    if evidence.own_steps.any():
-        found.append(_OWN)
-    return tuple(found)
+        own = []
+        for place, joint in product(_places(kind), joints):
+            where = "" if joint is None else evidence.joints[joint]
+            sure = (guesses or {}).get((where, c.COLUMNS[place]), uncertainty)
+            one = _parameter(name, kind, joint, place, evidence, sure, everyday)
+            if one is not None:
+                shows = not (evidence.only_rests and place in c.MOVING)
+                one = replace(one, nameable=name in catalogue and shows)
+                own.append(_as_seen(one, evidence.limb, *seen))
+        found += own
+        if kind.shared and len(evidence.joints) > 1 and own:
+            least = max(one.least for one in own)
+            found.append(replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=least))
+    return (*found, _OWN) if evidence.own_steps.any() else tuple(found)
 
 
 def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]) -> Parameter:
@@ -177,6 +165,8 @@ _OWN = Parameter(
 
 
 def _places(kind: type[Effect]) -> tuple[int, ...]:
+    if kind.least is None:
+        return ()
     if not issubclass(kind, NumberEffect):
         return tuple(range(len(AXES)))
     return (c.COLUMNS.index(kind.number),) if kind.number in c.COLUMNS else ()
@@ -192,42 +182,28 @@ def _parameter(
     everyday: float,
 ) -> Parameter | None:
     assert kind.least is not None
+    about = partial(Parameter, effect=name, kind=kind, joint=joint, place=place)
     if joint is None:
-        return Parameter(
-            effect=name,
-            kind=kind,
-            joint=None,
-            place=place,
-            unit=1.0,
-            tolerance=kind.tolerance * everyday,
-            least=kind.least,
-            most=kind.most,
-        )
-    numbers = evidence.limb.nominal[joint]
-    value = numbers[place]
-    unused = evidence.limb.rigid and c.COLUMNS[place].startswith("drive.gear_")
+        most, own = kind.most, kind.tolerance * everyday
+        return about(unit=1.0, tolerance=own, least=kind.least, most=most)
+    limb, spec = evidence.limb, evidence.limb.spec
+    value, rigid = limb.nominal[joint, place], limb.rigid
+    unused = rigid and c.COLUMNS[place].startswith("drive.gear_")
     if kind.coordinate == "logarithm" and (value <= 0.0 or unused):
         return None
-    spec = evidence.limb.spec
     if kind.refusal(spec.hand.driven[joint], spec) is not None:
         return None
     unit = _unit(kind, joint, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
     own = kind.tolerance * everyday * angle
-    known = 0.0
-    if kind.nominal:
-        known = uncertainty * _relative(kind, value, unit, evidence.limb.rigid)
-    late = LATE_SHARE * evidence.limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
+    known = uncertainty * _relative(kind, value, unit, rigid) if kind.nominal else 0.0
+    late = LATE_SHARE * limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
     tolerance = max(float(np.hypot(own, known)), late)
-    return Parameter(
-        effect=name,
-        kind=kind,
-        joint=joint,
-        place=place,
+    return about(
         unit=unit,
         tolerance=tolerance,
         least=max(kind.least * angle, 2.0 * tolerance),
-        most=_most(kind, unit, evidence.limb.rigid) + _unasked(place, joint, evidence),
+        most=_most(kind, unit, rigid) + _unasked(place, joint, evidence),
     )
 
 
@@ -267,18 +243,14 @@ def _relative(kind: type[Effect], value: float, unit: float, rigid: bool) -> flo
     return value / unit
 
 
-def _shared(own: list[Parameter]) -> Parameter:
-    """The same effect on all joints at once: at least as large as any joint's least."""
-    return replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=max(p.least for p in own))
-
-
 def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, float]:
     """How far u may go: any size as an effect, else within `reach` standard deviations."""
     if freed:
-        return (-parameter.most if parameter.either_sign else 0.0), parameter.most
+        return (-parameter.most if parameter.kind.either_sign else 0.0), parameter.most
     spread = reach * parameter.tolerance
     high = parameter.centre + spread
-    return (parameter.centre - spread if parameter.below_zero else 0.0), max(high, 0.0)
+    below_zero = parameter.kind.either_sign or parameter.kind.coordinate == "logarithm"
+    return (parameter.centre - spread if below_zero else 0.0), max(high, 0.0)
 
 
 def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:

@@ -10,6 +10,7 @@ from diagnosis.evidence.evidence import Evidence
 from diagnosis.models.parameters import Parameter
 from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES
+from diagnosis.replay.dynamics import link_inertia
 
 FIRM = 0.4
 """A gear that a rigid drive gets is at most so stiff: k dt^2 over the inertia that it sees."""
@@ -22,11 +23,10 @@ POSITIVE = (c.COULOMB, c.VISCOUS, c.DELAY, c.PLAY)
 
 
 class World:
-    """What a limb shows with its parameters at u: `shown`, counted in `runs`."""
+    """What a limb shows with its parameters at u."""
 
-    def __init__(self, evidence: Evidence, parameters: Sequence[Parameter]) -> None:
+    def __init__(self, evidence: Evidence, parameters: Sequence[Parameter] = ()) -> None:
         self.evidence, self.parameters = evidence, tuple(parameters)
-        self.runs = 0
         self._remembered = lru_cache(REMEMBERED)(self._shown)
 
     def shown(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
@@ -43,7 +43,6 @@ class World:
 
     def blocks(self, u: Mapping[int, float], nudge: float = 0.0) -> Array:
         """What the sensors show, as block means (N, 3, K)."""
-        self.runs += 1
         shift = nudge * self.evidence.size
         return self.evidence.limb.simulate(*self.numbers(u), shift)
 
@@ -89,7 +88,6 @@ class World:
     def _reduced(self) -> Array:
         """Inertia that a gear's spring sees between rotor and link [kg m^2], shape (K,)."""
         limb = self.evidence.limb
-        mass = np.concatenate([one.model[0] for one in limb.along])[::50]
-        link = np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
+        link = link_inertia(np.concatenate([one.model[0] for one in limb.along])[::50])
         rotor = limb.nominal[:, c.ROTOR]
         return link * rotor / (link + rotor)

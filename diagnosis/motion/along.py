@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from backends.spec import Spec, Vec3
 from backends.state import Array
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import coefficients, dynamics
 
 STEP = 1e-5
 """Step of the numerical slopes of the bias torques [rad, rad/s]."""
@@ -26,8 +26,11 @@ def turned(gravity_m_s2: Vec3 | Array, tilt: Array) -> Array:
     return gravity
 
 
-Model = tuple[Array, Array, Array, Array]
-"""M (P, K, K) [kg m^2], h (P, K) [Nm], G = dh/dq and C = dh/dv (P, K, K) at P points."""
+Model = tuple[Array, Array, Array, Array, Array]
+"""M (P, K, K) [kg m^2], h (P, K) [Nm], G = dh/dq and C = dh/dv (P, K, K) at P points; and
+coefficients (5, 3, 5) where the model has a `closed_form`, which is then taken instead."""
+OPEN = np.zeros((0, 3, 5))
+"""Coefficients of no closed form."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -39,10 +42,12 @@ class Along:
     """q_m, shape (P, K)."""
     speed_rad_s: Array
     """v_m, shape (P, K)."""
+    closed: bool = False
+    """Whether the points are the poses that a closed form is of."""
 
     @cached_property
-    def model(self) -> Model:
-        """The model as the limb has it."""
+    def model(self) -> tuple[Array, Array, Array, Array]:
+        """The model as the limb has it, without coefficients."""
         q, v = self.angle_rad, self.speed_rad_s
         mass, bias = dynamics(self.spec, q, v)
         moves = STEP * np.eye(q.shape[1])
@@ -85,7 +90,7 @@ class Along:
         if tilt.any():
             gravity = np.array(self.spec.gravity_m_s2)
             h = h + np.tensordot(turned(gravity, tilt) - gravity, self.by_gravity, 1)
-        return m, h, dq, dv
+        return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
 
 
 def smoothed(position: Array, period_s: float) -> Array:

@@ -23,55 +23,54 @@ COLUMNS = (
 
 `two_masses`: 1 where rotor and link are coupled by a gear, 0 where they are one rigid body.
 """
-KP, KD = COLUMNS.index("drive.kp_nm_rad"), COLUMNS.index("drive.kd_nms_rad")
-LIMIT, ROTOR = COLUMNS.index("drive.torque_limit_nm"), COLUMNS.index("drive.rotor_inertia_kgm2")
-COULOMB, VISCOUS = COLUMNS.index("drive.coulomb_nm"), COLUMNS.index("drive.viscous_nms_rad")
-COGGING, PERIOD, PHASE = (
-    COLUMNS.index(f"drive.cogging_{name}") for name in ("nm", "period_rad", "phase_rad")
+
+
+def _at(part: str, *names: str) -> tuple[int, ...]:
+    return tuple(COLUMNS.index(f"{part}.{name}") for name in names)
+
+
+KP, KD, ROTOR, DEAD_ZONE = _at(
+    "drive", "kp_nm_rad", "kd_nms_rad", "rotor_inertia_kgm2", "dead_zone_rad"
 )
-FALL = COLUMNS.index("drive.limit_fall_nms_rad")
-FADE, WARM = COLUMNS.index("drive.thermal_fade"), COLUMNS.index("drive.thermal_s")
-SLIDING, BRISTLE = COLUMNS.index("drive.presliding_nm"), COLUMNS.index("drive.presliding_rad")
-STOP, FIRM = COLUMNS.index("drive.end_stop_rad"), COLUMNS.index("drive.end_stop_nm_rad")
-ONE_WAY = COLUMNS.index("drive.one_way_friction_nm")
-STICTION, LOAD = COLUMNS.index("drive.stiction_nm"), COLUMNS.index("drive.load_friction")
-PLAY, STIFFNESS = COLUMNS.index("drive.play_rad"), COLUMNS.index("drive.gear_stiffness_nm_rad")
-TEETH, LOCK = COLUMNS.index("drive.gear_damping_nms_rad"), COLUMNS.index("drive.lock_nm")
-DEAD_ZONE, DELAY = COLUMNS.index("drive.dead_zone_rad"), COLUMNS.index("command.delay_s")
-SLOWNESS = COLUMNS.index("command.slowness_s_rad")
-STEP = COLUMNS.index("command.resolution_rad")
-INTEGRAL, FULL = COLUMNS.index("loop.integral_hz"), COLUMNS.index("loop.integral_limit_nm")
-CASCADE = COLUMNS.index("loop.speed_integral_hz")
-FILTER, LEAD = COLUMNS.index("loop.filter_s"), COLUMNS.index("loop.lead")
-UNLIMITED = COLUMNS.index("loop.unlimited")
-PROFILE, LAG = COLUMNS.index("loop.profile_rad_s2"), COLUMNS.index("loop.lag_s")
-OPEN = COLUMNS.index("loop.open")
-BIAS, SCALE = COLUMNS.index("encoder.bias_rad"), COLUMNS.index("encoder.scale_error")
-LATE = COLUMNS.index("encoder.delay_s")
-ONCE = COLUMNS.index("encoder.eccentricity_rad")
-ACROSS = COLUMNS.index("encoder.eccentricity_sine_rad")
+LIMIT, FALL, FADE, WARM = _at(
+    "drive", "torque_limit_nm", "limit_fall_nms_rad", "thermal_fade", "thermal_s"
+)
+COULOMB, VISCOUS, STICTION, LOAD, ONE_WAY = _at(
+    "drive", "coulomb_nm", "viscous_nms_rad", "stiction_nm", "load_friction", "one_way_friction_nm"
+)
+COGGING, PERIOD, PHASE = _at("drive", "cogging_nm", "cogging_period_rad", "cogging_phase_rad")
+SLIDING, BRISTLE = _at("drive", "presliding_nm", "presliding_rad")
+STOP, FIRM = _at("drive", "end_stop_rad", "end_stop_nm_rad")
+PLAY, STIFFNESS, TEETH, LOCK = _at(
+    "drive", "play_rad", "gear_stiffness_nm_rad", "gear_damping_nms_rad", "lock_nm"
+)
+DELAY, SLOWNESS, STEP = _at("command", "delay_s", "slowness_s_rad", "resolution_rad")
+INTEGRAL, FULL, CASCADE = _at("loop", "integral_hz", "integral_limit_nm", "speed_integral_hz")
+FILTER, LAG, LEAD = _at("loop", "filter_s", "lag_s", "lead")
+UNLIMITED, PROFILE, OPEN = _at("loop", "unlimited", "profile_rad_s2", "open")
+BIAS, SCALE, LATE = _at("encoder", "bias_rad", "scale_error", "delay_s")
+ONCE, ACROSS = _at("encoder", "eccentricity_rad", "eccentricity_sine_rad")
+MASS, PAYLOAD, CARRIED = _at("body", "mass_kg", "payload", "carried")
+TWO_MASSES = COLUMNS.index("two_masses")
 MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 """Numbers that show only while a joint moves: at rest no sensor tells of them."""
 OWN_STEPS = len(COLUMNS)
 """Stands for no number of a joint: how far a log is of its model's own simulator, 0 to 1."""
-MASS, PAYLOAD = COLUMNS.index("body.mass_kg"), COLUMNS.index("body.payload")
-CARRIED, TWO_MASSES = COLUMNS.index("body.carried"), COLUMNS.index("two_masses")
 
 
 def table(spec: Spec, rigid: bool) -> Array:
     """The numbers of K joints, shape (K, len(COLUMNS)); `rigid`: without gears."""
-    rows = []
-    for body in spec.hand.driven:
-        homes = {
-            "drive": body.joint.drive,
-            "command": body.joint.command,
-            "encoder": body.joint.encoder,
-            "loop": body.joint.loop,
-            "body": body,
-        }
-        names = (column.split(".") for column in COLUMNS[:-1])
-        rows.append([float(getattr(homes[part], field)) for part, field in names])
+    names = [column.split(".") for column in COLUMNS[:-1]]
+    rows = [
+        [float(getattr(_part(body, part), field)) for part, field in names]
+        for body in spec.hand.driven
+    ]
     return np.column_stack([rows, np.full(len(rows), float(not rigid))])
+
+
+def _part(body: Body, name: str) -> Any:
+    """What has numbers of this part of a joint."""
+    return body if name == "body" else getattr(body.joint, name)
 
 
 def by_name(numbers: Array) -> dict[str, float]:
@@ -88,10 +87,9 @@ def with_numbers(
 
 
 def _changed(body: Body, numbers: Mapping[str, float]) -> Body:
-    parts: dict[str, dict[str, Any]] = {"body": {}}
     for name in numbers.keys() & set(COLUMNS[:-1]):
         part, field = name.split(".")
-        parts.setdefault(part, {})[field] = numbers[name]
-    own = parts.pop("body")
-    of_joint = {part: replace(getattr(body.joint, part), **some) for part, some in parts.items()}
-    return replace(body, joint=replace(body.joint, **of_joint), **own)
+        other = replace(_part(body, part), **{field: numbers[name]})
+        joint = body.joint
+        body = other if part == "body" else replace(body, joint=replace(joint, **{part: other}))
+    return body

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from backends.state import Array
-from diagnosis.motion.recordings import LEAST_SAMPLES, Recording
+from diagnosis.motion.recordings import LEAST_SAMPLES, Recording, stood_s
 
 SEARCHED_S, FITTED_S = 120.0, 1200.0
 """Joint-seconds that a search is made on, and that all is fitted to."""
@@ -56,14 +56,10 @@ def _pieces(recording: Recording, longest_s: float) -> Iterator[Recording]:
     for begin, end in zip(starts, [*starts[1:], len(recording.time_s)], strict=True):
         end = min(end, int(np.searchsorted(recording.time_s, recording.time_s[begin] + longest_s)))
         if end - begin >= LEAST_SAMPLES:
-            yield _piece(recording, begin, end)
-
-
-def _piece(recording: Recording, begin: int, end: int) -> Recording:
-    before = max(begin - max(3, (end - begin) // 200), 0)
-    read = recording.measured[before : begin + 1, 0]
-    start = recording.start if begin == 0 else np.nanmean(read, axis=0)
-    return replace(recording.part(begin, end), start=start)
+            before = max(begin - max(3, (end - begin) // 200), 0)
+            read = recording.measured[before : begin + 1, 0]
+            start = recording.start if begin == 0 else np.nanmean(read, axis=0)
+            yield replace(recording.part(begin, end), start=start)
 
 
 def _rests(recording: Recording) -> Array:
@@ -73,9 +69,7 @@ def _rests(recording: Recording) -> Array:
     moves = np.ptp(recording.command, axis=0) > 0.0
     still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
     asked = np.concatenate([recording.asked, recording.push], axis=1)
-    row = np.arange(len(asked))
-    fresh = np.append(True, np.any(np.diff(asked, axis=0) != 0.0, axis=1))
-    steady = row - np.maximum.accumulate(np.where(fresh, row, 0)) >= window
+    steady = stood_s(np.arange(len(asked)), asked) >= window
     size, known = window + 1, np.isfinite(position)
     trailing = {"size": size, "axis": 0, "origin": window // 2}
     top = maximum_filter1d(np.where(known, position, np.inf), **trailing)

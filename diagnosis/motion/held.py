@@ -1,19 +1,20 @@
 """Episodes with the stick in the hand, as geometry: where tips and stick are, sample by sample."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numba
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
-from backends.encoder import angles
 from backends.kinematics import tip_frames
 from backends.spec import Spec
 from backends.state import Array, State, quat_to_matrix
 from backends.touch import Skin, stick_shape, surface_distance
 from diagnosis.logs.log import Log
+from diagnosis.motion.columns import table
+from diagnosis.motion.limb import unread
 from diagnosis.motion.recordings import white_noise
 
 PROTOCOLS = ("grasp", "policy")
@@ -66,30 +67,22 @@ class Held:
 
     def every(self, rows: Array) -> "Held":
         """Some samples of it."""
-        moved = ("joint_rad", "stick", "command_rad", "push_nm", "pull_n", "torque_nm")
-        names = ("time_s", *moved, "touch")
-        kept = {k: getattr(self, k) for k in names}
-        some: dict[str, Any] = {k: None if v is None else v[rows] for k, v in kept.items()}
-        return replace(self, **some)
+        values = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{k: v[rows] for k, v in values.items() if isinstance(v, np.ndarray)})
 
 
 def held(log: Log, nominal: Spec, protocols: Sequence[str] = PROTOCOLS) -> list[Held]:
     """The episodes of a log in which the stick is held and its pose was logged."""
     if any(name not in log.joints for name in nominal.hand.joint_names):
         return []
-    parts = [
-        _held(log, nominal, meta.episode, meta.protocol, stick)
-        for meta in log.episodes
-        if meta.protocol in protocols and (stick := log.stick(meta.episode)) is not None
-    ]
-    kept = [_while_held(nominal, part) for part in parts]
+    kept = []
+    for meta in log.episodes:
+        stick = log.stick(meta.episode) if meta.protocol in protocols else None
+        if stick is not None:
+            part = _held(log, nominal, meta.episode, meta.protocol, stick)
+            lost = gaps_m(nominal, part).min(axis=1) > LOST_M
+            kept.append(part.every(np.arange(np.argmax(lost))) if lost.any() else part)
     return [part for part in kept if len(part.time_s) and part.time_s[-1] >= LEAST_S]
-
-
-def _while_held(nominal: Spec, part: Held) -> Held:
-    """An episode until the stick is lost."""
-    lost = gaps_m(nominal, part).min(axis=1) > LOST_M
-    return part.every(np.arange(np.argmax(lost))) if lost.any() else part
 
 
 def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
@@ -98,16 +91,12 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
     position, command, push, torque = (
         log.signal(kind, episode, names) for kind in ("position", "command", "push", "torque")
     )
-    encoders = [body.joint.encoder for body in nominal.hand.driven]
-    errors = [
-        (e.bias_rad, e.scale_error, e.eccentricity_rad, e.eccentricity_sine_rad) for e in encoders
-    ]
     same = log.fingers == tuple(tip.finger for tip in nominal.hand.fingertips)
     return Held(
         episode=episode,
         protocol=protocol,
         time_s=time_s - time_s[0],
-        joint_rad=angles(position, *np.array(errors).T),
+        joint_rad=unread(position, table(nominal, rigid=True)),
         stick=stick,
         command_rad=command,
         push_nm=np.nan_to_num(push),
@@ -124,15 +113,9 @@ def pressed_m(spec: Spec, part: Held) -> Array:
     """
     count, tips = len(part.time_s), len(spec.hand.fingertips)
     reach_m = spec.hand.taxels.reach_m + AWAY_M
-    taxels = replace(
-        spec.hand.taxels,
-        reach_m=reach_m,
-        drift_m_s=0.0,
-        dead_share=0.0,
-        halo_m=0.0,
-        gain_spread=0.0,
-        hysteresis=0.0,
-    )
+    faults = "drift_m_s", "dead_share", "halo_m", "gain_spread", "hysteresis"
+    none: dict[str, Any] = dict.fromkeys(faults, 0.0)
+    taxels = replace(spec.hand.taxels, reach_m=reach_m, **none)
     bare = replace(spec, hand=replace(spec.hand, taxels=taxels))
     state = State.allocate(count, len(spec.hand.joint_names), tips)
     state.joint_rad[:] = part.joint_rad

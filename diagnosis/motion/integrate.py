@@ -22,7 +22,8 @@ import numpy as np
 
 from backends.drive import cogged, remembered, rubbing
 from diagnosis.motion import columns as c
-from diagnosis.replay.closed import closed_form
+from diagnosis.motion.columns import ACROSS, BIAS, LATE, ONCE, SCALE
+from diagnosis.replay.dynamics import closed_form
 
 SWEEPS = 3
 """Iterations of dry friction over coupled joints."""
@@ -104,31 +105,13 @@ def _invert(a):
 
 @numba.njit(cache=True, error_model="numpy")
 def integrate(
-    dt,
-    stride,
-    q_m,
-    v_m,
-    mass,
-    bias,
-    dq,
-    dv,
-    closed,
-    command,
-    given,
-    push,
-    row,
-    start,
-    p,
-    ends,
-    implicit,
-    out,
+    dt, stride, q_m, v_m, model, command, given, push, row, start, p, ends, implicit, out
 ):
     """Write joint, motor and PD torque of K joints into `out` (n + 1, 3, K).
 
     At the start, where two masses have no torque yet, as in an engine, and after every tick.
 
-    Points q_m, v_m (P, K), one every `stride` ticks, with M (P, K, K), h (P, K), G and C (P, K, K),
-    or in their place the coefficients of `closed_form` (5, 3, 5), else (0, 3, 5); commands and
+    Points q_m, v_m (P, K), one every `stride` ticks, with their `Along.changed` model; commands and
     pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2): the target's
     speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (2, K): positions and
     speeds; numbers p (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2).
@@ -137,6 +120,7 @@ def integrate(
 
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
+    mass, bias, dq, dv, closed = model
     joints, exact = start.shape[1], len(closed) > 0
     q, v, motor, speed = start[0].copy(), start[1].copy(), start[0].copy(), start[1].copy()
     if exact:
@@ -197,9 +181,8 @@ def integrate(
             cog = cogged(motor[j], p[j, c.COGGING], p[j, c.PERIOD], p[j, c.PHASE])
             if p[j, c.FADE] > 0.0 or p[j, c.SLIDING] > 0.0:
                 law = p[j, c.LIMIT], p[j, c.FADE], p[j, c.WARM], p[j, c.SLIDING], p[j, c.BRISTLE]
-                more, heat[j], bend[j] = remembered(
-                    speed[j], last_pd[j], dt, *law, heat[j], bend[j]
-                )
+                memory = last_pd[j], dt, *law, heat[j], bend[j]
+                more, heat[j], bend[j] = remembered(speed[j], *memory)
                 cog, last_pd[j] = cog + more, pd
             rub[j] = p[j, c.COULOMB] + rubbing(speed[j], p[j, c.STICTION])
             loss = share[j] * quick[j] * p[j, c.KD] * (p[j, c.UNLIMITED] if at_limit else 1.0)
@@ -209,18 +192,8 @@ def integrate(
                 gear[j] = _gear(gap, slip, p[j, c.PLAY], p[j, c.STIFFNESS], p[j, c.TEETH])
                 most = rub[j] + p[j, c.LOAD] * abs(gear[j])
                 loss = loss if implicit else 0.0
-                own = (
-                    pd,
-                    cog,
-                    gear[j],
-                    p[j, c.VISCOUS],
-                    most,
-                    p[j, c.ONE_WAY],
-                    p[j, c.LOCK],
-                    r,
-                    loss,
-                )
-                speed[j] = _turned(speed[j], *own)
+                drag = p[j, c.VISCOUS], most, p[j, c.ONE_WAY], p[j, c.LOCK]
+                speed[j] = _turned(speed[j], pd, cog, gear[j], *drag, r, loss)
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
             else:
@@ -244,7 +217,7 @@ def integrate(
         rubs = False
         for j in range(joints):
             force[j] += push[k, j] - bias[i, j] - pressed[j]
-            for n in range(joints):
+            for n in range(0 if exact else joints):
                 force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
             rubs |= rub[j] > 0.0 or (p[j, c.ONE_WAY] != 0.0 and p[j, c.TWO_MASSES] == 0.0)
         for j in range(joints):
@@ -287,3 +260,36 @@ def integrate(
             if not abs(q[j]) + abs(motor[j]) < FAR_RAD:
                 return False
     return True
+
+
+@numba.njit(cache=True, error_model="numpy")
+def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
+    """Write means of what K joints show over blocks of samples into `shown` (B, 3, K).
+
+    `ticks` (n + 1, 3, K): joint, motor and torque at the start and after every tick; `at` (T,): how
+    many ticks every sample is after, broken; `edges` (B + 1,): first samples of the blocks;
+    `at_motor` (K,): the side of the gear with the position sensor; `ahead`: ticks after its sample
+    that a torque is read.
+    """
+    last = len(ticks) - 1
+    for b in range(len(edges) - 1):
+        count = edges[b + 1] - edges[b]
+        for j in range(ticks.shape[2]):
+            side = 1 if at_motor[j] else 0
+            angle = motor = torque = once = 0.0
+            for k in range(edges[b], edges[b + 1]):
+                now = min(int(np.round(at[k])), last)
+                motor += ticks[now, 1, j]
+                torque += ticks[min(now + ahead, last), 2, j]
+                if p[j, LATE] > 0.0:
+                    then = min(max(at[k] - p[j, LATE] / dt, 0.0), float(last))
+                    low = min(int(then), last - 1)
+                    share = then - low
+                    seen = ticks[low, side, j] * (1.0 - share) + ticks[low + 1, side, j] * share
+                else:
+                    seen = ticks[now, side, j]
+                angle += seen
+                if p[j, ONCE] != 0.0 or p[j, ACROSS] != 0.0:
+                    once += p[j, ONCE] * np.cos(seen) + p[j, ACROSS] * np.sin(seen)
+            shown[b, 0, j] = (1.0 + p[j, SCALE]) * angle / count + p[j, BIAS] + once / count
+            shown[b, 1, j], shown[b, 2, j] = motor / count, torque / count

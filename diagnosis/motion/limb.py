@@ -1,6 +1,6 @@
 """One limb's log beside its model: what its sensors would show, for any numbers of its joints."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,12 +14,10 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion import columns as c
-from diagnosis.motion.along import AXES, Along, smoothed
-from diagnosis.motion.integrate import integrate
+from diagnosis.motion.along import AXES, Along, Model, smoothed
+from diagnosis.motion.integrate import integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
-from diagnosis.motion.sense import sense
-from diagnosis.replay.closed import POSES, coefficients, is_closed
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import POSES, dynamics, is_closed, link_inertia
 
 POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
@@ -32,6 +30,8 @@ TICKS = 10
 TRACKED_RAD_S = 20.0
 """A joint under torque alone drifts from any model: in a replay a spring and a critical damper hold
 it to the measured motion, with this natural frequency, as a soft servo would."""
+MOST_TICKS = 4e7
+"""More take an episode too long."""
 STABLE, FINE = 1.0, 0.05
 """A step is short enough where kp dt^2 is at most so many times the rotor's inertia, which a gear
 may have to be put behind, and this share of all that the drive moves."""
@@ -84,7 +84,7 @@ class Limb:
         """The least inertia of each joint's links at starts of episodes [kg m^2], shape (K,)."""
         starts = np.array([r.start for r in self.recordings])
         mass, _ = dynamics(self.spec, starts, np.zeros_like(starts))
-        return np.array([1.0 / np.diag(np.linalg.inv(m)) for m in mass]).min(axis=0)
+        return link_inertia(mass)
 
     @cached_property
     def open(self) -> Array:
@@ -134,10 +134,9 @@ class Limb:
         pairs = zip(self.recordings, self.edges, strict=True)
         return tuple(r.time_s[edges[:-1]] for r, edges in pairs)
 
-    @cached_property
-    def _ends(self) -> list[int]:
-        """Joints whose links carry no other driven one."""
-        return [self.spec.hand.driven.index(body) for body in self.spec.hand.ends]
+    def by_episode(self, blocks: Array) -> list[Array]:
+        """Rows of all blocks (N, ...), of each episode."""
+        return np.split(blocks, np.cumsum([len(edges) - 1 for edges in self.edges])[:-1])
 
     @cached_property
     def closed(self) -> bool:
@@ -150,11 +149,10 @@ class Limb:
         found = []
         if self.closed:
             q = np.ascontiguousarray(POSES[:, : len(self.joints)])
-            poses = Along(spec=self.spec, angle_rad=q, speed_rad_s=0.0 * q)
+            poses = Along(spec=self.spec, angle_rad=q, speed_rad_s=0.0 * q, closed=True)
             return (poses,) * len(self.recordings)
-        for number in range(len(self.recordings)):
-            count = len(self._ticks[number].row) // self.stride + 1
-            q, v = self._moved(number, self.nominal, count)
+        for number, (row, _) in enumerate(self._ticks):
+            q, v = self._moved(number, self.nominal, len(row) // self.stride + 1)
             found.append(Along(spec=self.spec, angle_rad=q, speed_rad_s=v))
         return tuple(found)
 
@@ -172,16 +170,8 @@ class Limb:
         return tuple(smoothed(_filled(r), self.period_s) for r in self.recordings)
 
     @cached_property
-    def _ticks(self) -> "tuple[_Ticks, ...]":
-        return tuple(_Ticks.of(recording, self.dt) for recording in self.recordings)
-
-    @cached_property
-    def _at_motor(self) -> Array:
-        return np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
-
-    @cached_property
-    def _ranges(self) -> Array:
-        return np.array([body.joint.range_rad for body in self.spec.hand.driven])
+    def _ticks(self) -> tuple[tuple[Array, Array], ...]:
+        return tuple(_ticks(recording, self.dt) for recording in self.recordings)
 
     def held(self, recording: Recording) -> tuple[Array, Array, Array] | None:
         """The motion (T, K) that open loops are held to, by which stiffness and damping (K,)."""
@@ -191,15 +181,11 @@ class Limb:
         still = smoothed(_filled(recording), self.period_s)
         return unread(still, self.nominal), stiffness, damping
 
-    def commanded(self, commands: Sequence[Array]) -> "Limb":
-        """The same limb and motion with other targets, (T, K) by episode."""
-        pairs = zip(self.recordings, commands, strict=True)
-        return self._alike(recordings=tuple(replace(r, command=own) for r, own in pairs))
-
-    def pushed(self, pushes: Sequence[Array]) -> "Limb":
-        """The same limb and motion with other pushes, (T, K) by episode."""
-        pairs = zip(self.recordings, pushes, strict=True)
-        return self._alike(recordings=tuple(replace(r, push=p) for r, p in pairs))
+    def with_signals(self, **signals: Sequence[Array]) -> "Limb":
+        """The same limb and motion with other signals by episode: `command` or `push` (T, K)."""
+        each = (dict(zip(signals, own, strict=True)) for own in zip(*signals.values(), strict=True))
+        pairs = zip(self.recordings, each, strict=True)
+        return self._alike(recordings=tuple(replace(r, **own) for r, own in pairs))
 
     def with_torque_from(self, torque_from: bool) -> "Limb":
         """The same limb and motion, see `torque_from`."""
@@ -207,87 +193,89 @@ class Limb:
 
     def with_steps(self, joint: int, step: float) -> "Limb":
         """The same limb and motion, a joint's targets rounded to a step on their way."""
-        numbers = {self.joints[joint]: {c.COLUMNS[c.STEP]: step}}
-        other = self._alike(spec=c.with_numbers(self.spec, numbers))
-        other.__dict__["nominal"] = c.table(other.spec, self.rigid)
-        return other
+        spec = c.with_numbers(self.spec, {self.joints[joint]: {c.COLUMNS[c.STEP]: step}})
+        return self._alike({"nominal": c.table(spec, self.rigid)}, spec=spec)
 
     def in_half_steps(self) -> "Limb":
         """The same limb and motion, replayed in steps of half the length."""
-        other = replace(self)
-        given = {"dt": self.dt / 2, "stride": 2 * self.stride, "along": self.along}
-        other.__dict__.update(given)
-        return other
+        dt = self.dt / 2
+        ticks = tuple(_ticks(recording, dt) for recording in self.recordings)
+        return self._alike({"dt": dt, "stride": 2 * self.stride, "_ticks": ticks})
 
-    def _alike(self, **changes: Any) -> "Limb":
+    def _alike(self, known: Mapping[str, Any] | None = None, **changes: Any) -> "Limb":
+        """With other fields; what follows from the motion stays, but for what is `known`."""
         other = replace(self, **changes)
-        for name in ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks"):
-            other.__dict__[name] = getattr(self, name)
+        kept = ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks")
+        other.__dict__.update({name: getattr(self, name) for name in kept} | dict(known or {}))
         return other
 
     def simulate(
-        self, numbers: Array, tilt: Array | None = None, shift: Array | float = 0.0
+        self,
+        numbers: Array,
+        tilt: Array | None = None,
+        shift: Array | float = 0.0,
+        edges: Sequence[Array] | None = None,
     ) -> Array:
-        """What the sensors show, as block means (N, 3, K); NaN throughout where it diverges.
+        """What the sensors show, as block means (N, 3, K); NaN in episodes that diverge.
 
         `numbers` (K, len(COLUMNS)) of the joints; `tilt` (2,) of gravity about `AXES` and
-        `shift` (K,) of the starts [rad].
+        `shift` (K,) of the starts [rad]; `edges` of other blocks, see `every_sample`.
         """
-        episodes = enumerate(self.edges)
-        return np.concatenate([self.readings(n, e, numbers, tilt, shift) for n, e in episodes])
+        numbers, found = np.ascontiguousarray(numbers), []
+        at_motor = np.array([body.joint.sensor == "motor" for body in self.spec.hand.driven])
+        replays = zip(
+            self.ticks(numbers, tilt, shift), self._ticks, edges or self.edges, strict=True
+        )
+        for ticks, (_, at), ends in replays:
+            shown = np.full((len(ends) - 1, len(CHANNELS), len(self.joints)), np.nan)
+            if ticks is not None:
+                given = at_motor, int(self.torque_from), numbers, self.dt
+                sense(ticks, at, ends, *given, shown)
+            found.append(shown)
+        return np.concatenate(found)
 
-    def samples(self, number: int, numbers: Array, tilt: Array | None = None) -> Array:
-        """See `simulate`: of one episode, sample by sample (T, 3, K)."""
-        edges = np.arange(len(self.recordings[number].time_s) + 1)
-        return self.readings(number, edges, numbers, tilt)
-
-    def readings(
-        self,
-        number: int,
-        edges: Array,
-        numbers: Array,
-        tilt: Array | None = None,
-        shift: Array | float = 0.0,
-    ) -> Array:
-        """See `simulate`: of one episode, as means of samples between edges (B + 1,)."""
-        numbers = np.ascontiguousarray(numbers)
-        ticks = self.ticks(number, numbers, tilt, shift)
-        shown = np.full((len(edges) - 1, len(CHANNELS), len(self.joints)), np.nan)
-        if ticks is not None:
-            at = self._ticks[number].at
-            given = self._at_motor, int(self.torque_from), numbers, self.dt
-            sense(ticks, at, edges, *given, shown)
-        return shown
+    @property
+    def every_sample(self) -> list[Array]:
+        """Edges of blocks of a single sample, by episode."""
+        return [np.arange(len(recording.time_s) + 1) for recording in self.recordings]
 
     def ticks(
-        self,
-        number: int,
-        numbers: Array,
-        tilt: Array | None = None,
-        shift: Array | float = 0.0,
-    ) -> Array | None:
-        """Joints, motors and torques of an episode as `integrate` has them; None: diverged."""
-        recording, path, clock = self.recordings[number], self.along[number], self._ticks[number]
-        mass = self.nominal[:, c.MASS]
+        self, numbers: Array, tilt: Array | None = None, shift: Array | float = 0.0
+    ) -> Iterator[Array | None]:
+        """Joints, motors and torques as `integrate` has them, by episode; None: it diverged."""
+        hand, mass = self.spec.hand, self.nominal[:, c.MASS]
+        last = [hand.driven.index(body) for body in hand.ends]
         heavier = np.where(mass > 0.0, numbers[:, c.MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
         payload, carried = (numbers - self.nominal)[:, [c.PAYLOAD, c.CARRIED]].T
-        load = np.concatenate([heavier, payload[self._ends], carried])
-        m, h, dq, dv = path.changed(load, np.zeros(len(AXES)) if tilt is None else tilt)
-        sent = rounded(recording.command, numbers[:, c.STEP])
-        asked = sent, recording.given, recording.push, clock.row
-        start = np.stack([unread(recording.start, numbers) + shift, np.zeros(len(numbers))])
-        if self.open.any():
-            q, v = self._moved(number, numbers, len(path.angle_rad))
-            stiffness, damping = np.where(self.open, self.servo, 0.0)
-            h = h + stiffness * (path.angle_rad - q) + damping * (path.speed_rad_s - v)
-            dq, dv = dq + np.diag(stiffness), dv + np.diag(damping)
-            start[1] = np.where(self.open, v[0], 0.0)
-        out = np.empty((len(clock.row) + 1, len(CHANNELS), len(self.joints)))
-        closed = coefficients(m, h) if self.closed else np.zeros((0, 3, 5))
-        motion = path.angle_rad, path.speed_rad_s, m, h, dq, dv, closed
-        ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], self._ranges)
-        given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
-        return out if integrate(*given, out) else None
+        load = np.concatenate([heavier, payload[last], carried])
+        tilt = np.zeros(len(AXES)) if tilt is None else tilt
+        models = {path: path.changed(load, tilt) for path in dict.fromkeys(self.along)}
+        starts = np.zeros((len(self.recordings), 2, len(numbers)))
+        starts[:, 0] = unread(np.array([r.start for r in self.recordings]), numbers) + shift
+        ranges = np.array([body.joint.range_rad for body in hand.driven])
+        ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], ranges)
+        episodes = enumerate(zip(self.recordings, self.along, self._ticks, starts, strict=True))
+        for number, (recording, path, (row, _), start) in episodes:
+            model = models[path]
+            if self.open.any():
+                model, start[1] = self._tracked(number, numbers, path, model)
+            motion = path.angle_rad, path.speed_rad_s, model
+            sent = rounded(recording.command, numbers[:, c.STEP])
+            asked = sent, recording.given, recording.push, row
+            out = np.empty((len(row) + 1, len(CHANNELS), len(self.joints)))
+            given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
+            yield out if integrate(*given, out) else None
+
+    def _tracked(
+        self, number: int, numbers: Array, path: Along, model: Model
+    ) -> tuple[Model, Array]:
+        """A model in which open loops are held to an episode's motion, and how fast it begins."""
+        m, h, dq, dv, closed = model
+        q, v = self._moved(number, numbers, len(path.angle_rad))
+        stiffness, damping = np.where(self.open, self.servo, 0.0)
+        h = h + stiffness * (path.angle_rad - q) + damping * (path.speed_rad_s - v)
+        held = m, h, dq + np.diag(stiffness), dv + np.diag(damping), closed
+        return held, np.where(self.open, v[0], 0.0)
 
 
 def _filled(recording: Recording) -> Array:
@@ -311,19 +299,10 @@ def block_means(samples: Array, edges: Array) -> Array:
     return np.add.reduceat(samples, edges[:-1], axis=0) / counts
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class _Ticks:
-    """How an episode's samples lie among the ticks of a replay."""
-
-    row: Array
-    """The sample that acts at every tick, shape (n,)."""
-    at: Array
-    """After how many ticks every sample is taken, broken, shape (T,)."""
-
-    @classmethod
-    def of(cls, recording: Recording, dt: float) -> "_Ticks":
-        first = np.round(recording.time_s / dt).astype(np.int64)
-        if first[-1] > 4e7:
-            raise LogError(f"an episode lasts {recording.time_s[-1]:.0f} s; split it")
-        row = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
-        return cls(row=row, at=recording.time_s / dt)
+def _ticks(recording: Recording, dt: float) -> tuple[Array, Array]:
+    """The sample that acts at every tick (n,), and the broken tick of every sample (T,)."""
+    first = np.round(recording.time_s / dt).astype(np.int64)
+    if first[-1] > MOST_TICKS:
+        raise LogError(f"an episode lasts {recording.time_s[-1]:.0f} s; split it")
+    row = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
+    return row, recording.time_s / dt

@@ -87,6 +87,5 @@ def _moved(limb: Limb, joint: int, torque: Array) -> Array:
         2.0 * (stiffness - inertia * s**2),
         inertia * s**2 - damping * s + stiffness,
     ]
-    ends = np.cumsum([len(one) for one in limb.time_s])[:-1]
-    parts = np.split(torque, ends, axis=-2)
+    parts = np.split(torque, np.cumsum(list(map(len, limb.time_s)))[:-1], axis=-2)
     return np.concatenate([lfilter([1.0, 2.0, 1.0], low, x, axis=-2) for x in parts], axis=-2)

@@ -75,7 +75,7 @@ def arrived(limb: Limb, lost: Losses) -> Limb:
         columns = list(lost.joints)
         command[:, columns] = command[latest][:, columns]
         commands.append(command)
-    return limb.commanded(commands)
+    return limb.with_signals(command=commands)
 
 
 def _decoded(

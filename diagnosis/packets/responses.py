@@ -59,7 +59,7 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
         shown = []
         for j in range(joints):
             nudge = NUDGE_RAD * evidence.size[j]
-            moved = limb.commanded(_nudged(limb, nudged, begins, j, nudge))
+            moved = limb.with_signals(command=_nudged(limb, nudged, begins, j, nudge))
             shown.append((moved.simulate(numbers, tilt) - base) / nudge / evidence.floor)
         mine = row % per_block == offset
         middle = (nudged[1:] + nudged[:-1]) / 2

@@ -59,7 +59,9 @@ def apart(part: Spec, motion: Recording, position: Array, rigid: bool = False) -
     measured[:, 0] = position
     about = dataclasses.replace(motion, measured=measured, start=position[0])
     limb = Limb(spec=part, recordings=(about,), rigid=rigid)
-    return float(np.abs(limb.samples(0, limb.nominal)[:, 0] - position).max())
+    return float(
+        np.abs(limb.simulate(limb.nominal, edges=limb.every_sample)[:, 0] - position).max()
+    )
 
 
 def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tuple[float, ...]:

@@ -14,7 +14,6 @@ from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError
 from diagnosis.models.parameters import parameters
-from diagnosis.models.world import World
 from diagnosis.motion.columns import DELAY
 from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.limb import Limb
@@ -66,7 +65,7 @@ def _is_late(log: Log, settled: bool = False) -> bool:
         sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
         left, delay_rows = _left(limb, settled)
         as_is, delays = as_is + left, np.append(delays, delay_rows)
-        earlier += _left(limb.commanded(sent), settled)[0] if as_is > 0.0 else 0.0
+        earlier += _left(limb.with_signals(command=sent), settled)[0] if as_is > 0.0 else 0.0
     return earlier < NEARER * as_is and bool(delays.mean() <= MOST_ROWS)
 
 
@@ -76,6 +75,6 @@ def _left(limb: Limb, settled: bool) -> tuple[float, Array]:
     The squared gap beyond one floor; delays in rows.
     """
     said = evidence(limb)
-    fitter = Fitter(World(said, parameters(catalogue(), said, FREE, 1.0)))
+    fitter = Fitter(said, parameters(catalogue(), said, FREE, 1.0))
     fit = fitter.settled() if settled else fitter.fit()
-    return fit.excess, fitter.world.numbers(fit.u)[0][:, DELAY] / limb.period_s
+    return fit.excess, fitter.numbers(fit.u)[0][:, DELAY] / limb.period_s

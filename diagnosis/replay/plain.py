@@ -10,7 +10,7 @@ from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, Log, LogError
-from diagnosis.motion.columns import COLUMNS, KD, KP, LEAD, OPEN, table
+from diagnosis.motion.columns import KD, KP, LEAD, OPEN, by_name, table
 from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
@@ -165,14 +165,10 @@ def _given_alone(body: Body) -> Loop:
 
 def beside(world: Spec) -> dict[str, dict[str, float]]:
     """What a world has of `BESIDE`, by joint."""
-    rows = dict(zip(world.hand.joint_names, table(world, True), strict=True))
+    rows = zip(world.hand.joint_names, map(by_name, table(world, True)), strict=True)
     found = {
-        joint: {
-            name: float(row[COLUMNS.index(number)])
-            for number, (name, _, _) in BESIDE.items()
-            if row[COLUMNS.index(number)]
-        }
-        for joint, row in rows.items()
+        joint: {name: row[number] for number, (name, _, _) in BESIDE.items() if row[number]}
+        for joint, row in rows
     }
     return {joint: own for joint, own in found.items() if own}
 

@@ -33,18 +33,10 @@ IN_LOG, NOWHERE = "log.yaml", "unknown"
 
 @dataclass(frozen=True, kw_only=True)
 class KnownDrive:
-    """The drive of one joint; of a slide read m for rad, N for Nm."""
+    """The drive of one joint."""
 
-    kp: float
-    """Proportional gain [Nm/rad]."""
-    kd: float
-    """Derivative gain [Nms/rad]."""
-    limit: float | None
-    """Largest torque [Nm]; None: unknown."""
-    armature: float | None
-    """Inertia on the motor's side [kg m^2]; None: unknown."""
-    more: DriveSettings
-    """What log.yaml says of it."""
+    drive: DriveSettings
+    """What log.yaml says of it, else the file; the limit and the armature may be unknown."""
     origins: dict[str, str]
     """Where each of `NUMBERS` comes from: a file, or `NOWHERE`."""
     differing: tuple[str, ...]
@@ -97,18 +89,16 @@ def servos(log: Log) -> dict[str, DriveSettings]:
 
     Raises LogError.
     """
-    return {
-        name: one.more.model_copy(
-            update={
-                "kp": one.kp,
-                "limit": one.limit or _ample(log, name, one),
-                "armature": one.armature,
-                "kd": one.kd + one.more.back_emf,
-                "lead": _lead(log, name, one.more.lead),
-            }
-        )
-        for name, one in known_drives(log).items()
-    }
+    found = {}
+    for name, one in known_drives(log).items():
+        drive, lead = one.drive, one.drive.lead
+        numbers = {
+            "limit": drive.limit or _ample(log, name, drive),
+            "kd": (drive.kd or 0.0) + drive.back_emf,
+            "lead": float(log.has("reference", name)) if lead is None else lead,
+        }
+        found[name] = drive.model_copy(update=numbers)
+    return found
 
 
 def uncertainties(log: Log) -> dict[tuple[str, str], float]:
@@ -117,9 +107,9 @@ def uncertainties(log: Log) -> dict[tuple[str, str], float]:
         return {}
     found = {}
     for name, one in known_drives(log).items():
-        if one.armature is None:
+        if one.drive.armature is None:
             found[name, COLUMNS["armature"]] = GUESS_SD
-        said = one.more.uncertainty.items()
+        said = one.drive.uncertainty.items()
         found |= {(name, UNSURE[number]): size for number, size in said}
     return found
 
@@ -130,7 +120,7 @@ def contradictions(log: Log) -> Iterator[str]:
     for name, one in drives.items():
         for text in one.differing:
             yield f"{name}: {text}; log.yaml counts"
-    unknown = [name for name, one in drives.items() if one.armature is None]
+    unknown = [name for name, one in drives.items() if one.drive.armature is None]
     if unknown:
         yield (
             f"the inertia of the motors of {', '.join(unknown)} is unknown, and left free: if you "
@@ -153,15 +143,8 @@ def _known(settings: MjcfMechanism, name: str, file: Any, has_reference: bool) -
             differing.append(f"{number} is {there:g} in {settings.mjcf} and {here:g} in log.yaml")
     if numbers["kp"] is None:
         return None
-    return KnownDrive(
-        kp=numbers["kp"],
-        kd=numbers["kd"] or 0.0,
-        limit=numbers["limit"],
-        armature=numbers["armature"],
-        more=said,
-        origins=origins,
-        differing=tuple(differing),
-    )
+    drive = said.model_copy(update=numbers | {"kd": numbers["kd"] or 0.0})
+    return KnownDrive(drive=drive, origins=origins, differing=tuple(differing))
 
 
 def _require_joints(log: Log, file: str, known: Sequence[str]) -> None:
@@ -178,17 +161,12 @@ def _require_joints(log: Log, file: str, known: Sequence[str]) -> None:
     )
 
 
-def _lead(log: Log, joint: str, said: float | None) -> float:
-    """The share of the target's speed that a drive follows, see `DriveSettings.lead`."""
-    return float(log.has("reference", joint)) if said is None else said
-
-
-def _ample(log: Log, joint: str, drive: KnownDrive) -> float:
+def _ample(log: Log, joint: str, drive: DriveSettings) -> float:
     """A limit that the log never reaches; at least 1e-6 Nm."""
     error = log.samples[log.column("command", joint)] - log.samples[log.column("position", joint)]
-    most = 0.0 if drive.more.open_loop else drive.kp * float(np.abs(error).max())
-    gain = drive.kp if drive.more.open_loop else 1.0
-    for kind, by in (("feedforward", gain), ("reference", drive.kd)):
+    kp, by_error = drive.kp or 0.0, float(np.abs(error).max())
+    most, gain = (0.0, kp) if drive.open_loop else (kp * by_error, 1.0)
+    for kind, by in (("feedforward", gain), ("reference", drive.kd or 0.0)):
         if log.has(kind, joint):
             most += by * float(np.abs(log.samples[log.column(kind, joint)]).max())
     return max(FREE_LIMIT * most, 1e-6)

@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.evidence import Evidence
-from diagnosis.evidence.gap import squared_gaps
+from diagnosis.evidence.evidence import Evidence, squared_gaps
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
 from diagnosis.search.fit import Fit, Fitter
@@ -37,7 +36,7 @@ def with_prediction_spread(fitter: Fitter, fit: Fit, ordinary: Ordinary) -> Fit:
     """The fit of causes that leave more than is ordinary, in what its world itself can predict."""
     if not fit.freed or fit.worst <= ordinary.floors:
         return fit
-    residual = fit.residual / np.sqrt(1.0 + prediction_spread(fitter.world, fit.u))
+    residual = fit.residual / np.sqrt(1.0 + prediction_spread(fitter, fit.u))
     return replace(fit, gap2=squared_gaps(fitter.evidence, residual))
 
 

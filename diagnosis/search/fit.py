@@ -12,12 +12,11 @@ from functools import cached_property
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.gap import excess, root_weights, squared_gaps
+from diagnosis.evidence.evidence import excess, root_weights, squared_gaps
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
 from diagnosis.motion.limb import Limb
-from diagnosis.search.problem import Problem
-from diagnosis.search.quadratic import lowest
+from diagnosis.search.problem import Problem, lowest
 from diagnosis.verdict.ordinary import Ordinary
 
 STEPS, AGAIN = 7, 2
@@ -105,17 +104,14 @@ class Usual:
         return replace(fit, strain2=self.floors**2 * max(self.off(fit), 0.0) / USUAL)
 
 
-class Fitter:
-    """Fits of one limb's world."""
+class Fitter(World):
+    """A limb's world, and its fits."""
 
-    def __init__(self, world: World) -> None:
-        self.world, self.evidence, self.parameters = world, world.evidence, world.parameters
-        self.done_share = DONE_EXACT if world.evidence.limb.exact else DONE_SHARE
-        self.usual: Usual | None = None
+    usual: Usual | None = None
 
     def of(self, limb: Limb) -> "Fitter":
         """The same fits of the limb under other commands."""
-        return Fitter(World(replace(self.evidence, limb=limb), self.parameters))
+        return Fitter(replace(self.evidence, limb=limb), self.parameters)
 
     def strained(self, fit: Fit, ordinary: Ordinary) -> Fit:
         """A fit of the tolerances alone: where they are unusual together, that counts from now on.
@@ -127,31 +123,24 @@ class Fitter:
         held = {k: self.parameters[k].tolerance for k in fit.sd}
         usual = Usual.of(fit, held, ordinary.floors)
         self.usual = usual if usual.off(fit) > USUAL else None
-        return self._judged(fit)
-
-    def _judged(self, fit: Fit) -> Fit:
         return self.usual.on(fit) if self.usual else fit
 
     def fit(
         self,
         freed: Sequence[int] = (),
-        start: Mapping[int, float] | None = None,
-        near: Mapping[int, float] | None = None,
-        joints: Iterable[int] | None = None,
+        u: Mapping[int, float] | None = None,
+        moving: Collection[int] | None = None,
         slopes: Mapping[int, Array] | None = None,
         steps: int = STEPS,
         beat: float = np.inf,
         again: bool = True,
-        only: Collection[int] | None = None,
     ) -> Fit:
-        """All tolerances and the freed effects, from `start` and from where `near` has the others.
+        """All tolerances and the freed effects, or those of them that are `moving`, from u.
 
-        `joints`: only their tolerances move; `only`: those with these numbers. `slopes`: of
-        tolerances, as taken nearby; `again`: whether they are computed again on the way.
-        A fit that then leaves far more than the excess `beat` ends early.
+        `slopes`: of tolerances, as taken nearby; `again`: whether they are computed again on the
+        way. A fit that then leaves far more than the excess `beat` ends early.
         """
-        u = {**(near or {}), **(start or {})}
-        problem = Problem.of(self.parameters, freed, start or {}, joints, only)
+        u, problem = dict(u or {}), Problem.of(self.parameters, freed, moving)
         known = {k: s for k, s in (slopes or {}).items() if k not in freed}
         columns = [k for k in u if u[k] and self.is_column(k, freed)]
         base = self.bare(u, freed)
@@ -159,8 +148,12 @@ class Fitter:
         known |= self.slopes([k for k in needed if k not in known], u, freed, base)
         shown = base + self._columns(u, freed, known)
         if not np.isfinite(shown).all():
-            return self._diverged(freed, u)
-        held, began, stale = ~problem.is_free, problem.at(u), again and slopes is not None
+            infinite = np.full(len(self.evidence.parts), np.inf)
+            residual = np.zeros_like(self.evidence.readings)
+            return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
+        curvature, stale = np.diag(problem.sd**-2.0), again and slopes is not None
+        held, began = ~problem.is_free, problem.at(u)
+        done_share = DONE_EXACT if self.evidence.limb.exact else DONE_SHARE
         for step in range(steps):
             residual = self.evidence.readings - shown
             weights = root_weights(self.evidence, residual)
@@ -172,12 +165,11 @@ class Fitter:
             for damping in DAMPINGS:
                 there = problem.put(u, now + damping * move)
                 other = self.bare(there, freed) + self._columns(there, freed, known)
-                left = _cost(self.evidence.readings - other, weights)
-                left += problem.prior(there)
+                left = _cost(self.evidence.readings - other, weights) + problem.prior(there)
                 if left < cost:
                     u, shown, won = there, other, cost - left
                     break
-            small = won < DONE + self.done_share * cost
+            small = won < DONE + done_share * cost
             if (small and step > 0 and not stale) or step == steps - 1:
                 break
             if step == AGAIN and self._excess(shown) > HOPELESS * beat:
@@ -195,15 +187,15 @@ class Fitter:
             u=u,
             residual=residual,
             gap2=squared_gaps(self.evidence, residual),
-            prior=Problem.of(self.parameters, freed, {}, None).prior(u),
+            prior=Problem.of(self.parameters, freed).prior(u),
             sd=dict(zip(problem.numbers, map(float, sd), strict=True)),
             slopes=known,
         )
-        return self._judged(fit)
+        return self.usual.on(fit) if self.usual else fit
 
     def settled(
         self,
-        near: Mapping[int, float] | None = None,
+        u: Mapping[int, float] | None = None,
         again: int = 0,
         slopes: Mapping[int, Array] | None = None,
     ) -> Fit:
@@ -212,44 +204,23 @@ class Fitter:
         A large gap bends them so far that slopes change. `again`: so many times in any case.
         `slopes`: see `fit`.
         """
-        fit = self.fit(near=near, slopes=slopes)
+        fit = self.fit(u=u, slopes=slopes)
         for number in range(FITS):
             is_more = number < again or fit.worst > FAR
-            more = self.fit(near=fit.u, slopes=fit.slopes) if is_more else fit
+            more = self.fit(u=fit.u, slopes=fit.slopes) if is_more else fit
             closed = fit.excess - more.excess
             fit = more if more.excess <= fit.excess else fit
             if number >= again and closed < CLOSED * fit.excess:
                 break
         return fit
 
-    def unfitted(self) -> Fit:
-        """The nominal numbers as they stand, with the slopes of all tolerances there."""
-        base = self.world.shown({})
-        residual = self.evidence.readings - base
-        if not np.isfinite(residual).all():
-            return self._diverged((), {})
-        held = [k for k, one in enumerate(self.parameters) if one.tolerance > 0.0]
-        return Fit(
-            freed=(),
-            u={},
-            residual=residual,
-            gap2=squared_gaps(self.evidence, residual),
-            slopes=self.slopes(held, {}, (), base),
-        )
-
     def excess_at(self, u: Mapping[int, float]) -> float:
         """What parameters at u leave as they stand; infinite where there is no motion."""
-        left = self._excess(self.world.shown(u))
+        left = self._excess(self.shown(u))
         return left if np.isfinite(left) else np.inf
 
     def _excess(self, shown: Array) -> float:
         return excess(squared_gaps(self.evidence, self.evidence.readings - shown))
-
-    def _diverged(self, freed: Sequence[int], u: Mapping[int, float]) -> Fit:
-        """A start from which there is no motion: it leaves an infinite gap."""
-        infinite = np.full(len(self.evidence.parts), np.inf)
-        residual = np.zeros_like(self.evidence.readings)
-        return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
 
     def is_column(self, number: int, freed: Collection[int]) -> bool:
         """Whether a parameter only adds its slope: gears' kinks as tolerances.
@@ -262,7 +233,7 @@ class Fitter:
 
     def bare(self, u: Mapping[int, float], freed: Collection[int]) -> Array:
         """What is shown without the parameters that only add their slope."""
-        return self.world.shown({k: v for k, v in u.items() if not self.is_column(k, freed)})
+        return self.shown({k: v for k, v in u.items() if not self.is_column(k, freed)})
 
     def slopes(
         self, numbers: Iterable[int], u: Mapping[int, float], freed: Collection[int], base: Array
@@ -272,7 +243,7 @@ class Fitter:
         found = {}
         for k in numbers:
             step = self.step(k, plain.get(k, 0.0))
-            moved = self.world.shown({**plain, k: plain.get(k, 0.0) + step})
+            moved = self.shown({**plain, k: plain.get(k, 0.0) + step})
             found[k] = np.nan_to_num((moved - base) / step)
         return found
 

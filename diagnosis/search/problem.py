@@ -1,6 +1,6 @@
 """What a fit varies: tolerances under their priors, and effects that are free within bounds."""
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,6 +17,8 @@ WIDE = 1e3
 """An effect's size has a prior so many times wider than its bounds: none."""
 RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
+ROUNDS, SLACK = 40, 1e-12
+"""Changes of the active set before the best so far is taken, and what crosses no bound."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -39,38 +41,23 @@ class Problem:
         cls,
         parameters: Sequence[Parameter],
         freed: Sequence[int],
-        start: Mapping[int, float],
-        joints: Iterable[int] | None,
-        only: Collection[int] | None = None,
+        moving: Collection[int] | None = None,
     ) -> "Problem":
-        """All tolerances and freed effects, or those of `joints` and what has a start.
-
-        Of tolerances, `only` those with these numbers.
-        """
-        some = None if joints is None else set(joints)
-
-        def moves(k: int) -> bool:
-            joint = parameters[k].joint
-            return some is None or joint is None or joint in some or k in start
-
+        """All tolerances and freed effects, or those with the numbers `moving`."""
         held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in freed]
-        held = held if only is None else [k for k in held if k in only]
-        numbers = [k for k in (*held, *freed) if moves(k)]
+        numbers = [k for k in (*held, *freed) if moving is None or k in moving]
         chosen = [parameters[k] for k in numbers]
         is_free = np.array([k in freed for k in numbers])
-        soft = {parameters[k].joint for k in freed if parameters[k].place == PLAY}
-        more = [
-            SOFT if p.kind.coordinate == "compliance" and p.joint in soft else 1.0 for p in chosen
-        ]
-        held_sd = np.array([p.tolerance * m for p, m in zip(chosen, more, strict=True)])
-        ends = [
-            bounds(p, free, REACH * m) for p, free, m in zip(chosen, is_free, more, strict=True)
-        ]
-        low, high = np.array(ends).reshape(-1, 2).T
+        plays = {parameters[k].joint for k in freed if parameters[k].place == PLAY}
+        soft = [p.kind.coordinate == "compliance" and p.joint in plays for p in chosen]
+        more = np.where(soft, SOFT, 1.0)
+        triples = zip(chosen, is_free, REACH * more, strict=True)
+        low, high = np.array([bounds(*one) for one in triples]).reshape(-1, 2).T
+        sd = more * [p.tolerance for p in chosen]
         return cls(
             numbers=tuple(numbers),
             is_free=is_free,
-            sd=np.where(is_free, WIDE * np.array([p.most for p in chosen]), held_sd),
+            sd=np.where(is_free, WIDE * np.array([p.most for p in chosen]), sd),
             centre=np.where(is_free, 0.0, [p.centre for p in chosen]),
             low=low,
             high=high,
@@ -104,3 +91,29 @@ class Problem:
         curvature += RIDGE * np.diag(np.diag(curvature))
         pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2
         return jacobian, curvature, pull
+
+
+def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:
+    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,).
+
+    Bounds that a free solution crosses are made active; one whose multiplier pulls inwards is
+    released again, the strongest first.
+    """
+    pinned = np.zeros(len(slope), dtype=int)
+    d = np.zeros(len(slope))
+    for _ in range(ROUNDS):
+        free = pinned == 0
+        d = np.where(pinned < 0, low, np.where(pinned > 0, high, 0.0))
+        if free.any():
+            rest = slope[free] - curvature[np.ix_(free, ~free)] @ d[~free]
+            d[free] = np.linalg.solve(curvature[np.ix_(free, free)], rest)
+        below, above = free & (d < low - SLACK), free & (d > high + SLACK)
+        if below.any() or above.any():
+            pinned[below], pinned[above] = -1, 1
+            continue
+        pull = (slope - curvature @ d) * -pinned
+        worst = int(np.argmax(pull))
+        if pull[worst] <= SLACK:
+            break
+        pinned[worst] = 0
+    return np.clip(d, low, high)

@@ -1,12 +1,12 @@
 """Which effects may close a gap: what a linear step of all tolerances and the effect would win."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.gap import root_weights
+from diagnosis.evidence.evidence import root_weights
+from diagnosis.models.parameters import Parameter
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.problem import Problem
 
@@ -16,61 +16,47 @@ KINKS = (3.0, 12.0, 40.0)
 """The same of an effect whose law has a kink."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Screened:
-    """What an effect promises."""
+def screened(
+    fitter: Fitter, fit: Fit, effects: Sequence[int]
+) -> tuple[dict[int, float], Mapping[int, Array]]:
+    """Effects by number, with the sizes that promise most, the best first; and all slopes there.
 
-    number: int
-    gain: float
-    """Of the cost."""
-    to: float
-    """The size that wins it."""
+    An effect stands in place of its own tolerance.
+    """
+    free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
+    base, problem = fitter.shown(free), Problem.of(fitter.parameters, fit.freed)
+    unknown = [k for k in problem.numbers if k not in fit.slopes]
+    slopes = {**fit.slopes, **fitter.slopes(unknown, fit.u, fit.freed, base)}
+    weights = root_weights(fitter.evidence, fit.residual)
+    jacobian, curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
+    left, whole = fit.residual * weights, np.linalg.inv(curvature)
 
-
-class Screening:
-    """The linear step from a fit, ready to take one more effect at a time."""
-
-    def __init__(self, fitter: Fitter, fit: Fit) -> None:
-        self.fitter, self.fit = fitter, fit
-        self.free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
-        self.base = fitter.world.shown(self.free)
-        problem = Problem.of(fitter.parameters, fit.freed, {}, None)
-        self.numbers = problem.numbers
-        unknown = [k for k in self.numbers if k not in fit.slopes]
-        fresh = fitter.slopes(unknown, fit.u, fit.freed, self.base)
-        self.slopes = {**fit.slopes, **fresh}
-        self.weights = root_weights(fitter.evidence, fit.residual)
-        self.left = fit.residual * self.weights
-        given = self.slopes, self.weights, fit.residual, fit.u
-        self.jacobian, self.curvature, self.pull = problem.normal(*given)
-
-    def screened(self, numbers: Sequence[int]) -> list[Screened]:
-        """The effects by what they promise, the best first."""
-        whole = np.linalg.inv(self.curvature)
-        found = [self._one(k, whole) for k in numbers]
-        return sorted(found, key=lambda one: -one.gain)
-
-    def _one(self, number: int, whole: Array) -> Screened:
-        """An effect stands in place of its own tolerance."""
-        one, now = self.fitter.parameters[number], self.free.get(number, 0.0)
-        rest = np.array([k != number for k in self.numbers])
-        inverse = whole if rest.all() else np.linalg.inv(self.curvature[np.ix_(rest, rest)])
-        best = Screened(number=number, gain=0.0, to=0.0)
-        for size in self._sizes(number):
-            moved = self.fitter.world.shown({**self.free, number: now + size})
-            column = np.nan_to_num(moved - self.base) / size * self.weights
-            shared = self.jacobian[:, rest].T @ column
-            curvature = column @ column - shared @ inverse @ shared
-            pull = column @ self.left - shared @ inverse @ self.pull[rest]
-            to = np.clip(pull / max(curvature, 1e-9), -one.most, one.most)
-            to = to if one.either_sign else max(to, 0.0)
-            gain = float(pull * to - curvature * to * to / 2)
-            if gain > best.gain:
-                best = Screened(number=number, gain=gain, to=float(now + to))
+    def promise(number: int) -> tuple[float, float]:
+        """What it wins of the cost, and the size that wins it."""
+        one, now = fitter.parameters[number], free.get(number, 0.0)
+        rest = np.array([k != number for k in problem.numbers])
+        inverse = whole if rest.all() else np.linalg.inv(curvature[np.ix_(rest, rest)])
+        best = 0.0, 0.0
+        for size in _sizes(one):
+            moved = fitter.shown({**free, number: now + size})
+            column = np.nan_to_num(moved - base) / size * weights
+            shared = jacobian[:, rest].T @ column
+            bend = column @ column - shared @ inverse @ shared
+            slope = column @ left - shared @ inverse @ pull[rest]
+            to = np.clip(
+                slope / max(bend, 1e-9), -one.most if one.kind.either_sign else 0.0, one.most
+            )
+            gain = float(slope * to - bend * to * to / 2)
+            best = max(best, (gain, float(now + to)), key=lambda pair: pair[0])
         return best
 
-    def _sizes(self, number: int) -> tuple[float, ...]:
-        one = self.fitter.parameters[number]
-        ways = (1.0, -1.0) if one.either_sign else (1.0,)
-        multiples = KINKS if one.kind.kinked else SIZES[: 3 - len(ways)]
-        return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)
+    found = {k: promise(k) for k in effects}
+    ranked = sorted(found, key=lambda k: -found[k][0])
+    return {k: found[k][1] for k in ranked}, slopes
+
+
+def _sizes(one: Parameter) -> tuple[float, ...]:
+    """Sizes over which an effect's slope is taken."""
+    ways = (1.0, -1.0) if one.kind.either_sign else (1.0,)
+    multiples = KINKS if one.kind.kinked else SIZES[: 3 - len(ways)]
+    return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)

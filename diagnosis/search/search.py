@@ -7,7 +7,7 @@ all are screened by one linear step, the best are fitted. What a set leaves deci
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
+from itertools import chain, islice
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from diagnosis.motion.columns import MASS, PAYLOAD
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.screening import Screened, Screening
+from diagnosis.search.screening import screened
 from diagnosis.verdict.exact import TIE_NATS, is_likely
 from diagnosis.verdict.exact import ranked as ranked_by_nats
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
@@ -65,6 +65,11 @@ SCANNED, FINER, FINEST = 11, 2, 4
 is exact, so often."""
 
 
+Sizes = Mapping[int, float]
+"""Of effects by number."""
+Slopes = Mapping[int, Array]
+
+
 @dataclass(frozen=True, kw_only=True)
 class Found:
     """What a search found."""
@@ -100,8 +105,8 @@ class Search:
 
     @cached_property
     def plain(self) -> Fit:
-        """The nominal numbers as they stand."""
-        return self.fitter.unfitted()
+        """The nominal numbers as they stand, with the slopes of all tolerances there."""
+        return self.fitter.fit(steps=0)
 
     @cached_property
     def guessed(self) -> list[int]:
@@ -111,11 +116,10 @@ class Search:
     @cached_property
     def nominal(self) -> Fit:
         """The tolerances alone."""
-        exact = int(self.ordinary.exact)
         begun = self.plain
         if self.guessed:
-            begun = self.fitter.fit(only=self.guessed, slopes=begun.slopes)
-        fit = self.fitter.settled(near=begun.u, again=exact, slopes=begun.slopes)
+            begun = self.fitter.fit(moving=self.guessed, slopes=begun.slopes)
+        fit = self.fitter.settled(begun.u, int(self.ordinary.exact), begun.slopes)
         return self.fitter.strained(fit, self.ordinary)
 
     def run(self) -> Found:
@@ -128,13 +132,11 @@ class Search:
         except Stop:
             if self.now is None:
                 raise
-            return replace(self._found(self._best_tried(self.now)), stopped=True)
+            more = self._ranked(self._sets(len(self.now.freed) + 1))
+            if more and self._is_worth(more[0], self.now):
+                self.now = more[0]
+            return replace(self._found(self.now), stopped=True)
         return self._found(self.now or self.nominal)
-
-    def _best_tried(self, now: Fit) -> Fit:
-        """The best set with one cause more, where it is worth it already."""
-        more = self._ranked(self._sets(len(now.freed) + 1))
-        return more[0] if more and self._is_worth(more[0], now) else now
 
     def _seek(self) -> None:
         """Fit sets of ever more causes, until nothing more is worth it."""
@@ -187,9 +189,9 @@ class Search:
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
-            self._keep(self.fitter.fit(fit.freed, near=fit.u, steps=5))
+            self._keep(self.fitter.fit(fit.freed, fit.u, steps=5))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
-                self._keep(self.fitter.fit(fit.freed, near=self._rough(fit.freed, fit.u).u))
+                self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 
@@ -201,12 +203,16 @@ class Search:
         ):
             pairs = ranked_by_nats(self.fitter.evidence, fits)
             return [fit for _, fit in sorted(pairs, key=self._nats)]
-        return sorted(fits, key=lambda f: (rank(self.parameters, f), _ended(self.parameters, f)))
+        return sorted(fits, key=lambda fit: (rank(self.parameters, fit), self._ended(fit)))
 
     def _nats(self, pair: tuple[float, Fit]) -> float:
         """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
         cost, fit = pair
         return cost + TIE_NATS * _wider([self.parameters[k] for k in fit.freed])
+
+    def _ended(self, fit: Fit) -> int:
+        """How many effects are as large as is tried: of sets that leave nothing, others lead."""
+        return sum(abs(fit.u[k]) > END * self.parameters[k].most for k in fit.freed)
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
@@ -221,18 +227,14 @@ class Search:
         """
         if self._is_likely(fit, now):
             return True
-        if now.freed and set(now.freed) < set(fit.freed) and self._is_shape(fit, now):
+        new = [self.parameters[k] for k in fit.freed if k not in now.freed]
+        kin = any(self.parameters[k].is_kin(one) for k in now.freed for one in new)
+        if kin and set(now.freed) < set(fit.freed):
             return share_of(fit, now) >= SHAPED
         if not now.freed:
             return share_of(fit, now) >= PART
         less = chain([now], (self._without(fit, k) for k in fit.freed))
         return all(is_worth(fit, one, self.ordinary, self.nominal) for one in less)
-
-    def _is_shape(self, fit: Fit, now: Fit) -> bool:
-        """Whether what a set has more is of the family of another cause on the same joint."""
-        (new,) = (self.parameters[k] for k in fit.freed if k not in now.freed)
-        chosen = [self.parameters[k] for k in now.freed]
-        return any(new.is_kin(other) for other in chosen)
 
     def _is_likely(self, fit: Fit, now: Fit) -> bool:
         """Whether the world is exact, and a set much more likely than each with one effect less.
@@ -249,95 +251,89 @@ class Search:
         rest = tuple(a for a in fit.freed if a != number)
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
-            near = {a: v for a, v in fit.u.items() if a != number}
-            self._keep(self.fitter.fit(rest, near=near))
+            self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a != number}))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit, begun: float, rounds: float) -> None:
         """Fit the most promising sets with one more effect: so many `rounds` after `begun`."""
         promising, slopes = self._promising(fit)
-        for number, one in enumerate(promising):
-            rounds_done = begun + rounds * number / len(promising)
-            done = 1.0 - (1.0 - NOMINAL) * 0.5**rounds_done
+        for count, (number, size) in enumerate(promising.items()):
+            one, freed = self.parameters[number], (*fit.freed, number)
+            joint = one.joint
+            where = "all joints" if joint is None else self.fitter.evidence.joints[joint]
             self.progress(
-                f"fit of {self._name(one.number)}, {number + 1} of {len(promising)}", done
+                f"fit of {one.effect} on {where}, {count + 1} of {len(promising)}",
+                1.0 - (1.0 - NOMINAL) * 0.5 ** (begun + rounds * count / len(promising)),
             )
-            freed = (*fit.freed, one.number)
-            if one.to and frozenset(freed) not in self.tried:
-                for start, near in self._starts(one, fit):
-                    begin, joints = {one.number: start}, self._joints(one.number)
-                    known = slopes if near is fit.u else self.plain.slopes
-                    least = self._least(len(freed)) + NEAR_MORE
-                    self._keep(self.fitter.fit(freed, begin, near, joints, known, beat=least))
+            if size and frozenset(freed) not in self.tried:
+                near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]
+                for u, known in self._starts(number, size, fit, slopes):
+                    moving = None if joint is None else near
+                    least = min((f.excess for f in self._sets(len(freed))), default=np.inf)
+                    fitted = self.fitter.fit(freed, u, moving, known, beat=least + NEAR_MORE)
+                    self._keep(fitted)
 
-    def _promising(self, fit: Fit) -> tuple[list[Screened], Mapping[int, Array]]:
-        """What to add to a fit, the best first, and the slopes of its tolerances.
+    def _promising(self, fit: Fit) -> tuple[dict[int, float], Slopes]:
+        """What to add to a fit with its size, the best first, and the slopes of its tolerances.
 
         A linear step from a fit that was pulled to a large gap, or that sticks and slips, hides
         what it is. So the first effects are sought from where tolerances are none as well, and
         further ones among those that explain much alone.
         """
         asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
-        screening = Screening(self.fitter, fit)
-        screened = screening.screened(asked)
-        found = screened[:FITTED]
+        every, slopes = screened(self.fitter, fit, asked)
+        found = _first(every, FITTED)
         if not fit.freed and fit.worst > FAR * self.ordinary.floors:
-            more = Screening(self.fitter, self.plain).screened(asked)[:MORE]
-            more += self._kin(screened) + self._of_all(found)
+            plain, _ = screened(self.fitter, self.plain, asked)
+            more: Sizes = {**_first(plain, MORE), **self._kin(every), **self._of_all(found)}
         else:
-            alone = [Screened(number=k, gain=0.0, to=u) for k, u in self._singles() if k in asked]
-            more = alone[:MORE]
-        known = {one.number for one in found}
-        unlike = {one.number: one for one in more if one.number not in known}
-        return [*found, *unlike.values()], screening.slopes
+            singles = {f.freed[0]: f.u[f.freed[0]] for f in self._ranked(self._sets(1))}
+            more = _first({k: u for k, u in singles.items() if k in asked}, MORE)
+        return {**found, **{k: u for k, u in more.items() if k not in found}}, slopes
 
-    def _of_all(self, found: Sequence[Screened]) -> list[Screened]:
+    def _of_all(self, found: Sizes) -> Sizes:
         """Effects that promise much on a joint, as what all joints share."""
         sizes = dict[str, list[float]]()
-        for one in found:
-            sizes.setdefault(self.parameters[one.number].effect, []).append(one.to)
-        return [
-            Screened(number=k, gain=0.0, to=float(np.mean(sizes[one.effect])))
+        for k, size in found.items():
+            sizes.setdefault(self.parameters[k].effect, []).append(size)
+        return {
+            k: float(np.mean(sizes[one.effect]))
             for k, one in enumerate(self.parameters)
             if one.joint is None and one.kind.per_joint and one.effect in sizes
-        ]
+        }
 
-    def _kin(self, screened: Sequence[Screened]) -> list[Screened]:
+    def _kin(self, promising: Sizes) -> Sizes:
         """Effects of a family at a joint: where one promises much, another may be the law."""
-        first = [self.parameters[one.number] for one in screened[:1]]
-        kin = [one for one in screened if any(self.parameters[one.number].is_kin(p) for p in first)]
-        return [
-            replace(one, to=float(np.copysign(KIN * self.parameters[one.number].least, one.to)))
-            for one in sorted(kin, key=lambda one: one.number)
-        ]
+        first = [self.parameters[k] for k in _first(promising, 1)]
+        return {
+            k: float(np.copysign(KIN * self.parameters[k].least, promising[k]))
+            for k in sorted(promising)
+            if any(self.parameters[k].is_kin(one) for one in first)
+        }
 
-    def _singles(self) -> list[tuple[int, float]]:
-        """Effects and their sizes as single causes, the best first."""
-        fits = self._ranked(self._sets(1))
-        return [(k, fit.u[k]) for fit in fits for k in fit.freed]
-
-    def _starts(self, one: Screened, fit: Fit) -> Iterator[tuple[float, Mapping[int, float]]]:
-        """Sizes to start from, from where the tolerances are and from where they are none."""
-        parameter = self.parameters[one.number]
-        low, high = 1.1 * parameter.least, 0.7 * parameter.most
-        first = float(np.sign(one.to) * np.clip(abs(one.to), low, high))
+    def _starts(
+        self, number: int, to: float, fit: Fit, slopes: Slopes
+    ) -> Iterator[tuple[Sizes, Slopes]]:
+        """Where to start from: from where the tolerances are and from where they are none."""
+        one = self.parameters[number]
+        low, high = 1.1 * one.least, 0.7 * one.most
+        size = float(np.sign(to) * np.clip(abs(to), low, high))
         alone = {k: fit.u[k] for k in fit.freed}
-        yield first, fit.u
-        rough = parameter.kind.kinked or self.fitter.evidence.rattles
-        size = self._scanned(one.number, low, high, first, alone) if rough else first
-        if self.guessed:
-            alone = dict(self._rough((*fit.freed, one.number), {**alone, one.number: size}).u)
-            size = alone.pop(one.number)
-        yield size, alone
+        yield {**fit.u, number: size}, slopes
+        if one.kind.kinked or self.fitter.evidence.rattles:
+            size = self._scanned(number, low, high, size, alone)
+        there: Sizes = {**alone, number: size}
+        yield (
+            self._rough((*fit.freed, number), there).u if self.guessed else there,
+            self.plain.slopes,
+        )
 
-    def _rough(self, freed: Sequence[int], u: Mapping[int, float]) -> Fit:
+    def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
-        start = {k: u[k] for k in (*self.guessed, *freed) if k in u}
-        return self.fitter.fit(freed, start, only=self.guessed)
+        moving = (*self.guessed, *freed)
+        return self.fitter.fit(freed, {k: u[k] for k in moving if k in u}, moving)
 
-    def _scanned(
-        self, number: int, low: float, high: float, first: float, alone: Mapping[int, float]
-    ) -> float:
+    def _scanned(self, number: int, low: float, high: float, first: float, alone: Sizes) -> float:
         """The size with the sign of `first` that leaves least, in ever finer steps."""
         sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
         for _ in range(FINEST if self.ordinary.exact else FINER):
@@ -346,20 +342,6 @@ class Search:
             found = float(sizes[best])
             sizes = np.linspace(sizes[max(best - 1, 0)], sizes[min(best + 1, SCANNED - 1)], SCANNED)
         return found
-
-    def _least(self, causes: int) -> float:
-        """The least excess that a set of so many causes leaves so far."""
-        return min((fit.excess for fit in self._sets(causes)), default=np.inf)
-
-    def _name(self, number: int) -> str:
-        one = self.parameters[number]
-        joints = self.fitter.evidence.joints
-        return f"{one.effect} on {'all joints' if one.joint is None else joints[one.joint]}"
-
-    def _joints(self, number: int) -> tuple[int, ...] | None:
-        """Joints whose tolerances are fitted with an effect first; None: all."""
-        joint = self.parameters[number].joint
-        return None if joint is None else (joint,)
 
     def _is_tied(self, fit: Fit, best: Fit) -> bool:
         """Whether a set of the same size is as good as the best one."""
@@ -387,6 +369,10 @@ class Search:
         return is_all or own >= CONCERNED * fit.excess
 
 
+def _first(sizes: Sizes, count: int) -> Sizes:
+    return dict(islice(sizes.items(), count))
+
+
 def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
     """Whether the effects of a set are all large enough to be some."""
     return all(abs(fit.u[k]) >= parameters[k].least for k in fit.freed)
@@ -398,11 +384,6 @@ def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
     exact = sum(p.kind.exact for p in chosen)
     shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
     return fit.excess * SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
-
-
-def _ended(parameters: Sequence[Parameter], fit: Fit) -> int:
-    """How many effects are as large as is tried: of sets that leave nothing, others lead."""
-    return sum(abs(fit.u[k]) > END * parameters[k].most for k in fit.freed)
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:

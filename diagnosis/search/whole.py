@@ -16,14 +16,14 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progres
     """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
     fits = 2 + len(found.tied) + len(found.singles[:SINGLES])
     progress("the nominal numbers, fitted to the whole log", 0.0)
-    nominal = fitter.strained(fitter.fit(near=found.nominal.u), ordinary)
+    nominal = fitter.strained(fitter.fit(u=found.nominal.u), ordinary)
     known = {found.nominal.freed: nominal}
 
     def again(fit: Fit, anew: bool = True) -> Fit:
         if fit.freed not in known:
             progress(f"fit {len(known) + 1} of {fits} to the whole log", len(known) / fits)
             known[fit.freed] = fitter.fit(
-                fit.freed, near=fit.u, slopes=nominal.slopes, steps=STEPS, again=anew
+                fit.freed, fit.u, slopes=nominal.slopes, steps=STEPS, again=anew
             )
         return known[fit.freed]
 

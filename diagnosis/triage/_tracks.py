@@ -178,7 +178,9 @@ class Track:
     def unpushed(self) -> "Track":
         """The same track beside a nominal world that is not pushed."""
         others = np.arange(len(self.limb.joints)) != self.index
-        return self.beside(self.limb.pushed([r.push * others for r in self.limb.recordings]))
+        return self.beside(
+            self.limb.with_signals(push=[r.push * others for r in self.limb.recordings])
+        )
 
     def undriven(self) -> "Track":
         """The same track beside a nominal world whose drive of it gives no torque."""
@@ -244,5 +246,5 @@ def _converted(recording: Recording, paced: float, per_si: Array) -> Recording:
 
 def shown_by(limb: Limb, numbers: Array, shift: Array | float = 0.0) -> list[Array]:
     """What the sensors of a limb would read, sample by sample, (T, 3, K) by episode."""
-    lengths = enumerate(len(r.time_s) for r in limb.recordings)
-    return [limb.readings(n, np.arange(t + 1), numbers, shift=shift) for n, t in lengths]
+    shown = limb.simulate(numbers, shift=shift, edges=limb.every_sample)
+    return np.split(shown, np.cumsum([len(r.time_s) for r in limb.recordings])[:-1])

@@ -12,8 +12,7 @@ from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
-from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked
-from diagnosis.verdict.sizes import Place, sized
+from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked, sized
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
@@ -58,13 +57,12 @@ def decide(
         ordinary_from=ordinary.source,
         probability=_probability(found, ordinary, named, unknown, share, len(tied)),
         ranking=tuple(_ranked(fitter, found, named)),
-        tied=tuple(tuple(_name(fitter, k) for k in f.freed) for f in tied),
+        tied=tuple(tuple("@".join(filter(None, _spot(fitter, k))) for k in f.freed) for f in tied),
         experiment=experiment(fitter, chosen.u, [f.u for f in tied]) if tied else None,
-        gap_before=_gap_before(fitter),
+        gap_before=float(np.sqrt(np.mean((fitter.evidence.readings - fitter.shown({})) ** 2))),
         gap_nominal=nominal.gap,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
         nominal=tuple(_nominal(fitter, chosen if named else nominal)),
-        runs=fitter.world.runs,
         strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
     )
 
@@ -104,17 +102,16 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     law = u * (OFF + OFF_LEFT * min(kept, 1.0))
     own = max((p.tolerance for p in fitter.parameters if _same(p, one)), default=0.0)
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
-    least = -one.most if one.either_sign else 0.0
+    least = -one.most if one.kind.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
     low, high = sorted(_magnitude(fitter, one, x) for x in ends)
     sizes = [_magnitude(fitter, one, u), low, high]
-    joints = fitter.evidence.joints
-    joint = None if one.joint is None else joints[one.joint]
+    effect, joint = _spot(fitter, number)
     return Cause(
-        effect=one.effect,
+        effect=effect,
         joint=joint,
-        joints=joints if joint is None else (joint,),
-        **sized(one.kind, sizes, _place(fitter, one)),
+        joints=fitter.evidence.joints if joint is None else (joint,),
+        **sized(one.kind, sizes, fitter.evidence.place(one.joint)),
         share=found.share(alone[0]) if alone else found.share(fit),
     )
 
@@ -128,14 +125,10 @@ def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
     return float(magnitude(one, u, fitter.evidence.limb.nominal[one.joint or 0]))
 
 
-def _place(fitter: Fitter, one: Parameter) -> Place:
-    """See `Evidence.place`."""
-    return fitter.evidence.place(*(() if one.joint is None else (one.joint,)))
-
-
-def _name(fitter: Fitter, number: int) -> str:
-    one = fitter.parameters[number]
-    return one.effect if one.joint is None else f"{one.effect}@{fitter.evidence.joints[one.joint]}"
+def _spot(fitter: Fitter, number: int) -> tuple[str, str | None]:
+    """An effect and its joint; None: all, or none."""
+    one, joints = fitter.parameters[number], fitter.evidence.joints
+    return one.effect, None if one.joint is None else joints[one.joint]
 
 
 def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
@@ -143,12 +136,8 @@ def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
     chosen = [found.chosen] if named else [found.nominal]
     rest = [f for f in found.singles if f.freed != chosen[0].freed][:RANKED]
     for fit in (*chosen, *rest):
-        names = [_name(fitter, k).partition("@") for k in fit.freed]
-        yield Ranked(
-            causes=tuple((effect, joint or None) for effect, _, joint in names),
-            share=found.share(fit),
-            left=fit.gap,
-        )
+        causes = tuple(_spot(fitter, k) for k in fit.freed)
+        yield Ranked(causes=causes, share=found.share(fit), left=fit.gap)
 
 
 def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
@@ -156,18 +145,12 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
         if one.tolerance > 0.0 and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
-            joint = "" if one.joint is None else fitter.evidence.joints[one.joint]
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
                 (value, end), unit = (float(np.expm1(x)) for x in ends), "%"
             else:
                 value, end = (_magnitude(fitter, one, x) for x in ends)
-                unit = one.kind.unit_of(value, _place(fitter, one).slides)
+                unit = one.kind.unit_of(value, fitter.evidence.place(one.joint).slides)
             value, sd = (float(x) / UNITS[unit][1] for x in (value, abs(end - value)))
-            yield Nominal(effect=one.effect, joint=joint, value=value, sd=sd, unit=unit)
-
-
-def _gap_before(fitter: Fitter) -> float:
-    """Root mean square of what the nominal numbers as they stand leave [floors]."""
-    left = fitter.evidence.readings - fitter.world.shown({})
-    return float(np.sqrt(np.mean(left**2)))
+            effect, joint = _spot(fitter, k)
+            yield Nominal(effect=effect, joint=joint or "", value=value, sd=sd, unit=unit)

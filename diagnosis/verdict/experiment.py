@@ -58,7 +58,7 @@ def _limb(fitter: Fitter, protocol: str, u: Mapping[int, float]) -> Limb:
             start=asked.target_rad[0],
         )
         limb = Limb(spec=limb.spec, recordings=(along,), rigid=limb.rigid)
-        measured = np.nan_to_num(limb.samples(0, *fitter.world.numbers(u)))
+        measured = np.nan_to_num(limb.simulate(*fitter.numbers(u), edges=limb.every_sample))
     return limb
 
 
@@ -66,8 +66,8 @@ def _apart(
     fitter: Fitter, limb: Limb, chosen: Mapping[int, float], tied: Sequence[Mapping[int, float]]
 ) -> tuple[float, float]:
     """How far the nearest of the tied worlds is [floors]: in channels as logged, and in torques."""
-    shown = limb.simulate(*fitter.world.numbers(chosen))
-    others = (limb.simulate(*fitter.world.numbers(u)) for u in tied)
+    shown = limb.simulate(*fitter.numbers(chosen))
+    others = (limb.simulate(*fitter.numbers(u)) for u in tied)
     gaps = [np.nan_to_num((other - shown) / fitter.evidence.floor) for other in others]
     logged = fitter.evidence.logged.any(axis=2).T
     return min(_rms(gap[:, logged]) for gap in gaps), min(_rms(gap[:, TORQUE]) for gap in gaps)

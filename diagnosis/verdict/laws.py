@@ -5,15 +5,15 @@ names no cause, for it is no fault; it says what to look up.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from backends.effect import NumberEffect
 from diagnosis.models.parameters import Parameter
-from diagnosis.models.world import World
 from diagnosis.motion.columns import COLUMNS, INTEGRAL, KP, LIMIT
-from diagnosis.search.fit import Fitter
+from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, LimbResult
@@ -22,17 +22,14 @@ CLOSES = 0.95
 """A law is said that closes so much of the excess, or leaves an ordinary gap."""
 
 
-@dataclass(frozen=True)
-class _Number:
-    """A number of a loop."""
+class _Number(NamedTuple):
+    """A number of a loop, by its name in log.yaml; in multiples of the column `times`."""
 
     name: str
-    """Its name in log.yaml."""
     column: str
     start: float
     most: float
     times: int | None = None
-    """It is given in multiples of this column of the drive."""
 
 
 TERMS = {
@@ -56,49 +53,46 @@ def with_law(result: LimbResult, fitter: Fitter, found: Found, ordinary: Ordinar
     limb = fitter.evidence.limb
     if result.verdict != (UNKNOWN,) or not limb.rigid or limb.open.any():
         return result
-    best = min(_tried(fitter, found), key=lambda one: one[0], default=(np.inf, 0.0, ""))
-    excess, left, said = best
-    if excess > (1.0 - CLOSES) * found.nominal.excess and left > ordinary.floors:
-        return result
-    return replace(result, law=said, leading=())
+    tried = sorted(_tried(fitter, found), key=lambda one: one[0].excess)
+    for fit, law in tried[:1]:
+        closes = fit.excess <= (1.0 - CLOSES) * found.nominal.excess
+        if closes or fit.worst <= ordinary.floors:
+            return replace(result, law=law, leading=())
+    return result
 
 
-def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[float, float, str]]:
-    """Of each term on the joint with the largest gap: what it leaves, and what to say."""
-    limb, world = fitter.evidence.limb, fitter.world
+def _tried(fitter: Fitter, found: Found) -> Iterator[tuple[Fit, str]]:
+    """Each term on the joint with the largest gap: its fit, and what to say."""
+    limb, known = fitter.evidence.limb, fitter.parameters
     j = int(np.argmax(found.nominal.gap2))
     for words, numbers in TERMS.items():
         places = [COLUMNS.index(one.column) for one in numbers]
         if limb.nominal[j, places[0]] > 0.0:
             continue
         sizes = [1.0 if one.times is None else limb.nominal[j, one.times] for one in numbers]
-        units = [1.0 if place == INTEGRAL else x for place, x in zip(places, sizes, strict=True)]
         free = [
             Parameter(
                 effect=one.name,
                 kind=NumberEffect,
                 joint=j,
                 place=place,
-                unit=unit,
+                unit=1.0 if place == INTEGRAL else size,
                 tolerance=0.0,
                 least=0.1 * one.start,
                 most=one.most,
             )
-            for one, place, unit in zip(numbers, places, units, strict=True)
+            for one, place, size in zip(numbers, places, sizes, strict=True)
         ]
-        more = Fitter(World(fitter.evidence, (*world.parameters, *free)))
+        more = Fitter(fitter.evidence, (*known, *free))
         more.usual = fitter.usual
-        own = range(len(world.parameters), len(more.parameters))
+        own = range(len(known), len(more.parameters))
         start = {k: one.start for k, one in zip(own, numbers, strict=True)}
         fit = more.fit(tuple(own), start, slopes=found.nominal.slopes)
-        fit = more.fit(tuple(own), near=fit.u, slopes=fit.slopes)
-        said = ", ".join(
-            f"{one.name}: {fit.u[k] * size:.3g}"
-            for one, k, size in zip(numbers, own, sizes, strict=True)
-        )
+        fit = more.fit(tuple(own), fit.u, slopes=fit.slopes)
+        triples = zip(numbers, own, sizes, strict=True)
+        said = ", ".join(f"{one.name}: {fit.u[k] * size:.3g}" for one, k, size in triples)
         yield (
-            fit.excess,
-            fit.worst,
+            fit,
             f"With {words} in the drive of {limb.joints[j]} (`{said}`), {fit.gap:.1f} floors "
             "would be left: if it has that, write it in log.yaml.",
         )

@@ -1,10 +1,81 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import chain
+from typing import Any
+
+import numpy as np
 
 from backends.effect import UNITS, Effect
-from diagnosis.verdict.sizes import ANYWHERE, Place, sized
+from backends.spec import Spec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """What sizes on some joints are said by."""
+
+    slides: bool = False
+    """Whether all of them slide."""
+    count: float = 0.0
+    """A count of their encoders [rad or m]; 0: unknown."""
+    mass_kg: float = 0.0
+    """Mass of the link of a single one [kg]; 0: of several."""
+    ends: tuple[float, float] | None = None
+    """Range of a single one [rad or m]; None: of several."""
+    stiffness: float = 0.0
+    """Stiffness of the gear of a single one [Nm/rad or N/m]; 0: of several."""
+    geared: bool = True
+    """Whether the nominal world has that gear; else it is what a share is of."""
+
+    @property
+    def firm(self) -> str:
+        """Unit of a stiffness."""
+        return "N/m" if self.slides else "Nm/rad"
+
+
+ANYWHERE = Place()
+
+
+def sized(
+    kind: type[Effect] | None, sizes: Sequence[float], place: Place = ANYWHERE
+) -> dict[str, Any]:
+    """A value and the ends of its interval [SI] as a `Cause` has them; without a kind as it is."""
+    unit = kind.unit_of(sizes[0], place.slides) if kind else ""
+    value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
+    also = in_other_words(kind, float(sizes[0]), unit, place) if kind else ""
+    return {"value": value, "low": low, "high": high, "unit": unit, "also": also}
+
+
+def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = ANYWHERE) -> str:
+    """A size [SI] said in a unit: from side to side, beside degrees, counts, kg, where; or none."""
+    if kind.coordinate == "reach" and place.ends is not None:
+        at = (place.ends[1] if size > 0.0 else place.ends[0]) - size
+        return f"at {at / UNITS[unit][1]:.3g} {unit}"
+    size *= kind.whole
+    found = []
+    if kind.whole != 1.0:
+        found.append(f"whole {size / UNITS[unit][1]:.3g} {unit}")
+    if kind.dimension == "angle" and unit in kind.units():
+        other = "mrad" if unit == "deg" else "deg"
+        found.append(f"{size / UNITS[other][1]:.3g} {other}")
+    if kind.dimension == "angle" and place.count > 0.0:
+        found.append(f"{size / place.count:.3g} counts")
+    if kind.is_of("body") and place.mass_kg > 0.0:
+        found.append(f"{size * place.mass_kg:.3g} kg")
+    if kind.coordinate == "compliance" and place.stiffness > 0.0:
+        found.append(f"stiffness {place.stiffness / (place.geared + size):.3g} {place.firm}")
+    return ", ".join(found)
+
+
+def distance(size: float, spec: Spec) -> str:
+    """A distance of a world's positions [rad, of slides m] in words."""
+    slides = {body.joint.slides for body in spec.hand.driven}
+    if slides == {True}:
+        return f"{1e3 * size:.3g} mm"
+    turned = f"{1e3 * size:.3g} mrad ({np.degrees(size):.2g} deg"
+    return f"{turned}; of slides mm)" if True in slides else f"{turned})"
+
 
 NONE, UNKNOWN = "none", "unknown"
 Z90 = 1.645
@@ -120,10 +191,40 @@ class LimbResult:
     gaps: dict[str, float]
     """By joint, what the tolerances leave [floors]."""
     nominal: tuple[Nominal, ...]
-    runs: int
     sentences: tuple[str, ...] = ()
     law: str | None = None
     """What a drive may do that the log does not say, and that would close an unknown gap."""
     strain: float = 0.0
     """How much further off the nominal numbers would be together than a healthy robot's, in
     standard deviations; 0 where they are usual."""
+
+
+def named(limbs: Sequence[LimbResult]) -> list[Cause]:
+    """What is named, by effect; one that every joint has alike, or that has no joint, is one."""
+    joints = tuple(chain.from_iterable(limb.joints for limb in limbs))
+    said = [c for limb in limbs for c in (*limb.causes, *limb.sensors) if c.effect != UNKNOWN]
+    found: list[Cause] = []
+    for effect in dict.fromkeys(c.effect for c in said):
+        same = [c for c in said if c.effect == effect]
+        covered = list(chain.from_iterable(c.joints for c in same))
+        lows, highs = zip(*(c.sizes[1:] for c in same), strict=True)
+        alike = len({UNITS[c.unit][0] for c in same}) == 1 and max(lows) <= min(highs)
+        if len(same) > 1 and sorted(covered) == sorted(joints) and alike:
+            middle = sorted(same, key=lambda c: c.sizes[0])[len(same) // 2]
+            found.append(replace(middle, joint=None, joints=joints))
+        else:
+            found.extend(same)
+    return found
+
+
+def verdict(limbs: Sequence[LimbResult], more: Sequence[Cause] = ()) -> tuple[str, ...]:
+    """Names of effects, with `more` causes, or none; unknown where a gap or a cause has no name."""
+    said = [one for limb in limbs for one in (*limb.verdict, *(c.effect for c in limb.sensors))]
+    said += [cause.effect for cause in more]
+    found = (UNKNOWN,) if UNKNOWN in said else dict.fromkeys(one for one in said if one != NONE)
+    return tuple(found) or (NONE,)
+
+
+def decisive(limbs: Sequence[LimbResult]) -> list[LimbResult]:
+    """The limbs that a verdict rests on: those at fault, or all where none is."""
+    return [limb for limb in limbs if limb.verdict != (NONE,)] or list(limbs)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 
 from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
@@ -13,6 +13,7 @@ from diagnosis.motion.limb import BLOCK_S
 from diagnosis.motion.recordings import noise_of, stood_s, white_noise
 from diagnosis.packets.losses import Losses
 from diagnosis.packets.rounding import Rounding
+from diagnosis.verdict.in_hand import missing
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, Cause, cause
 
@@ -27,6 +28,9 @@ SHARE_OFF = 0.1
 """A measured noise or step is right to this share."""
 NOISE, RESOLUTION = "encoder.noise_rad", "encoder.resolution_rad"
 LOSS, STEP = "command.loss_share", "command.resolution_rad"
+SENSED = (NOISE, RESOLUTION, LOSS, STEP)
+"""Numbers that sensors and packets show by themselves."""
+WHY = "not looked for: neither replays, sensors nor grasps here show it"
 
 
 def sensor_causes(
@@ -84,3 +88,15 @@ def _cause(
     name = of_part(catalogue, "encoder", "command").get(number, UNKNOWN)
     joints = tuple(evidence.joints[j] for j in places)
     return cause(name, sizes, catalogue, joints=joints, at=evidence.place(*places))
+
+
+def not_looked_for(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
+    """What to say of the effects of a catalogue that nothing looks for; nothing of none."""
+    return missing((name for name, kind in catalogue.items() if not _is_sought(kind)), WHY)
+
+
+def _is_sought(kind: type[Effect]) -> bool:
+    if kind.shows_in_hand() or set(kind.spec_fields()) & set(SENSED):
+        return True
+    replayed = not issubclass(kind, NumberEffect) or kind.number in COLUMNS
+    return replayed and kind.least is not None

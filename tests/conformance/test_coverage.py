@@ -4,7 +4,7 @@ import pytest
 
 from backends.catalogue import catalogue
 from backends.effect import NumberEffect
-from diagnosis.coverage import not_looked_for
+from diagnosis.verdict.sensors import not_looked_for
 
 
 @pytest.mark.parametrize("name", sorted(catalogue()))

@@ -12,7 +12,7 @@ from benchmark.parts import registry
 from benchmark.parts.registry import ROOT
 from benchmark.settings.effects import parse_effects
 from diagnosis.blind import draw, make, rigs
-from diagnosis.coverage import not_looked_for
+from diagnosis.verdict.sensors import not_looked_for
 from diagnosis.walk import diagnose
 from files import plugins
 

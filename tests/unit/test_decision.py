@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.evidence.gap import excess, squared_gaps
+from diagnosis.evidence.evidence import excess, squared_gaps
 from diagnosis.evidence.log_faults import absurd
-from diagnosis.search.quadratic import lowest
+from diagnosis.search.problem import lowest
 from diagnosis.verdict.exact import is_likely
 from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, allowed, is_named, is_worth, of_healthy
 

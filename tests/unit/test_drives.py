@@ -335,4 +335,4 @@ def test_a_delay_of_next_to_nothing_is_none():
     limb = Limb(spec=spec, recordings=recordings(log, spec), rigid=True)
     late = limb.nominal.copy()
     late[:, DELAY] = 1e-22
-    assert np.array_equal(limb.ticks(0, late), limb.ticks(0, limb.nominal))
+    assert all(map(np.array_equal, limb.ticks(late), limb.ticks(limb.nominal)))

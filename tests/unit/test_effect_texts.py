@@ -11,9 +11,8 @@ from backends.sticks import STICKS
 from benchmark.errors import UsageError
 from benchmark.parts import registry
 from benchmark.settings.effects import BUILT, effect_name, effect_text, parse_effects
-from diagnosis.verdict.result import Cause
+from diagnosis.verdict.result import Cause, Place, sized
 from diagnosis.verdict.sentences import size as said_size
-from diagnosis.verdict.sizes import Place, sized
 
 HAND = trx.HAND
 KINDS: dict[str, type[Effect]] = {

@@ -10,7 +10,6 @@ from backends.catalogue import catalogue
 from backends.effect import NumberEffect
 from diagnosis.evidence.evidence import evidence
 from diagnosis.models.parameters import parameters
-from diagnosis.models.world import World
 from diagnosis.motion.columns import by_name, with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
@@ -34,7 +33,7 @@ def fitter(log):
     """Fits of it."""
     (part,) = limbs(mjcf_world(log))
     said = evidence(Limb(spec=part, recordings=recordings(log, part), rigid=True))
-    return Fitter(World(said, parameters(catalogue(), said, 0.05, ROBOTS.everyday)))
+    return Fitter(said, parameters(catalogue(), said, 0.05, ROBOTS.everyday))
 
 
 def at(fitter, **sizes):
@@ -58,8 +57,8 @@ def test_the_named_protocol_shows_most_in_plain_mujoco(log, fitter, one, other):
     texts = [model_text(log, _world(fitter, u)) for u in ends]
     apart = {}
     for protocol in FREE:
-        motion = _recording(fitter.evidence.limb, protocol)
-        a, b = (shown(plain(log, text, ("J0",), 5e-4), motion) for text in texts)
+        motion, spec = _recording(fitter.evidence.limb, protocol), fitter.evidence.limb.spec
+        a, b = (shown(plain(log, text, ("J0",), 5e-4), motion, spec) for text in texts)
         apart[protocol] = float(np.sqrt(np.mean((a - b) ** 2)))
     assert f"--protocol {max(apart, key=apart.get)}" in said, (said, apart)
 
@@ -75,7 +74,7 @@ def _world(fitter, u):
     for k, size in u.items():
         kind = fitter.parameters[k].kind
         assert issubclass(kind, NumberEffect)
-        row = fitter.world.numbers({k: size})[0]
+        row = fitter.numbers({k: size})[0]
         spec = with_numbers(spec, dict(zip(spec.hand.joint_names, map(by_name, row), strict=True)))
     return spec
 

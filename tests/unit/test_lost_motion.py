@@ -121,8 +121,7 @@ def test_what_moves_otherwise_is_no_play(effects):
     """Find nothing in what the drive law shows of friction and of softer drives."""
     limb = evidence(COMMAND).limb
     world = with_effects(limb.spec, parse_effects(effects, limb.spec.hand))
-    every = np.arange(len(PUSH) + 1)
-    shown = limb.readings(0, every, table(world, rigid=True))[:, 0, 0]
+    shown = limb.simulate(table(world, rigid=True), edges=limb.every_sample)[:, 0, 0]
     assert play(evidence(shown), 0, SHARE) is None
 
 

@@ -36,8 +36,7 @@ from diagnosis.logs.log import (
 )
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.closed import is_closed
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import dynamics, is_closed
 from diagnosis.replay.nominal import mjcf_world, own_catalogue
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import numbers_of
@@ -127,7 +126,7 @@ def replayed(spec: Spec, asked: Recording) -> Array:
     """What the sensors show by the replay in closed form (T, 3, J)."""
     limb = Limb(spec=spec, recordings=(asked,), rigid=False, exact=True)
     assert limb.closed
-    return limb.samples(0, limb.nominal)
+    return limb.simulate(limb.nominal, edges=limb.every_sample)
 
 
 def bare(xml: str, dt_s: float) -> mujoco.MjModel:

@@ -82,7 +82,7 @@ def test_bounds_hold_a_parameter_and_its_sign(every):
     for one in every:
         low, high = bounds(one, freed=True, reach=3.0)
         assert one.least < high == one.most, one
-        assert low == (-one.most if one.either_sign else 0.0), one
+        assert low == (-one.most if one.kind.either_sign else 0.0), one
         low, high = bounds(one, freed=False, reach=3.0)
         assert low <= 0.0 <= high < one.most, one
         assert high == pytest.approx(3.0 * one.tolerance), one

@@ -65,7 +65,7 @@ def test_closed_form_is_the_engines_motion(rig, effects):
     engine = load("backend", "mujoco")
     (real,) = worlds.replay(lambda specs: engine(specs), [spec], [moved])
     assert np.ptp(real[0, :, 0], axis=0).min() > 0.05
-    shown = limb.samples(0, limb.nominal)
+    shown = limb.simulate(limb.nominal, edges=limb.every_sample)
     assert np.abs(shown[1:, :2] - real[0, 1:]).max() < 1e-6
 
 

@@ -8,7 +8,6 @@ from arms import Real, log_of
 from backends.catalogue import catalogue
 from diagnosis.evidence.evidence import evidence
 from diagnosis.models.parameters import parameters
-from diagnosis.models.world import World
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -26,7 +25,7 @@ def fitter():
     (part,) = limbs(mjcf_world(log))
     said = evidence(Limb(spec=part, recordings=recordings(log, part), rigid=True))
     known = parameters(catalogue(), said, 0.05, ROBOTS.everyday)
-    return Fitter(World(said, known))
+    return Fitter(said, known)
 
 
 def number(fitter, effect):

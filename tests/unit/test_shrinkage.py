@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from arms import Real, limbs_of, log_of
 
-from diagnosis.evidence.gap import by_second
+from diagnosis.evidence.evidence import by_second
 from diagnosis.shrinkage import gaps_and_shares, held_out
 
 SECONDS = 400
@@ -57,6 +57,7 @@ def test_what_a_fit_did_not_move_is_held():
         next(k for k, p in enumerate(one.fitter.parameters) if p.joint == j and p.least < p.most)
         for j in (0, 1)
     )
-    fit = one.fitter.fit((first, other), near={**nominal.u, other: 0.01}, joints=(0,))
+    moving = [k for k, p in enumerate(one.fitter.parameters) if p.joint in (0, None)]
+    fit = one.fitter.fit((first, other), {**nominal.u, other: 0.01}, moving)
     left = held_out(one.fitter, fit)
     assert other not in fit.slopes and np.isfinite(left).all() and len(left) == len(fit.residual)

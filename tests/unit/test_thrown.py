@@ -8,8 +8,7 @@ import pandas as pd
 import pytest
 
 from diagnosis.blind import arms, motion
-from diagnosis.evidence.evidence import evidence
-from diagnosis.evidence.gap import squared_gaps
+from diagnosis.evidence.evidence import evidence, squared_gaps
 from diagnosis.logs.log import Log, LogMeta, make_log
 from diagnosis.models.world import World
 from diagnosis.motion.limb import Limb
@@ -46,7 +45,7 @@ def world() -> World:
     free = re.sub(r' range="[^"]*"', "", model_text(log, part))  # no stop is in its way
     engine = plain(log, free, limb.joints, limb.dt, "implicitfast")
     read = tuple(_read(one, shown(engine, one)) for one in limb.recordings)
-    return World(evidence(replace(limb, recordings=read)), ())
+    return World(evidence(replace(limb, recordings=read)))
 
 
 def _read(asked: Recording, position: np.ndarray) -> Recording:
@@ -66,7 +65,7 @@ def test_a_thrown_joint_leaves_an_ordinary_gap(world):
     """Count a joint beyond 20 rad/s in what steps predict, and a calm one as it is."""
     steps = world.evidence.limb.recordings[0].measured[:, 0]
     speed = np.abs(np.diff(steps, axis=0)).max() * HZ
-    before, after = gaps(world), gaps(World(spreading(world), ()))
+    before, after = gaps(world), gaps(World(spreading(world)))
     assert speed > 20.0 and before.max() > 1.5 * ROBOTS.floors
     assert after.max() < ROBOTS.floors
     assert after[0] == pytest.approx(before[0], rel=0.1)
