@@ -31,7 +31,7 @@ def _turn(k, end, command, lost, held, lossy, change):
     for t in range(k, end):
         gone = lost[t] if t > k else not lost[k]
         for j in range(command.shape[1]):
-            now[j] = kept[j] if gone and lossy[j] else command[t, j]
+            now[j] = (kept[j] if gone else command[t, j]) if lossy[j] else held[t, j]
             change[count, j] = now[j] - held[t, j]
             kept[j] = now[j]
         count += 1
@@ -68,39 +68,42 @@ def _gain(k, count, change, block, template, unit, residual, weight, memory, spa
 
 
 @numba.njit(cache=True, error_model="numpy")
-def decode(command, begins, lossy, first, price, block, template, unit, residual, weight, memory):
-    """Lost packets (T,), what each decision was worth (T,) [nats], and the residuals left (N, M).
+def decode(command, begins, groups, first, price, block, template, unit, residual, weight, memory):
+    """Lost packets (T, G), what each decision was worth [nats], and the residuals left (N, M).
 
-    `first` (T,): packets whose loss is in `residual` already; `price`: nats that each loss costs. A
-    packet that brings nothing new is worth nothing.
+    `groups` (G, K): joints whose targets are in one packet. `first` (T, G): packets whose loss is
+    in `residual` already; `price`: nats that each loss costs. A packet that brings nothing new is
+    worth nothing.
     """
     samples, joints = command.shape
     lost, held, left = first.copy(), command.copy(), residual.copy()
     for k in range(1, samples):
-        for j in range(joints):
-            if lost[k] and lossy[j]:
-                held[k, j] = held[k - 1, j]
-    worth = np.zeros(samples)
+        for g in range(len(groups)):
+            for j in range(joints):
+                if lost[k, g] and groups[g, j]:
+                    held[k, j] = held[k - 1, j]
+    worth = np.zeros(lost.shape)
     change = np.zeros((samples, joints))
     spare = np.zeros((8 * unit.shape[2], unit.shape[3]))
     for _ in range(PASSES):
         turned = 0
         for e in range(len(begins) - 1):
-            for k in range(begins[e] + 1, begins[e + 1]):
-                brings = False
+            for n in range((begins[e] + 1) * len(groups), begins[e + 1] * len(groups)):
+                k, g = n // len(groups), n % len(groups)
+                lossy, brings = groups[g], False
                 for j in range(joints):
                     brings |= lossy[j] and abs(command[k, j] - held[k - 1, j]) > SAME
-                worth[k] = 0.0
+                worth[k, g] = 0.0
                 if not brings:
                     continue
-                count = _turn(k, begins[e + 1], command, lost, held, lossy, change)
+                count = _turn(k, begins[e + 1], command, lost[:, g], held, lossy, change)
                 given = block, template, unit, left, weight, memory, spare
                 gain, length = _gain(k, count, change, *given)
-                net = gain + (price if lost[k] else -price)
-                worth[k] = gain
+                net = gain + (price if lost[k, g] else -price)
+                worth[k, g] = gain
                 if net > 0.0:
-                    lost[k] = not lost[k]
-                    worth[k] = -gain
+                    lost[k, g] = not lost[k, g]
+                    worth[k, g] = -gain
                     turned += 1
                     for b in range(length):
                         for c in range(left.shape[1]):

@@ -1,6 +1,6 @@
 """Whether packets were lost on the way to a limb, which, and how many."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,13 +31,19 @@ NINETY = 1.645
 class Losses:
     """Packets that were lost."""
 
-    joints: tuple[int, ...]
+    groups: Array
+    """Joints whose targets are in one packet, (G, K), bool."""
     share: float
     low: float
     high: float
     nats: float
     lost: tuple[Array, ...]
-    """By episode, (T,), bool."""
+    """By episode, (T, G), bool."""
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Joints of which some were lost."""
+        return tuple(map(int, np.flatnonzero(self.groups.any(axis=0))))
 
 
 def losses(
@@ -55,13 +61,17 @@ def losses(
     found = responses(world, u)
     if not len(found.unit):
         return None
-    joints = range(len(evidence.joints))
-    every = [tuple(joints)] + ([(j,) for j in joints] if len(evidence.joints) > 1 else [])
+    alone = np.eye(len(evidence.joints), dtype=bool)
+    together = [np.ones((1, len(alone)), dtype=bool)]
+    every = together + ([*alone[:, None], alone] if len(alone) > 1 else [])
     if before is not None:
-        every = [before.joints]
-    first = np.concatenate(before.lost) if before else np.zeros(found.begins[-1], dtype=bool)
+        every = [before.groups]
     share = before.share if before else START
-    tried = [_decoded(world, found, flat, logged, lossy, first, share) for lossy in every]
+    tried = []
+    for groups in every:
+        none = np.zeros((found.begins[-1], len(groups)), dtype=bool)
+        first = np.concatenate(before.lost) if before else none
+        tried.append(_decoded(world, found, flat, logged, groups, first, share))
     plausible = [one for one in tried if one is not None]
     return max(plausible, key=lambda one: one.nats, default=None)
 
@@ -70,10 +80,10 @@ def arrived(limb: Limb, lost: Losses) -> Limb:
     """The limb with the commands that arrived: where a packet was lost, the last target stood."""
     commands = []
     for recording, gone in zip(limb.recordings, lost.lost, strict=True):
-        latest = np.maximum.accumulate(np.where(gone, 0, np.arange(len(gone))))
+        rows = np.where(gone, 0, np.arange(len(gone))[:, None])
         command = recording.command.copy()
-        columns = list(lost.joints)
-        command[:, columns] = command[latest][:, columns]
+        for columns, latest in zip(lost.groups, np.maximum.accumulate(rows).T, strict=True):
+            command[:, columns] = command[latest][:, columns]
         commands.append(command)
     return limb.with_signals(command=commands)
 
@@ -83,19 +93,18 @@ def _decoded(
     found: Responses,
     flat: Array,
     logged: Array,
-    lossy: Sequence[int],
+    groups: Array,
     first: Array,
     share: float,
 ) -> Losses | None:
     limb = world.evidence.limb
     command = np.concatenate([r.command for r in limb.recordings])
-    mask = np.isin(np.arange(command.shape[1]), lossy)
     lost, left = first, flat
     for _ in range(ROUNDS):
         weight, memory = _scale(left, logged)
         price = float(np.log(1.0 / share - 1.0))
         given = found.block, found.template, found.unit, flat, weight, memory
-        lost, worth, left = decode(command, found.begins, mask, first, price, *given)
+        lost, worth, left = decode(command, found.begins, groups, first, price, *given)
         clear = np.abs(worth) >= CLEAR_NATS
         count, clear_count = int(lost[clear].sum()), int(clear.sum())
         share = float(np.clip((count + 0.5) / (clear_count + 1.0), *SHARES))
@@ -108,7 +117,7 @@ def _decoded(
         return None
     wide = NINETY * np.sqrt(share * (1 - share) / clear_count)
     return Losses(
-        joints=tuple(lossy),
+        groups=groups,
         share=share,
         low=max(share - wide, 0.0),
         high=min(share + wide, 1.0),

@@ -37,6 +37,8 @@ class Real:
     """A cubic spring on the first joint: no effect of the catalogue."""
     lost_share: float = 0.0
     """Share of the packets that are lost; the drives keep the last target."""
+    alone: bool = False
+    """Whether each joint has packets, and loses them, by itself."""
     step_rad: float = 0.0
     """Targets of all joints are rounded to this on their way."""
     noise_rad: float = 1e-4
@@ -130,10 +132,12 @@ def limbs_of(log: Log) -> tuple[list[Judged], list[str]]:
 
 def _received(real: Real, command: np.ndarray, noise: np.random.Generator) -> np.ndarray:
     """The targets that arrive (T, K)."""
-    lost = noise.random(len(command)) < real.lost_share
+    packets = command.shape if real.alone else (len(command), 1)
+    lost = noise.random(packets) < real.lost_share
     if real.step_rad:
         command = real.step_rad * np.round(command / real.step_rad)
-    return command[np.maximum.accumulate(np.where(lost, 0, np.arange(len(command))))]
+    rows = np.where(lost, 0, np.arange(len(command))[:, None])
+    return np.take_along_axis(command, np.maximum.accumulate(rows), axis=0)
 
 
 def _simulated(real: Real, command: np.ndarray) -> np.ndarray:

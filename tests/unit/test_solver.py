@@ -133,6 +133,14 @@ def test_lost_packets_are_found_beside_the_verdict():
     assert result.limbs[0].verdict == ("none",)
 
 
+def test_packets_that_each_joint_loses_by_itself_are_found():
+    """Say that each joint loses three of ten of its own packets."""
+    result = diagnose(log_of(Real(joints=2, lost_share=0.3, alone=True)))
+    (finding,) = result.limbs[0].sensors
+    assert finding.effect == "command-dropout" and finding.joints == ("J0", "J1")
+    assert finding.value == pytest.approx(30.0, abs=5.0)
+
+
 def test_many_lost_packets_are_found_in_turns():
     """Say that four of ten packets were lost: losses and the fit find each other."""
     result = diagnose(log_of(Real(lost_share=0.4)))
