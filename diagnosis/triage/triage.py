@@ -75,7 +75,7 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     units = [said for track in every if (said := _units.perhaps(track))]
     if is_long:
         del every  # a long log's replays take memory
-        every = list(tracks(whole))
+        every = list(tracks(whole, alone=True))
     remarks = (said for about in (pauses, made_up) for track in every for said in about(track))
     return (*units, *remarks)
 
