@@ -208,7 +208,7 @@ def tracks(limbs: Sequence[Limb], alone: bool = False) -> Iterator[Track]:
         near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
         replays = Replays(near)
         each = (replace(near, recordings=(r,)) for r in near.recordings if alone)
-        replayed = [shown_by(one, one.nominal)[0] for one in each] or replays.at()
+        replayed = [shown_by(one, one.nominal)[0][:, :1].copy() for one in each] or replays.at()
         for j, joint in enumerate(body.joint for body in limb.spec.hand.driven):
             yield Track(
                 limb=near,
@@ -230,6 +230,8 @@ def _within_reach(recording: Recording, is_open: Array) -> Recording:
     command, position = recording.command, recording.measured[:, 0]
     odd = np.ptp(position, axis=0) > FARTHEST * np.maximum(np.ptp(command, axis=0), LEAST)
     odd &= ~is_open
+    if not odd.any():
+        return recording
     measured = recording.measured.copy()
     measured[:, 0] = np.where(odd, command, position)
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
