@@ -10,6 +10,7 @@ import json
 import re
 from collections.abc import Sequence
 from contextlib import suppress
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,9 @@ NAMELESS = r"Unnamed: \d+$"
 """What pandas calls a column without a name, such as the numbers of rows."""
 MOST_LISTED = 200
 """Longest list in a cell that becomes columns."""
+LINE = re.compile(r"[^\r\n]+")
+HEAD = 1000
+"""Names and the first numbers stand in so many lines."""
 LOOKED_AT = 50
 """Lines by which the form of the numbers is known."""
 OTHERS = {
@@ -72,7 +76,8 @@ def _text(path: Path) -> str:
 
 
 def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
-    lines = [line for line in text.splitlines() if line.strip()]
+    head = list(islice((line for line in LINE.finditer(text) if line[0].strip()), HEAD))
+    lines = [line[0] for line in head]
     first = next((n for n, line in enumerate(lines) if not COMMENT.match(line)), len(lines))
     if len(lines) < first + 2:
         raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
@@ -81,7 +86,8 @@ def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
     names, begins = _names(path, lines, first, separator)
     cells = [cell for line in lines[begins:][:LOOKED_AT] for cell in _cells(line, separator)]
     decimal = "," if separator != "," and any(COMMA.match(cell) for cell in cells) else "."
-    body = "\n".join([_line(names, separator), *lines[begins:]]) + "\n"
+    rows = text[head[begins].start() :] if begins < len(head) else ""
+    body = f"{_line(names, separator)}\n{rows}\n"
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
     frame = frame.loc[:, ~frame.columns.str.match(NAMELESS)]
