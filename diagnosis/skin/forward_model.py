@@ -9,7 +9,6 @@ An answer as yes or no is a Bernoulli draw at a margin blurred by the geometry's
 has that error. Both allow for a few wild answers.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -17,6 +16,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from scipy.special import ndtr
 
 from backends.state import Array
 from backends.touch import THRESHOLD_M, ease
@@ -115,8 +115,10 @@ def expected(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     drifted_m = data.time_s[:, None, None] * faults.slope_m_s
     if not data.binary:
         return (faults.gain * data.eased_m(faults.hysteresis) + drifted_m) * alive
+    # what is short of answering by so much does, by its press or by its drift
     short_m = faults.level_m - drifted_m
-    chance = _chance(data.touching_m, short_m, faults.blur_m, SHARP * faults.level_m)
+    pressed = (data.touching_m - short_m) / faults.blur_m
+    chance = ndtr(np.maximum(pressed, -short_m / (SHARP * faults.level_m)))
     if near is not None:
         chance = _spread(chance, near)
     return WILD + (1 - 2 * WILD) * chance * alive
@@ -130,18 +132,6 @@ def _eased(depth, stays):
         for f in range(out.shape[1]):
             ease(stays, out[s, f], held[f])
     return out
-
-
-@numba.vectorize(cache=True)
-def _chance(depth_m, short_m, blur_m, drift_blur_m):
-    """Chance that what is short of answering by so much does, by its press or by its drift."""
-    return _below(max((depth_m - short_m) / blur_m, -short_m / drift_blur_m))
-
-
-@numba.njit(cache=True)
-def _below(deviations):
-    """The standard normal distribution function."""
-    return 0.5 * math.erfc(-math.sqrt(0.5) * deviations)
 
 
 @numba.njit(cache=True)
@@ -180,22 +170,12 @@ def nats(data: Pressed, faults: Faults, near: Array | None = None) -> Array:
     """Log-likelihood of every answer over `ALIKE`, shape (S, F, K)."""
     shown = expected(data, faults, near)
     if data.binary:
-        return _nats_of_answer(data.reading, shown)
-    return _nats_of_depth(data.reading, shown, faults.blurs_m(data))
-
-
-@numba.vectorize(cache=True)
-def _nats_of_answer(reading, shown):
-    return math.log(shown if reading > 0.5 else 1 - shown) / ALIKE
-
-
-@numba.vectorize(cache=True)
-def _nats_of_depth(reading, shown, blur_m):
-    if reading > 0:
-        off = (reading - shown) / blur_m
-        density = math.exp(-0.5 * off**2) / (math.sqrt(2 * math.pi) * blur_m)
-        return math.log((1 - WILD) * density + WILD / ANYWHERE_M) / ALIKE
-    return math.log((1 - WILD) * _below(-shown / blur_m) + WILD) / ALIKE
+        return np.log(np.where(data.reading > 0.5, shown, 1 - shown)) / ALIKE
+    blur_m = faults.blurs_m(data)
+    density = np.exp(-0.5 * ((data.reading - shown) / blur_m) ** 2) / (np.sqrt(2 * np.pi) * blur_m)
+    answer = (1 - WILD) * density + WILD / ANYWHERE_M
+    silence = (1 - WILD) * ndtr(-shown / blur_m) + WILD
+    return np.log(np.where(data.reading > 0, answer, silence)) / ALIKE
 
 
 def gap(

@@ -1,7 +1,8 @@
-"""The gains of taxels, from how deep they are pressed and what they read.
+"""What taxels read of how deep they are pressed: their gains, and how far they stay behind.
 
 Geometry is off as well, but for all taxels of a finger at once. So gains are none unless they show
-beside what a sample's taxels have in common.
+beside what a sample's taxels have in common. Nor is it off by the way that a press came: of
+hysteresis only what changes while a taxel is pressed counts, and its mean is left out.
 """
 
 import numpy as np
@@ -19,6 +20,8 @@ LEAST = 5
 """A sample tells gains apart where so many taxels of a finger are pressed."""
 STRAY = 0.02
 """Share of the taxels whose gain geometry gets wrong by any amount."""
+SHARES, FINER = np.linspace(0.0, 1.0, 41), np.linspace(-1.0, 1.0, 11)
+"""Sizes of hysteresis that are tried, and those around the best, in steps of the first."""
 
 
 def gains(data: Pressed, faults: Faults) -> tuple[Array, Array] | None:
@@ -61,3 +64,28 @@ def evidence(more: Array, sd: Array) -> Array:
     none = np.exp(-0.5 * (more / sd) ** 2) / (np.sqrt(2.0 * np.pi) * sd)
     none = (1.0 - STRAY) * none + STRAY / 2.0
     return np.asarray((np.log(some) - np.log(none)).sum(axis=1))
+
+
+def hysteresis(data: Pressed, faults: Faults) -> tuple[Array, Array] | None:
+    """Sizes and their log-likelihoods beside a skin's other faults; None where it is none."""
+    if not data.history:
+        return None
+    pressed = (data.eased_m(0.0) > PRESSED * faults.blur_m) & (data.reading > 0.0)
+    base = _squares(data, faults, pressed, SHARES)
+    near = SHARES[int(np.argmin(base))]
+    sizes = np.unique(np.clip(near + (SHARES[1] - SHARES[0]) * FINER, 0.0, 1.0))
+    squares = _squares(data, faults, pressed, sizes)
+    variance = max(faults.blur_m**2, float(squares.min()) / max(int(pressed.sum()), 1))
+    nats = (base[0] - squares) / (2.0 * variance * ALIKE)
+    return None if nats.max() < ACCUSE_NATS else (sizes, nats)
+
+
+def _squares(data: Pressed, faults: Faults, pressed: Array, sizes: Array) -> Array:
+    """What is left at sizes (D,), without the means of the taxels, squared and summed [m^2]."""
+    counts = np.maximum(pressed.sum(axis=0), 1)
+    read = data.reading - data.time_s[:, None, None] * faults.slope_m_s
+    found = []
+    for size in sizes:
+        left = np.where(pressed, read - faults.gain * data.eased_m(float(size)), 0.0)
+        found.append(np.sum(left**2) - np.sum(left.sum(axis=0) ** 2 / counts))
+    return np.array(found)

@@ -51,16 +51,25 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
     finer = max(round(FINER_S / period_s), 1)
     step = max(round(PERIOD_S / period_s / finer), 1) * finer
     rows = np.arange(step, len(part.time_s), step)
-    every = part.every(np.arange(0, len(part.time_s), finer))
-    history = () if binary else ((_history(nominal, every, blur), rows // finer),)
+
+    def shown(some: Held) -> tuple[Array, Array, Array, Array]:
+        """Readings, depths [m], how far tips are from the stick [m], and whether they touch it."""
+        gap_m, touch = gaps_m(nominal, some), some.touch
+        assert touch is not None
+        touched = touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur)
+        return touch, pressed_m(nominal, some), gap_m, touched
+
+    history: tuple[tuple[Array, Array], ...] = ()
+    if not binary:
+        _, depth_m, _, touched = shown(part.every(np.arange(0, len(part.time_s), finer)))
+        history = ((np.maximum(depth_m, 0.0) * touched[..., None], rows // finer),)
     part = part.every(rows)
-    gap_m, touch = gaps_m(nominal, part), part.touch
-    assert touch is not None
+    reading, depth_m, gap_m, touched = shown(part)
     data = Pressed(
         time_s=part.time_s,
-        depth_m=pressed_m(nominal, part),
-        reading=touch,
-        touched=touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur),
+        depth_m=depth_m,
+        reading=reading,
+        touched=touched,
         binary=binary,
         history=history,
     )
@@ -70,10 +79,3 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
     return data, [
         tip.finger for tip, out in zip(nominal.hand.fingertips, wrong, strict=True) if out
     ]
-
-
-def _history(nominal: Spec, part: Held, blur: float) -> Array:
-    """Depths [m] of every sample (T, F, K), 0 where a finger is not touched."""
-    assert part.touch is not None
-    touched = part.touch.any(axis=2) | (gaps_m(nominal, part) < -OUT_M - SURE * blur)
-    return np.asarray(np.maximum(pressed_m(nominal, part), 0.0) * touched[..., None])

@@ -72,7 +72,7 @@ def search(fitting: Fitting, starts: Sequence[Faults], sought: Sequence[str]) ->
 
     `starts`: the skin beside which faults are sought, and others that a lone one may be fitted to.
     """
-    nominal = _tried(fitting, starts[0], starts[0], ())
+    nominal = _tried(fitting, starts[0])
     now, tied = nominal, tuple[Tried, ...]()
     for count in range(1, MOST + 1):
         if count > 1 and not now.guesses and now.worst <= LAW.floors:
@@ -91,19 +91,14 @@ def _sets(
     for names in combinations(sought, count):
         fits = [(fitting.together(names, start), start) for start in starts[: 3 - count]]
         skin, start = max(fits, key=lambda fit: fitting.nats(fit[0]))
-        one = _tried(fitting, skin, start, names)
-        if len(one.guesses) == count:
-            yield one
+        guesses = [guess for name in names if (guess := fitting.beside(name, start, skin))]
+        if len(guesses) == count:
+            yield _tried(fitting, skin, guesses)
 
 
-def _tried(fitting: Fitting, skin: Faults, start: Faults, names: tuple[str, ...]) -> Tried:
-    guesses = (fitting.beside(name, start, skin) for name in names)
-    return Tried(
-        guesses=tuple(guess for guess in guesses if guess is not None),
-        skin=skin,
-        worst=fitting.gap(skin),
-        nats=fitting.nats(skin),
-    )
+def _tried(fitting: Fitting, skin: Faults, guesses: Sequence[Guess] = ()) -> Tried:
+    worst, nats = fitting.gap(skin), fitting.nats(skin)
+    return Tried(guesses=tuple(guesses), skin=skin, worst=worst, nats=nats)
 
 
 def _explains(one: Tried, now: Tried, nominal: Tried) -> bool:

@@ -40,41 +40,41 @@ def identify_skin_faults(
     `mended`: stick or contacts of the nominal world are what this log itself shows of them. How
     deep they press is known no better than a sample then, so a threshold within that is none.
     """
-    names = {number.split(".")[1]: n for number, n in of_part(catalogue, "taxels").items()}
-    foreign = [name for fault, name in names.items() if fault not in FIELDS]
-    report = Report(missing=missing(foreign, NO_MODEL))
-    sought = [fault for fault in FIELDS if fault in names]
-    if sought:
-        kinds = {fault: names[fault] for fault in sought}
-        report += _identified(log, nominal, kinds, catalogue, mended)
-    return report
-
-
-def _identified(
-    log: Log, nominal: Spec, names: Mapping[str, str], catalogue: Catalogue, mended: bool
-) -> Report:
-    """The report on faults that the model has; `names` are those of their effects."""
+    every = {number.split(".")[1]: n for number, n in of_part(catalogue, "taxels").items()}
+    report = Report(missing=missing([n for k, n in every.items() if k not in FIELDS], NO_MODEL))
+    names = {fault: every[fault] for fault in FIELDS if fault in every}
+    if not names:
+        return report
     parts = [part for part in held(log, nominal) if part.touch is not None]
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
     if not parts:
-        return Report(missing=missing(names.values(), GRASP.format("stick and contact")))
+        why = GRASP.format("stick and contact")
+        return report + Report(missing=missing(names.values(), why))
     if parts[0].taxels != grid.shape[:2]:
-        other = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
-        return Report(missing=missing(names.values(), other))
+        why = f"the log has {parts[0].taxels} taxels, the hand {grid.shape[:2]}"
+        return report + Report(missing=missing(names.values(), why))
     binary = log.is_binary
     data, skin, misplaced = samples(nominal, parts, binary)
     if misplaced:
         why = MISPLACED.format(", ".join(misplaced))
-        return Report(missing=missing(names.values(), why))
+        return report + Report(missing=missing(names.values(), why))
     fitting, starts = Fitting(data, grid), [skin]
     if mended and binary:
         starts.insert(0, _offset(fitting, skin))
     unseen, channels = (DEPTHS, "stick and touch") if binary else (ANSWERS, "stick and contact")
     found = search(fitting, starts, [fault for fault in names if fault not in unseen])
     deaf = [names[fault] for fault in unseen if fault in names]
-    return Report(
+    return report + Report(
         causes=tuple(_causes(found, names, nominal.hand.taxels, catalogue)),
-        spots=_spots(nominal, fitting, found),
+        spots=tuple(
+            Spot(
+                finger=tip.finger,
+                family=TOUCH,
+                gap_before=fitting.gap(found.nominal.skin, f),
+                gap_after=fitting.gap(found.chosen.skin, f),
+            )
+            for f, tip in enumerate(nominal.hand.fingertips)
+        ),
         missing=missing(deaf, GRASP.format(channels)),
     )
 
@@ -110,16 +110,3 @@ def _causes(
                 evidence=guess.evidence,
                 tied=tuple(names[fault] for fault in sorted(others)),
             )
-
-
-def _spots(nominal: Spec, fitting: Fitting, found: SkinFit) -> tuple[Spot, ...]:
-    """The gap of every finger's skin, before and after."""
-    return tuple(
-        Spot(
-            finger=tip.finger,
-            family=TOUCH,
-            gap_before=fitting.gap(found.nominal.skin, f),
-            gap_after=fitting.gap(found.chosen.skin, f),
-        )
-        for f, tip in enumerate(nominal.hand.fingertips)
-    )

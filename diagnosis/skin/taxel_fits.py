@@ -8,8 +8,7 @@ import numpy as np
 from backends.state import Array
 from backends.touch import THRESHOLD_M
 from diagnosis.skin.forward_model import SHARP, Faults, Pressed, alone, gap, nats
-from diagnosis.skin.gains import SPREADS, evidence, gains
-from diagnosis.skin.hysteresis import hysteresis
+from diagnosis.skin.gains import SPREADS, evidence, gains, hysteresis
 from diagnosis.verdict.result import CLOSE_NATS
 
 THRESHOLDS_M = np.linspace(-0.19e-3, 1e-3, 25)
@@ -70,14 +69,8 @@ class Fitting:
 
     def guess(self, fault: str, faults: Faults) -> Guess | None:
         """The best size of a fault; None where it is none."""
-        return {
-            THRESHOLD: self._threshold,
-            DRIFT: self._drift,
-            DEAD: self._dead,
-            HALO: self._halo,
-            GAIN: self._gain,
-            HYSTERESIS: self._hysteresis,
-        }[fault](faults)
+        fits = (self._threshold, self._drift, self._dead, self._halo, self._gain, self._hysteresis)
+        return dict(zip(FIELDS, fits, strict=True))[fault](faults)
 
     def together(self, names: tuple[str, ...], start: Faults) -> Faults:
         """The skin with one fault or two at the sizes that fit best together.
@@ -87,19 +80,16 @@ class Fitting:
         a drift spreads by, and the rest in turns.
         """
         tries = [self.alone(name, start, start) for name in names]
-        return tries[0] if len(names) == 1 else self._turned(names, start, tries)
-
-    def _turned(self, pair: tuple[str, ...], start: Faults, tries: list[Faults]) -> Faults:
-        if THRESHOLD in pair:
-            other = next(name for name in pair if name != THRESHOLD)
-            late = _thresholds(start, THRESHOLDS_M[::2])
-            tries += [self.alone(other, skin, skin) for skin in late]
-        elif set(pair) == {DRIFT, HALO}:
+        if len(names) == 1:
+            return tries[0]
+        if THRESHOLD in names:
+            (other,) = {*names} - {THRESHOLD}
+            tries += [self.alone(other, s, s) for s in _thresholds(start, THRESHOLDS_M[::2])]
+        elif {*names} == {DRIFT, HALO}:
             tries.append(self._spreading(start))
         best = max(tries, key=self.nats)
-        for _ in range(TURNS):
-            for fault in reversed(pair):
-                best = self.alone(fault, start, best)
+        for fault in names[::-1] * TURNS:
+            best = self.alone(fault, start, best)
         return best
 
     def beside(self, fault: str, start: Faults, faults: Faults) -> Guess | None:
@@ -128,13 +118,10 @@ class Fitting:
         values = values[values >= THRESHOLDS_M[0] - NEXT_M / 10]
         tries = _thresholds(faults, values)
         guess = _best(THRESHOLD, values, self._scores(tries), tries.__getitem__)
-        if guess.interval[0] <= faults.threshold_m <= guess.interval[1]:
-            return None
-        return replace(
-            guess,
-            evidence=f"taxels respond from {1e3 * (THRESHOLD_M + guess.value):.2f} mm of press on",
-            extreme=guess.value < THRESHOLDS_M[0] + NEXT_M / 10,
-        )
+        text = f"taxels respond from {1e3 * (THRESHOLD_M + guess.value):.2f} mm of press on"
+        extreme = guess.value < THRESHOLDS_M[0] + NEXT_M / 10
+        none = guess.interval[0] <= faults.threshold_m <= guess.interval[1]
+        return None if none else replace(guess, evidence=text, extreme=extreme)
 
     def _scores(self, skins: Sequence[Faults]) -> Array:
         return np.array([self.nats(skin) for skin in skins])
@@ -144,8 +131,8 @@ class Fitting:
         ends = np.append(steps[steps <= HALO_M], HALO_M)
         middles = (ends[:-1] + ends[1:]) / 2
         tries = [replace(faults, halo_m=float(m)) for m in middles]
-        ends_m = ends[:-1], ends[1:]
-        guess = _best(HALO, middles, self._scores(tries), tries.__getitem__, ends_m)
+        between = ends[:-1], ends[1:]
+        guess = _best(HALO, middles, self._scores(tries), tries.__getitem__, between)
         text = f"taxels respond within {1e3 * guess.value:.1f} mm of a pressed one"
         none = guess.value == middles[0]
         return None if none else replace(guess, value=sum(guess.interval) / 2, evidence=text)
@@ -161,10 +148,8 @@ class Fitting:
             return replace(faults, gain=1.0 + np.clip(more, -most, most), gain_spread=most)
 
         guess = _best(GAIN, SPREADS, evidence(more, sd), skin)
-        most = f"{100 * guess.value:.0f} %"
-        return replace(
-            guess, evidence=f"{np.isfinite(sd).sum()} taxels read up to {most} more or less"
-        )
+        count, most = np.isfinite(sd).sum(), f"{100 * guess.value:.0f} %"
+        return replace(guess, evidence=f"{count} taxels read up to {most} more or less")
 
     def _hysteresis(self, faults: Faults) -> Guess | None:
         found = hysteresis(self._data, faults)
@@ -194,15 +179,15 @@ class Fitting:
 
     def _spreading(self, start: Faults) -> Faults:
         """A drift and the halo that it spreads by, roughly."""
-        best = max((self._rough(start, m) for m in HALOS_M), key=self.nats)
-        return max((self._rough(start, best.halo_m + m) for m in NEARER_M), key=self.nats)
 
-    def _rough(self, start: Faults, halo_m: float) -> Faults:
-        """A drift beside a halo, roughly."""
-        skin = replace(start, halo_m=float(halo_m))
-        scores, mean = self._drifts(skin, ROUGH_M_S)
-        best = int(np.argmax(scores))
-        return replace(skin, slope_m_s=mean[best], fastest_m_s=float(ROUGH_M_S[best + 1]))
+        def drift(halo_m: float) -> Faults:
+            skin = replace(start, halo_m=float(halo_m))
+            scores, mean = self._drifts(skin, ROUGH_M_S)
+            best = int(np.argmax(scores))
+            return replace(skin, slope_m_s=mean[best], fastest_m_s=float(ROUGH_M_S[best + 1]))
+
+        best = max(map(drift, HALOS_M), key=self.nats)
+        return max(map(drift, best.halo_m + NEARER_M), key=self.nats)
 
     def _drifts(self, faults: Faults, slopes_m_s: Array) -> tuple[Array, Array]:
         """Log-evidence of the fastest drift (D - 1,) and the mean slopes that go with it.
@@ -225,7 +210,13 @@ class Fitting:
         """
         near = self._near(faults)
         data = self._data if near is None else alone(self._data, faults, near)
-        every = np.unique([*slopes_m_s, *(self._crossings(faults) if data.binary else ())])
+        every = slopes_m_s
+        if data.binary:  # and those on both sides of what reaches the level, from none, at a sample
+            times_s = np.unique(np.round(data.time_s, 2))
+            times_s = times_s[times_s > 0]
+            times_s = times_s[np.diff(times_s, append=np.inf) > APART * times_s]
+            crossing = np.outer(faults.level_m / times_s, (1 - EDGE, 1 + EDGE)).ravel()
+            every = np.unique([*slopes_m_s, *crossing])
         every = every[every <= slopes_m_s[-1]]
         slope = every[:, None, None]
         each = np.stack([nats(data, replace(faults, slope_m_s=a)).sum(axis=0) for a in slope])
@@ -238,26 +229,18 @@ class Fitting:
         area, moment = area[asked], moment[asked]
         return np.log(area / slopes_m_s[1:, None, None]) + top, moment / area
 
-    def _crossings(self, faults: Faults) -> Array:
-        """Slopes on both sides of those that reach the level, from none, at a sample."""
-        times_s = np.unique(np.round(self._data.time_s, 2))
-        times_s = times_s[times_s > 0]
-        apart = np.diff(times_s, append=np.inf) > APART * times_s
-        return np.outer(faults.level_m / times_s[apart], (1 - EDGE, 1 + EDGE)).ravel()
-
-    def _silent(self, faults: Faults) -> Array:
-        """Log-likelihood of every taxel that is dead, shape (F, K)."""
-        every = np.ones(self._apart.shape[:2], dtype=bool)
-        return nats(self._data, replace(faults, dead=every), self._near(faults)).sum(axis=0)
+    def _silent(self, faults: Faults, dead: bool = True) -> Array:
+        """Log-likelihood of every taxel where all are dead, or none, shape (F, K)."""
+        skin = replace(faults, dead=np.full(self._apart.shape[:2], dead))
+        return nats(self._data, skin, self._near(faults)).sum(axis=0)
 
     def _dead(self, faults: Faults) -> Guess | None:
-        none = np.zeros(self._apart.shape[:2], dtype=bool)
         dead = self._silent(faults)
         if faults.fastest_m_s > 0:  # a living taxel would drift
             slopes = np.append(DRIFTS_M_S[faults.fastest_m_s > DRIFTS_M_S], faults.fastest_m_s)
             alive = self._drifting(faults, slopes)[0][-1]
         else:
-            alive = nats(self._data, replace(faults, dead=none), self._near(faults)).sum(axis=0)
+            alive = self._silent(faults, dead=False)
         shares = DEAD_SHARES[:, None, None]
         with np.errstate(divide="ignore"):
             each = np.logaddexp(np.log(1 - shares) + alive, np.log(shares) + dead)
