@@ -80,28 +80,30 @@ def simulate_grasps(
     """
     dt_s = float(np.median(np.diff(parts[0].time_s)))
     timed = [replace(w, timing=replace(w.timing, policy_s=dt_s)) for w in worlds]
-    pairs = [(world, part) for world in timed for part in parts]
+    every = list(parts) * len(worlds)
+    stick = np.stack([part.stick[0] for part in every])
     start = InitialState(
-        joint_rad=np.stack([p.joint_rad[0] for _, p in pairs]),
-        stick_pos_m=np.stack([p.stick[0, :3] for _, p in pairs]),
-        stick_quat_wxyz=np.stack([p.stick[0, 3:] for _, p in pairs]),
+        joint_rad=np.stack([part.joint_rad[0] for part in every]),
+        stick_pos_m=stick[:, :3],
+        stick_quat_wxyz=stick[:, 3:],
     )
     target, load, pull = (
-        together([getattr(part, name) for _, part in pairs])
+        together([getattr(part, name) for part in every])
         for name in ("command_rad", "push_nm", "pull_n")
     )
     rows = list[tuple[Array, ...]]()
-    for state in states(simulate([world for world, _ in pairs]), start, target, load, pull):
-        stick = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
+    engine = simulate([world for world in timed for _ in parts])
+    for state in states(engine, start, target, load, pull):
+        pose = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
         force_n = np.linalg.norm(state.contact_force_n, axis=-1)
-        rows.append((state.joint_rad.copy(), state.drive_torque_nm.copy(), stick, force_n))
-        if (stick[:, 2] < start.stick_pos_m[:, 2] - GONE_M).all():
+        rows.append((state.joint_rad.copy(), state.drive_torque_nm.copy(), pose, force_n))
+        if (pose[:, 2] < stick[:, 2] - GONE_M).all():
             break
     rows += rows[-1:] * (len(target) - len(rows))
-    every = [np.stack(column, axis=1) for column in zip(*rows, strict=True)]
-    shown = []
-    for n, (_, part) in enumerate(pairs):
-        joint, torque, stick, force = (values[n, : len(part.time_s)] for values in every)
-        shown.append(GraspReplay(joint_rad=joint, torque_nm=torque, stick=stick, force_n=force))
-    count = len(parts)
-    return [shown[w * count : (w + 1) * count] for w in range(len(worlds))]
+    names = ("joint_rad", "torque_nm", "stick", "force_n")
+    taken = dict(zip(names, (np.stack(c, axis=1) for c in zip(*rows, strict=True)), strict=True))
+    shown = [
+        GraspReplay(**{name: values[n, : len(part.time_s)] for name, values in taken.items()})
+        for n, part in enumerate(every)
+    ]
+    return [shown[k : k + len(parts)] for k in range(0, len(shown), len(parts))]

@@ -46,18 +46,15 @@ def stick_report(
     log: Log, nominal: Spec, catalogue: Catalogue, simulate: Simulate | None
 ) -> Report:
     """The effects of stick and contact that a log shows, and why it cannot show others."""
-    names = of_part(catalogue, "stick", "contact")
-    known = (RADIUS, SOFTNESS, FRICTION, MASS)
-    report = Report(missing=missing([n for k, n in names.items() if k not in known], NO_MODEL))
-    names = {number: names[number] for number in known if number in names}
-    if not names:
-        return report
-    if simulate is None:
+    every = of_part(catalogue, "stick", "contact")
+    names = {n: every[n] for n in (RADIUS, SOFTNESS, FRICTION, MASS) if n in every}
+    report = Report(missing=missing([n for k, n in every.items() if k not in names], NO_MODEL))
+    if not names or simulate is None:
         return report + Report(missing=missing(names.values(), NEEDS))
-    slips = missing([name for k, name in names.items() if k in (FRICTION, MASS)], PULLS)
+    slips = missing([names[k] for k in (FRICTION, MASS) if k in names], PULLS)
     parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
     if not parts:
-        still = missing([name for k, name in names.items() if k in (RADIUS, SOFTNESS)], NEEDS)
+        still = missing([names[k] for k in (RADIUS, SOFTNESS) if k in names], NEEDS)
         return report + Report(missing=(*still, *slips))
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
     found, pulled = _pulled_out(nominal, parts, pulls, simulate)
@@ -68,22 +65,24 @@ def stick_report(
 def _pulled_out(
     nominal: Spec, parts: Sequence[Held], pulls: Sequence[Held], simulate: Simulate
 ) -> tuple[Shape, pull_test.PullFit | None]:
-    """The shape, and what pulls tell of a stick of that shape; None where no stick slips."""
-    found = shape(nominal, parts, simulate)
-    pulled = _pull(nominal, found, pulls, simulate)
-    world = pull_test.corrected(nominal, pulled) if pulled else nominal
-    if pulled and world != nominal:  # another friction or mass is squeezed otherwise
-        found = shape(world, parts, simulate)
-        again = _pull(world, found, pulls, simulate)
+    """The shape, and what pulls tell of a stick of that shape; None where no stick slips.
+
+    Once more where friction or mass is another, for then the stick is squeezed otherwise.
+    """
+    found, pulled = _of_world(nominal, parts, pulls, simulate)
+    if pulled and any(pulled.surely):
+        world = pull_test.changed(nominal, *pulled.surely)
+        found, again = _of_world(world, parts, pulls, simulate)
         pulled = again.beside(pulled) if again else pulled
     return found, pulled
 
 
-def _pull(
-    world: Spec, found: Shape, pulls: Sequence[Held], simulate: Simulate
-) -> pull_test.PullFit | None:
-    """What pulls tell of a stick of a shape, about the mass that its gaps ask for."""
-    rigid, soft = found.chosen.rigid, found.is_soft
+def _of_world(
+    world: Spec, parts: Sequence[Held], pulls: Sequence[Held], simulate: Simulate
+) -> tuple[Shape, pull_test.PullFit | None]:
+    """The same about one world; pulls about the mass that its gaps ask for."""
+    found = shape(world, parts, simulate)
     heavy = pull_test.changed(found.on(world), mass=found.mass)
+    rigid, soft = found.chosen.rigid, found.is_soft
     pulled = pull_test.pull_fit(heavy, pulls, simulate, rigid=rigid, soft=soft)
-    return replace(pulled, mass=pulled.mass + found.mass) if pulled else None
+    return found, replace(pulled, mass=pulled.mass + found.mass) if pulled else None

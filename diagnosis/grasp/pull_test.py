@@ -128,11 +128,6 @@ class PullFit:
         return replace(self, friction=self.friction + friction, mass=self.mass + mass)
 
 
-def corrected(world: Spec, fit: PullFit) -> Spec:
-    """The world with what is sure."""
-    return changed(world, *fit.surely)
-
-
 def pull_fit(
     world: Spec, parts: Sequence[Held], simulate: Simulate, rigid: bool, soft: bool
 ) -> PullFit | None:
@@ -230,7 +225,7 @@ def _shifted(
             costs[m] += cost
             pull_n = model.slipped_n if model.slipping < len(model.time_s) else model.pull_n[-1]
             friction_n = pull_n + masses[m] * mass_kg * model.weight
-            ratios[m, e] = np.log(max(1 + _slope(real) * later_s / friction_n, 1e-3))
+            ratios[m, e] = np.log(max(1 + real.rises_n_s * later_s / friction_n, 1e-3))
     mass, half = valley(np.log(masses), costs)
     k = int(np.argmin(costs))
     left = float(np.sqrt(costs[k] / sum(s.end for s in seen)))
@@ -244,34 +239,20 @@ def _shifted(
     )
 
 
-def _slope(one: Slip) -> float:
-    """How fast the pull grows where it slips [N/s]."""
-    k = one.slipping
-    return float((one.pull_n[k] - one.pull_n[k - 1]) / (one.time_s[k] - one.time_s[k - 1]))
-
-
 def _best_shift(real: Slip, model: Slip) -> tuple[float, float]:
-    """Least cost of a replay that slips later than it does, and by how much."""
-    rows = slice(0, real.end)
-    at = real.time_s[rows, None] - SHIFTS_S - _guess(real, model)
+    """Least cost of a replay that slips later than it does, and by how much [s]."""
+    slips_s = model.time_s[min(model.slipping, len(model.time_s) - 1)]
+    later_s = real.time_s[real.slipping] - slips_s + SHIFTS_S
+    known = slice(0, real.end)
+    at = real.time_s[known, None] - later_s
     moved = np.interp(at, model.time_s, np.minimum(model.travel_m, 2 * GONE_M))
-    costs = (((moved - real.travel_m[rows, None]) / real.spread_m[:, None]) ** 2).sum(axis=0)
+    costs = (((moved - real.travel_m[known, None]) / real.spread_m[:, None]) ** 2).sum(axis=0)
     best = int(np.argmin(costs))
-    return float(costs[best]), float(SHIFTS_S[best] + _guess(real, model))
-
-
-def _guess(real: Slip, model: Slip) -> float:
-    """How much later a stick slips than a replay does [s]."""
-    last = len(model.time_s) - 1
-    return float(real.time_s[real.slipping] - model.time_s[min(model.slipping, last)])
+    return float(costs[best]), float(later_s[best])
 
 
 def changed(world: Spec, friction: float = 0.0, mass: float = 0.0) -> Spec:
     """A world with other friction and mass, given as logarithms of ratios."""
-    stick = world.stick
-    return replace(
-        world,
-        stick=replace(
-            stick, friction=stick.friction * np.exp(friction), mass_kg=stick.mass_kg * np.exp(mass)
-        ),
-    )
+    ratios = {"friction": np.exp(friction), "mass_kg": np.exp(mass)}
+    stick = {name: getattr(world.stick, name) * ratio for name, ratio in ratios.items()}
+    return replace(world, stick=replace(world.stick, **stick))

@@ -120,12 +120,12 @@ class Fit:
         heavier: Sequence[GraspReplay],
     ) -> "Fit":
         """The next least-squares step, from replays of its world and of one with more mass."""
-        real = np.array([touch_m(nominal, p, p) for p in parts])
-        force = np.array([settled(p, s.force_n) for p, s in zip(parts, shown, strict=True)])
-        model, other = (
-            np.array([touch_m(nominal, p, s) for p, s in zip(parts, some, strict=True)])
-            for some in (shown, heavier)
+        seen: tuple[Sequence[Held | GraspReplay], ...] = (parts, shown, heavier)
+        real, model, other = (
+            np.array([touch_m(nominal, p, one) for p, one in zip(parts, some, strict=True)])
+            for some in seen
         )
+        force = np.array([settled(p, s.force_n) for p, s in zip(parts, shown, strict=True)])
         by_mass = (other - model) / PROBE
         slopes = np.stack([np.ones(force.size), -force.ravel(), by_mass.ravel()], axis=1)
         left = (real - model).ravel()
@@ -211,14 +211,12 @@ class Shape:
 
     def _spots(self, nominal: Spec) -> Iterator[Spot]:
         """Gaps at every finger before and after."""
-        gaps = [
-            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0))
+        gaps = (
+            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0)).tolist()
             for fit in (self.nominal, self.chosen)
-        ]
+        )
         for tip, before, after in zip(nominal.hand.fingertips, *gaps, strict=True):
-            yield Spot(
-                finger=tip.finger, family=STICK, gap_before=float(before), gap_after=float(after)
-            )
+            yield Spot(finger=tip.finger, family=STICK, gap_before=before, gap_after=after)
 
 
 def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
@@ -248,13 +246,8 @@ def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     ]
     found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
-        probed = [
-            replace(fit, sizes=fit.sizes + (0.0, 0.0, PROBE))
-            for fit in found
-            if MASS in fit.numbers
-        ]
-        worlds = [fit.on(nominal) for fit in (*found, *probed)]
-        shown = simulate_grasps(simulate, worlds, parts)
+        heavy = [replace(f, sizes=f.sizes + (0.0, 0.0, PROBE)) for f in found if MASS in f.numbers]
+        shown = simulate_grasps(simulate, [fit.on(nominal) for fit in (*found, *heavy)], parts)
         heavier = iter(shown[len(found) :])
         found = [
             fit.closer(nominal, parts, s, next(heavier) if MASS in fit.numbers else s)

@@ -73,6 +73,12 @@ class Slip:
         return float(self.pressed_n[first : max(last, first + 1)].mean())
 
     @property
+    def rises_n_s(self) -> float:
+        """How fast the pull grows where it slips [N/s]."""
+        before = slice(self.slipping - 1, self.slipping + 1)
+        return float(np.diff(self.pull_n[before])[0] / np.diff(self.time_s[before])[0])
+
+    @property
     def gained_n(self) -> float:
         """By how much the pull has grown from slipping to being gone."""
         return float(self.pull_n[min(self.end, len(self.pull_n) - 1)]) - self.slipped_n
@@ -114,13 +120,18 @@ def newton(slips: Sequence[Slip], mass_kg: float) -> tuple[float, float, Array, 
     That is the mass and its standard deviation, the friction by episode, and what is left, root
     mean square.
     """
-    masses = mass_kg * np.array(MASSES)
-    costs, forces = zip(*(_friction_costs(s, masses) for s in slips), strict=True)
-    total = np.sum(costs, axis=0)
+    near, masses = np.linspace(1 - NEAR, 1 + NEAR, FORCES), mass_kg * np.array(MASSES)
+    forces = [one.slipped_n * near for one in slips]
+    costs = [
+        _falls(s.time_s, s.pull_n, s.travel_m, s.spread_m, s.weight, masses, force)
+        for s, force in zip(slips, forces, strict=True)
+    ]
+    total = np.sum([cost.min(axis=1) for cost in costs], axis=0)
     best, half = valley(np.log(MASSES), total)
     k = int(np.argmin(total))
     left = float(np.sqrt(total[k] / sum(s.end for s in slips)))
-    return best, half, np.array([force[k] for force in forces]), left
+    pairs = zip(forces, costs, strict=True)
+    return best, half, np.array([force[np.argmin(cost[k])] for force, cost in pairs]), left
 
 
 def valley(places: Array, costs: Array) -> tuple[float, float]:
@@ -132,16 +143,6 @@ def valley(places: Array, costs: Array) -> tuple[float, float]:
     scale = float(np.clip(costs.min(), 1.0, MOST_ALIKE))
     moved = np.clip(-b / (2 * a), places[k - 1] - places[k], places[k + 1] - places[k])
     return float(places[k] + moved), float(np.sqrt(scale / a))
-
-
-def _friction_costs(one: Slip, masses_kg: Array) -> tuple[Array, Array]:
-    """Least cost over friction by mass, and that friction [N], both (M,)."""
-    forces = one.slipped_n * np.linspace(1 - NEAR, 1 + NEAR, FORCES)
-    costs = _falls(
-        one.time_s, one.pull_n, one.travel_m, one.spread_m, one.weight, masses_kg, forces
-    )
-    best = np.argmin(costs, axis=1)
-    return costs.min(axis=1), forces[best]
 
 
 @numba.njit(cache=True)
