@@ -72,12 +72,9 @@ class Difference:
     """Their standard deviation."""
     score: float
     """How many of these it is off, with what the mean is unsure by."""
+    odd: float
+    """The size of the score; to hunt less than healthy logs, or with less noise, is no fault."""
     beyond: bool
-
-    @property
-    def odd(self) -> float:
-        """The score; to hunt less than healthy logs, or with less noise, is no fault."""
-        return self.score if self.name in LEVELS else abs(self.score)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,20 +148,18 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     known = pd.DataFrame({"value": found, "healthy": about.mean()})
     known["spread"] = np.maximum(about.std(), least)
     known["score"] = (found - known["healthy"]) / known["spread"] / np.sqrt(1 + 1 / len(sound))
+    known["odd"] = known["score"].where(known.index.isin(LEVELS), known["score"].abs())
     chances, free = len(found) * len(log.joints), len(sound) - 1
-    limit = student.isf(FALSE / chances / 2, free)
-    differences = [
-        replace(one, beyond=bool(one.odd > limit))
-        for one in (Difference(name=k, beyond=False, **row) for k, row in known.T.to_dict().items())
-    ]
-    group = _group(table, {one.name: one for one in differences})
-    odd = min(1.0, 2 * float(student.sf(max(one.odd for one in differences), free)) * chances)
+    known["beyond"] = known["odd"] > student.isf(FALSE / chances / 2, free)
+    differences = {n: Difference(name=n, **row) for n, row in known.to_dict("index").items()}
+    group, odd = _group(table, differences), known["odd"].max()
+    chance = min(1.0, 2 * float(student.sf(odd, free)) * chances)
     return Compared(
         joint=joint,
         group=group,
-        confidence=odd if group == NONE else 1.0 - odd,
+        confidence=chance if group == NONE else 1.0 - chance,
         place=_place(table) if group == LOCAL else None,
-        differences=tuple(differences),
+        differences=tuple(differences.values()),
     )
 
 

@@ -64,7 +64,8 @@ def _log(path: Path) -> Log:
     columns = {"t_s": table["t_s"]}
     for servo in tested:
         joint, target = f"servo{servo}", table[f"target pos ({servo})"]
-        facing = _facing(target, table[f"target pos ({tested[0]})"])
+        along = np.dot(target - HOME, table[f"target pos ({tested[0]})"] - HOME)
+        facing = -1.0 if along < 0 else 1.0  # whether it moves as the first one does
         columns[f"command_rad.{joint}"] = RAD_PER_COUNT * (target - HOME)
         columns[f"position_rad.{joint}"] = RAD_PER_COUNT * (table[f"pos ({servo})"] - HOME)
         columns[f"push_nm.{joint}"] = facing * pull_nm / len(tested)
@@ -112,11 +113,6 @@ def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
         return np.zeros(len(table))
     share = np.clip((table[f"pos ({puller})"].to_numpy() - relaxed) / (far - relaxed), 0, 1)
     return np.where(share < SLACK, 0.0, share)
-
-
-def _facing(target: pd.Series, first: pd.Series) -> float:
-    """-1 for a servo that faces the first one and so moves in the other direction, else 1."""
-    return -1.0 if float(np.dot(target - HOME, first - HOME)) < 0 else 1.0
 
 
 def _drive() -> DriveSettings:

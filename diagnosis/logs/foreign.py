@@ -6,7 +6,6 @@ names that `meta/info.json` gives them.
 
 import csv
 import io
-import json
 import re
 from collections.abc import Sequence
 from contextlib import suppress
@@ -101,7 +100,7 @@ def _names(path: Path, lines: Sequence[str], first: int, separator: str) -> tupl
     A comment may hold the names, a second line units or the rest of the names.
     """
     names, begins = _cells(lines[first], separator), first + 1
-    if _are_numbers(names):
+    if any(names) and all(VALUE.match(name) for name in names if name):
         last = COMMENT.sub("", lines[first - 1]) if first else ""
         every = (_cells(last, one) for one in (separator, *SEPARATORS))
         said = next((one for one in every if len(one) == len(names)), None)
@@ -139,11 +138,6 @@ def _line(cells: Sequence[str], separator: str) -> str:
     return text.getvalue()
 
 
-def _are_numbers(cells: Sequence[str]) -> bool:
-    """Whether cells hold numbers alone, and some."""
-    return any(cells) and all(VALUE.match(cell) for cell in cells if cell)
-
-
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     """The table with a column per entry of lists."""
     names = _feature_names(path)
@@ -164,20 +158,12 @@ def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
 
 def _feature_names(path: Path) -> dict[str, list[str]]:
     """What the entries of lists are called, by column, as a LeRobot data set says beside it."""
-    for folder in [path.parent, *path.parents][:5]:
-        info = folder / "meta" / "info.json"
-        if not info.is_file():
-            continue
-        try:
-            features = bounded.read_json(info).get("features", {})
-        except (FileError, AttributeError, json.JSONDecodeError):
-            return {}
-        named = {column: one.get("names") for column, one in features.items()}
-        return {
-            column: [
-                str(n) for n in (next(iter(names.values())) if isinstance(names, dict) else names)
-            ]
-            for column, names in named.items()
-            if names
-        }
-    return {}
+    folders = [path.parent, *path.parents][:5]
+    there = (info for folder in folders if (info := folder / "meta" / "info.json").is_file())
+    try:
+        features = bounded.read_json(next(there)).get("features", {})
+    except (StopIteration, FileError, AttributeError):
+        return {}
+    named = {column: one.get("names") for column, one in features.items()}
+    lists = {k: next(iter(v.values())) if isinstance(v, dict) else v for k, v in named.items() if v}
+    return {column: [str(name) for name in names] for column, names in lists.items()}

@@ -5,6 +5,7 @@ one clock: a row for every time at which any of them has one, with empty cells f
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from os.path import commonprefix
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,7 @@ def _files(path: Path) -> list[Path]:
 def _stems(files: Sequence[Path]) -> list[str]:
     """What the names of files say apart from the words that all begin with; raises LogError."""
     have = [words(file.stem) for file in files]
-    same = 0
-    while len(files) > 1 and len({tuple(w[: same + 1]) for w in have}) == 1 and same < len(have[0]):
-        same += 1
+    same = len(commonprefix(have)) if len(files) > 1 else 0
     stems = [" ".join(w[same:]) or file.stem for w, file in zip(have, files, strict=True)]
     if len(set(stems)) < len(stems):
         stems = [file.stem for file in files]

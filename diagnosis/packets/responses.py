@@ -11,7 +11,6 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.models.world import World
-from diagnosis.motion.limb import Limb
 
 WINDOW_S = 0.16
 """A response is followed for so long [s]: what comes later is slow, and no sign of a packet."""
@@ -59,7 +58,9 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
         shown = []
         for j in range(joints):
             nudge = NUDGE_RAD * evidence.size[j]
-            moved = limb.with_signals(command=_nudged(limb, nudged, begins, j, nudge))
+            off = nudge * np.isin(np.arange(len(row)), nudged)[:, None] * (np.arange(joints) == j)
+            every = zip(limb.recordings, np.split(off, begins[1:-1]), strict=True)
+            moved = limb.with_signals(command=[r.command + more for r, more in every])
             shown.append((moved.simulate(numbers, tilt) - base) / nudge / evidence.floor)
         mine = row % per_block == offset
         middle = (nudged[1:] + nudged[:-1]) / 2
@@ -68,14 +69,3 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
             part = slice(block[k], block[k] + window)
             unit.append([one[part].reshape(window, -1) for one in shown])
     return Responses(block=block, template=template, unit=np.array(unit), begins=begins)
-
-
-def _nudged(limb: Limb, nudged: Array, begins: Array, joint: int, nudge: float) -> list[Array]:
-    """Targets by episode, those of one joint moved at some samples."""
-    found = []
-    for number, recording in enumerate(limb.recordings):
-        mine = nudged[(nudged >= begins[number]) & (nudged < begins[number + 1])]
-        command = recording.command.copy()
-        command[mine - begins[number], joint] += nudge
-        found.append(command)
-    return found
