@@ -91,23 +91,17 @@ def plain(
     log: Log,
     text: str,
     joints: Sequence[str],
-    timestep_s: float | None = None,
-    integrator: str | None = None,
+    step_s: float | None = None,
     world: Spec | None = None,
     firm: bool = False,
 ) -> Plain:
-    """A text of a log's model in plain MuJoCo, of which `joints` move, with what is beside it."""
-    _, settings = model_of(log)
-    return Plain(
-        text,
-        joints,
-        settings.hold,
-        timestep_s=timestep_s,
-        integrator=integrator,
-        beside=beside(world) if world else {},
-        drives=drives(world) if world else {},
-        firm=firm,
-    )
+    """A text of a log's model in plain MuJoCo, of which `joints` move, with what is beside it.
+
+    `step_s`: in such steps of `INTEGRATOR`, in place of the file's.
+    """
+    hold, integrator = model_of(log)[1].hold, INTEGRATOR if step_s else None
+    more = {"beside": beside(world), "drives": drives(world)} if world else {}
+    return Plain(text, joints, hold, timestep_s=step_s, integrator=integrator, firm=firm, **more)
 
 
 def shown(world: Plain, recording: Recording, part: Spec, held: Limb | None = None) -> Array:
@@ -144,7 +138,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
         names = part.hand.joint_names
         episodes = begun(log, part)
         step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
-        world = plain(log, text, names, step_s, INTEGRATOR, world=spec)
+        world = plain(log, text, names, step_s, world=spec)
         for recording in episodes:
             worst = max(worst, apart(part, recording, shown(world, recording, part), rigid=True))
     return worst
@@ -202,7 +196,7 @@ def with_own_steps(
         return recordings
     names, step_s = part.hand.joint_names, Limb(spec=part, recordings=recordings, rigid=True).dt
     text = model_text(log, part)
-    worlds = plain(log, text, names), plain(log, text, names, step_s, INTEGRATOR, firm=True)
+    worlds = plain(log, text, names), plain(log, text, names, step_s, firm=True)
     found = []
     for recording in recordings:
         own, small = (shown(world, recording, part) for world in worlds)

@@ -89,12 +89,6 @@ class Usual:
     floors: float
     """An ordinary gap: so many floors are `USUAL` standard deviations worth."""
 
-    @classmethod
-    def of(cls, fit: Fit, tolerances: Mapping[int, float], floors: float) -> "Usual":
-        """By what a fit of the tolerances alone tells of each."""
-        known = np.array([1.0 - (fit.sd[k] / sd) ** 2 for k, sd in tolerances.items()])
-        return cls(mean=float(known.sum()), sd=float(np.sqrt(2.0 * known @ known)), floors=floors)
-
     def off(self, fit: Fit) -> float:
         """Further off than healthy robots' so many standard deviations, all together."""
         return (2.0 * fit.prior - self.mean) / max(self.sd, 1.0)
@@ -120,8 +114,9 @@ class Fitter(World):
         """
         if ordinary.exact or fit.gap > ordinary.floors:
             return fit
-        held = {k: self.parameters[k].tolerance for k in fit.sd}
-        usual = Usual.of(fit, held, ordinary.floors)
+        known = np.array([1 - (sd / self.parameters[k].tolerance) ** 2 for k, sd in fit.sd.items()])
+        spread = float(np.sqrt(2.0 * known @ known))
+        usual = Usual(mean=float(known.sum()), sd=spread, floors=ordinary.floors)
         self.usual = usual if usual.off(fit) > USUAL else None
         return self.usual.on(fit) if self.usual else fit
 

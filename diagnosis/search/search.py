@@ -30,8 +30,8 @@ MIXED = 2
 GUESSED = 1.0
 """Numbers whose logarithms have this standard deviation are guesses: they are fitted first, alone,
 for others would move in their place."""
-NOMINAL = 0.3
-"""Share of the work that is done when the tolerances are fitted; each round halves what remains."""
+NOMINAL, ROUND = 0.3, 12
+"""Share of the work that is done when the tolerances are fitted; so many sets halve the rest."""
 FAR, MORE = 2.0, 3
 """Beyond so many ordinary gaps tolerances are far off, for they take what a fault does; so many
 candidates beside the screening's."""
@@ -148,8 +148,8 @@ class Search:
         for causes in range(1, MOST + 1):
             if now.worst < QUIET and not self.ordinary.exact:
                 break
-            for number, one in enumerate(beam):
-                self._add(one, causes - 1 + number / len(beam), 1.0 / len(beam))
+            for one in beam:
+                self._add(one)
             fresh = self._polished(self._sets(causes))
             self.singles = self.singles or tuple(fresh)
             if not fresh or not self._is_worth(fresh[0], now):
@@ -254,8 +254,8 @@ class Search:
             self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a != number}))
         return self.tried[frozenset(rest)]
 
-    def _add(self, fit: Fit, begun: float, rounds: float) -> None:
-        """Fit the most promising sets with one more effect: so many `rounds` after `begun`."""
+    def _add(self, fit: Fit) -> None:
+        """Fit the most promising sets with one more effect."""
         promising, slopes = self._promising(fit)
         for count, (number, size) in enumerate(promising.items()):
             one, freed = self.parameters[number], (*fit.freed, number)
@@ -263,7 +263,7 @@ class Search:
             where = "all joints" if joint is None else self.fitter.evidence.joints[joint]
             self.progress(
                 f"fit of {one.effect} on {where}, {count + 1} of {len(promising)}",
-                1.0 - (1.0 - NOMINAL) * 0.5 ** (begun + rounds * count / len(promising)),
+                1.0 - (1.0 - NOMINAL) * 0.5 ** (len(self.tried) / ROUND),
             )
             if size and frozenset(freed) not in self.tried:
                 near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]

@@ -100,7 +100,8 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     alone = [f for f in found.singles if f.freed == (number,)]
     kept = fit.worst / max(found.nominal.worst, 1e-9)
     law = u * (OFF + OFF_LEFT * min(kept, 1.0))
-    own = max((p.tolerance for p in fitter.parameters if _same(p, one)), default=0.0)
+    alike = (p for p in fitter.parameters if p.effect == one.effect)
+    own = max((p.tolerance for p in alike if one.joint in (p.joint, None)), default=0.0)
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.kind.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
@@ -114,10 +115,6 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
         **sized(one.kind, sizes, fitter.evidence.place(one.joint)),
         share=found.share(alone[0]) if alone else found.share(fit),
     )
-
-
-def _same(one: Parameter, other: Parameter) -> bool:
-    return one.effect == other.effect and (other.joint is None or one.joint == other.joint)
 
 
 def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:

@@ -136,8 +136,10 @@ def test_what_is_written_moves_as_the_replay(number: str, value: float) -> None:
     nominal = mjcf_world(log)
     world = with_numbers(nominal, {joint: {number: value} for joint in log.joints})
     names, every = log.joints, recordings(log, world)
-    worlds = [plain(log, model_text(log, one), names, world=one) for one in (nominal, world)]
-    shown_rad = [[shown(one, recording) for recording in every] for one in worlds]
+    shown_rad = []
+    for spec in (nominal, world):
+        moved = plain(log, model_text(log, spec), names, world=spec)
+        shown_rad.append([shown(moved, recording, spec) for recording in every])
     effect_rad = np.abs(np.subtract(*shown_rad)).max()
     assert effect_rad > 3e-3
     assert plain_apart(log, world) < 6e-5 + 0.03 * effect_rad

@@ -43,8 +43,8 @@ def world() -> World:
     (part,) = limbs(mjcf_world(log))
     limb = Limb(spec=part, recordings=recordings(log, part), rigid=True)
     free = re.sub(r' range="[^"]*"', "", model_text(log, part))  # no stop is in its way
-    engine = plain(log, free, limb.joints, limb.dt, "implicitfast")
-    read = tuple(_read(one, shown(engine, one)) for one in limb.recordings)
+    engine = plain(log, free, limb.joints, limb.dt)
+    read = tuple(_read(one, shown(engine, one, limb.spec)) for one in limb.recordings)
     return World(evidence(replace(limb, recordings=read)))
 
 
