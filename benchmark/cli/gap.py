@@ -20,7 +20,7 @@ def calibrate(
     force: Force = False,
     workers: Workers = None,
 ) -> Any:
-    """Calibrate the nominal world to a log: gains by CMA-ES, play by the push test, and the skin.
+    """Calibrate the nominal world to a log: gains by replays, play by the push test, and the skin.
 
     Writes calibration.yaml, which `bench run --calibration` takes, and a picture per joint.
 

@@ -2,7 +2,7 @@
 
 The push test subtracts the motor's own motion. Without a motor encoder this motion is replayed and
 depends on the gains, while the replay for the gains needs the play. So the play is measured again
-whenever the gains are better known: after the search and at the end.
+whenever the gains are better known: after a fit to an excerpt, and after that to all.
 """
 
 import dataclasses
@@ -24,11 +24,12 @@ from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.triage.triage import triage
 
-SEARCHED_S, REFINED_S = 100.0, 400.0
-"""Joint-seconds without pushes that a candidate replays in the search and after it."""
+EXCERPTS_S, ROUNDS = (100.0, 400.0), (12, 3)
+"""Joint-seconds without pushes that gains are fitted to, first and last, and rounds at most: twelve
+steps go from nominal gains to any that is tried."""
 YES = 0.5
 """Threshold of readings that are 0 or 1."""
-TOTAL = gains.GENERATIONS + gains.ROUNDS
+TOTAL = sum(ROUNDS)
 """Number of progress steps that are reported."""
 FLOATS = (
     "not identifiable from this log: it floats between its teeth nearly all the time; log its "
@@ -87,7 +88,7 @@ def calibrate(
             log, (taxels.rows, taxels.columns), YES if log.is_binary else threshold_m
         ),
         touch_unit="1" if log.is_binary else "m",
-        motions=_telling(found, REFINED_S),
+        motions=_telling(found, EXCERPTS_S[-1]),
     )
 
 
@@ -110,16 +111,19 @@ def _gains(
     progress: gains.Progress,
 ) -> tuple[dict[str, Gains | str], Spec]:
     """The gains by joint, and the nominal world with play and the identified gains."""
-    names, free = nominal.hand.joint_names, _telling(found, REFINED_S)
+    names, free = nominal.hand.joint_names, _telling(found, EXCERPTS_S[-1])
     world = _with_plays(nominal, push_test(simulate, nominal, pushes))
     reasons = {j: gains.reason_against(free, j) for j in range(len(names))}
     joints = [j for j, reason in reasons.items() if reason is None]
     if not joints:
         return {names[j]: reason or "" for j, reason in reasons.items()}, world
-    start = gains.search(simulate, world, _telling(found, SEARCHED_S), joints, rng, progress)
-    world = _with_plays(nominal, push_test(simulate, gains.with_gains(world, start), pushes))
-    fits, compared = gains.refine(
-        simulate, world, start, free, joints, rng, lambda k: progress(gains.GENERATIONS + k)
+    some, scale = _telling(found, EXCERPTS_S[0]), np.ones((len(names), 2))
+    first, _ = gains.fit(simulate, world, scale, some, joints, rng, ROUNDS[0], progress)
+    for j, fit in first.items():
+        scale[j] = fit.scale
+    world = _with_plays(nominal, push_test(simulate, gains.with_gains(world, scale), pushes))
+    fits, compared = gains.fit(
+        simulate, world, scale, free, joints, rng, ROUNDS[1], lambda k: progress(ROUNDS[0] + k)
     )
     samples = compared.used.sum(axis=0)
     for j in joints:

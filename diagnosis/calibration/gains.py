@@ -1,21 +1,20 @@
-"""PD gains per joint by CMA-ES, as in the paper: replay the commands, minimise the error.
+"""PD gains per joint, as in the paper: replay the commands, minimise the error.
 
     min over kp, kd > 0 of the sum over t of |q_sim(t; kp, kd) - q_real(t)|
 
 Pushes with a known torque are part of the commands. They fix the scale that gains, inertia and
 friction otherwise share.
 
-Every joint has its own search, and all searches share the simulations: candidate k of every joint
-is world k. Fingers hardly move each other, and this coupling vanishes as the searches converge.
+Candidates around the gains so far are replayed, each in a slightly different world, and lines are
+fitted to the angles that they show: the least error follows, without samples that are not linear,
+and the next candidates are around that. All joints share the simulations: candidate k of every
+joint is world k. Fingers hardly move each other, and this coupling vanishes as the steps do.
 
 q is the motor's angle where it was logged, because the PD law sees that; else the joint's. A joint
 with play floats between its teeth, and a thousandth of a degree decides where. Such samples say
 nothing about gains.
 
-CMA-ES stops where the error is rough, and its standard deviations only say how far it converged.
-So candidates around its result are replayed, each in a slightly different world, and lines are
-fitted to the angles that they show: the least error follows, without samples that are not linear. A
-block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of the log and
+A block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of the log and
 candidates with replacement and asks for the least error each time.
 """
 
@@ -23,7 +22,6 @@ import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import cma
 import numpy as np
 
 from backends.effects import kd_scale, kp_scale
@@ -34,17 +32,15 @@ from diagnosis.calibration.worlds import replay
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.recordings import Recording
 
-CANDIDATES, GENERATIONS = 12, 25
-FIRST_STD, CONVERGED_STD = 0.1, 1e-3
-"""Step sizes at the start and at the end."""
 SCALES = 1 + np.array([kp_scale.Effect.bounds, kd_scale.Effect.bounds])
 """Smallest and largest kp and kd over nominal that are tried: the bounds of the effects."""
 TO_LOG_GAINS = np.array([[2.0, 0.0], [2.0, 1.0]])
-"""Coordinates of the search, as logarithms: kp and kd together, which few motions show and which
-gets double steps, and kd over kp, which decides how fast a joint follows."""
-ROUNDS, AROUND, NEAR_STD, LARGEST_STEP = 3, 48, 0.02, 0.1
-"""How often candidates around the result are replayed, how many, their standard deviation in the
-coordinates of the search, and the largest step of a gain's logarithm."""
+"""From the coordinates of candidates to logarithms of gains: kp and kd together, which few motions
+show and which gets double steps, and kd over kp, which decides how fast a joint follows."""
+AROUND, NEAR_STD = 48, 0.02
+"""How many candidates are replayed, and their standard deviation in their coordinates."""
+LARGEST_STEP, LAST_STEP = 0.2, 0.01
+"""The largest step of a gain's logarithm in a round; after smaller ones no round follows."""
 BLOCK_S, DRAWS = 0.5, 100
 LEAST_MOTION_RAD = np.radians(0.5)
 LEAST_SAMPLES = 200
@@ -56,7 +52,9 @@ _DIVERGED_RAD = 1e3
 """Error of a candidate whose simulation diverges [rad]."""
 
 Progress = Callable[[int], None]
-"""Called with the number of finished generations or rounds."""
+"""Called with the number of finished rounds."""
+Told = tuple[Array, Array, Array, Array]
+"""What `least_error` takes of a joint."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,92 +123,80 @@ def reason_against(motions: Sequence[Recording], j: int) -> str | None:
     return None
 
 
-def search(
-    simulate: Simulate,
-    world: Spec,
-    motions: Sequence[Recording],
-    joints: Sequence[int],
-    rng: np.random.Generator,
-    progress: Progress = lambda generations: None,
-) -> Array:
-    """The gains of `joints` over nominal by CMA-ES, (J, 2); other joints keep those of `world`."""
-    options = {
-        "popsize": CANDIDATES,
-        "verbose": -9,
-        "seed": np.nan,
-        "randn": lambda *shape: rng.standard_normal(shape),
-    }
-    compared, scale = Compared.of(motions), np.ones((len(world.drives), 2))
-    searches = {j: cma.CMAEvolutionStrategy(np.zeros(2), FIRST_STD, options) for j in joints}
-    for generation in range(GENERATIONS):
-        asked = {j: es.ask() for j, es in searches.items()}
-        scales = np.ones((CANDIDATES, *scale.shape))
-        for j, points in asked.items():
-            scales[:, j] = np.clip(np.exp(points @ TO_LOG_GAINS.T), *SCALES.T)
-        shown = replay(simulate, [with_gains(world, one) for one in scales], motions)
-        errors = compared.errors(shown, motions).mean(axis=1)
-        for j, es in searches.items():
-            es.tell(asked[j], list(errors[:, j]))
-            scale[j] = np.clip(np.exp(TO_LOG_GAINS @ es.result.xfavorite), *SCALES.T)
-        progress(generation + 1)
-        if all(es.result.stds.max() < CONVERGED_STD for es in searches.values()):
-            break
-    return scale
-
-
-def refine(
+def fit(
     simulate: Simulate,
     nominal: Spec,
     scale: Array,
     motions: Sequence[Recording],
     joints: Sequence[int],
     rng: np.random.Generator,
+    rounds: int,
     progress: Progress = lambda rounds: None,
 ) -> tuple[dict[int, GainFit], Compared]:
-    """The gains of `joints` with the least error, from `scale` over `nominal` (J, 2) on."""
-    blocks = [motion.time_s // BLOCK_S for motion in motions]
-    block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
-    play = np.array([drive.play_rad for drive in nominal.drives])
-    for done in range(ROUNDS):
-        shares = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (AROUND, len(play)))
-        offset_rad = play * rng.uniform(-JITTER_START, JITTER_START, (AROUND, len(play)))
-        points = np.zeros((AROUND, *scale.shape))
-        points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
-        points = NEAR_STD * points @ TO_LOG_GAINS.T
-        world, around = with_gains(nominal, scale), zip(np.exp(points), play * shares, strict=True)
-        candidates = [with_gains(world, gains, plays) for gains, plays in around]
-        compared = Compared.of(motions)
-        shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
-        read = compared.angles([motion.measured for motion in motions])
-        scale, fits = scale.copy(), {}
-        for j in joints:
-            terms = np.column_stack([np.ones(AROUND), points[:, j]])
-            linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
-            used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
-            compared.used[:, j] = used
-            if used.sum() >= LEAST_SAMPLES:
-                steps = least_error(terms, shown[:, used, j], read[used, j], block[used], rng)
-                step = np.clip(steps[0], -LARGEST_STEP, LARGEST_STEP)
-                scale[j] = np.clip(scale[j] * np.exp(step), *SCALES.T)
-                std, both = steps[1:].std(axis=0, ddof=1), np.corrcoef(steps[1:].T)
-                fits[j] = GainFit(scale=scale[j], std=std, correlation=float(both[0, 1]))
+    """The gains of `joints` with the least error, from `scale` over `nominal` (J, 2) on.
+
+    `rounds`: how often candidates are replayed, at most.
+    """
+    for done in range(rounds):
+        told, compared = _around(simulate, with_gains(nominal, scale), motions, joints, rng)
+        steps = np.zeros_like(scale)
+        for j, of_joint in told.items():
+            steps[j] = np.clip(least_error(*of_joint), -LARGEST_STEP, LARGEST_STEP)
+        scale = np.clip(scale * np.exp(steps), *SCALES.T)
         progress(done + 1)
+        if np.abs(steps).max() < LAST_STEP:
+            break
+    fits = {}
+    for j, of_joint in told.items():
+        draws = np.array([least_error(*of_joint, rng) for _ in range(DRAWS)])
+        both = float(np.corrcoef(draws.T)[0, 1])
+        fits[j] = GainFit(scale=scale[j], std=draws.std(axis=0, ddof=1), correlation=both)
     return fits, compared
 
 
-def least_error(
-    terms: Array, shown: Array, read: Array, block: Array, rng: np.random.Generator
-) -> Array:
-    """Which gains show the angles read (T,): in all, then by each of `DRAWS` draws, (1 + DRAWS, 2).
+def _around(
+    simulate: Simulate,
+    world: Spec,
+    motions: Sequence[Recording],
+    joints: Sequence[int],
+    rng: np.random.Generator,
+) -> tuple[dict[int, Told], Compared]:
+    """What worlds around one show of joints, as far as it is linear; and what is compared."""
+    play = np.array([drive.play_rad for drive in world.drives])
+    shares = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (AROUND, len(play)))
+    offset_rad = play * rng.uniform(-JITTER_START, JITTER_START, (AROUND, len(play)))
+    points = np.zeros((AROUND, len(play), 2))
+    points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
+    points = NEAR_STD * points @ TO_LOG_GAINS.T
+    pairs = zip(np.exp(points), play * shares, strict=True)
+    candidates = [with_gains(world, gains, plays) for gains, plays in pairs]
+    compared = Compared.of(motions)
+    shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
+    read = compared.angles([motion.measured for motion in motions])
+    blocks = [motion.time_s // BLOCK_S for motion in motions]
+    block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
+    told = {}
+    for j in joints:
+        terms = np.column_stack([np.ones(AROUND), points[:, j]])
+        linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
+        used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
+        compared.used[:, j] = used
+        if used.sum() >= LEAST_SAMPLES:
+            told[j] = terms, shown[:, used, j], read[used, j], block[used]
+    return told, compared
 
-    `terms` (W, 3): 1 and the logarithms of the gains of worlds that show angles (W, T). Worlds and
-    blocks (T,) of samples are drawn.
+
+def least_error(
+    terms: Array, shown: Array, read: Array, block: Array, rng: np.random.Generator | None = None
+) -> Array:
+    """Which gains show the angles read (T,), as logarithms (2,).
+
+    `terms` (W, 3): 1 and the logarithms of the gains of worlds that show angles (W, T). With `rng`,
+    worlds and blocks (T,) of samples are drawn.
     """
-    rows, found = np.arange(len(terms)), []
-    times: Array = np.ones(int(block.max()) + 1)
-    for _ in range(1 + DRAWS):
-        about, *columns = np.linalg.lstsq(terms[rows], shown[rows])[0]
-        found.append(least_absolute(read - about, np.transpose(columns), times[block]))
+    rows, times = np.arange(len(terms)), np.ones(int(block.max()) + 1)
+    if rng is not None:
         rows = rng.integers(len(terms), size=len(terms))
-        times = rng.multinomial(len(times), np.full(len(times), 1 / len(times)))
-    return np.array(found)
+        times = rng.multinomial(len(times), np.full(len(times), 1 / len(times))).astype(float)
+    about, *columns = np.linalg.lstsq(terms[rows], shown[rows])[0]
+    return least_absolute(read - about, np.transpose(columns), times[block])
