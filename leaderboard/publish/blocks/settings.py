@@ -13,12 +13,12 @@ COLUMNS = {
     "`contact-centers`": ("circle-settings", "contact-centers"),
     "mixed entry": ("circle-entry-settings", None),
     "`centers-and-lead`": ("circle-lead-settings", LEAD),
-    "with mixed entry": ("circle-entry-lead-settings", None),
+    "varied circles": ("circle-varied-lead-settings", None),
 }
 """Folders of the circle's transfers by what it was trained with, and observations of the figures'
 policies."""
-REFERENCE, OWN_TASK = "mujoco built", "task=circle"
-TRAINED = "as trained: 2 cm, pi rad/s"
+REFERENCE, PLAIN = "mujoco built", ("task=circle", "radius=2cm", "pace=1")
+"""The world, and the settings of the plain circle."""
 Cells = dict[str, dict]
 """Lines of a matrix by what was changed."""
 
@@ -38,10 +38,10 @@ def below(kept: Kept) -> str:
         for column, one in zip(COLUMNS, cells, strict=True):
             if one is not None and all(one[error] <= vars(own)[error] for error in vars(own)):
                 found[column] = (*found[column], name.partition(":")[0])
-    first, mixed, lead, both = (listed(list(names)) for names in found.values())
+    first, mixed, lead, varied = (listed(list(names)) for names in found.values())
     return (
         f"Both errors are at or below the paper's on {first} with `contact-centers` ({mixed} with "
-        f"mixed entry), and on {lead} with `centers-and-lead` ({both} with mixed entry)."
+        f"mixed entry), and on {lead} with `centers-and-lead` ({varied} with varied circles)."
     )
 
 
@@ -63,7 +63,7 @@ def _whole(kept: Kept) -> Iterator[tuple]:
 def settings_held(kept: Kept) -> str:
     """What is tracked and held in the paper's settings and with other sticks."""
     found = [_changed(kept, folder) for folder, _ in COLUMNS.values()]
-    names = {"": TRAINED} | {s.change: f"{k}: {s.words}" for k, s in SETTINGS.items()}
+    names = {"": "2 cm, pi rad/s"} | {s.change: f"{k}: {s.words}" for k, s in SETTINGS.items()}
     rows = [
         [names.get(change, _stick(change)), *(_fractions(cells[change]) for cells in found)]
         for change in found[0]
@@ -72,11 +72,12 @@ def settings_held(kept: Kept) -> str:
 
 
 def _changed(kept: Kept, folder: str) -> Cells:
-    """The lines of a matrix by their settings; the circle's own counts for no change."""
+    """The lines of a matrix by what differs from the plain circle."""
     lines = {}
     for line in kept.matrix(folder).to_dict("records"):
         change = line["deploy"].removeprefix(REFERENCE).strip()
-        lines[change.removeprefix(OWN_TASK).lstrip(",")] = line
+        if change or line["task"] == "circle":
+            lines[",".join(one for one in change.split(",") if one not in PLAIN)] = line
     return lines
 
 
