@@ -59,7 +59,7 @@ def search(kept: Kept) -> str:
 
 @block
 def large_said(kept: Kept) -> str:
-    """What training on the large circle itself reaches, from the beginning and from smaller ones."""
+    """What training on the large circle reaches, from the beginning and from smaller ones."""
     large = {"observation": LEAD, "radius_m": 0.03, "steps": 1_000_000}
     new = kept.line("circle", **large)
     (onward,) = (
