@@ -15,7 +15,7 @@ CELL_IN = (1.35, 0.75)
 MARGIN_IN = (2.6, 1.5)
 """Margins of a panel: left and right, above and below [inch]."""
 TITLE = "Transfer: mean tracked as shade and number, retention below it"
-LETTERS = 20
+LETTERS = 17
 """Letters of a line of a world's name."""
 DARK = 0.55
 """Cells with shades above this have dark text."""

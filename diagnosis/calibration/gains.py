@@ -53,7 +53,7 @@ _DIVERGED_RAD = 1e3
 
 Progress = Callable[[int], None]
 """Called with the number of finished rounds."""
-Told = tuple[Array, Array, Array, Array]
+Terms = tuple[Array, Array, Array, Array]
 """What `least_error` takes of a joint."""
 
 
@@ -138,16 +138,16 @@ def fit(
     `rounds`: how often candidates are replayed, at most.
     """
     for done in range(rounds):
-        told, compared = _around(simulate, with_gains(nominal, scale), motions, joints, rng)
+        given, compared = _around(simulate, with_gains(nominal, scale), motions, joints, rng)
         steps = np.zeros_like(scale)
-        for j, of_joint in told.items():
+        for j, of_joint in given.items():
             steps[j] = np.clip(least_error(*of_joint), -LARGEST_STEP, LARGEST_STEP)
         scale = np.clip(scale * np.exp(steps), *SCALES.T)
         progress(done + 1)
         if np.abs(steps).max() < LAST_STEP:
             break
     fits = {}
-    for j, of_joint in told.items():
+    for j, of_joint in given.items():
         draws = np.array([least_error(*of_joint, rng) for _ in range(DRAWS)])
         both = float(np.corrcoef(draws.T)[0, 1])
         fits[j] = GainFit(scale=scale[j], std=draws.std(axis=0, ddof=1), correlation=both)
@@ -160,7 +160,7 @@ def _around(
     motions: Sequence[Recording],
     joints: Sequence[int],
     rng: np.random.Generator,
-) -> tuple[dict[int, Told], Compared]:
+) -> tuple[dict[int, Terms], Compared]:
     """What worlds around one show of joints, as far as it is linear; and what is compared."""
     play = np.array([drive.play_rad for drive in world.drives])
     shares = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (AROUND, len(play)))
@@ -175,15 +175,15 @@ def _around(
     read = compared.angles([motion.measured for motion in motions])
     blocks = [motion.time_s // BLOCK_S for motion in motions]
     block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
-    told = {}
+    given = {}
     for j in joints:
         terms = np.column_stack([np.ones(AROUND), points[:, j]])
         linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
         used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
         compared.used[:, j] = used
         if used.sum() >= LEAST_SAMPLES:
-            told[j] = terms, shown[:, used, j], read[used, j], block[used]
-    return told, compared
+            given[j] = terms, shown[:, used, j], read[used, j], block[used]
+    return given, compared
 
 
 def least_error(

@@ -236,9 +236,9 @@ def test_the_bootstrap_gives_the_standard_error():
         columns, noise = rng.normal(size=(samples, 2)), sigma * rng.normal(size=samples)
         points = 0.03 * rng.normal(size=(48, 2))
         terms, block = np.column_stack([np.ones(48), points]), np.arange(samples) // 20
-        told = terms, points @ columns.T, noise, block
-        best = gains.least_error(*told)
-        draws = [gains.least_error(*told, rng) for _ in range(gains.DRAWS)]
+        given = terms, points @ columns.T, noise, block
+        best = gains.least_error(*given)
+        draws = [gains.least_error(*given, rng) for _ in range(gains.DRAWS)]
         miss.append([best, np.std(draws, axis=0)])
     best, std = np.swapaxes(miss, 0, 1)
     wanted = sigma * np.sqrt(np.pi / 2 / samples)
@@ -507,7 +507,7 @@ SLIDE = """<mujoco><worldbody><body><inertial mass="1" pos="0 0 0" diaginertia="
             "no commands for J1, J3, J4, J6, J7; it has: J0",
         ),
         (TRX, [HEADER, *STILL[:5]], "needed: at least 20"),
-        (TRX, [HEADER, *STILL[:100], "0.500,0.0,nan", *STILL[101:]], "not a finite number"),
+        (TRX, [HEADER, *STILL[:100], "0.500,0.0,oops", *STILL[101:]], "is 'oops' in sample 100"),
         (TRX, [HEADER, *STILL[:100], *STILL[200:]], "hole of"),
         ({"hand": "trix"}, [HEADER, *STILL], "Did you mean 'trx'?"),
         ({"hand": "trx", "stick": "wood"}, [HEADER, *STILL], "no stick named 'wood'"),

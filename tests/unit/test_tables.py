@@ -157,18 +157,22 @@ def test_files_of_different_times_are_refused(folder):
 
 
 def test_a_few_empty_cells_are_left_out(folder):
-    """Leave rows without a reading or a time out, hold commands, and say how many and where."""
+    """Leave rows without readings out, hold commands, and say how many and where.
+
+    A single row without a time is put back from its neighbours.
+    """
     frame = table("{}_cmd", "{}_pos").astype(object)
     frame.loc[40:42, "shoulder_pan_pos"] = ["", "nan", "timeout"]
     frame.loc[100, "elbow_flex_cmd"] = frame.loc[50, "t"] = None
     frame.loc[41, "shoulder_pan_pos"] = np.inf
     frame.to_csv(folder / "run.csv", index=False)
     log = read(folder, "run.csv")
-    kept = np.setdiff1d(np.arange(len(T)), [40, 41, 42, 50])
+    kept = np.setdiff1d(np.arange(len(T)), [40, 41, 42])
     assert np.allclose(log.samples["t_s"], T[kept])
-    assert np.allclose(log.signal("position", 0, NAMES), POSITION[kept])
+    assert np.allclose(log.signal("position", 0, NAMES), POSITION[kept], atol=1e-4)
     held = np.where(kept == 100, 99, kept)
-    assert np.allclose(log.signal("command", 0, [NAMES[1]])[:, 0], COMMAND[held, 1])
+    command = log.signal("command", 0, [NAMES[1]])[:, 0]
+    assert np.allclose(command, COMMAND[held, 1], atol=1e-4)
     said = " ".join(log.warnings)
     assert "1 row without a time left out" in said
     assert "position_rad.shoulder_pan: empty in 3 of 799 rows, the first at 0.2 s" in said
@@ -186,21 +190,20 @@ def test_readings_that_lack_singly_are_interpolated(folder):
     kept = np.isin(np.round(T, 6), np.round(log.samples["t_s"] + T[0], 6))
     assert kept.mean() > 0.98
     assert np.allclose(log.signal("position", 0, NAMES), POSITION[kept], atol=1e-3)
-    assert np.allclose(log.signal("command", 0, NAMES), COMMAND[kept])
+    assert np.allclose(log.signal("command", 0, NAMES), COMMAND[kept], atol=1e-3)
     assert any("there readings are interpolated" in text for text in log.warnings)
 
 
 def test_many_empty_cells_are_refused(folder):
-    """Refuse a joint that is often not read, and leave a column out that is empty throughout."""
+    """Refuse a joint that is often not read, or is commanded and never read."""
     frame = table("{}_cmd", "{}_pos")
     frame.loc[np.random.default_rng(0).random(len(T)) < 0.4, "elbow_flex_pos"] = np.nan
     frame.to_csv(folder / "run.csv", index=False)
     with pytest.raises(LogError, match=r"elbow_flex is empty in \d+ of 800 rows; allowed: up to"):
         read(folder, "run.csv")
     frame.assign(elbow_flex_pos=np.nan).to_csv(folder / "run.csv", index=False)
-    log = read(folder, "run.csv")
-    assert log.joints == (NAMES[0],)
-    assert "elbow_flex_pos: empty in all rows, and not used" in log.warnings
+    with pytest.raises(LogError, match="'elbow_flex_pos' is empty in all rows.*: a dead sensor"):
+        read(folder, "run.csv")
 
 
 def test_a_dropout_begins_an_episode(folder):
