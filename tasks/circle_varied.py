@@ -1,6 +1,7 @@
 """A circle about the centre; each episode draws its size and its pace.
 
-Both are drawn evenly, from a third of the given radius and pace to the whole.
+From a third of the given radius and pace to the whole: paces evenly, sizes evenly by area, so that
+large circles, which are harder, come more often.
 """
 
 import math
@@ -21,7 +22,7 @@ class Task(Figure):
     def offset_m(self, time_s: Array, heading_rad: Array) -> Array:
         """See `Figure.offset_m`."""
         share = heading_rad / (2 * math.pi) % 1.0
-        size, pace = (1 + 2 * share) / 3, (1 + 2 * (LINES * share % 1.0)) / 3
+        size, pace = np.sqrt(1 + 8 * share) / 3, (1 + 2 * (LINES * share % 1.0)) / 3
         radius = self.radius_m * size * np.minimum(time_s / ENTRY_S, 1.0)
         phase = self.rate_rad_s * pace * time_s
         return radius[:, None] * np.stack([np.cos(phase), np.sin(phase)], axis=1)
