@@ -56,6 +56,28 @@ def drive(
             _read(hand, place, angle[n], speed[n])
 
 
+def read_sticks(sticks: Array, pos: Array, quat_wxyz: Array, vel: Array, omega: Array) -> None:
+    """See `_sapien_calls.read_sticks`."""
+    for n, stick in enumerate(sticks):
+        pose = stick.entity_pose
+        pos[n], quat_wxyz[n] = pose.p, pose.q
+        vel[n], omega[n] = stick.linear_velocity, stick.angular_velocity
+
+
+def read_contacts(systems: Array, tips: Array, dt: float) -> list[tuple]:
+    """See `_sapien_calls.read_contacts`."""
+    rows = []
+    for n, (system, own) in enumerate(zip(systems, tips.tolist(), strict=True)):
+        for contact in system.get_contacts():
+            first, second = contact.shapes
+            tip, side = (own.index(first), 1) if first in own else (own.index(second), -1)
+            for point in contact.points:
+                push = point.impulse / dt
+                load = np.sqrt(np.sum(push * push))
+                rows.append((n, tip, load, *load * point.position, *side * push))
+    return rows
+
+
 def _push(hand: Any, place: Array, torque: Array) -> None:
     """Set the joint torques (J,) of a hand; they stay until the next call."""
     values = np.empty(len(torque), dtype=np.float32)

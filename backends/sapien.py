@@ -82,7 +82,7 @@ class _World:
         spring_n_m = 1 / spec.contact.compliance_m_n if soft else 0.0
         self._material = physx.PhysxMaterial(mu, mu, -spring_n_m)
         self._torsion_radius_m = spec.contact.spin_m
-        self.tip_of_shape: dict[physx.PhysxCollisionShape, int] = {}
+        self.tips: list[physx.PhysxCollisionShape] = []
         self.links = self._add_hand(spec)
         self.hand = self.links[None].articulation
         self.stick = self._add_stick(spec.stick)
@@ -110,7 +110,7 @@ class _World:
         center = np.array(tip.center_m) - half_m * np.array(tip.forward)
         shape.local_pose = sapien.Pose(center, _turn_x_to(tip.forward))
         self._make_surface(shape, _FINGER_BIT, _STICK_BIT)
-        self.tip_of_shape[shape] = len(self.tip_of_shape)
+        self.tips.append(shape)
         return shape
 
     def _add_stick(self, stick: Stick) -> physx.PhysxRigidDynamicComponent:
@@ -185,16 +185,19 @@ class Backend(Engine):
         self._to_active = np.array([names.index(name) for name in active])
         self._to_spec = np.argsort(self._to_active)
         self._pointers = np.empty((3, len(specs)), dtype=calls.POINTER)
+        self._tips = np.empty((len(specs), len(self._worlds[0].tips)), dtype=calls.POINTER)
+        self._drive_s = np.float32(self._timing.drive_s)
         for n, world in enumerate(self._worlds):
             self._locate(n, world)
         self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
         self._no_torque = np.zeros(3, dtype=np.float32)
 
     def _locate(self, n: int, world: _World) -> None:
-        """Store where the step, the hand and the stick of a world are."""
+        """Store where the step, the hand, the stick and the fingertips of a world are."""
         self._pointers[0, n] = calls.pointer(world.system)
         self._pointers[1, n] = calls.pointer(world.hand)
         self._pointers[2, n] = calls.pointer(world.stick)
+        self._tips[n] = [calls.pointer(tip) for tip in world.tips]
 
     def close(self) -> None:
         """Free the scenes."""
@@ -247,33 +250,7 @@ class Backend(Engine):
                 world.stick.add_force_torque(force.astype(np.float32), self._no_torque)
 
     def _observe(self, rows: slice) -> None:
-        state = self.state.rows(rows)
-        for n, world in enumerate(self._worlds[rows]):
-            stick = world.stick
-            pose = stick.entity_pose
-            state.stick_pos_m[n] = pose.p
-            state.stick_quat_wxyz[n] = pose.q
-            state.stick_vel_m_s[n] = stick.linear_velocity
-            state.stick_omega_rad_s[n] = stick.angular_velocity
-        self._observe_contacts(rows)
-
-    def _observe_contacts(self, rows: slice) -> None:
-        """Normal forces of the last step; PhysX's impulses act on shape 0 of a contact."""
-        owners, impulses, points = [], [], []
-        for n, world in enumerate(self._worlds[rows]):
-            for contact in world.system.get_contacts():
-                first, second = contact.shapes
-                tip = world.tip_of_shape.get(first)
-                owner = (n, world.tip_of_shape[second], -1) if tip is None else (n, tip, 1)
-                for touch in contact.points:
-                    owners.append(owner)
-                    impulses.append(touch.impulse)
-                    points.append(touch.position)
-        if not owners:
-            return self._pool_contacts(rows, [])
-        who = np.array(owners, dtype=np.float32)
-        push_n = np.concatenate(impulses).reshape(-1, 3) / self._timing.drive_s
-        load_n = np.linalg.norm(push_n, axis=1, keepdims=True)
-        moment = load_n * np.concatenate(points).reshape(-1, 3)
-        table = who[:, :2], load_n, moment, who[:, 2:] * push_n
-        self._pool_contacts(rows, np.hstack(table))
+        state, (systems, _, sticks) = self.state, self._pointers[:, rows]
+        pose = state.stick_pos_m[rows], state.stick_quat_wxyz[rows]
+        calls.read_sticks(sticks, *pose, state.stick_vel_m_s[rows], state.stick_omega_rad_s[rows])
+        self._pool_contacts(rows, calls.read_contacts(systems, self._tips[rows], self._drive_s))
