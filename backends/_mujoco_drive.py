@@ -21,10 +21,11 @@ QPOS, QVEL, APPLIED, USER = (
     for name in ("QPOS", "QVEL", "QFRC_APPLIED", "USERDATA")
 )
 """Bits of this version's mjtState; a state holds its parts in the order of their bits."""
-_HEAD = 8
+_HEAD = 9
 """Length of the fixed part of `CallbackArgs`: worlds, joints, lengths of qpos and qvel, place of
-the stick in qvel, and the addresses of the drive arguments, of the remaining weightless ticks and
-of the forces that carry the sticks. The joints' places in qpos and qvel follow."""
+the stick in qvel, and the addresses of the drive arguments, of the worlds' ages, of the ages up to
+which sticks are weightless and of the forces that carry them. The joints' places in qpos and qvel
+follow."""
 
 _library = find("mujoco", "libmujoco.so*")
 _model, _data = types.voidptr, types.voidptr
@@ -55,12 +56,12 @@ def control(model, data):
     torque = motor_step(head[5], n, angle, rate)
     for j in range(joints):
         applied[int(places[joints + j])] = torque[j]
-    ticks = array_at(head[6], worlds)
-    if ticks[n] > 0.0:
-        ticks[n] -= 1.0
-        carry_n = array_at(head[7], (worlds, 3))
+    age, lifted = array_at(head[6], worlds).view(np.int64), array_at(head[7], worlds).view(np.int64)
+    if age[n] < lifted[n]:
+        carry_n = array_at(head[8], (worlds, 3))
         for i in range(3):
             applied[stick + i] = carry_n[n, i]
+    age[n] += 1
     _set(model, data, applied_at, APPLIED)
 
 
@@ -72,15 +73,18 @@ class CallbackArgs:
     """The arguments of the callback for N worlds: places of joints and sticks, and the drives."""
 
     def __init__(
-        self, team: Team, sizes: tuple[int, int], joints_at: tuple[Array, Array], stick_at: int
+        self,
+        team: Team,
+        age_steps: Array,
+        sizes: tuple[int, int],
+        joints_at: tuple[Array, Array],
+        stick_at: int,
     ) -> None:
+        """`age_steps` (N,) are the worlds' ages in drive periods, which the callback counts."""
         self.drive_args = DriveCallArgs(team.drives)
         worlds, joints = self.drive_args.target_rad.shape
-        self.lifted_ticks = np.zeros(worlds)
-        """How many more drive periods the sticks stay weightless, (N,); write it before each policy
-        period."""
-        self._carry_n = team.carry_n
-        addresses = [a.ctypes.data for a in (self.lifted_ticks, self._carry_n)]
+        self._arrays = age_steps, team.lifted_steps, team.carry_n
+        addresses = [array.ctypes.data for array in self._arrays]
         head = [worlds, joints, *sizes, stick_at, self.drive_args.address, *addresses]
         self._numbers = np.array([*head, *joints_at[0], *joints_at[1]], dtype=np.float64)
 

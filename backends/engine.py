@@ -82,15 +82,17 @@ class Team:
         gravity = np.array([s.gravity_m_s2 for s in own])
         self.carry_n = -gravity * np.array([[s.stick.mass_kg] for s in own])
         """Forces (N, 3) [N] that carry the sticks."""
-        self._lifted = np.array([round(s.timing.weightless_s / s.timing.drive_s) for s in own])
+        lifted = [round(s.timing.weightless_s / s.timing.drive_s) for s in own]
+        self.lifted_steps = np.array(lifted, dtype=np.int64)
+        """Ages (N,) in drive periods up to which sticks are weightless."""
 
     def lifted_ticks(self, age: Array) -> Array:
         """Drive periods (N,) for which sticks stay weightless, given the worlds' `age` (N,)."""
-        return np.maximum(self._lifted - age, 0)
+        return np.maximum(self.lifted_steps - age, 0)
 
     def lift_n(self, age: Array) -> Array:
         """Forces (N, 3) [N] that carry the sticks, given their `age` (N,) in drive periods."""
-        return np.where(age[:, None] < self._lifted[:, None], self.carry_n, 0.0)
+        return np.where(age[:, None] < self.lifted_steps[:, None], self.carry_n, 0.0)
 
 
 def _refuse_unbuildable(spec: Spec) -> None:
@@ -199,8 +201,8 @@ class Engine(ABC):
         pull = None if pull_n is None else self._pull_n(pull_n)
         for team in self._teams:
             rows, drives = team.rows, team.drives
-            outer = (None if one is None else one[rows] for one in (load_nm, pull))
-            self._period(team, target_rad[rows], *outer)
+            load = None if load_nm is None else load_nm[rows]
+            self._period(team, target_rad[rows], load, None if pull is None else pull[rows])
             self.state.motor_rad[rows] = drives.motor_rad
             self.state.drive_torque_nm[rows] = drives.pd_nm
             self._observe(rows)

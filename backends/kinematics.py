@@ -77,39 +77,37 @@ def _tip_axes(tip: Fingertip) -> Array:
     return np.array([tip.forward, tip.inward, np.cross(tip.forward, tip.inward)]).T
 
 
-class TipChains:
-    """`tip_frames` as arrays for compiled code."""
-
-    def __init__(self, hand: Hand) -> None:
-        places = {body.name: i for i, body in enumerate(hand.bodies)}
-        columns = {name: j for j, name in enumerate(hand.joint_names)}
-        bodies, tips = hand.bodies, hand.fingertips
-        self._numbers = (
-            np.array([-1 if b.parent is None else places[b.parent] for b in bodies]),
-            np.array([columns.get(b.joint.name, -1) for b in bodies]),
-            np.array([b.origin_m for b in bodies]),
-            np.array([b.joint.axis for b in bodies]),
-            np.array([places[tip.body] for tip in tips]),
-            np.array([tip.center_m for tip in tips]),
-            np.array([_tip_axes(tip) for tip in tips]),
-        )
-
-    def frames(self, joint_rad: Array) -> tuple[Array, Array]:
-        """The same as `tip_frames`, up to rounding."""
-        shape = len(joint_rad), len(self._numbers[-1]), 3
-        origin, rotation = np.empty(shape), np.empty((*shape, 3))
-        _walk(joint_rad, *self._numbers, origin, rotation)
-        return origin, rotation
+def tip_chain(hand: Hand) -> tuple[Array, ...]:
+    """A hand's bodies and fingertips, as `tips_placed` takes them."""
+    places = {body.name: i for i, body in enumerate(hand.bodies)}
+    columns = {name: j for j, name in enumerate(hand.joint_names)}
+    bodies, tips = hand.bodies, hand.fingertips
+    return (
+        np.array([-1 if b.parent is None else places[b.parent] for b in bodies]),
+        np.array([columns.get(b.joint.name, -1) for b in bodies]),
+        np.array([b.origin_m for b in bodies]),
+        np.array([b.joint.axis for b in bodies]),
+        np.array([places[tip.body] for tip in tips]),
+        np.array([tip.center_m for tip in tips]),
+        np.array([_tip_axes(tip) for tip in tips]),
+    )
 
 
 @numba.njit(cache=True)
-def _walk(joint, parent, column, offset, axis, tip_body, center, axes, origin, rotation):
-    at, turn = np.zeros((len(parent) + 1, 3)), np.zeros((len(parent) + 1, 3, 3))
-    for n in range(joint.shape[0]):
-        placed(joint[n], parent, column, offset, axis, at, turn)
-        for f in range(len(tip_body)):
-            _place(at[tip_body[f]], turn[tip_body[f]], center[f], origin[n, f])
-            _multiply(turn[tip_body[f]], axes[f], rotation[n, f])
+def room(chain):
+    """Room for the origins and rotations of all bodies of a chain, and of the world."""
+    bodies = len(chain[0]) + 1
+    return np.zeros((bodies, 3)), np.zeros((bodies, 3, 3))
+
+
+@numba.njit(cache=True)
+def tips_placed(joint, chain, at, turn, origin, rotation):
+    """Write the `tip_frames` of one hand, (F, 3) and (F, 3, 3), at angles (J,), up to rounding."""
+    parent, column, offset, axis, tip_body, center, axes = chain
+    placed(joint, parent, column, offset, axis, at, turn)
+    for f in range(len(tip_body)):
+        _place(at[tip_body[f]], turn[tip_body[f]], center[f], origin[f])
+        _multiply(turn[tip_body[f]], axes[f], rotation[f])
 
 
 @numba.njit(cache=True)

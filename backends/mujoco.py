@@ -203,10 +203,10 @@ def _apply(torque, force, joint_at, stick_at, applied):
 
 
 @numba.njit(cache=True)
-def _read(values, at, out):
-    for n in range(out.shape[0]):
-        for j in range(out.shape[1]):
-            out[n, j] = values[n, at[j]]
+def _joints(qpos, qvel, qpos_at, qvel_at, angle, rate):
+    for n in range(angle.shape[0]):
+        for j in range(angle.shape[1]):
+            angle[n, j], rate[n, j] = qpos[n, qpos_at[j]], qvel[n, qvel_at[j]]
 
 
 @numba.njit(cache=True)
@@ -287,6 +287,7 @@ class Backend(Engine):
         self._user, self._no_force = self._batch.bind("userdata"), np.zeros((len(specs), 3))
         self._args = CallbackArgs(
             self._teams[0],
+            self._age_steps,
             (self._model.nq, self._model.nv),
             (self._qpos_at, self._qvel_at),
             self._stick_qvel.start,
@@ -319,18 +320,16 @@ class Backend(Engine):
             super()._period(team, target_rad, load_nm, pull_n)
             return
         self._args.drive_args.target_rad[:] = target_rad
-        self._args.lifted_ticks[:] = team.lifted_ticks(self._age_steps)
         mujoco.set_mjcb_control(CALLBACK)
         try:
             self._batch.step(nstep=self._timing.substeps)
         finally:
             mujoco.set_mjcb_control(None)
-        self._age_steps += self._timing.substeps
         self._read_joints()
 
     def _read_joints(self) -> None:
-        _read(self._qpos, self._qpos_at, self.state.joint_rad)
-        _read(self._qvel, self._qvel_at, self.state.joint_rad_s)
+        joints = self._qpos_at, self._qvel_at, self.state.joint_rad, self.state.joint_rad_s
+        _joints(self._qpos, self._qvel, *joints)
 
     def _observe(self, rows: slice) -> None:
         state, stick, twist = self.state, self._stick_qpos.start, self._stick_qvel.start

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, fields
 
 import numba
 import numpy as np
+from numba import literal_unroll
 
 Array = np.ndarray
 
@@ -84,7 +85,10 @@ class State:
 
     def first_bad_signal(self) -> str | None:
         """Name of the first signal that is NaN or infinite, else None."""
-        return next((name for name in SIGNALS if not is_finite(getattr(self, name))), None)
+        signals = [getattr(self, name) for name in SIGNALS]
+        if _are_finite(*signals):
+            return None
+        return next(n for n, signal in zip(SIGNALS, signals, strict=True) if not is_finite(signal))
 
 
 SIGNALS = tuple(field.name for field in fields(State))
@@ -92,13 +96,17 @@ SIGNALS = tuple(field.name for field in fields(State))
 
 
 @numba.njit(cache=True)
-def _is_finite(values):
-    return np.isfinite(values).all()
+def _are_finite(*signals):
+    bad = False
+    for values in literal_unroll(signals):
+        for value in values.ravel():
+            bad |= not np.isfinite(value)
+    return not bad
 
 
 def is_finite(values: Array) -> bool:
     """Whether no value is NaN or infinite; quick for small arrays."""
-    return _is_finite(np.ravel(values))
+    return _are_finite(values)
 
 
 def quat_z_axis(quat_wxyz: Array) -> Array:

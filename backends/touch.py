@@ -7,14 +7,14 @@ eases, taxels have gains of their own, readings drift, taxels are dead, neighbou
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numba
 import numpy as np
 
-from backends.kinematics import TipChains, common_hand
+from backends.kinematics import common_hand, room, tip_chain, tips_placed
 from backends.spec import Fingertip, Spec, Stick, Taxels
-from backends.state import Array, State, quat_to_matrix
+from backends.state import Array, State, matrices
 
 THRESHOLD_M = 0.2e-3
 """Pressed depth above which a reading counts as contact [m]: the paper's empirical threshold.
@@ -86,33 +86,22 @@ def surface_distance(x, y, z, shape):
 
 
 @numba.njit(cache=True)
-def _press(
-    worlds,
-    force,
-    origin,
-    rotation,
-    stick_pos,
-    stick_rot,
-    shape,
-    grid,
-    skin,
-    time_s,
-    rank,
-    held,
-    reading,
-):
-    """Write the reading of every taxel of some worlds; frames and sticks belong to those worlds.
-
-    The grid is (F, 3, T), so that many taxels are computed at a time.
-    """
-    turn, offset = np.empty((3, 3)), np.empty(3)
-    for i, n in enumerate(worlds):
-        reach, drift, dead, touch_n, gain, stays = skin[n]
-        for f in range(force.shape[1]):
+def _read(worlds, joint, pos, quat, force, time_s, chain, skins, touch):
+    """Write the reading of every taxel of some worlds, and what follows from it."""
+    shape, grid, points, skin, rank, held = skins
+    reading, active, center, in_contact = touch
+    at, body_turn = room(chain)
+    origin, rotation = np.empty((len(grid), 3)), np.empty((len(grid), 3, 3))
+    stick_rot, turn, offset = np.empty((1, 3, 3)), np.empty((3, 3)), np.empty(3)
+    for n in worlds:
+        tips_placed(joint[n], chain, at, body_turn, origin, rotation)
+        matrices(quat[n : n + 1], stick_rot)
+        reach, drift, dead, touch_n, gain, stays, threshold, halo = skin[n]
+        for f in range(len(grid)):
             fx, fy, fz = force[n, f]
             if fx * fx + fy * fy + fz * fz > touch_n * touch_n:
-                _to_stick(origin[i, f], rotation[i, f], stick_pos[i], stick_rot[i], turn, offset)
-                _depths(turn, offset, shape[n], grid[f], reach, reading[n, f])
+                _to_stick(origin[f], rotation[f], pos[n], stick_rot[0], turn, offset)
+                _depths(turn, offset, shape[n], points[f], reach, reading[n, f])
             else:
                 reading[n, f] = 0.0
             if stays > 0.0:
@@ -121,6 +110,11 @@ def _press(
                 ease(stays, reading[n, f], held[n, f])
             if drift != 0.0 or dead != 0.0 or gain != 0.0:
                 _spoil(drift * time_s[n], dead, gain, rank[f], reading[n, f])
+            _binarise(reading[n, f], threshold, active[n, f])
+            if halo > 0.0:
+                alive = rank[f, :, 0] >= dead
+                _spread(reading[n, f], threshold, grid[f], halo, alive, active[n, f])
+            in_contact[n, f] = _center(active[n, f], grid[f], center[n, f])
 
 
 @numba.njit(cache=True)
@@ -136,7 +130,10 @@ def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
 
 @numba.njit(cache=True)
 def _depths(turn, offset, shape, grid, reach, reading):
-    """Pressed depths of the taxels of a grid (3, T), with room for a negative threshold."""
+    """Pressed depths of the taxels of a grid (3, T), with room for a negative threshold.
+
+    The grid lies so that many taxels are computed at a time.
+    """
     is_round, half, r = shape[0] > 0.5, shape[1], shape[2]
     for t in range(len(reading)):
         u, v, w = grid[0, t], grid[1, t], grid[2, t]
@@ -167,25 +164,21 @@ def _spoil(drift_m, dead, gain, rank, reading):
 
 
 @numba.njit(cache=True)
-def _binarise(worlds, reading, threshold, grid, halo, skin, rank, active, center, touch):
-    for n in worlds:
-        for f in range(reading.shape[1]):
-            count = 0
-            for t in range(grid.shape[1]):
-                active[n, f, t] = reading[n, f, t] > threshold[n]
-            if halo[n] > 0.0:
-                alive = rank[f, :, 0] >= skin[n, 2]
-                _spread(reading[n, f], threshold[n], grid[f], halo[n], alive, active[n, f])
-            cx, cy, cz = 0.0, 0.0, 0.0
-            for t in range(grid.shape[1]):
-                if active[n, f, t]:
-                    cx, cy, cz = cx + grid[f, t, 0], cy + grid[f, t, 1], cz + grid[f, t, 2]
-                    count += 1
-            touch[n, f] = count > 0
-            count = max(count, 1)
-            center[n, f, 0] = cx / count
-            center[n, f, 1] = cy / count
-            center[n, f, 2] = cz / count
+def _binarise(reading, threshold, active):
+    for t in range(len(reading)):
+        active[t] = reading[t] > threshold
+
+
+@numba.njit(cache=True)
+def _center(active, grid, center):
+    """Write the mean position of the active taxels; returns whether there are any."""
+    x, y, z, count = 0.0, 0.0, 0.0, 0
+    for t in range(len(active)):
+        if active[t]:
+            x, y, z, count = x + grid[t, 0], y + grid[t, 1], z + grid[t, 2], count + 1
+    whole = max(count, 1)
+    center[0], center[1], center[2] = x / whole, y / whole, z / whole
+    return count > 0
 
 
 @numba.njit(cache=True)
@@ -212,28 +205,34 @@ def _ranks(tips: int, taxels: int) -> Array:
     return np.stack([dies, drifts, gains], axis=-1)
 
 
+_STAYS = 5
+"""Place of hysteresis among the numbers of a skin."""
+
+
+def _numbers(spec: Spec) -> tuple[float, ...]:
+    """The numbers of a world's skin, as `_read` takes them."""
+    t, touch_n = spec.hand.taxels, spec.contact.touch_n
+    faults = t.reach_m, t.drift_m_s, t.dead_share, touch_n, t.gain_spread, t.hysteresis
+    return *faults, THRESHOLD_M + t.threshold_m, t.halo_m
+
+
 class Skin:
     """The taxels of N worlds."""
 
     def __init__(self, specs: Sequence[Spec]) -> None:
         hand = common_hand(specs)
-        self._chains = TipChains(hand)
-        self._grid = np.stack([taxel_grid(tip, hand.taxels)[0] for tip in hand.fingertips])
-        self._points = self._grid.swapaxes(1, 2).copy()
-        self._shape = np.array([stick_shape(s.stick) for s in specs])
-        taxels = [s.hand.taxels for s in specs]
-        skins = [(s.hand.taxels, s.contact.touch_n) for s in specs]
-        self._skin = np.array(
-            [
-                (t.reach_m, t.drift_m_s, t.dead_share, n, t.gain_spread, t.hysteresis)
-                for t, n in skins
-            ]
+        self._chain = tip_chain(hand)
+        grid = np.stack([taxel_grid(tip, hand.taxels)[0] for tip in hand.fingertips])
+        skin = np.array([_numbers(spec) for spec in specs])
+        n, shape = len(specs), grid.shape[:2]
+        self._skins = (
+            np.array([stick_shape(s.stick) for s in specs]),
+            grid,
+            grid.swapaxes(1, 2).copy(),
+            skin,
+            _ranks(*shape),
+            np.zeros((n, *shape) if skin[:, _STAYS].any() else (0, 0, 0)),
         )
-        self._threshold_m = np.array([THRESHOLD_M + t.threshold_m for t in taxels])
-        self._halo_m = np.array([t.halo_m for t in taxels])
-        n, shape = len(specs), self._grid.shape[:2]
-        self._rank = _ranks(*shape)
-        self._held = np.zeros((n, *shape) if self._skin[:, -1].any() else (0, 0, 0))
         self._all, self._no_time_s = np.arange(n), np.zeros(n)
         self.touch = Touch(
             reading_m=np.zeros((n, *shape)),
@@ -241,6 +240,7 @@ class Skin:
             center_m=np.zeros((n, shape[0], 3)),
             in_contact=np.zeros((n, shape[0]), dtype=bool),
         )
+        self._out = tuple(getattr(self.touch, field.name) for field in fields(Touch))
 
     def feel(self, state: State, time_s: Array | None = None, worlds: Array | None = None) -> Touch:
         """Read every taxel in the given state, `time_s` (N,) after the start; None: at the start.
@@ -248,33 +248,8 @@ class Skin:
         `worlds` are the numbers of the worlds to read, the others keep their readings; None: all.
         """
         worlds = self._all if worlds is None else worlds
-        origin, rotation = self._chains.frames(state.joint_rad[worlds])
-        touch = self.touch
-        _press(
-            worlds,
-            state.contact_force_n,
-            origin,
-            rotation,
-            state.stick_pos_m[worlds],
-            quat_to_matrix(state.stick_quat_wxyz[worlds]),
-            self._shape,
-            self._points,
-            self._skin,
-            self._no_time_s if time_s is None else time_s,
-            self._rank,
-            self._held,
-            touch.reading_m,
-        )
-        _binarise(
-            worlds,
-            touch.reading_m,
-            self._threshold_m,
-            self._grid,
-            self._halo_m,
-            self._skin,
-            self._rank,
-            touch.active,
-            touch.center_m,
-            touch.in_contact,
-        )
-        return touch
+        time_s = self._no_time_s if time_s is None else time_s
+        pose = state.stick_pos_m, state.stick_quat_wxyz
+        seen = state.joint_rad, *pose, state.contact_force_n, time_s
+        _read(worlds, *seen, self._chain, self._skins, self._out)
+        return self.touch

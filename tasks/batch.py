@@ -37,43 +37,47 @@ def desired_axis(offset_m: Array, lever_m: Array) -> Array:
 
 
 @numba.njit(cache=True)
-def _judge(pos, quat, force, desired, grip, lever, half, out):
-    for n in range(len(pos)):
-        w, x, y, z = quat[n, 0], quat[n, 1], quat[n, 2], quat[n, 3]
-        axis = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
-        low, top, turned, press = 0.0, 0.0, 0.0, 0.0
-        for i in range(3):
-            lower = pos[n, i] - half[n] * axis[i]
-            drawn = grip[i] - lever[n] * desired[n, i]
-            length = 2 * half[n]
-            low += (lower - drawn) ** 2
-            top += ((lower + length * axis[i]) - (drawn + length * desired[n, i])) ** 2
-            turned += (axis[i] - desired[n, i]) ** 2
-        for f in range(force.shape[1]):
-            a, b, c = force[n, f, 0], force[n, f, 1], force[n, f, 2]
-            press += math.sqrt(a * a + b * b + c * c)
-        low, top, turned = math.sqrt(low), math.sqrt(top), math.sqrt(turned)
-        reward = ALIVE - AXIS_WEIGHT * turned - END_WEIGHT * (low + top)
-        out[0, n] = reward - FORCE_WEIGHT * press
-        out[1, n], out[2, n] = low, 2 * math.asin(min(turned / 2, 1.0))
+def _judge(pos, quat, force, desired, grip, lever, half):
+    w, x, y, z = quat
+    axis = (2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y))
+    low, top, turned, press, length = 0.0, 0.0, 0.0, 0.0, 2 * half
+    for i in range(3):
+        lower = pos[i] - half * axis[i]
+        drawn = grip[i] - lever * desired[i]
+        low += (lower - drawn) ** 2
+        top += ((lower + length * axis[i]) - (drawn + length * desired[i])) ** 2
+        turned += (axis[i] - desired[i]) ** 2
+    for f in range(len(force)):
+        a, b, c = force[f]
+        press += math.sqrt(a * a + b * b + c * c)
+    low, top, turned = math.sqrt(low), math.sqrt(top), math.sqrt(turned)
+    reward = ALIVE - AXIS_WEIGHT * turned - END_WEIGHT * (low + top)
+    return reward - FORCE_WEIGHT * press, low, 2 * math.asin(min(turned / 2, 1.0))
 
 
-def judge(
-    state: State, desired: Array, grip_m: Array, lever_m: Array, half_m: Array
-) -> tuple[Array, Array, Array]:
-    """Rewards, errors of the lower end [m] and of the axis [rad], each (N,).
+@numba.njit(cache=True)
+def judge(pos, quat, force, axes, steps, last_step, grip, lever, half, floor, desired, out, over):
+    """Write u_d of all worlds, their rewards and errors, and whether they are over.
+
+    Shapes are (N, 3), (3, N) for reward, lower end [m] and axis [rad], and (2, N) for a stick that
+    has fallen and time that is over. Returns the most steps of an episode.
 
     The reward is the paper's, C - w0 |u - u_d| - w1 (|e_low| + |e_top|) - w2 sum |f|: u is the
     stick's axis, u_d the desired one, e_low and e_top the distances [m] of the stick's ends from
     those of a stick at the drawn point along u_d, f the forces on the fingertips [N].
 
-    The stick's grip is `lever_m` from its lower end and to be at `grip_m` (3,); it is 2 `half_m`
-    long.
+    The stick's grip is `lever` from its lower end and to be at `grip` (3,); it is 2 `half` long.
     """
-    out = np.empty((3, len(desired)))
-    pose = state.stick_pos_m, state.stick_quat_wxyz
-    _judge(*pose, state.contact_force_n, desired, grip_m, lever_m, half_m, out)
-    return out[0], out[1], out[2]
+    most = 0
+    for n in range(len(pos)):
+        for i in range(3):
+            desired[n, i] = axes[n, steps[n], i]
+        world = desired[n], grip, lever[n], half[n]
+        out[0, n], out[1, n], out[2, n] = _judge(pos[n], quat[n], force[n], *world)
+        over[0, n] = pos[n, 2] < floor[n]
+        over[1, n] = steps[n] >= last_step[n] and not over[0, n]
+        most = max(most, steps[n])
+    return most
 
 
 class SimulationDivergedError(Exception):
@@ -145,7 +149,8 @@ class BatchEnv:
         self._target = np.zeros((self.worlds, len(hand.driven)))
         self._steps = np.zeros(self.worlds, dtype=np.int64)
         self._last_step = np.full(self.worlds, self.horizon)
-        self._heading = np.zeros(self.worlds)
+        self._all, self._heading = np.arange(self.worlds), np.zeros(self.worlds)
+        self._axes = np.full((self.worlds, self.horizon + 2, 3), (0.0, 0.0, 1.0))
         self._state: State | None = None
         self._touch: Touch | None = None
 
@@ -196,12 +201,14 @@ class BatchEnv:
         """
         mask = np.ones(self.worlds, dtype=bool) if mask is None else mask
         drawn = self._draws.episodes(mask, start)
+        worlds = np.flatnonzero(mask)
         self._heading[mask] = drawn.heading_rad[mask]
+        self._axes[worlds] = self._desired_axes(worlds, self._axes.shape[1])
         self._last_step[mask] = drawn.cut[mask] if stagger else self.horizon
         self._steps[mask] = 0
         self._state = self.simulator.reset(drawn.start, mask)
         self._target[mask] = (drawn.start.joint_rad + self._preload)[mask]
-        return self._observe(self._state, self._desired_axis(), np.flatnonzero(mask))
+        return self._observe(self._state, self._desired_axis(), worlds)
 
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
@@ -209,9 +216,9 @@ class BatchEnv:
         Raises NotFiniteActionError, and SimulationDivergedError when the engine returns a number
         that is not finite.
         """
+        action = np.asarray(action)
         self._refuse_not_finite(action)
-        measured = self.state.measured_rad
-        self._target[:] = self.observation.law.target(self._target, measured, action)
+        self.observation.law.displace(self._target, self.state.measured_rad, action)
         self._state = self.simulator.advance(self._target)
         self._steps += 1
         self._refuse_nan(self._state)
@@ -223,7 +230,8 @@ class BatchEnv:
         Returns the step and the observations to act on.
         """
         step = self.step(action)
-        return step, self.reset(step.done) if step.done.any() else step.observation
+        done = step.done
+        return step, self.reset(done) if done.any() else step.observation
 
     def close(self) -> None:
         """Free the engine."""
@@ -235,15 +243,18 @@ class BatchEnv:
         return self._grip - self._lever[:, None] * axis, axis
 
     def _desired_axis(self) -> Array:
-        return desired_axis(self.task.offset_m(self.time_s, self._heading), self._lever)
+        return self._axes[self._all, self._steps]
+
+    def _desired_axes(self, worlds: Array, steps: int) -> Array:
+        """u_d of some worlds at the first steps of their episodes, (len(worlds), steps, 3)."""
+        heading, lever = (np.repeat(a[worlds], steps) for a in (self._heading, self._lever))
+        time_s = np.tile(self.policy_s * np.arange(steps), len(worlds))
+        axis = desired_axis(self.task.offset_m(time_s, heading), lever)
+        return axis.reshape(len(worlds), steps, 3)
 
     def path(self, world: int) -> Array:
         """The points that a world draws in its episode [m], world frame, shape (T, 3)."""
-        time_s = self.policy_s * np.arange(self.horizon + 1)
-        heading = np.full(len(time_s), self._heading[world])
-        lever = np.full(len(time_s), self._lever[world])
-        axis = desired_axis(self.task.offset_m(time_s, heading), lever)
-        return self._grip - lever[:, None] * axis
+        return self._grip - self._lever[world] * self._axes[world, : self.horizon + 1]
 
     def lower_end(self) -> Array:
         """Lower end of the stick [m], world frame, shape (N, 3)."""
@@ -257,16 +268,21 @@ class BatchEnv:
         return self.observation.read(percept)
 
     def _judge(self, state: State) -> Step:
-        axis = self._desired_axis()
-        reward, end_error, axis_error = judge(state, axis, self._grip, self._lever, self._half)
-        terminated = state.stick_pos_m[:, 2] < self._floor
+        axis, figures = np.empty((self.worlds, 3)), np.empty((3, self.worlds))
+        over = np.empty((2, self.worlds), dtype=bool)
+        pose = state.stick_pos_m, state.stick_quat_wxyz
+        time = self._axes, self._steps, self._last_step
+        sticks = self._grip, self._lever, self._half, self._floor
+        most = judge(*pose, state.contact_force_n, *time, *sticks, axis, figures, over)
+        if most + 1 == self._axes.shape[1]:  # nobody ends the episode
+            self._axes = self._desired_axes(self._all, 2 * self._axes.shape[1])
         return Step(
             observation=self._observe(state, axis),
-            reward=reward,
-            terminated=terminated,
-            truncated=(self._steps >= self._last_step) & ~terminated,
-            end_error_m=end_error,
-            axis_error_rad=axis_error,
+            reward=figures[0],
+            terminated=over[0],
+            truncated=over[1],
+            end_error_m=figures[1],
+            axis_error_rad=figures[2],
         )
 
     def _refuse_not_finite(self, action: Array) -> None:

@@ -91,12 +91,11 @@ class ActionLaw:
             default_pose_rad=hand.grasp_rad,
         )
 
-    def target(self, target: Array, measured: Array, action: Array) -> Array:
-        """The next targets (N, J) [rad] after those of now, for the measured positions [rad]."""
-        moved, there = self.scale_rad * np.clip(action, -1, 1), np.empty_like(target)
-        numbers = self.target_return, self.target_lead_rad
-        _next_target(target, measured, moved, *self._rest, *numbers, self._ends, there)
-        return there
+    def displace(self, target: Array, measured: Array, action: Array) -> None:
+        """Overwrite targets (N, J) [rad] by the next ones, for the measured positions [rad]."""
+        numbers = self.scale_rad, self.target_return, self.target_lead_rad
+        moved = self.scale_rad * action
+        _displace(target, measured, moved, *self._rest, *numbers, self._ends)
 
     @cached_property
     def _rest(self) -> tuple[Array, bool]:
@@ -110,14 +109,15 @@ class ActionLaw:
 
 
 @numba.njit(cache=True)
-def _next_target(target, measured, moved, rest, is_preload, back, lead, ends, out):
+def _displace(target, measured, moved, rest, is_preload, most, back, lead, ends):
+    most = moved.dtype.type(most)
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             at, there = measured[n, j], target[n, j]
             goal = at + rest[j] if is_preload else rest[j]
-            there += moved[n, j] + back * (goal - there)
+            there += min(max(moved[n, j], -most), most) + back * (goal - there)
             there = min(max(there, at - lead), at + lead)
-            out[n, j] = min(max(there, ends[0, j]), ends[1, j])
+            target[n, j] = min(max(there, ends[0, j]), ends[1, j])
 
 
 class Observation(ABC):

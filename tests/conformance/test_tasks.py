@@ -13,6 +13,7 @@ from gymnasium.vector import AutoresetMode
 from backends.state import Array, State, quat_to_matrix
 from benchmark.parts import registry
 from benchmark.runs.gym import gym_id as name_of
+from benchmark.settings.run_spec import RunSpec
 from tasks.batch import BatchEnv
 from tasks.task import EPISODE_S, RADIUS_M, RATE_RAD_S, Figure
 
@@ -239,6 +240,19 @@ def test_reference_points_from_figure_to_grip(task: str, make: MakeEnv) -> None:
         assert np.linalg.norm(u_d, axis=1) == pytest.approx(1.0, abs=1e-12)
         assert point + 0.13 * u_d == pytest.approx(np.tile(grip, (3, 1)), abs=1e-12)
         assert (np.linalg.norm((point - grip)[:, :2], axis=1) <= 0.03 + 1e-12).all()
+
+
+def test_figure_goes_on_after_the_episode(task: str) -> None:
+    """Draw on where nobody ends an episode whose time is over, as in a longer one."""
+    run = RunSpec(backend="mujoco", task=task)
+    short, long = (run.make_env([run.world()] * 2, 0, 1, steps) for steps in (3, 20))
+    short.reset()
+    long.reset()
+    for point in long.path(1):
+        assert np.array_equal(short.reference()[0][1], point)
+        short.step(np.zeros((2, 6)))
+    short.close()
+    long.close()
 
 
 def test_gymnasium_accepts_the_environment(backend: str) -> None:

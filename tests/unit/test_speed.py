@@ -131,9 +131,13 @@ def test_compiled_frames_equal_plain_ones() -> None:
     """Walk to the fingertips as plain kinematics do, within the rounding of a chain's products."""
     hand = trx.spec(sticks.STICKS["reference"]).hand
     joint_rad = np.random.default_rng(0).uniform(-2, 2, (50, 6))
-    plain = kinematics.tip_frames(hand, joint_rad)
-    for left, right in zip(kinematics.TipChains(hand).frames(joint_rad), plain, strict=True):
-        assert left == pytest.approx(right, abs=20 * np.finfo(float).eps)
+    chain, (origin, rotation) = kinematics.tip_chain(hand), kinematics.tip_frames(hand, joint_rad)
+    at, turn = kinematics.room(chain)
+    for n, angles in enumerate(joint_rad):
+        walked = np.empty_like(origin[n]), np.empty_like(rotation[n])
+        kinematics.tips_placed(angles, chain, at, turn, *walked)
+        for left, right in zip(walked, (origin[n], rotation[n]), strict=True):
+            assert left == pytest.approx(right, abs=20 * np.finfo(float).eps)
 
 
 def test_restart_observes_the_others_as_they_are() -> None:
