@@ -11,7 +11,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from backends.state import Array
+from backends.engine import Simulator
+from backends.state import Array, State
 from tasks.batch import BatchEnv
 
 ACTION_STD = 0.4
@@ -19,7 +20,7 @@ ACTION_STD = 0.4
 SETTLE_STEPS = 20
 """Steps before the first block, in which all worlds close their first grasp."""
 ENV_STEPS = 4
-"""Environment steps in a block, beside one period of drives and engine, and one of the engine."""
+"""Environment steps in a block, before one period of the bare engine."""
 CHUNK = 6
 """Blocks over which a ratio is taken: new episodes come in some of them only."""
 Clock = Callable[[], float]
@@ -37,7 +38,7 @@ class Timing:
     wall_s: float
     """Both, in wall time, whichever clock the others use."""
     advance_s: float
-    """The part of drives and engine, with reading joints, stick and contacts."""
+    """The part of a step that drives and engine take, with reading joints, stick and contacts."""
     raw_s: float
     """The bare engine under constant torques."""
     overhead: tuple[float, float, float]
@@ -64,13 +65,31 @@ def measure(
 ) -> Timing:
     """Time an environment and, with `coast`, its bare engine, for about `seconds`."""
     blocks, actions = _Blocks(), _actions(env)
+    env.simulator = timed = _Timed(env.simulator, clock)
     env.reset(stagger=True)
     for _ in range(SETTLE_STEPS):
         env.step_and_restart(next(actions))
     began = time.perf_counter()
     while len(blocks.raw_s) < CHUNK or time.perf_counter() - began < seconds:
-        _block(env, coast, actions, blocks, clock)
+        _block(env, timed, coast, actions, blocks)
     return _summary(blocks)
+
+
+class _Timed:
+    """A simulator that sums the time of its `advance`."""
+
+    def __init__(self, simulator: Simulator, clock: Clock) -> None:
+        self.specs, self.clock, self.seconds = simulator.specs, clock, 0.0
+        self.reset, self.close, self._advance = simulator.reset, simulator.close, simulator.advance
+
+    def advance(
+        self, target_rad: Array, load_nm: Array | None = None, pull_n: Array | None = None
+    ) -> State:
+        """See `Simulator.advance`."""
+        began = self.clock()
+        state = self._advance(target_rad, load_nm, pull_n)
+        self.seconds += self.clock() - began
+        return state
 
 
 def _actions(env: BatchEnv) -> Iterator[Array]:
@@ -82,13 +101,17 @@ def _actions(env: BatchEnv) -> Iterator[Array]:
 
 def _block(
     env: BatchEnv,
+    timed: _Timed,
     coast: Callable[[int], None],
     actions: Iterator[Array],
     blocks: _Blocks,
-    clock: Clock,
 ) -> None:
-    """Time some steps as `BatchEnv.step_and_restart` takes them, then single periods."""
-    step_s, restart_s, wall_s = 0.0, 0.0, 0.0
+    """Time some steps as `BatchEnv.step_and_restart` takes them, then the bare engine from there.
+
+    It comes right after a step, as the next step would: at rest contacts are solved faster.
+    """
+    clock, step_s, restart_s, wall_s = timed.clock, 0.0, 0.0, 0.0
+    timed.seconds = 0.0
     for _ in range(ENV_STEPS):
         action, began_s, began = next(actions), time.perf_counter(), clock()
         step = env.step(action)
@@ -101,15 +124,10 @@ def _block(
     blocks.restart_s.append(restart_s / ENV_STEPS)
     blocks.wall_s.append(wall_s / ENV_STEPS)
     blocks.pressing.append(float((env.state.contact_force_n != 0).any(axis=2).mean()))
-    blocks.advance_s.append(_seconds(lambda: env.simulator.advance(env.target_rad), clock))
-    substeps = env.simulator.specs[0].timing.substeps
-    blocks.raw_s.append(_seconds(lambda: coast(substeps), clock))
-
-
-def _seconds(action: Callable[[], object], clock: Clock) -> float:
+    blocks.advance_s.append(timed.seconds / ENV_STEPS)
     began = clock()
-    action()
-    return clock() - began
+    coast(timed.specs[0].timing.substeps)
+    blocks.raw_s.append(clock() - began)
 
 
 def _summary(blocks: _Blocks) -> Timing:

@@ -1,6 +1,7 @@
 """What was made fast stays the same to the last bit, and `bench speed` measures what it says."""
 
 import dataclasses
+import itertools
 import json
 import subprocess
 import sys
@@ -295,6 +296,17 @@ def test_overhead_is_the_median_of_the_chunks_ratios() -> None:
     assert timing.overhead[1] == pytest.approx(0.6 / each)
     assert (timing.step_s, timing.wall_s, timing.blocks) == (11.0, 33.0, 3 * each)
     assert timing.pressing == pytest.approx(2 / 3)
+
+
+def test_drives_and_engine_are_timed_within_the_step() -> None:
+    """Take the part of drives and engine from the steps, and the bare engine right after them."""
+    run, calls = RunSpec(backend="mujoco", task="circle", worlds=2), itertools.count()
+    env = run.make_env(training_worlds(run, 0), 0, 1)
+    coasted = env.simulator.coast
+    timing = _stopwatch.measure(env, coasted, 0.0, lambda: float(next(calls)))
+    env.close()
+    assert timing.raw_s == timing.advance_s == 1.0 < timing.step_s
+    assert timing.pressing == 1.0
 
 
 def test_gain_compares_as_many_worlds_by_the_wall() -> None:
