@@ -232,7 +232,8 @@ def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
     if tau is not None and tau.min() < 0.0 < tau.max():
         yield "play", -np.sign(tau)
     elif tau is not None:
-        yield "play", "play: the load presses on one side; add rows with it reversed"
+        pressed = "the load presses on one side" if tau.any() else "no load presses on it"
+        yield "play", f"play: {pressed}; add rows with loads to both"
 
 
 def _sides(target: np.ndarray) -> np.ndarray:

@@ -123,6 +123,9 @@ def _cpu_s() -> float:
 def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]]:
     """See `Diagnosis.corrected`, joint by joint."""
     for one in (limb for limb in limbs if limb.result.verdict != (UNKNOWN,)):
+        if one.result.rested is not None:
+            yield from one.result.rested.items()
+            continue
         numbers, _ = one.fitter.numbers(
             (one.found.chosen if one.result.causes else one.found.nominal).u
         )

@@ -29,6 +29,10 @@ VALUE = re.compile(r"^(?:[-+.]?\d|nan$|inf$|-inf$)", re.IGNORECASE)
 """How a cell begins that is no name and no unit."""
 NAMELESS = r"Unnamed: \d+$"
 """What pandas calls a column without a name, such as the numbers of rows."""
+LIST = r"\[[-+\d.eE,\s]+\]"
+"""What a list of numbers is, as text."""
+NAMES = "joint_list.txt"
+"""A file beside a table that names the entries of its lists, a line each, as SAGE writes it."""
 MOST_LISTED = 200
 """Longest list in a cell that becomes columns."""
 LINE = re.compile(r"[^\r\n]+")
@@ -89,7 +93,7 @@ def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
     body = f"{_line(names, separator)}\n{rows}\n"
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
-    frame = frame.loc[:, ~frame.columns.str.match(NAMELESS)]
+    frame = _expanded(path, _listed(frame.loc[:, ~frame.columns.str.match(NAMELESS)]))
     said = f"CSV between {SEPARATORS[separator]}"
     return frame, said + (", with decimal commas" if decimal == "," else "")
 
@@ -138,9 +142,19 @@ def _line(cells: Sequence[str], separator: str) -> str:
     return text.getvalue()
 
 
+def _listed(frame: pd.DataFrame) -> pd.DataFrame:
+    """The table with texts such as '[0.1, 0.2]' as lists."""
+    first = frame.iloc[0].astype(str) if len(frame) else pd.Series(dtype=str)
+    found = {
+        name: frame[name].map(lambda cell: np.fromstring(str(cell).strip("[]"), sep=","))
+        for name in first.index[first.str.fullmatch(LIST)]
+    }
+    return frame.assign(**found)
+
+
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     """The table with a column per entry of lists."""
-    names = _feature_names(path)
+    names, beside = _feature_names(path), _names_beside(path)
     found: dict[str, np.ndarray] = {}
     for column in frame.columns:
         first = frame[column].iloc[0] if len(frame) else None
@@ -150,10 +164,19 @@ def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
         rows = [np.asarray(cell, dtype=float).ravel() for cell in frame[column]]
         if len({len(row) for row in rows}) > 1 or len(rows[0]) > MOST_LISTED:
             continue
-        entries = names.get(column, [str(k) for k in range(len(rows[0]))])
+        usual = beside if len(beside) == len(rows[0]) else [str(k) for k in range(len(rows[0]))]
+        entries = names.get(column, usual)
         for name, values in zip(entries, np.stack(rows).T, strict=False):
             found[f"{column}.{name}"] = values
     return pd.DataFrame(found)
+
+
+def _names_beside(path: Path) -> list[str]:
+    """The lines of `NAMES` in the table's folder, where it is there."""
+    try:
+        return bounded.read_text(path.parent / NAMES).split()
+    except (FileNotFoundError, FileError):
+        return []
 
 
 def _feature_names(path: Path) -> dict[str, list[str]]:

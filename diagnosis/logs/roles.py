@@ -20,9 +20,11 @@ OTHER |= {"pwm", "status", "acc", "acceleration", "accel", "index", "duty", "amp
 FEED = {"feedforward", "ff", "feed", "forward"}
 BY_CONSTANT = {"current", "amps", "ma", "duty", "pwm", "voltage", "volt", "volts", "mv"}
 """What makes a torque by a constant of the drive."""
+PLACE = {"position", "pos", "angle", "q", "qpos"}
+ERROR, FOLLOWING = {"error", "err"}, {"tracking", "following", "follow"}
 TIME = {"t", "ts", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
 TIME |= {"date", "datetime"}
-EPISODE = {"episode", "run", "trial", "repetition"}
+EPISODE = {"episode", "run", "trial", "repetition", "stroke", "cycle"}
 ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
     **dict.fromkeys(("deg", "degree", "degrees"), 180 / np.pi),
@@ -44,12 +46,13 @@ TIMES = {
 }
 """Units of times, per second."""
 COUNTS = {"count", "counts", "tick", "ticks", "raw", "steps", "lsb"}
-IDLE = {"joint", "jnt", "observation", "obs", "motor"}
+IDLE = {"joint", "jnt", "observation", "obs", "motor", "value", "values", "val"}
 """Words that say nothing where they stand beside others."""
 SAYING = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
-SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, "push"}
+SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, *FOLLOWING, "push"}
 """Words that say of what kind a column is, or in which unit."""
 BOTH = COMMAND | POSITION
+UNITS = {*ANGLES, *LENGTHS}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,9 +62,12 @@ class Role:
     column: str
     joint: str
     kind: str
-    """A kind of column, `effort` (a torque that is asked, or what makes it), `bare` or `other`."""
+    """A kind of column, `effort` (a torque that is asked, or what makes it), `draw` (what makes a
+    torque, measured), `error` (by which a position misses its target), `bare` or `other`."""
     unit: str | None
     """A key of `ANGLES`, `LENGTHS` or `EFFORTS`, `counts`, or None where the name has none."""
+    missed: bool = False
+    """Whether a position is said by what it misses its target by."""
 
 
 def words(name: str) -> list[str]:
@@ -121,8 +127,10 @@ def _own(joint: str) -> list[str]:
 
 def _role(name: str, joint: str) -> Role:
     rest = {*words(name)} - {*_own(joint)}
-    kind = _kind(rest | {word[:-1] for word in rest if len(word) > 4 and word.endswith("s")})
-    sizes = EFFORTS if kind in ("torque", "effort", "feedforward") else ANGLES | LENGTHS
+    many = {word for word in rest if len(word) > 4 and word.endswith("s")}
+    kind = _kind(rest | {word[:-1] for word in many} | {word[:-3] + "y" for word in many})
+    efforts = kind in ("torque", "effort", "feedforward", "draw")
+    sizes = EFFORTS if efforts else ANGLES | LENGTHS
     units = [u for u in sizes if u in rest]
     unit = next((u for u in units if u != "m"), "m" if units else None)
     return Role(column=name, joint=joint, kind=kind, unit="counts" if COUNTS & rest else unit)
@@ -134,6 +142,12 @@ def _kind(rest: set[str]) -> str:
         return "feedforward" if TORQUE & rest else "other"
     if asked and (BY_CONSTANT | TORQUE | EFFORTS.keys()) & rest:
         return "effort"
+    if ERROR & rest and (rest & (POSITION | FOLLOWING) or rest <= ERROR | UNITS):
+        return "error"
+    if "current" in rest and PLACE & rest:  # the present one
+        return "command" if asked else "position"
+    if BY_CONSTANT & rest:
+        return "draw"
     if OTHER & rest:
         return "other"
     if TORQUE & rest:

@@ -26,7 +26,7 @@ LABELS = {"joint", "name", "motor", "servo", "axis", "actuator", "id", "dof", "s
 LABELS |= {"variable", "field", "topic", "key", "joints", "names", "quantity", "kind"}
 NUMBERED = {"index", "number", "no", "nr"}
 PROTOCOL = "protocol"
-BOTH = {"command", "position", "bare"}
+BOTH = {"command", "position", "bare", "error"}
 """Kinds of which two say what was asked of a joint, and what it did."""
 
 
@@ -120,7 +120,8 @@ def _wide(frame: pd.DataFrame, joints: Sequence[str], notes: Notes) -> pd.DataFr
 def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
     """Columns that say of which joint a row is, and of which of its kinds or in which unit.
 
-    Raises LogError where they name other joints than the model's.
+    Without joints, as where there is no model, every label names one. Raises LogError where they
+    name other joints than the model's.
     """
     columns = list(frame.columns)
     if any(joint_named(name, joints) for name in columns):
@@ -130,26 +131,35 @@ def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
     texts = {name: [*map(_text, some)] for name, some in few.items()}
     numbers = {n for n in few if pd.api.types.is_numeric_dtype(frame[n]) and _is_label(n)}
     by_name = {n for n in texts if n in numbers or frame[n].dtype.kind not in "ifub"}
-    found = [n for n in by_name if any(joint_named(text, joints) for text in texts[n])]
-    found += [n for n in numbers - {*found} if len(texts[n]) == len(joints) and not found]
+    if joints:
+        found = [n for n in by_name if any(joint_named(text, joints) for text in texts[n])]
+        found += [n for n in numbers - {*found} if len(texts[n]) == len(joints) and not found]
+    else:
+        several = (n for n in by_name if _is_label(n) and len(texts[n]) > 1)
+        found = [n for n in several if not _is_saying(texts[n])]
     if not found:
-        if not roles(columns, joints):
+        if joints and not roles(columns, joints):
             _refuse_strange({n: texts[n] for n in by_name if _is_label(n)}, joints)
         return
     yield from found[:1]
     for name in by_name - {*found, *numbers, PROTOCOL}:
-        if all(set(words(text)) <= SAYING for text in texts[name]):
+        if _is_saying(texts[name]):
             yield name
 
 
 def _refuse_strange(labels: Mapping[str, Sequence[str]], joints: Sequence[str]) -> None:
     """Raise LogError for labels that are no joints of the model, and no kinds."""
     for name, texts in labels.items():
-        if not all(set(words(text)) <= SAYING for text in texts):
+        if not _is_saying(texts):
             raise LogError(
                 f"the column '{name}' names {', '.join(sorted(texts)[:MOST_NAMED])}, and the model "
                 f"has {', '.join(joints)}; give both the same names"
             )
+
+
+def _is_saying(texts: Sequence[str]) -> bool:
+    """Whether labels say kinds and units alone."""
+    return all(set(words(text)) <= SAYING for text in texts)
 
 
 def _is_label(name: str) -> bool:

@@ -75,14 +75,14 @@ def put_together(
     from backends.mjcf import joint_ranges
 
     notes = Notes()
-    ranges = _named_joints(read_tables(tables[:1], (), Notes())) if xml is None else {}
+    ranges = _named_joints(read_tables(tables[:1], (), Notes()), asked) if xml is None else {}
     ranges = ranges if xml is None else joint_ranges(xml)
     frame = read_tables(tables, list(ranges), notes)
     if none := [name for name in frame if frame[name].isna().all()]:
         _refuse_dead(none, frame, list(ranges))
         notes.warnings.append(f"{', '.join(none)}: empty in all rows, and not used")
     clock = timed(frame.drop(columns=none), notes)
-    joints, columns = readings(clock.frame, ranges, asked)
+    joints, columns = readings(clock.frame, ranges, asked, draws=xml is None)
     joints, whole = whole_rows(joints, clock.time_s, clock.part, notes)
     if not whole.any():
         raise LogError("no row of the table has readings of all joints, and commands before it")
@@ -106,12 +106,15 @@ def put_together(
     return replace(log, warnings=warnings, said=(*notes.said, *columns))
 
 
-def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.DataFrame, list[str]]:
+def readings(
+    frame: pd.DataFrame, ranges: Ranges, asked: Asked, draws: bool = False
+) -> tuple[pd.DataFrame, list[str]]:
     """The columns of joints under the names and in the units of a log; and what was understood.
 
-    Raises LogError.
+    `draws`: currents and the like stand for torques, as where only their changes count. Raises
+    LogError.
     """
-    columns, samples, said = _columns(frame, list(ranges), asked), {}, []
+    columns, samples, said = _columns(frame, list(ranges), asked, draws), {}, []
     unused = [n for n in frame if n not in {role.column for role in columns}]
     numbers = {r.column: pd.to_numeric(frame[r.column], errors="coerce") for r in columns}
     guessed = {
@@ -124,7 +127,9 @@ def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.Data
         slides = ranges[role.joint][2]
         unit, zero = asked.unit or role.unit or guessed[slides] or "", 0.0
         name, of = name_of(role.kind, role.joint, slides), "N" if slides else "Nm"
-        if KINDS[role.kind] == "torque":
+        if KINDS[role.kind] == "torque" and draws:
+            scale, of = EFFORTS.get(role.unit or "", 1.0), f"{of}, or in its own unit"
+        elif KINDS[role.kind] == "torque":
             scale = _effort(role, asked)
         else:
             scale, zero = _sized(unit, slides)
@@ -137,12 +142,27 @@ def readings(frame: pd.DataFrame, ranges: Ranges, asked: Asked) -> tuple[pd.Data
                 )
             is_speed = KINDS[role.kind] == "speed"
             zero, of = (0.0, f"{unit}/s") if is_speed else (zero, unit)
-        samples[name] = (numbers[role.column] - zero) / scale
-        said.append(f"{name} is '{role.column}' in {of}")
+        samples[name] = (numbers[role.column] - zero * (not role.missed)) / scale
+        if not role.missed:
+            said.append(f"{name} is '{role.column}' in {of}")
+    for role in (role for role in columns if role.missed):
+        slides = ranges[role.joint][2]
+        name, asked_at = (name_of(kind, role.joint, slides) for kind in ("position", "command"))
+        behind = _is_behind(samples[asked_at], samples[name])
+        samples[name] = samples[asked_at] + (-1.0 if behind else 1.0) * samples[name]
+        said.append(f"{name} is its command {'less' if behind else 'plus'} '{role.column}'")
     known = ("protocol", time_column(unused), episode_column(unused))
     if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
     return pd.DataFrame(samples), said
+
+
+def _is_behind(command: pd.Series, error: pd.Series) -> bool:
+    """Whether an error is command minus position: then it grows ahead of what is asked for.
+
+    No position comes before its command.
+    """
+    return float((command.diff() * error).sum()) >= 0.0
 
 
 def _sized(unit: str, slides: bool) -> tuple[float, float]:
@@ -159,19 +179,22 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
-def _named_joints(frame: pd.DataFrame) -> Ranges:
+def _named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
     """Joints that columns name with commands and positions, without a model; one where none is.
 
-    They slide where a column of theirs is in a unit of lengths.
+    They slide where a column of theirs, or what is asked, is in a unit of lengths.
     """
     names = dict.fromkeys(joint_of(str(column)) for column in frame)
     every = {
         joint: roles([n for n in frame if joint_of(str(n)) == joint], [joint]) for joint in names
     }
     kinds = {joint: {role.kind for role in some} for joint, some in every.items()}
-    found = [j for j, have in kinds.items() if "command" in have and {"position", "bare"} & have]
-    lengths = {joint: any(role.unit in LENGTHS for role in some) for joint, some in every.items()}
-    return {j: (-np.inf, np.inf, lengths[j]) for j in found or ["joint"]}
+    read = {"position", "bare", "error"}
+    found = [j for j, have in kinds.items() if "command" in have and read & have]
+    counted = COUNTED.fullmatch(asked.unit or "")
+    long = (counted[2] if counted else asked.unit) in LENGTHS
+    lengths = {j: long or any(role.unit in LENGTHS for role in every[j]) for j in found}
+    return {j: (-np.inf, np.inf, lengths[j]) for j in found} or {"joint": (-np.inf, np.inf, long)}
 
 
 def _opened(drive: DriveSettings | None) -> DriveSettings:
@@ -208,7 +231,7 @@ def _refuse_dead(empty: Sequence[str], frame: pd.DataFrame, joints: Sequence[str
             )
 
 
-def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[Role]:
+def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked, draws: bool) -> list[Role]:
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
     for role in roles(list(frame.columns), joints):
@@ -224,13 +247,19 @@ def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked) -> list[R
         unit = next((unit for unit in (*ANGLES, *LENGTHS) if unit in words(column)), None)
         found[joint, kind] = [Role(column=column, joint=joint, kind=kind, unit=unit)]
     for joint in joints:
-        bare, effort = found.pop((joint, "bare"), []), found.pop((joint, "effort"), [])
+        bare, effort, error, draw = (
+            found.pop((joint, kind), []) for kind in ("bare", "effort", "error", "draw")
+        )
+        if draw and draws and (joint, "torque") not in found:
+            found[joint, "torque"] = [replace(role, kind="torque") for role in draw]
         if effort and not any((joint, kind) in found for kind in ASKED):
             found[joint, "feedforward"] = [replace(role, kind="feedforward") for role in effort]
         if bare and (joint, "position") not in found:
             found[joint, "position"] = [replace(role, kind="position") for role in bare]
         elif bare and not any((joint, kind) in found for kind in ASKED):
             found[joint, "command"] = [replace(role, kind="command") for role in bare]
+        if error and (joint, "command") in found and (joint, "position") not in found:
+            found[joint, "position"] = [replace(r, kind="position", missed=True) for r in error]
     for (joint, kind), some in found.items():
         if len(some) > 1:
             names = " or ".join(f"'{role.column}'" for role in some)

@@ -16,15 +16,15 @@ SAME_START = 0.1
 SLIP_RAD, SLIP_RAD_S = np.pi / 2, 30.0
 """Jumps beyond these between two samples are no motion: the sensor has slipped or wrapped."""
 ALIVE, MOVES_RAD = 3, 2e-2
-"""A sensor is dead that reads fewer different values while its joint should move by so much [rad;
-of a slide a share of its commands' travel]."""
+"""A sensor is dead that reads fewer different values while its own commands should move its joint
+by so much [rad; of a slide a share of their travel]. At a target that stands, friction may hold."""
 
 
 def dead(track: Track) -> Fault | None:
     """A reading that is the same throughout while its drive should move the joint."""
     values = np.unique(np.concatenate(track.position))
     least = MOVES_RAD * track.travel if track.slides else MOVES_RAD
-    if len(values) >= ALIVE or not track.moves > least:
+    if len(values) >= ALIVE or not min(track.moves, track.travel) > least:
         return None
     return track.fault(
         "sensor",

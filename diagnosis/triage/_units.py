@@ -18,6 +18,7 @@ RIVAL = 2.0
 """A unit must leave less than a weight that is carried, or another limit, by this factor."""
 
 LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
+HELD = "friction holds it beside its targets"
 
 
 def in_unit(track: Track, unit: str, evidence: str) -> Fault:
@@ -79,18 +80,26 @@ def _moves_as_logged(track: Track) -> tuple[str, str] | None:
 
 
 def _rivals(track: Track, per_si: float) -> list[str]:
-    """What else leaves as little: other limits of the torque, or a weight that is carried."""
-    others = {LIMIT: track.varied(limited=per_si), WEIGHT: track.weightless()}
+    """What else leaves as little: another limit of the torque, a carried weight, friction."""
+    found = {
+        LIMIT: _left(track.varied(limited=per_si)),
+        WEIGHT: _left(track.weightless()),
+        HELD: _left(track, rubs=True),
+    }
     most = RIVAL * _left(track.varied(per_si))
-    return [text for text, other in others.items() if _left(other) < most]
+    return [text for text, left in found.items() if left < most]
 
 
-def _left(track: Track) -> float:
-    """Share of the motion that is left with the nominal world's, of any size and a little late."""
+def _left(track: Track, rubs: bool = False) -> float:
+    """Share of the motion that is left with the nominal world's, of any size and a little late.
+
+    `rubs`: and beside it to either side, as dry friction and a load hold a joint.
+    """
     shown, read = np.concatenate(track.shown), np.concatenate(track.position)
     if not np.isfinite(shown).all():
         return np.inf
     pairs = zip(track.time_s, track.shown, strict=True)
     speed = np.concatenate([np.gradient(s, t) for t, s in pairs])
-    columns = np.stack([shown, speed], axis=1)
+    beside = [np.sign(speed), np.ones_like(speed)] if rubs else []
+    columns = np.stack([shown, speed, *beside], axis=1)
     return track.share(read - columns @ np.linalg.lstsq(columns, read)[0])

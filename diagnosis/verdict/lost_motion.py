@@ -82,6 +82,8 @@ def with_play(
         left=after,
         tied=tuple((f"{names[DEAD_ZONE]}@{one.joint}",) for one in found if DEAD_ZONE in names),
         experiment=MOTOR_ANGLE,
+        nominal=(),
+        rested={one.joint: {PLAY: (one.low_rad + one.high_rad) / 2} for one in found},
     )
 
 

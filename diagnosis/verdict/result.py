@@ -194,6 +194,8 @@ class LimbResult:
     sentences: tuple[str, ...] = ()
     law: str | None = None
     """What a drive may do that the log does not say, and that would close an unknown gap."""
+    rested: dict[str, dict[str, float]] | None = None
+    """Numbers of the corrected world by joint, where rests and no fit show what is named."""
     strain: float = 0.0
     """How much further off the nominal numbers would be together than a healthy robot's, in
     standard deviations; 0 where they are usual."""

@@ -126,12 +126,14 @@ def test_what_moves_otherwise_is_no_play(effects):
 
 
 def test_a_slow_log_is_diagnosed_at_rest():
-    """Name play, and say what this log cannot distinguish it from."""
+    """Name play, correct it alone, and say what this log cannot distinguish it from."""
     said = diagnose(recorded(at_equilibrium(0.016, 0.3 * PUSH_NM, "motor")))
     assert said.verdict == ("backlash",) and said.joints == ("servo",)
     assert said.limbs[0].tied == (("dead-zone@servo",),)
     assert any("motor's angle" in text for text in said.limbs[0].sentences)
     assert said.share > 0.9
+    (size, _, _), *_ = (cause.sizes for cause in said.magnitudes)
+    assert said.corrected == {"servo": {"drive.play_rad": pytest.approx(size)}}
 
 
 def test_no_play_is_named_without_a_name_for_it():

@@ -14,8 +14,11 @@ from benchmark.parts import registry
 from diagnosis import Diagnosis, diagnose
 from diagnosis.calibration.backlash import Play, push_test
 from diagnosis.logs.log import Log
+from diagnosis.logs.servos import servo
+from diagnosis.logs.two_files import Asked, pair
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
+from diagnosis.triage.triage import triage
 from diagnosis.verdict.result import UNKNOWN
 
 REAL = Path(__file__).resolve().parents[3] / "shared/real_logs"
@@ -26,6 +29,7 @@ EMPS_COULOMB_N = 20.3935
 PLAY_COUNTS = {"motor_telemetry_single": (7.03, 14.78), "motor_telemetry_nocomp2": (5.33, 7.67)}
 """Play measured by the authors of the play test: unloaded and loaded, of the worse servo."""
 FRICTIONS = {"coulomb-friction", "viscous-friction", "stiction", "load-friction"}
+MOTIONS = "triangle_wave", "staircase_motion", "single_joint_rotation", "backlash_detection"
 GAINS = ("kp100", "kp200", "kp400", "kp800")
 
 
@@ -61,6 +65,31 @@ def test_bam_is_load_dependent_friction(gain):
     assert set(found.verdict) <= {"load-friction", UNKNOWN}
     (limb,) = found.limbs
     assert limb.leading[0].effect == "load-friction" and limb.leading[0].share > 0.7
+
+
+def servo_arm(motion: str) -> Log:
+    """A motion of the SO-101, as its two tables, its model and its servos have it."""
+    folder = REAL / "sage_so101"
+    if not folder.is_dir():
+        pytest.skip(f"no real recordings at {folder}")
+    tables = [folder / motion / f"{name}.csv" for name in ("control", "state_motor")]
+    return pair(folder / "so101.xml", tables, Asked(drives={"*": servo("sts3215,gain:16")}))
+
+
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_servo_arm_is_not_refused(motion):
+    """Accuse no sensor and no unit where friction holds joints beside their targets."""
+    log = servo_arm(motion)
+    triage(log, mjcf_world(log))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motion", MOTIONS)
+def test_a_servo_arm_leads_with_friction(motion):
+    """Lead with friction, and be sure of nothing else."""
+    found = diagnose(servo_arm(motion))
+    assert FRICTIONS & {cause.effect for limb in found.limbs for cause in limb.leading}
+    assert {*found.verdict} <= FRICTIONS | {UNKNOWN} or found.probability < 0.8
 
 
 def played(log: Log) -> list[Play]:

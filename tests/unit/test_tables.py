@@ -9,7 +9,7 @@ import pytest
 from benchmark.cli import app as cli
 from diagnosis import read_log
 from diagnosis.logs.log import Log, LogError
-from diagnosis.logs.two_files import Asked, pair
+from diagnosis.logs.two_files import Asked, pair, put_together
 from tests.unit.test_two_files import ARM, COMMAND, NAMES, POSITION, T, table
 
 SOME = slice(5, 700)
@@ -260,6 +260,54 @@ def test_headers_as_people_write_them(folder, head):
     log = read(folder, "run.csv")
     assert np.allclose(log.signal("command", 0)[:, 0], COMMAND[:, 1], atol=1e-6)
     assert np.allclose(log.signal("position", 0)[:, 0], POSITION[:, 1], atol=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_errors_of_positions_are_positions(folder, sign):
+    """Take an error from the command or add it, so that no position comes before its command."""
+    frame = table("{}_cmd", "{}_position_error")
+    for k, name in enumerate(NAMES):
+        frame[f"{name}_position_error"] = sign * (COMMAND - POSITION)[:, k]
+    frame.to_csv(folder / "run.csv", index=False)
+    log = read(folder, "run.csv")
+    assert same(log)
+    way = "less" if sign > 0 else "plus"
+    assert f"position_rad.{NAMES[0]} is its command {way} '{NAMES[0]}_position_error'" in log.said
+
+
+def test_a_current_position_is_a_position(folder):
+    """Read a current position as the present one, and a present current as no position."""
+    frame = table("{}_target_position", "{}_current_position").assign(elbow_flex_current=0.1)
+    frame.to_csv(folder / "run.csv", index=False)
+    assert same(log := read(folder, "run.csv")) and "not used: elbow_flex_current" in log.said
+
+
+def test_lists_in_cells_have_the_names_that_stand_beside_them(folder):
+    """Read texts that hold lists, in the order of a list of names or of the model's joints."""
+    for file, values, kind in (("control", COMMAND, "x"), ("state", POSITION, "y")):
+        cells = [str(row[::-1].tolist()) for row in values]
+        frame = pd.DataFrame({"timestamp": T, "positions": cells, kind: "a"})
+        frame.to_csv(folder / f"{file}.csv", index=False)
+    (folder / "joint_list.txt").write_text("\n".join(NAMES[::-1]))
+    asked = [folder / "control.csv", folder / "state.csv"]
+    assert same(pair(folder / "arm.xml", asked, Asked()))
+    (folder / "joint_list.txt").unlink()
+    turned = pair(folder / "arm.xml", asked, Asked())
+    assert np.allclose(turned.signal("position", 0, NAMES[::-1]), POSITION)
+
+
+@pytest.mark.parametrize("form", [name for name in FORMS if name != "numbers of motors"])
+def test_long_tables_name_their_joints_without_a_model(folder, form):
+    """Take the labels of rows for joints where there is no model."""
+    FORMS[form].to_csv(folder / "run.csv", index=False)
+    assert same(put_together(None, None, [folder / "run.csv"], Asked()))
+
+
+def test_currents_stand_for_torques_without_a_model(folder):
+    """Take a joint's current as it is, where only its changes count."""
+    table("{}_cmd", "{}_pos").assign(elbow_flex_current=0.1).to_csv(folder / "run.csv", index=False)
+    log = put_together(None, None, [folder / "run.csv"], Asked())
+    assert np.allclose(log.signal("torque", 0, [NAMES[1]]), 0.1)
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "utf-16"])

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 import arms
 import numpy as np
 import pytest
-from arms import Real, log_of
+from arms import STILL_RAD, Real, log_of
 from diagnosis_logs import faults
 from pandas import DataFrame as Samples
 
@@ -327,6 +327,15 @@ def test_a_joint_that_friction_holds_says_nothing_of_gravity(monkeypatch):
     log = log_of(Real(joints=2, coulomb_nm={1: 40.0}, still=(1,)))
     log = changed(log, plus("position_rad.J1", 0.004))
     assert faults(log, mjcf_world(log)) == ()
+
+
+def test_a_joint_that_friction_holds_at_its_target_has_no_dead_sensor():
+    """Call a reading dead that stays while its own commands move, not while other joints pull."""
+    held = {1: 40.0}
+    for still, kinds in (((1,), []), ((), ["sensor"])):
+        log = log_of(Real(joints=2, coulomb_nm=held, still=still))
+        log = changed(log, lambda samples: samples.__setitem__("position_rad.J1", STILL_RAD))
+        assert [fault.kind for fault in faults(log, mjcf_world(log))] == kinds
 
 
 def test_a_replay_that_diverges_accuses_no_zero(monkeypatch):
