@@ -14,6 +14,8 @@ BEYOND, WITHIN = 3.0, 1.5
 within the second."""
 FINE, SAME = 0.05, 0.2
 """Share of the motion that is left where no unit can be wrong, and up to which another is right."""
+ASIDE = np.array([0.5, 0.6, 0.7, 0.77, 0.84, 1.19, 1.3, 1.43, 1.67, 2.0])
+"""Multiples of a unit that are tried beside it."""
 RIVAL = 2.0
 """A unit must leave less than a weight that is carried, or another limit, by this factor."""
 
@@ -37,6 +39,14 @@ def both(track: Track) -> Fault | None:
     said = _moves_as_logged(track)
     if said is None or _rivals(track, tried[said[0]]):
         return None
+    if other := _other_scale(track, tried[said[0]]):
+        return track.fault(
+            "unit",
+            f"both are about {other:.2g} times what they should be: then the nominal world moves "
+            "as logged, and in no unit with a name",
+            "they may be on the motor's side of a gear, or of a calibration: convert them to "
+            f"{track.si}",
+        )
     return in_unit(track, said[0], "both are in {}: {}".format(*said))
 
 
@@ -77,6 +87,13 @@ def _moves_as_logged(track: Track) -> tuple[str, str] | None:
         f"then the nominal world moves as logged (it leaves {then:.2g} of the motion, and as they "
         f"are {left:.2g})"
     )
+
+
+def _other_scale(track: Track, per_si: float) -> float | None:
+    """The scale near a unit's that leaves far less than this, so that it is not the unit."""
+    near = {size: _left(track.varied(size)) for size in per_si * ASIDE}
+    best = min(near, key=near.__getitem__)
+    return float(best) if near[best] * BETTER < _left(track.varied(per_si)) else None
 
 
 def _rivals(track: Track, per_si: float) -> list[str]:

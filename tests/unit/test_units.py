@@ -73,6 +73,12 @@ def test_degrees_are_known_by_weight_and_motion(joints, motion, size):
     assert all("degrees" in str(fault) and "--unit deg" in fault.remedy for fault in found)
 
 
+def test_a_scale_near_a_unit_is_not_that_unit():
+    """Name no unit where another scale beside it fits far better, as of a gear."""
+    found = faults(one := log(arm(2), sines(0.3), 7 / DEGREES), mjcf_world(one))
+    assert found and all("about 0.12 times" in str(fault) for fault in found)
+
+
 @pytest.mark.parametrize("joints", [1, 3])
 @pytest.mark.parametrize("motion", [steps, sines])
 @pytest.mark.parametrize(
