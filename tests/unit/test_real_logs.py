@@ -29,6 +29,7 @@ EMPS_COULOMB_N = 20.3935
 PLAY_COUNTS = {"motor_telemetry_single": (7.03, 14.78), "motor_telemetry_nocomp2": (5.33, 7.67)}
 """Play measured by the authors of the play test: unloaded and loaded, of the worse servo."""
 FRICTIONS = {"coulomb-friction", "viscous-friction", "stiction", "load-friction"}
+FRICTIONS |= {"direction-friction"}
 MOTIONS = "triangle_wave", "staircase_motion", "single_joint_rotation", "backlash_detection"
 GAINS = ("kp100", "kp200", "kp400", "kp800")
 
