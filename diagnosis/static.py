@@ -21,7 +21,7 @@ from diagnosis.logs.foreign import read_table
 from diagnosis.logs.log import DriveSettings, LogError
 from diagnosis.logs.roles import joint_of, words
 from diagnosis.logs.two_files import Asked, drives_of, readings
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import bias_torques
 
 TERMS = ("zero", "sag", "band", "scale", "play")
 """In the order in which a short table loses them, the last first."""
@@ -162,7 +162,7 @@ def _of_model(
     order = spec.hand.joint_names
     slides = {body.joint.name: body.joint.slides for body in spec.hand.driven}
     q = np.stack([rows[name_of("position", n, slides[n])] for n in order], axis=1)
-    _, weight = dynamics(spec, np.nan_to_num(q), np.zeros_like(q))
+    weight = bias_torques(spec, np.nan_to_num(q), np.zeros_like(q))
     return drives, dict(zip(order, weight.T, strict=True))
 
 

@@ -8,7 +8,7 @@ from scipy.signal import savgol_filter
 
 from backends.spec import Spec, Vec3
 from backends.state import Array
-from diagnosis.replay.dynamics import coefficients, dynamics
+from diagnosis.replay.dynamics import bias_torques, coefficients, dynamics
 
 STEP = 1e-5
 """Step of the numerical slopes of the bias torques [rad, rad/s]."""
@@ -51,8 +51,8 @@ class Along:
         q, v = self.angle_rad, self.speed_rad_s
         mass, bias = dynamics(self.spec, q, v)
         moves = STEP * np.eye(q.shape[1])
-        dq = [(dynamics(self.spec, q + move, v)[1] - bias) / STEP for move in moves]
-        dv = [(dynamics(self.spec, q, v + move)[1] - bias) / STEP for move in moves]
+        dq = [(bias_torques(self.spec, q + move, v) - bias) / STEP for move in moves]
+        dv = [(bias_torques(self.spec, q, v + move) - bias) / STEP for move in moves]
         return mass, bias, np.stack(dq, axis=2), np.stack(dv, axis=2)
 
     @cached_property
@@ -79,13 +79,14 @@ class Along:
         """What h gains with gravity along x, y and z, shape (3, P, K) [Nm per m/s^2]."""
         q = self.angle_rad
         worlds = (replace(self.spec, gravity_m_s2=g) for g in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
-        return np.stack([dynamics(one, q, np.zeros_like(q))[1] for one in worlds])
+        return np.stack([bias_torques(one, q, np.zeros_like(q)) for one in worlds])
 
     def changed(self, load: Array, tilt: Array) -> Model:
         """The model with shares `load` (L,) of `by_load`, and gravity turned by `tilt`."""
         m, h, dq, dv = self.model
         if load.any():
-            more_m, more_h = (load @ more for more in self.by_load)
+            some = np.flatnonzero(load)
+            more_m, more_h = (load[some] @ more[some] for more in self.by_load)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
         if tilt.any():
             gravity = np.array(self.spec.gravity_m_s2)

@@ -2,9 +2,9 @@
 
     M(q) q'' + bias(q, q') = tau
 
-Engines simulate the same equations, and parity tests check that. M is the sum over the bodies of
-m Jv' Jv + Jw' I Jw; the bias is what their weight and their motion at zero joint acceleration
-require, by Newton and Euler (Featherstone, Rigid Body Dynamics Algorithms, 2008). All vectors are
+Engines simulate the same equations, and parity tests check that. Both are what given accelerations
+require, by Newton and Euler (Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 5): the
+bias without any, a column of M for that of one joint alone, at rest and without weight. Vectors are
 in the world frame.
 
 One or two joints have a closed form, exact and without the recursion. For hinges in a chain the
@@ -18,39 +18,57 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-from numpy.polynomial import Polynomial
-from scipy.spatial.transform import Rotation
 
 from backends.spec import Body, Spec
 from backends.state import Array
 
-POINTS = 4096
-"""So many states at once are quicker than more, for they stay in a processor's cache."""
+_inlined = numba.njit(cache=True, error_model="numpy", forceinline=True)
 
 
-class _Frame(NamedTuple):
-    """A body's frame at P states: the rates at zero joint acceleration, and what J joints move."""
+class _Links(NamedTuple):
+    """The B bodies of a mechanism as compiled code has them, every body after its parent."""
 
-    turn: Array
-    """Rotation to the world's frame, shape (P, 3, 3)."""
-    speed: Array
-    """Angular velocity, shape (P, 3)."""
-    rate: Array
-    """Its derivative, shape (P, 3)."""
-    acceleration: Array
-    """Of the origin, shape (P, 3)."""
-    moves: Array
-    """Velocity of the origin by each joint's, shape (P, J, 3)."""
-    turns: Array
-    """Angular velocity by each joint's, shape (P, J, 3)."""
+    parent: Array
+    """Numbers of the bodies that carry them, -1: the palm; shape (B,)."""
+    column: Array
+    """The joint that moves each, or that it follows; -1: none does; shape (B,)."""
+    slides: Array
+    course: Array
+    """Coefficients of its position over its joint's, from the constant one on, shape (B, C)."""
+    origin_m: Array
+    axis: Array
+    mass_kg: Array
+    """Of the body and of its payload, shape (B, 2)."""
+    at_m: Array
+    """Where these masses are, in its frame, shape (B, 2, 3)."""
+    inertia_kgm2: Array
+    """About the body's centre of mass, shape (B, 3, 3)."""
+    weight: Array
+    """Shares of these masses' weight that the drives bear, shape (B, 2)."""
 
-    def shifted(self, arm: Array) -> "_Frame":
-        """The frame at a point of the body, at a distance (P, 3) from its origin."""
-        inwards = np.cross(self.speed, np.cross(self.speed, arm))
-        return self._replace(
-            acceleration=self.acceleration + np.cross(self.rate, arm) + inwards,
-            moves=self.moves + np.cross(self.turns, arm[:, None]),
-        )
+
+def _links(spec: Spec) -> _Links:
+    bodies, joints = spec.hand.bodies, spec.hand.joint_names
+    names = [body.name for body in bodies]
+    course = np.zeros((len(bodies), max(2, *(len(b.joint.course) for b in bodies))))
+    column = np.full(len(bodies), -1)
+    for n, body in enumerate(bodies):
+        own = body.joint.course if body.joint.follows else (0.0, 1.0)
+        course[n, : len(own)] = own
+        if body.joint.follows or body.joint.drive is not None:
+            column[n] = joints.index(body.joint.follows or body.joint.name)
+    return _Links(
+        parent=np.array([-1 if b.parent is None else names.index(b.parent) for b in bodies]),
+        column=column,
+        slides=np.array([b.joint.slides for b in bodies]),
+        course=course,
+        origin_m=np.array([b.origin_m for b in bodies], dtype=float),
+        axis=np.array([b.joint.axis for b in bodies], dtype=float),
+        mass_kg=np.array([[b.mass_kg, b.payload * b.mass_kg] for b in bodies], dtype=float),
+        at_m=np.array([[b.com_m, b.end_m] for b in bodies], dtype=float),
+        inertia_kgm2=np.array([_tensor(b) for b in bodies]),
+        weight=np.array([[1.0 - b.carried, 1.0] for b in bodies], dtype=float),
+    )
 
 
 def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
@@ -58,60 +76,129 @@ def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
 
     Of slides kg and N. Nobody carries the weight of a payload beside the drives.
     """
-    begins = range(0, max(len(q), 1), POINTS)
-    parts = [_dynamics(spec, q[a : a + POINTS], v[a : a + POINTS]) for a in begins]
-    mass, bias = (np.concatenate(every) for every in zip(*parts, strict=True))
-    return mass, bias
+    links, still, weightless = _links(spec), np.zeros_like(q), np.zeros(3)
+    units = (np.broadcast_to(one, q.shape) for one in np.eye(q.shape[1]))
+    mass = [_torques(links, weightless, q, still, unit) for unit in units]
+    return np.stack(mass, axis=2), bias_torques(spec, q, v)
 
 
-def _dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
-    points, joints = q.shape
-    mass, bias = np.zeros((points, joints, joints)), np.zeros((points, joints))
-    still, unmoved = np.zeros((points, 3)), np.zeros((points, joints, 3))
-    turn = np.broadcast_to(np.eye(3), (points, 3, 3))
-    palm = _Frame(turn, still, still, still, unmoved, unmoved)
-    frames: dict[str | None, _Frame] = {None: palm}
-    gravity = np.array(spec.gravity_m_s2)
-    for body in spec.hand.bodies:
-        on_joint = frames[body.parent].shifted(frames[body.parent].turn @ body.origin_m)
-        frame = frames[body.name] = _moved(on_joint, body, spec.hand.joint_names, q, v)
-        inertia = frame.turn @ _tensor(body) @ frame.turn.transpose(0, 2, 1)
-        spin = np.einsum("pij,pj->pi", inertia, frame.speed)
-        moment = np.einsum("pij,pj->pi", inertia, frame.rate) + np.cross(frame.speed, spin)
-        mass += frame.turns @ inertia @ frame.turns.transpose(0, 2, 1)
-        bias += np.einsum("pji,pi->pj", frame.turns, moment)
-        own = body.mass_kg, body.com_m, 1.0 - body.carried
-        held = body.payload * body.mass_kg, body.end_m, 1.0
-        for mass_kg, at_m, weight in (own, held) if body.payload else (own,):
-            point = frame.shifted(frame.turn @ at_m)
-            force = mass_kg * (point.acceleration - weight * gravity)
-            mass += mass_kg * point.moves @ point.moves.transpose(0, 2, 1)
-            bias += np.einsum("pji,pi->pj", point.moves, force)
-    return mass, bias
+def bias_torques(spec: Spec, q: Array, v: Array) -> Array:
+    """The bias torques alone."""
+    return _torques(_links(spec), np.array(spec.gravity_m_s2, dtype=float), q, v, np.zeros_like(q))
 
 
-def _moved(frame: _Frame, body: Body, joints: tuple[str, ...], q: Array, v: Array) -> _Frame:
-    """The frame of a body that its joint moves from the frame that carries it."""
-    joint = body.joint
-    if joint.drive is None and joint.follows is None:
-        return frame
-    column = joints.index(joint.follows or joint.name)
-    course = Polynomial(joint.course if joint.follows else (0.0, 1.0))
-    at, slope, bend = (course.deriv(n)(q[:, column])[:, None] for n in range(3))
-    axis = frame.turn @ joint.axis
-    speed, rate = slope * v[:, [column]] * axis, bend * v[:, [column]] ** 2 * axis
-    own = np.zeros_like(frame.turns)
-    own[:, column] = slope * axis
-    if joint.slides:
-        end = frame.shifted(at * axis)
-        rate = rate + 2.0 * np.cross(frame.speed, speed)
-        return end._replace(acceleration=end.acceleration + rate, moves=end.moves + own)
-    return frame._replace(
-        turn=frame.turn @ Rotation.from_rotvec(at * joint.axis).as_matrix(),
-        speed=frame.speed + speed,
-        rate=frame.rate + np.cross(frame.speed, speed) + rate,
-        turns=frame.turns + own,
-    )
+@numba.njit(cache=True, error_model="numpy")
+def _torques(links, gravity, q, v, a):
+    """Torques (P, J) that accelerations `a` take at q and v (P, J), under gravity (3,)."""
+    parent, column, slides, course, origin, axes, mass, at, inertia, weight = links
+    bodies, out = len(parent), np.zeros_like(q)
+    # Palm last, so that a parent of -1 is the palm.
+    turn = np.zeros((bodies + 1, 3, 3))
+    turn[-1] = np.eye(3)
+    speeds, rates, accels, forces, moments = np.zeros((5, bodies + 1, 3))
+    arms, lines, slopes = np.zeros((bodies, 3)), np.zeros((bodies, 3)), np.zeros(bodies)
+    for p in range(len(q)):
+        for b in range(bodies):
+            up, j, place, slope, bend = parent[b], column[b], 0.0, 0.0, 0.0
+            for n in range(course.shape[1] - 1, -1 if j >= 0 else course.shape[1] - 1, -1):
+                bend = bend * q[p, j] + 2.0 * slope
+                slope = slope * q[p, j] + place
+                place = place * q[p, j] + course[b, n]
+            arm, line = _to_world(turn[up], _row(origin, b)), _to_world(turn[up], _row(axes, b))
+            spin, rate = _row(speeds, up), _row(rates, up)
+            accel = _row(accels, up)
+            own = own_rate = (0.0, 0.0, 0.0)
+            if j >= 0:
+                own = _times(slope * v[p, j], line)
+                own_rate = _times(slope * a[p, j] + bend * v[p, j] ** 2, line)
+            if slides[b]:
+                arm = _plus(arm, _times(place, line))
+                accel = _plus(accel, _plus(own_rate, _times(2.0, _cross(spin, own))))
+                own = own_rate = (0.0, 0.0, 0.0)
+                place = 0.0
+            accel = _plus(accel, _swung(rate, spin, arm))
+            rate = _plus(rate, _plus(_cross(spin, own), own_rate))
+            spin = _plus(spin, own)
+            _turn(turn[b], turn[up], _row(axes, b), place)
+            body_spin, body_rate = _to_body(turn[b], spin), _to_body(turn[b], rate)
+            gyro = _cross(body_spin, _to_world(inertia[b], body_spin))
+            moment = _to_world(turn[b], _plus(_to_world(inertia[b], body_rate), gyro))
+            force = (0.0, 0.0, 0.0)
+            for n in range(2 if mass[b, 1] != 0.0 else 1):
+                far = _to_world(turn[b], _row(at[b], n))
+                fall = _times(-weight[b, n], (gravity[0], gravity[1], gravity[2]))
+                push = _times(mass[b, n], _plus(_plus(accel, _swung(rate, spin, far)), fall))
+                force, moment = _plus(force, push), _plus(moment, _cross(far, push))
+            slopes[b] = slope
+            _put(arms, b, arm), _put(lines, b, line), _put(speeds, b, spin), _put(rates, b, rate)
+            _put(accels, b, accel), _put(forces, b, force), _put(moments, b, moment)
+        for b in range(bodies - 1, -1, -1):
+            force, moment, up = _row(forces, b), _row(moments, b), parent[b]
+            if column[b] >= 0:
+                along = _dot(_row(lines, b), force if slides[b] else moment)
+                out[p, column[b]] += slopes[b] * along
+            moment = _plus(moment, _cross(_row(arms, b), force))
+            _put(forces, up, _plus(_row(forces, up), force))
+            _put(moments, up, _plus(_row(moments, up), moment))
+    return out
+
+
+@_inlined
+def _row(x, n):
+    return x[n, 0], x[n, 1], x[n, 2]
+
+
+@_inlined
+def _put(x, n, a):
+    x[n, 0], x[n, 1], x[n, 2] = a
+
+
+@_inlined
+def _plus(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@_inlined
+def _times(by, a):
+    return by * a[0], by * a[1], by * a[2]
+
+
+@_inlined
+def _dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@_inlined
+def _cross(a, b):
+    x, y = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2]
+    return x, y, a[0] * b[1] - a[1] * b[0]
+
+
+@_inlined
+def _swung(rate, spin, arm):
+    """Acceleration of a point at `arm` from one that does not accelerate."""
+    return _plus(_cross(rate, arm), _cross(spin, _cross(spin, arm)))
+
+
+@_inlined
+def _to_world(turn, a):
+    return _dot(_row(turn, 0), a), _dot(_row(turn, 1), a), _dot(_row(turn, 2), a)
+
+
+@_inlined
+def _to_body(turn, a):
+    return _to_world(turn.T, a)
+
+
+@_inlined
+def _turn(out, base, axis, angle):
+    """Write `base` turned by an angle about an axis of its own (Rodrigues), (3, 3)."""
+    c, s = np.cos(angle), np.sin(angle)
+    for n in range(3):
+        row = _row(base, n)
+        along, across = (1.0 - c) * _dot(row, axis), _cross(row, axis)
+        for k in range(3):
+            out[n, k] = c * row[k] + along * axis[k] + s * across[k]
 
 
 def link_inertia(mass: Array) -> Array:

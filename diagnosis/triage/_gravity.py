@@ -13,7 +13,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.motion.columns import KP
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.dynamics import dynamics
+from diagnosis.replay.dynamics import bias_torques
 from diagnosis.triage._signals import COUNTS, rms
 from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
 from diagnosis.triage._units import in_unit
@@ -74,7 +74,7 @@ class Rests:
         track = self.track
         q = self.positions / per_si
         q[:, track.index] -= zero
-        _, bias = dynamics(track.limb.spec, q, np.zeros_like(q)) if len(q) else (0, q)
+        bias = bias_torques(track.limb.spec, q, np.zeros_like(q)) if len(q) else q
         return bias[:, track.index] / track.limb.nominal[track.index, KP]
 
     def misfit(self, per_si: float = 1.0, zero: float = 0.0, other: bool = False) -> float:
