@@ -100,7 +100,10 @@ class Log:
         """A kind for all joints or some, shape (T, J); NaN where it was not logged."""
         named = self.joints if joints is None else joints
         names = [name_of(kind, joint, self.is_linear(joint)) for joint in named]
-        return self.episode(episode).reindex(columns=names).to_numpy(dtype=float)
+        frame = self.episode(episode)
+        none = np.full(len(frame), np.nan)
+        columns = (frame[n].to_numpy(dtype=float) if n in frame else none for n in names)
+        return np.stack(list(columns), axis=1)
 
     def touch(self, episode: int) -> Array | None:
         """Readings of all taxels, shape (T, F, 128); None if the episode has none."""

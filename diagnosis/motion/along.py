@@ -4,10 +4,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import savgol_filter
 
 from backends.spec import Spec, Vec3
 from backends.state import Array
+from diagnosis.motion.smoothing import smooth
 from diagnosis.replay.dynamics import bias_torques, coefficients, dynamics
 
 STEP = 1e-5
@@ -50,10 +50,11 @@ class Along:
         """The model as the limb has it, without coefficients."""
         q, v = self.angle_rad, self.speed_rad_s
         mass, bias = dynamics(self.spec, q, v)
-        moves = STEP * np.eye(q.shape[1])
-        dq = [(bias_torques(self.spec, q + move, v) - bias) / STEP for move in moves]
-        dv = [(bias_torques(self.spec, q, v + move) - bias) / STEP for move in moves]
-        return mass, bias, np.stack(dq, axis=2), np.stack(dv, axis=2)
+        dq, dv = np.empty_like(mass), np.empty_like(mass)
+        for j, move in enumerate(STEP * np.eye(q.shape[1])):
+            dq[:, :, j] = (bias_torques(self.spec, q + move, v) - bias) / STEP
+            dv[:, :, j] = (bias_torques(self.spec, q, v + move) - bias) / STEP
+        return mass, bias, dq, dv
 
     @cached_property
     def by_load(self) -> tuple[Array, Array]:
@@ -100,4 +101,4 @@ def smoothed(position: Array, period_s: float) -> Array:
     width = max(5, round(span_s / period_s) | 1)
     if len(position) <= width:
         return position
-    return savgol_filter(position, width, 3 if width < 9 else 4, axis=0)
+    return smooth(position, width, 3 if width < 9 else 4)

@@ -77,9 +77,10 @@ def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
     Of slides kg and N. Nobody carries the weight of a payload beside the drives.
     """
     links, still, weightless = _links(spec), np.zeros_like(q), np.zeros(3)
-    units = (np.broadcast_to(one, q.shape) for one in np.eye(q.shape[1]))
-    mass = [_torques(links, weightless, q, still, unit) for unit in units]
-    return np.stack(mass, axis=2), bias_torques(spec, q, v)
+    mass = np.empty((*q.shape, q.shape[1]))
+    for j, unit in enumerate(np.eye(q.shape[1])):
+        mass[:, :, j] = _torques(links, weightless, q, still, still + unit)
+    return mass, bias_torques(spec, q, v)
 
 
 def bias_torques(spec: Spec, q: Array, v: Array) -> Array:
