@@ -106,9 +106,9 @@ def stood_s(time_s: Array, asked: Array, least: float = 0.0) -> Array:
 
 def white_noise(measured: Array) -> Array:
     """Standard deviation of white noise by column of (T, ...): third differences of it."""
-    third = np.abs(np.diff(measured, n=3, axis=0))
-    known = np.isfinite(third).any(axis=0)
-    return np.where(known, noise_of(np.where(known, third, 0.0)), np.nan)
+    thirds = (np.abs(np.diff(x, n=3)) for x in measured.reshape(len(measured), -1).T)
+    found = [float(noise_of(x)) if np.isfinite(x).any() else np.nan for x in thirds]
+    return np.reshape(found, measured.shape[1:])
 
 
 def noise_of(third: Array) -> Array:
@@ -119,15 +119,21 @@ def noise_of(third: Array) -> Array:
 def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
     names, time_s = limb.hand.joint_names, log.episode(number)["t_s"].to_numpy(float)
     later = np.append(True, np.diff(np.maximum.accumulate(time_s)) > 0)
-    command, push = (log.signal(kind, number, names)[later] for kind in ("command", "push"))
-    measured = np.stack([log.signal(kind, number, names) for kind in CHANNELS], axis=1)[later]
-    speed, torque = (log.signal(k, number, names)[later] for k in ("reference", "feedforward"))
+    rows = slice(None) if later.all() else later
+
+    def read(kind: str) -> Array:
+        return log.signal(kind, number, names)[rows]
+
+    command, push, speed, torque = map(read, ("command", "push", "reference", "feedforward"))
+    measured = np.empty((len(command), len(CHANNELS), len(names)))
+    for row, kind in enumerate(CHANNELS):
+        measured[:, row] = read(kind)
     given = bool(np.isfinite(speed).any() or np.isfinite(torque).any())
     return Recording(
         protocol=protocol,
-        time_s=time_s[later] - time_s[0],
+        time_s=time_s[rows] - time_s[0],
         command=command,
-        push=np.nan_to_num(push),
+        push=np.nan_to_num(push, copy=False),
         measured=measured,
         start=_start(measured[:, 0], command[0]),
         speed=speed if given else None,
