@@ -144,7 +144,8 @@ def robot_file(numbers: dict[str, dict[str, float]], drives: dict[str, dict[str,
     own = Path(__file__).read_text(encoding="utf-8").partition("\n\ndef robot_file")[0]
     for name, value in (("NUMBERS", numbers), ("DRIVES", drives)):
         empty = f"{name}: dict[str, dict[str, float]] = "
-        own = own.replace(f"{empty}{{}}", f"{empty}{value!r}")
+        plain = {one: {k: float(v) for k, v in of.items()} for one, of in value.items()}
+        own = own.replace(f"{empty}{{}}", f"{empty}{plain!r}")
     return own.replace(PATH_LINE, "") + "\n"
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from rich.table import Table
 
 from backends.effect import UNITS
 from benchmark.errors import UsageError
@@ -139,7 +140,9 @@ def _frame(excitation: Excitation, names: tuple[str, ...], linear: bool) -> pd.D
     return pd.DataFrame(columns)
 
 
-def import_logs(kind: str, path: Path, out: Path, form: str, force: bool = False) -> dict:
+def import_logs(
+    kind: str, path: Path, out: Path, form: str, force: bool = False
+) -> tuple[dict, Table]:
     """Write the logs of a recording of a known kind: one to `out`, several to folders in it.
 
     Raises UsageError.
@@ -161,7 +164,12 @@ def import_logs(kind: str, path: Path, out: Path, form: str, force: bool = False
             "joints": list(log.joints),
             "episodes": len(log.episodes),
             "samples": len(log.samples),
+            "said": list(log.said),
         }
         for name, log in logs.items()
     ]
-    return {"status": "done", "written": written}
+    table = Table("folder", "source", "joints", "samples", "remark", header_style="bold")
+    for one in written:
+        remarks, joints = "; ".join(one["said"]), ", ".join(one["joints"])
+        table.add_row(one["dir"], one["source"], joints, f"{one['samples']}", remarks)
+    return {"status": "done", "written": written}, table

@@ -155,6 +155,7 @@ def _compared(said: dict, kept: pd.DataFrame, again: Episodes) -> tuple[str, str
 def _mark(one: Verdict, out: Path) -> None:
     """Add a row's mark to the leaderboard's file."""
     made = provenance()
+    out.mkdir(parents=True, exist_ok=True)
     marks = read_verified(out)
     marks[one.key] = {
         "run": one.folder.name,

@@ -18,6 +18,7 @@ from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanis
 from diagnosis.logs.servos import servo
 
 UNCERTAINTY = 0.1
+_USED = ("timestamp", "goal_position", "position", "speed", "torque_enable")
 _SETTINGS = ("kp", "mass", "length", "vin", "trajectory", "entries")
 
 
@@ -59,7 +60,9 @@ def _log(recordings: Sequence[dict[str, Any]]) -> Log:
         nominal_uncertainty=UNCERTAINTY,
     )
     xml = _mjcf(first["mass"], first["length"])
-    return make_log(meta, pd.concat(parts, ignore_index=True), xml)
+    log = make_log(meta, pd.concat(parts, ignore_index=True), xml)
+    every = (name for r in recordings for entry in r["entries"] for name in entry)
+    return importer.with_unused(log, (name for name in every if name not in _USED))
 
 
 def _samples(recording: dict[str, Any]) -> pd.DataFrame:

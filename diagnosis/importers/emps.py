@@ -35,10 +35,12 @@ _NAMES = ("t", "qg", "qm", "vir", "gtau", "kp", "kv")
 _READER = """
 import io, sys
 import numpy as np
-from scipy.io import loadmat
-data, file = loadmat(io.BytesIO(sys.stdin.buffer.read()), variable_names=sys.argv[1:]), io.BytesIO()
-found = [name for name in sys.argv[1:] if name in data]
-np.savez(file, **{name: np.asarray(data[name], dtype=float).ravel() for name in found})
+from scipy.io import loadmat, whosmat
+given, file, wanted = sys.stdin.buffer.read(), io.BytesIO(), sys.argv[1:]
+data = loadmat(io.BytesIO(given), variable_names=wanted)
+found = {name: np.asarray(data[name], dtype=float).ravel() for name in wanted if name in data}
+others = [name for name, _, _ in whosmat(io.BytesIO(given)) if name not in wanted]
+np.savez(file, unused=np.array(others, dtype=str), **found)
 sys.stdout.buffer.write(file.getvalue())
 """
 _MJCF = f"""<mujoco model="emps">
@@ -80,7 +82,7 @@ def _log(path: Path) -> Log:
         mechanism=MjcfMechanism(mjcf="emps.xml", joints={"axis": drive}),
         episodes=(EpisodeMeta(episode=0),),
     )
-    return make_log(meta, samples, _MJCF)
+    return importer.with_unused(make_log(meta, samples, _MJCF), map(str, data["unused"]))
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:

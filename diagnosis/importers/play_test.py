@@ -77,7 +77,10 @@ def _log(path: Path) -> Log:
         episodes=(EpisodeMeta(episode=0, protocol="push"),),
         nominal_uncertainty=UNCERTAINTY,
     )
-    return make_log(meta, pd.DataFrame(columns), _mjcf(names))
+    log = make_log(meta, pd.DataFrame(columns), _mjcf(names))
+    used = {f"{what} ({servo})" for what in ("target pos", "pos") for servo in servos}
+    unused = (name for name in table.columns if name not in {"timestamp", "t_s", *used})
+    return importer.with_unused(log, unused)
 
 
 def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:

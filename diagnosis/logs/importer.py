@@ -1,6 +1,8 @@
 """Importers: convert published recordings into the log format, with their mechanism."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 from diagnosis.logs.log import Log, LogError
@@ -16,6 +18,12 @@ class Importer(ABC):
     @abstractmethod
     def read(self, path: Path) -> dict[str, Log]:
         """The logs in a file or folder, by name; raises LogError if they are not of this kind."""
+
+
+def with_unused(log: Log, columns: Iterable[str]) -> Log:
+    """A log that says which columns of its recording it does not use."""
+    names = ", ".join(dict.fromkeys(columns))
+    return replace(log, said=(*log.said, f"not used: {names}")) if names else log
 
 
 def files(path: Path, pattern: str) -> list[Path]:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
-from scipy.io import savemat
+from scipy.io import loadmat, savemat
 
 from benchmark.cli import app as cli
 from benchmark.parts import registry
@@ -198,6 +198,29 @@ def test_garbled_entries_are_refused(tmp_path):
     bam(tmp_path, name="b", mass=1.0)
     with pytest.raises(LogError, match="differ in 'mass'"):
         load("bam", tmp_path)
+
+
+def test_what_is_not_used_is_said(tmp_path):
+    """Name the columns of a recording that its log does not use, and none where all are."""
+    other = bam(tmp_path)
+    data = json.loads(other.read_text())
+    entries = [entry | {"temp": 30} for entry in data["entries"]]
+    other.write_text(json.dumps(data | {"entries": entries}))
+    held = {k: v for k, v in loadmat(emps(tmp_path)).items() if not k.startswith("_")}
+    savemat(tmp_path / "more.mat", held | {"heat": 1.0})
+    found = {
+        path.name: [log.said for log in load(kind, path).values()]
+        for kind, path in (
+            ("bam", other),
+            ("emps", tmp_path / "emps.mat"),
+            ("emps", tmp_path / "more.mat"),
+        )
+    }
+    assert found == {
+        "a.json": [("not used: temp",)],
+        "emps.mat": [()],
+        "more.mat": [("not used: heat",)],
+    }
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def test_play_is_a_hinge_between_stops(angle):
 
 def test_a_written_robot_stands_by_itself():
     """Run the file that is written: a command is late, slow, and read with scale and bias."""
-    own = {"delay_s": 0.05, "scale": 0.1, "bias": 0.01}
+    own = {"delay_s": 0.05, "scale": np.float64(0.1), "bias": 0.01}
     space = {}
     exec(robot_file({"a": own}, {}), space)
     robot = space["Robot"](mujoco.MjModel.from_xml_string(ARM))

@@ -29,11 +29,11 @@ def verified(finished, tmp_path, capfd):
         episodes(kept)
         (folder / "run.json").write_text(json.dumps(item))
         kept.to_parquet(table, index=False)
-        words = ["verify", str(tmp_path / "policies"), "--out", str(tmp_path), "--json"]
+        words = ["verify", str(tmp_path / "policies"), "--out", str(tmp_path / "new"), "--json"]
         code = cli.call(words)
         found = json.loads(capfd.readouterr().out)
         assert code == len(found["failed"]) == 1 - found["verified"]
-        assert (tmp_path / "verified.json").exists() == (code == 0)
+        assert (tmp_path / "new/verified.json").exists() == (code == 0)
         return found
 
     return verify
