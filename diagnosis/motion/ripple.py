@@ -9,10 +9,8 @@ Sines of the joint's angle, moved so, are fitted beside what gains, inertias, fr
 leave if they are off. The period whose sine and cosine take most of it is the one.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
-from scipy.linalg import solve_banded
+from scipy.signal import lfilter
 
 from backends.state import Array
 from diagnosis.motion.columns import ROTOR, VISCOUS
@@ -90,15 +88,4 @@ def _moved(limb: Limb, joint: int, torque: Array) -> Array:
         inertia * s**2 - damping * s + stiffness,
     ]
     parts = np.split(torque, np.cumsum(list(map(len, limb.time_s)))[:-1], axis=-2)
-    return np.concatenate([_followed(low, x) for x in parts], axis=-2)
-
-
-def _followed(low: Sequence[float], torque: Array) -> Array:
-    """Torques (..., N, P) through a filter with these numbers of a sample and of two before."""
-    rows = np.moveaxis(torque, -2, 0)
-    zeros = np.zeros((2, *rows.shape[1:]))
-    padded = np.concatenate([zeros, rows])
-    driven = padded[2:] + 2.0 * padded[1:-1] + padded[:-2]
-    bands = np.repeat(np.array(low)[:, None], len(rows), axis=1)
-    found = solve_banded((2, 0), bands, driven.reshape(len(rows), -1), check_finite=False)
-    return np.moveaxis(found.reshape(rows.shape), 0, -2)
+    return np.concatenate([lfilter([1.0, 2.0, 1.0], low, x, axis=-2) for x in parts], axis=-2)

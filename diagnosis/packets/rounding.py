@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.fft
+from scipy.signal import lfilter
 
 from backends.state import Array
 from diagnosis.models.world import World
@@ -120,7 +121,7 @@ class _Path:
         their inverse.
         """
         counts = np.diff(self.edges)
-        seen = self._answer(off[::-1])[::-1]
+        seen = lfilter(self.response, 1.0, off[::-1])[::-1]
         bins = ((self.target - self.target.min()) / (least / BINS)).astype(int)
         sums = np.bincount(bins, np.repeat(seen / counts, counts))
         length = scipy.fft.next_fast_len(max(len(sums), int(BINS / least / apart) + 1), real=True)
@@ -136,14 +137,7 @@ class _Path:
         steps = inverse[:, None]
         saw = np.round(self.target * steps) / steps - self.target
         means = np.add.reduceat(saw, self.edges[:-1], axis=1) / np.diff(self.edges)
-        shown = self._answer(means)
+        shown = lfilter(self.response, 1.0, means)
         both = shown @ off
         squares = (shown**2).sum(axis=1) * (off @ off)
         return np.asarray(both * np.abs(both) / np.maximum(squares, 1e-300))
-
-    def _answer(self, moved: Array) -> Array:
-        """The response to targets by block (..., N)."""
-        count = moved.shape[-1]
-        length = scipy.fft.next_fast_len(count + len(self.response), real=True)
-        waves = scipy.fft.rfft(moved, length) * scipy.fft.rfft(self.response, length)
-        return np.asarray(scipy.fft.irfft(waves, length)[..., :count])

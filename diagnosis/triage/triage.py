@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
@@ -93,10 +94,6 @@ def _order(every: Sequence[Track]) -> tuple[Fault, ...]:
     if len(moving) < 2:
         return ()
     match = np.array([[_alike(a, b) for b in moving] for a in moving])
-    if (match.argmax(axis=1) == np.arange(len(moving))).all():
-        return ()
-    from scipy.optimize import linear_sum_assignment  # takes its time to import
-
     _, best = linear_sum_assignment(-match)
     wrong = [k for k, other in enumerate(best) if other != k]
     if any(match[k, k] > UNCLEAR or match[k, best[k]] < CLEAR for k in wrong) or not wrong:

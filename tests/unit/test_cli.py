@@ -91,7 +91,7 @@ def test_unwritable_folder_gives_one_message(capfd):
 def test_help_and_list_load_no_engine_and_no_learner(arguments):
     """Answer from file names alone."""
     parts = [registry.part(k, n).module for k in ("backend", "algo") for n in registry.names(k)]
-    heavy = ",".join(["mujoco", "torch", "pandas", "numba", *parts])
+    heavy = ",".join(["mujoco", "torch", "pandas", "numba", "scipy", *parts])
     code = (
         "import sys; from benchmark.cli import app\n"
         "try: app.call(sys.argv[1:])\n"
