@@ -10,7 +10,7 @@ from mujoco import rollout
 
 from backends._mjcf_followers import followers
 from backends._mjcf_model import compiled
-from backends._mjcf_robot import Robot, Signals
+from backends._mjcf_robot import Drive, Signals
 from backends.command import rounded
 from backends.encoder import angles
 from backends.state import Array
@@ -78,9 +78,8 @@ class Plain:
         self.model, self._at, self._own = model, model.jnt_qposadr[own], own
         self._led = {int(model.jnt_qposadr[j]): one for j, one in led.items()}
         self._joints, self._beside, self._drives = tuple(joints), beside, drives
-        self._pushed = [
-            (int(model.jnt_dofadr[j]), _behind(model.joint(j).name, joints)) for j in moving
-        ]
+        self._whose = np.array([joints.index(_behind(model.joint(j).name, joints)) for j in moving])
+        self._places, self._dofs = model.jnt_qposadr[moving], model.jnt_dofadr[moving]
         self._pose = model.qpos0.copy()
         for name, value in held.items():
             self._pose[model.joint(name).qposadr[0]] = value
@@ -88,40 +87,11 @@ class Plain:
     def positions(self, play: Play) -> Array:
         """Positions of the joints at the samples (T, K), with servos that follow the commands.
 
-        Signals and drives are as `backends.mjcf.robot_file` has them, step by step.
+        Signals and drives are as `backends.mjcf.robot_file` has them.
         """
         ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
         steps = np.maximum(np.diff(ticks, append=ticks[-1] + 1), 1)
         command, push = (np.repeat(x, steps, axis=0) for x in (play.command, play.push))
-        if self._drives or play.held:
-            shown = self._stepped(play, command, push)
-        else:
-            shown = self._passed(play.start, command, push)
-        return shown[np.cumsum(steps) - steps]
-
-    def _stepped(self, play: Play, command: Array, push: Array) -> Array:
-        """What sensors read (S, K) under commands and pushes, a step after the other."""
-        robot, shown = Robot(copy.copy(self.model), self._beside, self._drives), []
-        self._place(robot.data, play.start)
-        own = [robot.signals[name] for name in self._joints]
-        time_s = np.arange(len(push)) * self.model.opt.timestep
-        if play.held:
-            motion, stiffness, damping = play.held
-            q = np.stack([np.interp(time_s, play.time_s, x) for x in motion.T], axis=1)
-            v = np.gradient(q, time_s, axis=0)
-            robot.data.qvel[self.model.jnt_dofadr[self._own]] = np.where(stiffness, v[0], 0.0)
-        for k in range(len(push)):
-            more = 0.0
-            if play.held:
-                angle = np.array([robot.data.qpos[one.places].sum() for one in own])
-                speed = np.array([robot.data.qvel[one.dofs].sum() for one in own])
-                more = stiffness * (q[k] - angle) + damping * (v[k] - speed)
-            acts = (dict(zip(self._joints, x, strict=True)) for x in (command[k], push[k] + more))
-            shown.append(list(robot.step(*acts).values()))
-        return np.array(shown)
-
-    def _passed(self, start: Array, command: Array, push: Array) -> Array:
-        """The same of servos alone, all steps at once."""
         control = np.zeros((len(command), self.model.nu))
         applied = np.zeros((len(command), self.model.nv))
         passed = [Signals(self.model, name, self._beside.get(name, {})) for name in self._joints]
@@ -130,19 +100,45 @@ class Plain:
             target = _slowed(_late(sent, signals.late), signals.most)
             for place, gear in signals.servos:
                 control[:, place] = gear * target
-        for dof, name in self._pushed:
-            applied[:, dof] = push[:, self._joints.index(name)]
-        angle = self._rolled(start, control, applied)
+        applied[:, self._dofs] = push[:, self._whose]
+        own = self._drives or play.held
+        angle = (self._stepped if own else self._rolled)(play, control, applied)
         shown = [
             signals.shown(_late(angle[:, signals.places].sum(axis=1), signals.read_late))
             for signals in passed
         ]
-        return np.stack(shown, axis=1)
+        return np.stack(shown, axis=1)[np.cumsum(steps) - steps]
 
-    def _rolled(self, start: Array, control: Array, applied: Array) -> Array:
-        """All coordinates (S, Q) before each step, from rest at readings `start`."""
+    def _stepped(self, play: Play, control: Array, applied: Array) -> Array:
+        """`_rolled` step by step, with drives and with springs to a motion."""
+        model = copy.copy(self.model)
+        data, shown = mujoco.MjData(model), np.empty((len(control), model.nq))
+        drives = [Drive(model, name, own) for name, own in self._drives.items()]
+        self._place(data, play.start)
+        if play.held:
+            motion, stiffness, damping = play.held
+            time_s = np.arange(len(control)) * model.opt.timestep
+            q = np.stack([np.interp(time_s, play.time_s, x) for x in motion.T], axis=1)
+            v = np.gradient(q, time_s, axis=0)
+            data.qvel[model.jnt_dofadr[self._own]] = np.where(stiffness, v[0], 0.0)
+        for k in range(len(control)):
+            shown[k], data.ctrl[:], data.qfrc_applied[:] = data.qpos, control[k], applied[k]
+            if play.held:
+                angle, speed = (
+                    np.bincount(self._whose, x[at], len(self._joints))
+                    for x, at in ((data.qpos, self._places), (data.qvel, self._dofs))
+                )
+                more = stiffness * (q[k] - angle) + damping * (v[k] - speed)
+                data.qfrc_applied[self._dofs] += more[self._whose]
+            for drive in drives:
+                drive.act(data)
+            mujoco.mj_step(model, data)
+        return shown
+
+    def _rolled(self, play: Play, control: Array, applied: Array) -> Array:
+        """All coordinates (S, Q) before each step, from rest."""
         data = mujoco.MjData(self.model)
-        self._place(data, start)
+        self._place(data, play.start)
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, data, state, _STATE)
         acts = np.concatenate([control, applied], axis=1)

@@ -11,7 +11,6 @@ from rich.console import RenderableType
 
 from backends.catalogue import catalogue
 from backends.effect import with_effects
-from backends.engine import Engine
 from backends.shard import WorkerError, simulate
 from backends.spec import Spec
 from benchmark.console import Bar, patient, say
@@ -65,7 +64,6 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
     path = asked.folder or folder / robot_log.FOLDER
     if (folder / FILE).exists() and not force:
         raise UsageError(f"{folder / FILE} exists; choose another --out, or --force to replace it")
-    engine = registry.load("backend", asked.nominal)
     try:
         log = _understood(asked, folder, force)
         if log.meta.mechanism is None:
@@ -75,7 +73,7 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
             return without_model.run(log, path, asked.healthy, healthy, folder)
         world = nominal_world(log, asked.known_effects)
         healthy = _healthy(asked, path, log, world)
-        apart = _apart_rad(log, world, asked.nominal, engine)
+        apart = _apart_rad(log, world, asked.nominal)
         with Bar(f"diagnose {asked.name}", 100) as bar, patient() as is_stopped:
 
             def tell(text: str, share: float) -> None:
@@ -88,7 +86,7 @@ def run(asked: Asked, out: Path | None, force: bool) -> tuple[dict, RenderableTy
                 healthy,
                 nominal=world.spec,
                 catalogue=own_catalogue(catalogue(), world.spec),
-                simulate=_on(engine),
+                simulate=_on(asked.nominal),
                 progress=tell,
             )
     except Stop:
@@ -184,7 +182,7 @@ def nominal_world(log: Log, known_effects: str | None) -> World:
     return World(spec=spec, ideal=ideal, known=known)
 
 
-def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float:
+def _apart_rad(log: Log, world: World, name: str) -> float:
     """Largest distance between replay and engine [rad]; UsageError where it refuses the world.
 
     A user's robot is held against plain MuJoCo.
@@ -192,16 +190,16 @@ def _apart_rad(log: Log, world: World, name: str, engine: type[Engine]) -> float
     if not isinstance(log.meta.mechanism, HandMechanism):
         return plain_apart(log, world.spec)
     try:
-        return apart_rad(_on(engine), world.spec, log)
+        return apart_rad(_on(name), world.spec, log)
     except LogError:
         raise
     except ValueError as error:
         raise UsageError(f"--nominal {name}: {error}; choose another engine") from error
 
 
-def _on(engine: type[Engine]) -> Simulate:
-    """Worlds on the nominal engine."""
-    return lambda specs: simulate(engine, specs, usable_cores())
+def _on(name: str) -> Simulate:
+    """Worlds on the nominal engine, which is loaded where a log needs it."""
+    return lambda specs: simulate(registry.load("backend", name), specs, usable_cores())
 
 
 def _warnings(log: Log, world: World, apart_rad: float) -> Iterator[str]:

@@ -65,6 +65,23 @@ def test_a_written_robot_stands_by_itself():
     assert abs(read[105] - read[95]) < abs(plain[125] - plain[95])
 
 
+COGGED = {
+    "stiction_nm": 0.0,
+    "load_friction": 0.0,
+    "one_way_friction_nm": 0.0,
+    "presliding_nm": 0.0,
+    "thermal_fade": 0.0,
+    "cogging_nm": 0.5,
+    "torque_limit_nm": 8.0,
+    "cogging_period_rad": 0.2,
+    "cogging_phase_rad": 0.3,
+    "thermal_s": 10.0,
+    "presliding_rad": 3e-3,
+    "stribeck_rad_s": 0.05,
+}
+
+
+@pytest.mark.parametrize("drives", [{}, {"a": COGGED}])
 @pytest.mark.parametrize(
     "own",
     [
@@ -73,18 +90,19 @@ def test_a_written_robot_stands_by_itself():
         {"late_s": 0.0123, "scale": 0.1, "sine": 0.03},
     ],
 )
-def test_a_written_robot_moves_as_the_gap_was_measured(own):
+def test_a_written_robot_moves_as_the_gap_was_measured(own, drives):
     """Step the file that is written through a log, and read the same as its gap was taken from."""
     loose = written(ARM, {"a": JointNumbers(**vars(NUMBERS) | {"play": 0.02})})
     command = np.repeat(np.random.default_rng(0).uniform(-0.4, 0.4, 16), 100)
     space = {}
-    exec(robot_file({"a": own}, {}), space)
+    exec(robot_file({"a": own}, drives), space)
     model = mujoco.MjModel.from_xml_string(loose)
     model.opt.timestep = 1e-3
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
     robot = space["Robot"](model)
     read = [robot.step({"a": x})["a"] for x in np.repeat(command, 5)]
-    assert shown(loose, command, **own) == pytest.approx(np.array(read[::5]), abs=1e-9)
+    found = shown(loose, command, drives=drives, **own)
+    assert found == pytest.approx(np.array(read[::5]), abs=1e-9)
 
 
 def diagnosed(folder: Path, real: str, **beside: Any) -> int:
@@ -108,22 +126,6 @@ def test_a_delay_is_taken_home(tmp_path, capfd):
     (late,) = [one for one in model["changes"] if one["number"] == "delay_s"]
     assert late["after"] == pytest.approx(0.03, abs=0.003)
     assert "delay_s" in (tmp_path / "out" / "corrected.py").read_text()
-
-
-COGGED = {
-    "stiction_nm": 0.0,
-    "load_friction": 0.0,
-    "one_way_friction_nm": 0.0,
-    "presliding_nm": 0.0,
-    "thermal_fade": 0.0,
-    "cogging_nm": 0.5,
-    "torque_limit_nm": 8.0,
-    "cogging_period_rad": 0.2,
-    "cogging_phase_rad": 0.3,
-    "thermal_s": 10.0,
-    "presliding_rad": 3e-3,
-    "stribeck_rad_s": 0.05,
-}
 
 
 @pytest.mark.parametrize(
