@@ -16,7 +16,9 @@ from backends._mjcf_text import MjcfError
 
 KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
 """Attributes of an actuator that a position servo in its place keeps."""
-
+BEARING = 1e-3
+"""Friction of a rolling bearing over what it carries (SKF, Rolling bearings, 2018: 0.001 to 0.002),
+at the drive's largest torque."""
 TINY = 1e-9
 """Shares that differ by no more are the same."""
 
@@ -59,24 +61,28 @@ def written(
     held: Collection[str] = (),
     carried: Mapping[str, float] | None = None,
     others: float = 0.0,
+    timestep_s: float | None = None,
 ) -> str:
     """The text with these joints' numbers, and a position servo on each; raises MjcfError.
 
     A URDF becomes the MJCF that MuJoCo makes of it. `gravity_m_s2`: None for the file's. `held`:
     joints that follow none. `carried`: the share of each link's weight that is carried beside its
     drive, by joint; of all other bodies `others`, beside what the file says.
+    `timestep_s`: in place of the file's.
     """
     model, root = compiled(xml), parsed(as_mjcf(xml))
+    step_s = timestep_s or model.opt.timestep
     numbers = _without_followers(model, numbers, held)
     if gravity_m_s2 is not None:
-        options = root.findall("option") or [ElementTree.SubElement(root, "option")]
-        options[-1].set("gravity", _text(gravity_m_s2))
+        _option(root).set("gravity", _text(gravity_m_s2))
+    if timestep_s is not None:
+        _option(root).set("timestep", repr(timestep_s))
     _set_carried(root, carried or {}, others)
     for name, one in numbers.items():
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping + one.open * one.kd))
-        _set_friction(joint, model, name, one.frictionloss)
+        _set_friction(joint, model, name, one.frictionloss, step_s)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
@@ -87,7 +93,7 @@ def written(
         if one.ends:
             joint.attrib |= _limits(root, model, name, *one.ends)
         if one.play and len(body.findall("joint")) == 1:
-            _set_play(root, body, joint, model, one.play)
+            _set_play(root, body, joint, model, one, step_s)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -107,6 +113,11 @@ def _without_followers(
             frictionloss=max(own.frictionloss - loss, 0.0),
         )
     return {model.joint(j).name: one for j, one in found.items()}
+
+
+def _option(root: Element) -> Element:
+    """The last options of a model, which count."""
+    return (root.findall("option") or [ElementTree.SubElement(root, "option")])[-1]
 
 
 def parsed(text: str) -> Element:
@@ -133,12 +144,20 @@ def _joints(parent: Element, body: Element) -> Iterator[tuple[Element, Element]]
             yield from _joints(child, child)
 
 
-def _set_friction(joint: Element, model: mujoco.MjModel, name: str, loss: float) -> None:
+def _set_friction(
+    joint: Element, model: mujoco.MjModel, name: str, loss: float, step_s: float
+) -> None:
     """Write dry friction; where it is another, it holds, as friction does and MuJoCo's creeps."""
-    joint.set("frictionloss", repr(loss))
     if loss != model.dof_frictionloss[model.joint(name).dofadr[0]]:
-        joint.set("solreffriction", f"{2 * model.opt.timestep!r} 1")
-        joint.set("solimpfriction", f"{_text(FIRM)} 0.001")
+        _rub(joint, loss, step_s)
+    joint.set("frictionloss", repr(loss))
+
+
+def _rub(joint: Element, loss: float, step_s: float) -> None:
+    """Write dry friction that holds."""
+    joint.set("frictionloss", repr(loss))
+    joint.set("solreffriction", f"{2 * step_s!r} 1")
+    joint.set("solimpfriction", f"{_text(FIRM)} 0.001")
 
 
 def _set_mass(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
@@ -179,9 +198,17 @@ def _text(numbers: Iterable[float]) -> str:
 
 
 def _set_play(
-    root: Element, body: Element, joint: Element, model: mujoco.MjModel, play: float
+    root: Element,
+    body: Element,
+    joint: Element,
+    model: mujoco.MjModel,
+    one: JointNumbers,
+    step_s: float,
 ) -> None:
-    """Put a body without mass between a joint and the body that it moves, which is loose on it."""
+    """Put a body without mass between a joint and the body that it moves, which is loose on it.
+
+    Its bearing rubs: what nothing moves stays where it is in its play.
+    """
     name = joint.get("name", "")
     j, gear = model.joint(name).id, Element("body", dict(body.attrib))
     gear.set("name", f"{name}_gear")
@@ -200,8 +227,10 @@ def _set_play(
         "axis": _text(model.jnt_axis[j]),
         "pos": _text(model.jnt_pos[j]),
     }
-    still = dict.fromkeys(("damping", "frictionloss", "armature", "stiffness"), "0")
-    body.insert(0, Element("joint", loose | _limits(root, model, name, -play, play) | still))
+    stops = _limits(root, model, name, -one.play, one.play)
+    still = dict.fromkeys(("damping", "armature", "stiffness"), "0")
+    body.insert(0, Element("joint", loose | stops | still))
+    _rub(body[0], BEARING * (one.limit or 0.0), step_s)
 
 
 def _slides(model: mujoco.MjModel, name: str) -> bool:
@@ -211,11 +240,15 @@ def _slides(model: mujoco.MjModel, name: str) -> bool:
 def _limits(
     root: Element, model: mujoco.MjModel, name: str, low: float, high: float
 ) -> dict[str, str]:
-    """Attributes of firm stops for a joint like this [rad, m], in the file's unit of angles."""
+    """Attributes of stops for a joint like this [rad, m], in the file's unit of angles.
+
+    As firm as friction that holds: MuJoCo's stops else give way under a light link.
+    """
     turned = all(one.get("angle") != "radian" for one in root.findall("compiler"))
     in_file = np.degrees if turned and not _slides(model, name) else np.asarray
     ends = " ".join(repr(float(in_file(end))) for end in (low, high))
-    return {"range": ends, "limited": "true", "solreflimit": "0.004 1"}
+    firm = {"solreflimit": "0.004 1", "solimplimit": f"{_text(FIRM)} 0.001"}
+    return {"range": ends, "limited": "true"} | firm
 
 
 def _set_servo(root: Element, model: mujoco.MjModel, name: str, one: JointNumbers) -> None:

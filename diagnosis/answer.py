@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
+from diagnosis.plain_gap import PlainGap
 from diagnosis.shrinkage import Gaps, Share
 from diagnosis.signals import Signals
 from diagnosis.verdict.in_hand import Spot
@@ -40,6 +41,8 @@ class Diagnosis:
     engine_gaps_rad: tuple[float, ...] = ()
     """Root mean square distance of all positions from the log's in the nominal engine, of a user's
     robot in plain MuJoCo: nominal and corrected [rad; of slides m]; or none."""
+    in_mujoco: PlainGap | None = None
+    """Of a user's robot, what these are of, and the time step that they are with."""
     shrinkage: Share
     """Share of the squared gap beyond one floor, over all joints, that the causes take there."""
     shrinkage_nominal: Share

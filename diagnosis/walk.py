@@ -18,10 +18,10 @@ from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.along import turned
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import by_name, with_numbers
+from diagnosis.plain_gap import Compared, PlainGap, plain_gap
 from diagnosis.progress import Progress, Stop, forward, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.replay.plain import gap_rad
 from diagnosis.shrinkage import gaps_and_shares, held_out
 from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
@@ -85,6 +85,10 @@ def diagnose(
     worst = max(decisive(said), key=lambda limb: limb.gap_nominal / limb.ordinary)
     parts = [_by_second(one) for one in limbs]
     gaps, gone, gone_nominal = gaps_and_shares(parts)
+    plain = _plain_gap(log, world, corrected, limbs)
+    engine: tuple[float, ...] = (plain.before_rad, plain.after_rad) if plain else ()
+    if simulate and not plain:
+        engine = engine_gaps_rad(simulate, (world, corrected), log)
     with suppress(Stop):
         tell("done", 1.0)
     places = tuple(locate([one.nominal for one in limbs]))
@@ -99,7 +103,8 @@ def diagnose(
         ordinary=worst.ordinary,
         ordinary_from=worst.ordinary_from,
         gaps=gaps,
-        engine_gaps_rad=_engine_gaps_rad(log, world, corrected, simulate),
+        engine_gaps_rad=engine,
+        in_mujoco=plain,
         shrinkage=gone,
         shrinkage_nominal=gone_nominal,
         where=places,
@@ -145,13 +150,14 @@ def _gravity(limbs: Sequence[Judged], nominal: Spec) -> tuple[float, float, floa
     return x, y, z
 
 
-def _engine_gaps_rad(
-    log: Log, nominal: Spec, corrected: Spec, simulate: Simulate | None
-) -> tuple[float, ...]:
-    """See `Diagnosis`."""
-    if isinstance(log.meta.mechanism, MjcfMechanism):
-        return tuple(gap_rad(log, nominal, world) for world in (nominal, corrected))
-    return engine_gaps_rad(simulate, (nominal, corrected), log) if simulate else ()
+def _plain_gap(
+    log: Log, nominal: Spec, corrected: Spec, every: Sequence[Judged]
+) -> PlainGap | None:
+    """See `Diagnosis.in_mujoco`."""
+    if not isinstance(log.meta.mechanism, MjcfMechanism):
+        return None
+    seen = [Compared(evidence=o.evidence, rested=tuple(o.result.rested or ())) for o in every]
+    return plain_gap(log, nominal, corrected, seen)
 
 
 def _probability(limbs: Sequence[LimbResult], held: Report) -> float:

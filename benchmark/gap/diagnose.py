@@ -283,6 +283,7 @@ def _facts(result: dict, log: Log, spec: Spec, asked: Asked) -> dict[str, str]:
     """What the report says about log and nominal world."""
     nominal = result["nominal"]
     gaps = [distance(gap, spec) for gap in result["engine_gaps_rad"]]
+    model = result.get("model")
     apart, name = distance(nominal["replay_apart_rad"], spec), nominal["backend"]
     held = f"within {apart} of {name} in the nominal world"
     return {
@@ -291,6 +292,7 @@ def _facts(result: dict, log: Log, spec: Spec, asked: Asked) -> dict[str, str]:
         "nominal world": f"{nominal['hand']}, known effects: {nominal['effects']}",
         "replay": f"compiled; {held}",
         **({"corrected gap in the engine": GAPS.format(*gaps)} if gaps else {}),
+        **({"corrected model": "; ".join(model["words"])} if model else {}),
         **({"healthy logs": ", ".join(result["healthy"])} if asked.healthy else {}),
         "uncertainty": f"{100 * log.meta.nominal_uncertainty:g} % of every nominal number",
         "made by": provenance()["command"],

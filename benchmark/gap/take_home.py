@@ -3,7 +3,7 @@
 The gap before and after is measured in plain MuJoCo with the two files.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 from backends.effect import UNITS, Effect, NumberEffect
@@ -12,6 +12,7 @@ from backends.spec import Spec
 from diagnosis.answer import Diagnosis
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import COLUMNS, table, with_numbers
+from diagnosis.plain_gap import PlainGap
 from diagnosis.replay.plain import BESIDE, DRIVES, beside, drives, model_text, urdf_text
 from diagnosis.verdict.result import NONE, UNKNOWN, Cause, Nominal, distance, in_other_words
 from diagnosis.verdict.sentences import size
@@ -34,6 +35,7 @@ WRITTEN = {
 }
 """Numbers that an MJCF has: their names there, and their units of hinges and slides."""
 HELD = WRITTEN | BESIDE | DRIVES
+HALF = 0.5
 GRAVITY = "spec.gravity_m_s2"
 
 
@@ -75,10 +77,10 @@ class TakeHome:
     changes: tuple[Change, ...]
     beside: tuple[str, ...]
     """Effects that were named, which an MJCF cannot hold."""
-    before_rad: float
-    """Root mean square gap of all positions in plain MuJoCo, with the nominal numbers."""
-    after_rad: float
-    """The same with the corrected file."""
+    gap: PlainGap
+    """In plain MuJoCo, with the user's file and with the corrected one."""
+    less: str
+    """Why that gap shrinks less than the verdict says; empty where it does not."""
     gravity_m_s2: tuple[float, float, float] | None
     """Gravity in the file, where it is another than the nominal one."""
     world: Spec
@@ -87,14 +89,32 @@ class TakeHome:
     @property
     def words(self) -> list[str]:
         """The table of changes, and the gaps, by line."""
-        gaps = f"{distance(self.before_rad, self.world)} to {distance(self.after_rad, self.world)}"
         gravity = " ".join(f"{g:.4g}" for g in self.gravity_m_s2 or ())
         return [
             *(one.words for one in self.changes),
             *([f"change gravity to {gravity} m/s²"] if gravity else []),
+            *self._step_words(),
             *(f"not in an MJCF: {text}" for text in self.beside),
-            f"in plain MuJoCo with what is written, the gap goes from {gaps}",
+            self._gap_words(),
         ]
+
+    def _step_words(self) -> Iterator[str]:
+        """The time step that it needs, where that is another."""
+        gap = self.gap
+        if gap.step_s < gap.file_step_s:
+            before, after = (f"{1e3 * step_s:.4g}" for step_s in (gap.file_step_s, gap.step_s))
+            left = distance(gap.by_step_rad, self.world)
+            yield (
+                f"change the timestep from {before} to {after} ms, which these numbers need; that "
+                f"alone takes the gap to {left}"
+            )
+
+    def _gap_words(self) -> str:
+        """The gap before and after, and why it is not less."""
+        before, after = (distance(x, self.world) for x in (self.gap.before_rad, self.gap.after_rad))
+        where = " where pushed joints rest" if self.gap.at_rest else ""
+        text = f"in plain MuJoCo with what is written, the gap{where} goes from {before} to {after}"
+        return f"{text}; it shrinks less than the verdict says: {self.less}" if self.less else text
 
     def plain(self) -> dict:
         """As JSON has it."""
@@ -102,8 +122,9 @@ class TakeHome:
             "changes": [asdict(one) for one in self.changes],
             "gravity_m_s2": self.gravity_m_s2,
             "not_in_mjcf": list(self.beside),
-            "before_rad": self.before_rad,
-            "after_rad": self.after_rad,
+            "before_rad": self.gap.before_rad,
+            "after_rad": self.gap.after_rad,
+            "timestep_s": self.gap.step_s,
         }
 
 
@@ -125,20 +146,43 @@ def take_home(
     held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
-    if not changes and found.gravity_m_s2 is None:
+    if found.in_mujoco is None or not (changes or found.gravity_m_s2):
         return None
-    text = model_text(log, world, {one.joint for one in changes}, nominal)
     signals, acts = beside(world), drives(world)
     return TakeHome(
-        text=text,
-        urdf=urdf_text(log, world, {one.joint for one in changes}),
+        text=model_text(log, world, nominal, _other_step(found.in_mujoco)),
+        urdf=urdf_text(log, world, nominal),
         robot=robot_file(signals, acts) if signals or acts else None,
         changes=tuple(changes),
         beside=tuple(others),
-        before_rad=found.engine_gaps_rad[0],
-        after_rad=found.engine_gaps_rad[1],
+        gap=found.in_mujoco,
+        less=_less(found, found.in_mujoco, others),
         gravity_m_s2=found.gravity_m_s2,
         world=world,
+    )
+
+
+def _other_step(gap: PlainGap) -> float | None:
+    """The time step that is written; None: that of the file stays."""
+    return gap.step_s if gap.step_s < gap.file_step_s else None
+
+
+def _less(found: Diagnosis, gap: PlainGap, beside: Sequence[str]) -> str:
+    """Why the gap in plain MuJoCo shrinks by less than half of what the verdict says; or empty."""
+    gone = 1.0 - (gap.after_rad / max(gap.before_rad, 1e-12)) ** 2
+    if gone >= found.shrinkage.interval[0] / 2.0 and gap.after_rad <= gap.before_rad:
+        return ""
+    torque = sum(place.share for place in found.where if place.channel == "torque")
+    worst = max(gap.by_joint, key=lambda joint: gap.by_joint[joint][1])
+    if beside:
+        return f"{', '.join(beside)} is in none of the files"
+    if torque > HALF:
+        return f"{100 * torque:.0f} % of its gap are torques, and these are positions"
+    if worst not in found.joints:
+        return f"most of it is of {worst}, where nothing is named"
+    return (
+        f"most of it is of {worst}; the fit goes along the motion that was measured, and a "
+        "simulation along its own"
     )
 
 

@@ -1,19 +1,26 @@
 """A user's robot in plain MuJoCo under a log's own commands: what its own simulator would show."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from backends.drive import BRISTLE_RAD, COGGING_RAD, HEAT_S, STRIBECK_RAD_S
-from backends.mjcf import JointNumbers, MjcfError, Plain, Play, written, written_urdf
+from backends.mjcf import (
+    JointNumbers,
+    MjcfError,
+    Plain,
+    Play,
+    file_drives,
+    written,
+    written_urdf,
+)
 from backends.spec import Body, Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import KD, KP, LEAD, OPEN, by_name, table
-from diagnosis.motion.excerpt import FITTED_S, excerpt
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import Recording, recordings
+from diagnosis.motion.recordings import Recording
 from diagnosis.replay.agreement import apart, begun
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.robot import model_of
@@ -48,18 +55,19 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
 
 
 def model_text(
-    log: Log, spec: Spec, joints: Collection[str] | None = None, nominal: Spec | None = None
+    log: Log, spec: Spec, nominal: Spec | None = None, step_s: float | None = None
 ) -> str:
-    """The text of a log's model with the numbers of a world, of some joints or all.
+    """The text of a log's model with the numbers of a world; raises LogError.
 
-    With its gravity where it is another than the nominal world's. Raises LogError.
+    `nominal`: without those of joints that are as in this world, and whose drives as in the file.
+    `step_s`: with this time step in place of the file's.
     """
     xml, settings = model_of(log)
-    every = numbers_of(spec)
+    every, kept = numbers_of(spec), () if nominal is None else _kept(xml, spec, nominal)
     some = {
         name: replace(one, note=_note(settings.joints.get(name, DriveSettings())))
         for name, one in every.items()
-        if joints is None or name in joints or one.open
+        if name not in kept
     }
     try:
         turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
@@ -70,9 +78,27 @@ def model_text(
             settings.hold,
             {body.joint.name: body.carried for body in spec.hand.driven},
             settings.gravity_compensation,
+            step_s,
         )
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
+
+
+def _kept(xml: str, spec: Spec, nominal: Spec) -> set[str]:
+    """Joints whose numbers are the nominal ones, and whose servos the file has."""
+    files, before = file_drives(xml), numbers_of(nominal)
+    return {
+        name
+        for name, one in numbers_of(spec).items()
+        if one == before[name]
+        and not one.open
+        and np.allclose([files[name].kp or 0.0, files[name].kd], [one.kp, one.kd])
+    }
+
+
+def timestep_s(log: Log) -> float:
+    """The time step of a log's model [s]."""
+    return float(plain(log, model_of(log)[0], log.joints).model.opt.timestep)
 
 
 def _note(drive: DriveSettings) -> str:
@@ -81,9 +107,10 @@ def _note(drive: DriveSettings) -> str:
     return f"the drive of this servo also has, and this file has not: {more}" if more else ""
 
 
-def urdf_text(log: Log, spec: Spec, joints: Collection[str]) -> str | None:
-    """The text of a log's URDF with the numbers of a world; None where its model is none."""
-    some = {name: one for name, one in numbers_of(spec).items() if name in joints}
+def urdf_text(log: Log, spec: Spec, nominal: Spec) -> str | None:
+    """The text of a log's URDF with what is not nominal of a world; None: it is none."""
+    before = numbers_of(nominal)
+    some = {name: one for name, one in numbers_of(spec).items() if one != before[name]}
     return written_urdf(model_of(log)[0], some)
 
 
@@ -203,24 +230,6 @@ def with_own_steps(
         known = np.isfinite(own - small).all()
         found.append(replace(recording, own=own - small if known else None))
     return tuple(found)
-
-
-def gap_rad(log: Log, nominal: Spec, world: Spec) -> float:
-    """Root mean square distance of a world's positions from the log's, in plain MuJoCo.
-
-    With what is written of it and what stands beside that; of a long log, from the part of it that
-    is fitted to.
-    """
-    squares, count, text = 0.0, 0, model_text(log, world, nominal=nominal)
-    parts = {part.hand.joint_names: part for part in limbs(world)}
-    for part in limbs(nominal):
-        episodes = excerpt(recordings(log, part), FITTED_S)
-        moved = plain(log, text, part.hand.joint_names, world=world)
-        limb, own = Limb(spec=part, recordings=episodes, rigid=True), parts[part.hand.joint_names]
-        for recording in episodes:
-            off = shown(moved, recording, own, limb) - recording.measured[:, 0]
-            squares, count = squares + float(np.nansum(off**2)), count + off.size
-    return float(np.sqrt(squares / max(count, 1)))
 
 
 def _numbers(body: Body) -> JointNumbers:

@@ -12,8 +12,9 @@ the sides while the push lasts, and at most that after it. With L, the lost moti
     (L_pushed + L_released) / 2 - P (1 / kp + 1 / k)  <=  2h  <=  L_pushed - 2 P / k
 
 It is the lower end where the drive yields, the upper one where friction holds the motor still:
-without the motor's angle a log does not say which. A loop that is closed on the joint pulls a part
-of the play back; there the lower end holds. A dead zone of the drive shows as play does. What is
+without the motor's angle a log does not say which, so that its size is the one that the nominal
+friction makes it. A loop that is closed on the joint pulls a part of the play back; there the lower
+end holds. A dead zone of the drive shows as play does. What is
 softer than nominal leaves no lost motion after a push.
 """
 
@@ -26,7 +27,7 @@ import pandas as pd
 from backends.catalogue import of_part
 from backends.effect import Effect
 from diagnosis.evidence.evidence import Evidence
-from diagnosis.motion.columns import KP, STIFFNESS
+from diagnosis.motion.columns import COULOMB, KP, STIFFNESS
 from diagnosis.motion.presses import Press, places, presses
 from diagnosis.motion.recordings import Recording
 from diagnosis.verdict.result import Z90, LimbResult, cause
@@ -63,7 +64,7 @@ def with_play(
     causes = tuple(
         cause(
             effect,
-            ((one.low_rad + one.high_rad) / 2, *one.interval_rad),
+            (one.half_rad, *one.interval_rad),
             catalogue,
             joints=(one.joint,),
             share=one.share,
@@ -83,7 +84,7 @@ def with_play(
         tied=tuple((f"{names[DEAD_ZONE]}@{one.joint}",) for one in found if DEAD_ZONE in names),
         experiment=MOTOR_ANGLE,
         nominal=(),
-        rested={one.joint: {PLAY: (one.low_rad + one.high_rad) / 2} for one in found},
+        rested={one.joint: {PLAY: one.half_rad} for one in found},
     )
 
 
@@ -92,8 +93,8 @@ class Play:
     """The half play of a joint that no friction makes up."""
 
     joint: str
-    low_rad: float
-    high_rad: float
+    half_rad: float
+    """With which the nominal drive would show the same."""
     interval_rad: tuple[float, float]
     before: float
     """Gap of all rests from those of the nominal drive [floors]."""
@@ -129,8 +130,7 @@ def play(evidence: Evidence, j: int, uncertainty: float) -> Play | None:
     )
     return Play(
         joint=evidence.joints[j],
-        low_rad=low / 2,
-        high_rad=high / 2,
+        half_rad=(low if push_nm > numbers[COULOMB] else high) / 2,
         interval_rad=(max(low - Z90 * error, 0.0) / 2, (high + Z90 * error) / 2),
         before=before,
         after=after,

@@ -8,6 +8,7 @@ import pytest
 
 from backends.catalogue import catalogue
 from backends.effect import with_effects
+from benchmark.gap.take_home import take_home
 from benchmark.settings.effects import parse_effects
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.evidence.evidence import evidence as gathered
@@ -134,6 +135,19 @@ def test_a_slow_log_is_diagnosed_at_rest():
     assert said.share > 0.9
     (size, _, _), *_ = (cause.sizes for cause in said.magnitudes)
     assert said.corrected == {"servo": {"drive.play_rad": pytest.approx(size)}}
+
+
+def test_rests_are_what_a_written_play_is_measured_by():
+    """Measure the gap in plain MuJoCo where joints rest, and say where it does not shrink."""
+    log = recorded(at_equilibrium(0.016, 0.0, "motor"))
+    found, world = diagnose(log), mjcf_world(log)
+    gap = found.in_mujoco
+    assert gap is not None and gap.at_rest and gap.after_rad < 0.5 * gap.before_rad
+    home = take_home(log, world, found, catalogue())
+    assert home is not None and not home.less and "where pushed joints rest" in home.words[-1]
+    worse = dataclasses.replace(gap, after_rad=1.1 * gap.before_rad)
+    home = take_home(log, world, dataclasses.replace(found, in_mujoco=worse), catalogue())
+    assert home is not None and "less than the verdict says: most of it is" in home.words[-1]
 
 
 def test_no_play_is_named_without_a_name_for_it():

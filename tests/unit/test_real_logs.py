@@ -55,6 +55,8 @@ def test_emps_is_friction(emps):
     assert found.value == pytest.approx(EMPS_COULOMB_N, rel=0.05)
     assert found.low < EMPS_COULOMB_N < found.high and found.unit == "N"
     assert emps.shrinkage.interval[0] > 0.8
+    assert emps.in_mujoco is not None and emps.in_mujoco.step_s < emps.in_mujoco.file_step_s
+    assert emps.in_mujoco.after_rad < 0.15 * emps.in_mujoco.before_rad
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,15 @@ import pytest
 
 from backends.mjcf import JointNumbers, Plain, Play, file_drives, robot_file, written, written_urdf
 from benchmark.cli import app as cli
+from diagnosis.evidence.evidence import evidence
+from diagnosis.logs.two_files import Asked, pair
+from diagnosis.motion.columns import with_numbers
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.plain_gap import Compared, plain_gap
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.parts import limbs
+from diagnosis.replay.plain import model_text
 
 ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body name="upper" pos="0 0 0.5">
 <inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
@@ -209,3 +218,66 @@ def test_a_tilt_is_taken_home(tmp_path, capfd):
     assert found["model"]["after_rad"] < 0.2 * found["model"]["before_rad"]
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "out" / "corrected.xml"))
     assert model.opt.gravity == pytest.approx(found["model"]["gravity_m_s2"])
+
+
+STIFF = ARM.replace('kp="40" kv="1.2"', 'kp="9000" kv="120"').replace("-8 8", "-800 800")
+
+
+def test_a_time_step_is_taken_home_where_it_is_too_long(tmp_path):
+    """Halve a time step whose error is larger than what the numbers change, and no other."""
+    text = STIFF.replace("<option", '<option timestep="0.004"')
+    time_s = np.arange(0, 4, 0.004)
+    command = 0.4 * np.sin(2 * time_s) ** 3
+    asked = Play(
+        time_s=time_s, command=command[:, None], push=np.zeros((1000, 1)), start=np.zeros(1)
+    )
+    rubs = text.replace("damping=", 'frictionloss="5" solreffriction="1e-4 1" damping=')
+    real = Plain(rubs, ["a"], {}, timestep_s=1e-4).positions(asked)[:, 0]
+    pd.DataFrame({"time": time_s, "a_cmd": command, "a_pos": real}).to_csv(tmp_path / "r.csv")
+    for xml, step_s in ((text, 4e-3), (text.replace('"0.004"', '"1e-4"'), 1e-4)):
+        (tmp_path / "arm.xml").write_text(xml)
+        log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked())
+        nominal = mjcf_world(log)
+        (part,) = limbs(nominal)
+        limb = Limb(spec=part, recordings=recordings(log, part), rigid=True)
+        better = with_numbers(nominal, {"a": {"drive.coulomb_nm": 5.0}})
+        found = plain_gap(log, nominal, better, [Compared(evidence=evidence(limb))])
+        assert found.file_step_s == step_s and found.after_rad < 0.2 * found.before_rad
+        assert (found.step_s < step_s) == (step_s > 1e-4)
+        again = mujoco.MjModel.from_xml_string(model_text(log, better, nominal, found.step_s))
+        assert again.opt.timestep == found.step_s
+
+
+def test_a_light_link_hangs_at_the_end_of_its_play():
+    """Hold a link of 10 g at the stop of its play under a push, as one of 1 kg."""
+    light = ARM.replace('gravcomp="0"', "").replace('mass="0.8"', 'mass="0.01"')
+    light = light.replace("8e-4 4e-3 4e-3", "1e-6 1e-6 1e-6")
+    numbers = JointNumbers(**vars(NUMBERS) | {"mass_kg": 0.01, "play": 0.02})
+    weight = 0.01 * 9.81 * 0.15
+    ends = [shown(written(light, {"a": numbers}), np.zeros(len(T)), p)[-1] for p in (1.0, -1.0)]
+    assert ends[0] == pytest.approx(0.02 + (1.0 + weight) / 40, rel=0.02)
+    assert ends[1] == pytest.approx(-0.02 - (1.0 - weight) / 40, rel=0.02)
+
+
+def test_only_what_is_other_is_written(tmp_path):
+    """Leave a joint whose numbers are the nominal ones as it is in the file."""
+    two = ARM.replace(
+        "</body></worldbody>",
+        """<body name="lower" pos="0.3 0 0">
+    <inertial mass="0.3" pos="0.1 0 0" diaginertia="1e-4 1e-3 1e-3"/>
+    <joint name="b" axis="0 1 0" armature="0.01"/></body></body></worldbody>""",
+    )
+    two = two.replace(
+        "</actuator>",
+        '<general joint="b" gainprm="30" biasprm="0 -30 -1" biastype="affine"/></actuator>',
+    )
+    names = [f"{joint}_{kind}" for joint in "ab" for kind in ("cmd", "pos")]
+    frame = pd.DataFrame({"time": T} | {name: 0.2 * np.sin(T) for name in names})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(two)
+    log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked())
+    nominal = mjcf_world(log)
+    assert "general" not in model_text(log, nominal)
+    some = with_numbers(nominal, {"a": {"drive.coulomb_nm": 0.2}})
+    text = model_text(log, some, nominal)
+    assert '<general joint="b"' in text and 'frictionloss="0.2"' in text
