@@ -16,12 +16,17 @@ KINKS = (3.0, 12.0, 40.0)
 """The same of an effect whose law has a kink."""
 
 
+Chords = dict[tuple[int, float], Array]
+"""What effects change of readings over a size, by number and size (M,)."""
+
+
 def screened(
-    fitter: Fitter, fit: Fit, effects: Sequence[int]
+    fitter: Fitter, fit: Fit, effects: Sequence[int], chords: Chords
 ) -> tuple[dict[int, float], Mapping[int, Array]]:
     """Effects by number, with the sizes that promise most, the best first; and all slopes there.
 
-    An effect stands in place of its own tolerance.
+    An effect stands in place of its own tolerance. `chords`: as taken nearby, and then those that
+    are taken here as well.
     """
     free = {k: v for k, v in fit.u.items() if not fitter.is_column(k, fit.freed)}
     base, problem = fitter.shown(free), Problem.of(fitter.parameters, fit.freed)
@@ -38,8 +43,10 @@ def screened(
         inverse = whole if rest.all() else np.linalg.inv(curvature[np.ix_(rest, rest)])
         best = 0.0, 0.0
         for size in _sizes(one):
-            moved = fitter.shown({**free, number: now + size})
-            column = np.nan_to_num(moved - base) / size * weights
+            if (number, size) not in chords:
+                moved = fitter.shown({**free, number: now + size})
+                chords[number, size] = np.nan_to_num(moved - base) / size
+            column = chords[number, size] * weights
             shared = jacobian[:, rest].T @ column
             bend = column @ column - shared @ inverse @ shared
             slope = column @ left - shared @ inverse @ pull[rest]

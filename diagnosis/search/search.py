@@ -17,7 +17,7 @@ from diagnosis.motion.columns import MASS, PAYLOAD
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.screening import screened
+from diagnosis.search.screening import Chords, screened
 from diagnosis.verdict.exact import TIE_NATS, is_likely
 from diagnosis.verdict.exact import ranked as ranked_by_nats
 from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
@@ -100,6 +100,7 @@ class Search:
         self.parameters: Sequence[Parameter] = fitter.parameters
         self.tried: dict[frozenset[int], Fit] = {}
         self.thinned: set[tuple[tuple[int, ...], tuple[int, ...]]] = set()
+        self.chords: Chords = {}
         self.now: Fit | None = None
         self.singles: tuple[Fit, ...] = ()
 
@@ -281,10 +282,10 @@ class Search:
         further ones among those that explain much alone.
         """
         asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
-        every, slopes = screened(self.fitter, fit, asked)
+        every, slopes = screened(self.fitter, fit, asked, self.chords)
         found = _first(every, FITTED)
         if not fit.freed and fit.worst > FAR * self.ordinary.floors:
-            plain, _ = screened(self.fitter, self.plain, asked)
+            plain, _ = screened(self.fitter, self.plain, asked, {})
             more: Sizes = {**_first(plain, MORE), **self._kin(every), **self._of_all(found)}
         else:
             singles = {f.freed[0]: f.u[f.freed[0]] for f in self._ranked(self._sets(1))}
