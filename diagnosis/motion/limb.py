@@ -1,8 +1,8 @@
 """One limb's log beside its model: what its sensors would show, for any numbers of its joints."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -156,6 +156,17 @@ class Limb:
             found.append(Along(spec=self.spec, angle_rad=q, speed_rad_s=v))
         return tuple(found)
 
+    @cached_property
+    def _models(self) -> Callable[[tuple[float, ...], tuple[float, ...]], dict[Along, Model]]:
+        """The models with a load and a tilt, see `Along.changed`; few replays change either."""
+
+        @lru_cache(2)
+        def models(load: tuple[float, ...], tilt: tuple[float, ...]) -> dict[Along, Model]:
+            changes = np.array(load), np.array(tilt)
+            return {path: path.changed(*changes) for path in dict.fromkeys(self.along)}
+
+        return models
+
     def _moved(self, number: int, numbers: Array, count: int) -> tuple[Array, Array]:
         """How an episode moved by sensors with these numbers: angles and speeds (P, K)."""
         points_s = (np.arange(count) + 0.5) * self.stride * self.dt
@@ -205,8 +216,9 @@ class Limb:
     def _alike(self, known: Mapping[str, Any] | None = None, **changes: Any) -> "Limb":
         """With other fields; what follows from the motion stays, but for what is `known`."""
         other = replace(self, **changes)
-        kept = ("nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_ticks")
-        other.__dict__.update({name: getattr(self, name) for name in kept} | dict(known or {}))
+        kept = "nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_models"
+        own = {name: getattr(self, name) for name in (*kept, "_ticks")}
+        other.__dict__.update(own | dict(known or {}))
         return other
 
     def simulate(
@@ -249,7 +261,7 @@ class Limb:
         payload, carried = (numbers - self.nominal)[:, [c.PAYLOAD, c.CARRIED]].T
         load = np.concatenate([heavier, payload[last], carried])
         tilt = np.zeros(len(AXES)) if tilt is None else tilt
-        models = {path: path.changed(load, tilt) for path in dict.fromkeys(self.along)}
+        models = self._models(tuple(load), tuple(tilt))
         starts = np.zeros((len(self.recordings), 2, len(numbers)))
         starts[:, 0] = unread(np.array([r.start for r in self.recordings]), numbers) + shift
         ranges = np.array([body.joint.range_rad for body in hand.driven])

@@ -30,7 +30,7 @@ single nats count."""
 FITS, FAR, CLOSED = 4, 3.0, 0.15
 """Tolerances are fitted on at most so often, beyond a gap of so many floors, while a fit closes
 this share of the excess."""
-HOPELESS = 4.0
+HOPELESS = 1.5
 """A fit that leaves so many times what another left does not catch up."""
 USUAL = 4.0
 """Tolerances together are a gap beyond so many standard deviations of healthy robots'."""

@@ -270,9 +270,14 @@ class Search:
                 near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]
                 for u, known in self._starts(number, size, fit, slopes):
                     moving = None if joint is None else near
-                    least = min((f.excess for f in self._sets(len(freed))), default=np.inf)
-                    fitted = self.fitter.fit(freed, u, moving, known, beat=least + NEAR_MORE)
-                    self._keep(fitted)
+                    beat = self._to_beat(freed)
+                    self._keep(self.fitter.fit(freed, u, moving, known, beat=beat))
+
+    def _to_beat(self, freed: Sequence[int]) -> float:
+        """The excess of another fit of a set, or what the beam would keep of as many effects."""
+        same = [one.excess + NEAR_MORE for one in self._sets(len(freed))]
+        own = self.tried.get(frozenset(freed))
+        return min(same + ([own.excess] if own else []), default=np.inf)
 
     def _promising(self, fit: Fit) -> tuple[dict[int, float], Slopes]:
         """What to add to a fit with its size, the best first, and the slopes of its tolerances.
