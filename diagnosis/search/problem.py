@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from backends.state import Array
 from diagnosis.models.parameters import Parameter, bounds
@@ -17,8 +19,8 @@ WIDE = 1e3
 """An effect's size has a prior so many times wider than its bounds: none."""
 RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
-ROUNDS, SLACK = 40, 1e-12
-"""Changes of the active set before the best so far is taken, and what crosses no bound."""
+EXACT = 1e-12
+"""A step wins all but this share of what it can."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -94,26 +96,7 @@ class Problem:
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:
-    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,).
-
-    Bounds that a free solution crosses are made active; one whose multiplier pulls inwards is
-    released again, the strongest first.
-    """
-    pinned = np.zeros(len(slope), dtype=int)
-    d = np.zeros(len(slope))
-    for _ in range(ROUNDS):
-        free = pinned == 0
-        d = np.where(pinned < 0, low, np.where(pinned > 0, high, 0.0))
-        if free.any():
-            rest = slope[free] - curvature[np.ix_(free, ~free)] @ d[~free]
-            d[free] = np.linalg.solve(curvature[np.ix_(free, free)], rest)
-        below, above = free & (d < low - SLACK), free & (d > high + SLACK)
-        if below.any() or above.any():
-            pinned[below], pinned[above] = -1, 1
-            continue
-        pull = (slope - curvature @ d) * -pinned
-        worst = int(np.argmax(pull))
-        if pull[worst] <= SLACK:
-            break
-        pinned[worst] = 0
-    return np.clip(d, low, high)
+    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,)."""
+    root = cholesky(curvature, lower=True)
+    aim = solve_triangular(root, slope, lower=True)
+    return np.asarray(lsq_linear(root.T, aim, (low, high), method="bvls", tol=EXACT).x)
