@@ -22,8 +22,9 @@ from backends.state import Array
 from diagnosis.blind import judged
 from diagnosis.blind.files import BlindError, BlindSet, open_answers
 from diagnosis.blind.tables import excess
+from diagnosis.verdict.probability import NAMED, Curve, probability
+from diagnosis.verdict.result import NONE, UNKNOWN
 
-NAMED, UNKNOWN, NONE = "named", "unknown", "none"
 FEATURES: Mapping[str, tuple[str, ...]] = {
     NAMED: ("constant", "unshared", "left", "tied", "more", "lead"),
     UNKNOWN: ("constant", "gap", "share"),
@@ -47,10 +48,6 @@ class Row:
     right: bool
 
 
-Curve = dict[str, dict[str, float]]
-"""Coefficients by kind of verdict and feature."""
-
-
 @dataclass(frozen=True, kw_only=True)
 class Calibration:
     """A fitted curve, and its calibration on plants that it was not fitted on."""
@@ -63,15 +60,9 @@ class Calibration:
     """See `tables.excess`."""
 
 
-def probability(curve: Curve, row: Row) -> float:
-    """The probability that a verdict is right."""
-    score = sum(weight * row.features[name] for name, weight in curve[row.kind].items())
-    return float(1.0 / (1.0 + np.exp(-score)))
-
-
 def fit(every: Sequence[Row]) -> Curve:
     """The maximum posterior curve for some rows; a kind without rows gets probability 0.5."""
-    curve: Curve = {}
+    curve = dict[str, dict[str, float]]()
     for kind, wanted in FEATURES.items():
         some = [row for row in every if row.kind == kind]
         x = np.array([[row.features[name] for name in wanted] for row in some])
@@ -110,7 +101,7 @@ def calibrate(some: Sequence[Row]) -> Calibration:
         curve = fit([row for row in some if row.make != make])
         for k, row in enumerate(some):
             if row.make == make:
-                left_out[k] = probability(curve, row)
+                left_out[k] = probability(row.kind, row.features, curve)
     right = np.array([row.right for row in some], dtype=float)
     table = excess(left_out, right, np.array([row.make for row in some]))
     return Calibration(curve=fit(some), left_out=left_out, table=table)

@@ -10,6 +10,7 @@ from functools import cached_property
 from itertools import chain, islice
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from backends.state import Array
 from diagnosis.models.parameters import Parameter
@@ -60,9 +61,8 @@ TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 times the best's, and this."""
 END = 0.97
 """An effect is as large as is tried from this share of it on."""
-SCANNED, FINER, FINEST = 11, 2, 4
-"""A kink is sought at so many sizes, and so often between the neighbours of the best; where the law
-is exact, so often."""
+SCANNED, FINE = 11, 1e-3
+"""A kink is sought at so many sizes, then between the neighbours of the best to this share."""
 
 
 Sizes = Mapping[int, float]
@@ -340,14 +340,18 @@ class Search:
         return self.fitter.fit(freed, {k: u[k] for k in moving if k in u}, moving)
 
     def _scanned(self, number: int, low: float, high: float, first: float, alone: Sizes) -> float:
-        """The size with the sign of `first` that leaves least, in ever finer steps."""
+        """The size with the sign of `first` that leaves least."""
+
+        def left(size: float) -> float:
+            return self.fitter.excess_at({**alone, number: float(size)})
+
         sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
-        for _ in range(FINEST if self.ordinary.exact else FINER):
-            left = [self.fitter.excess_at({**alone, number: float(size)}) for size in sizes]
-            best = int(np.argmin(left))
-            found = float(sizes[best])
-            sizes = np.linspace(sizes[max(best - 1, 0)], sizes[min(best + 1, SCANNED - 1)], SCANNED)
-        return found
+        best = int(np.argmin([left(size) for size in sizes]))
+        ends = np.sort(sizes[[max(best - 1, 0), min(best + 1, SCANNED - 1)]])
+        near = minimize_scalar(
+            left, bounds=ends, method="bounded", options={"xatol": FINE * np.ptp(ends)}
+        )
+        return min(float(near.x), float(sizes[best]), key=left)
 
     def _is_tied(self, fit: Fit, best: Fit) -> bool:
         """Whether a set of the same size is as good as the best one."""

@@ -15,6 +15,8 @@ from diagnosis.verdict.result import UNKNOWN, Cause
 NAMED = "named"
 FILE = Path(__file__).with_name("curve.json")
 """By kind of verdict, the coefficients of `features`: what `bench blind calibrate` wrote."""
+Curve = Mapping[str, Mapping[str, float]]
+"""Coefficients by kind of verdict and feature."""
 LEAST = 1e-3
 RIGHT, RIGHT_UNKNOWN = 0.88, 0.90
 """Shares of effects named on touch, stick and contact, and of gaps called `unknown` there, that
@@ -38,14 +40,14 @@ def features(
 
 
 @cache
-def curve() -> Mapping[str, Mapping[str, float]]:
+def curve() -> Curve:
     """The coefficients by kind of verdict and feature."""
     return json.loads(FILE.read_text())
 
 
-def probability(kind: str, values: dict[str, float]) -> float:
-    """The probability that a verdict of this kind is right."""
-    score = sum(weight * values[name] for name, weight in curve()[kind].items())
+def probability(kind: str, values: Mapping[str, float], by: Curve | None = None) -> float:
+    """The probability that a verdict of this kind is right, by a curve or the one in `FILE`."""
+    score = sum(weight * values[name] for name, weight in (by or curve())[kind].items())
     return 1.0 / (1.0 + math.exp(-score))
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from diagnosis.blind import calibrate
 from diagnosis.blind.calibrate import NAMED, NONE, UNKNOWN, Row
+from diagnosis.verdict.probability import probability
 
 TRUE = {
     NAMED: {"constant": 1.0, "unshared": -0.6, "left": -0.5, "tied": -1.0, "more": 0.2, "lead": 1},
@@ -32,9 +33,7 @@ def drawn(count: int, seed: int, shift: float = 0.0) -> list[Row]:
             "more": float(rng.integers(2)),
             "lead": float(rng.uniform()),
         }
-        blank = Row(make=make, kind=kind, features=features, right=True)
-        chance = calibrate.probability(TRUE, blank)
-        chance = np.clip(chance + shift * (make == MAKES[0]), 0.0, 1.0)
+        chance = np.clip(probability(kind, features, TRUE) + shift * (make == MAKES[0]), 0.0, 1.0)
         found.append(Row(make=make, kind=kind, features=features, right=rng.uniform() < chance))
     return found
 
@@ -43,8 +42,8 @@ def test_a_known_curve_is_found():
     """Come within 0.03 of the true probability on average, over a thousand fresh rows."""
     curve = calibrate.fit(drawn(4000, 0))
     fresh = drawn(1000, 1)
-    off = [abs(calibrate.probability(curve, r) - calibrate.probability(TRUE, r)) for r in fresh]
-    assert np.mean(off) < 0.03
+    said, known = ([probability(r.kind, r.features, by) for r in fresh] for by in (curve, TRUE))
+    assert np.abs(np.subtract(said, known)).mean() < 0.03
     for kind, true in TRUE.items():
         assert list(curve[kind]) == list(calibrate.FEATURES[kind]) == list(true)
 
@@ -74,14 +73,9 @@ def test_few_rows_claim_little():
     """Stay near the share that is right where there are a dozen rows."""
     rows = [r for r in drawn(60, 4) if r.kind == NAMED][:12]
     curve = calibrate.fit(rows)
-    said = [calibrate.probability(curve, row) for row in rows]
+    said = [probability(row.kind, row.features, curve) for row in rows]
     assert np.mean(said) == pytest.approx(np.mean([row.right for row in rows]), abs=0.03)
-    assert (
-        calibrate.probability(
-            curve, Row(make="x", kind=NONE, features=rows[0].features, right=True)
-        )
-        == 0.5
-    )
+    assert probability(NONE, rows[0].features, curve) == 0.5
 
 
 def test_one_make_is_refused():
