@@ -2,7 +2,7 @@
 
 Elastic bands pull with about 0.3 kgf at 100 mm when a pulling servo is at its far end, and are
 slack at its near end. In between the pull is assumed to be proportional. Two coupled servos are
-assumed to carry half of pull and lever each. Drive numbers: BAM's identification of a 12 V STS3215.
+assumed to carry half of pull and lever each.
 """
 
 from pathlib import Path
@@ -20,6 +20,7 @@ from diagnosis.logs.log import (
     MjcfMechanism,
     make_log,
 )
+from diagnosis.logs.servos import servo as known_servo
 from files.bounded import FileError, one_line
 from files.tables import read_csv
 
@@ -33,10 +34,7 @@ PULL_NM = 0.3 * 9.80665 * 0.1
 SLACK = 0.02
 """A pulling servo is at its near end within this share of its range; it holds its position to a few
 counts."""
-KT_NM_A, RESISTANCE_OHM, ARMATURE_KGM2 = 1.444, 2.03, 0.0325
-"""Motor (Rhoban/bam, params/feetech_sts3215_12V/m1)."""
-SUPPLY_V, FULL_DUTY, DUTY_PER_RAD = 12.0, 0.97, 32 * 0.166 * 0.975
-"""Supply [V]; largest duty cycle; duty cycle per error at the default gain of 32 [1/rad]."""
+SERVO = "sts3215-12v"
 LEVER_KG, LEVER_M = 0.02, 0.1
 """Printed lever; its mass is a guess [kg]."""
 UNCERTAINTY = 0.2
@@ -119,12 +117,9 @@ def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
 
 
 def _drive() -> DriveSettings:
-    torque_per_volt = KT_NM_A / RESISTANCE_OHM
-    return DriveSettings(
-        kp=torque_per_volt * SUPPLY_V * DUTY_PER_RAD,
-        kd=torque_per_volt * KT_NM_A,
-        limit=torque_per_volt * SUPPLY_V * FULL_DUTY,
-    )
+    """The servo with its back-EMF as kd, for engines have the PD law alone."""
+    known = known_servo(SERVO)
+    return known.model_copy(update={"kd": known.back_emf, "back_emf": 0.0})
 
 
 def _mjcf(joints: list[str]) -> str:
@@ -135,7 +130,7 @@ def _mjcf(joints: list[str]) -> str:
         f"""
     <body name="lever_{joint}">
       <inertial mass="{mass}" pos="{LEVER_M / 2} 0 0" diaginertia="1e-7 {across} {across}"/>
-      <joint name="{joint}" axis="0 0 1" armature="{ARMATURE_KGM2}"/>
+      <joint name="{joint}" axis="0 0 1"/>
     </body>"""
         for joint in joints
     )

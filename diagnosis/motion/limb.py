@@ -106,6 +106,11 @@ class Limb:
         stiffness = inertia * TRACKED_RAD_S**2 + falls
         return np.where(self.open, [stiffness, 2.0 * np.sqrt(inertia * stiffness)], own)
 
+    @property
+    def _springs(self) -> Array:
+        """`servo` of open loops alone."""
+        return np.where(self.open, self.servo, 0.0)
+
     @cached_property
     def stride(self) -> int:
         """Ticks between points of the model."""
@@ -188,9 +193,8 @@ class Limb:
         """The motion (T, K) that open loops are held to, by which stiffness and damping (K,)."""
         if not self.open.any():
             return None
-        stiffness, damping = np.where(self.open, self.servo, 0.0)
         still = smoothed(_filled(recording), self.period_s)
-        return unread(still, self.nominal), stiffness, damping
+        return unread(still, self.nominal), *self._springs
 
     def with_signals(self, **signals: Sequence[Array]) -> "Limb":
         """The same limb and motion with other signals by episode: `command` or `push` (T, K)."""
@@ -284,7 +288,7 @@ class Limb:
         """A model in which open loops are held to an episode's motion, and how fast it begins."""
         m, h, dq, dv, closed = model
         q, v = self._moved(number, numbers, len(path.angle_rad))
-        stiffness, damping = np.where(self.open, self.servo, 0.0)
+        stiffness, damping = self._springs
         h = h + stiffness * (path.angle_rad - q) + damping * (path.speed_rad_s - v)
         held = m, h, dq + np.diag(stiffness), dv + np.diag(damping), closed
         return held, np.where(self.open, v[0], 0.0)
