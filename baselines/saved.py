@@ -94,7 +94,7 @@ def read_contract(folder: Path) -> dict:
         raise PolicyError(f"no policy here: {path} does not exist") from None
     except FileError as error:
         raise PolicyError(str(error)) from error
-    channels = contract.get("observation") if isinstance(contract, dict) else None
+    channels = contract.get("observation")
     if not isinstance(channels, list) or not all(isinstance(c, dict) for c in channels):
         raise PolicyError(f"{path} is no contract: it lists no observation, channel by channel")
     return contract

@@ -55,16 +55,19 @@ def read_text(path: Path, most: int = MOST_BYTES) -> str:
         raise FileError(f"{path} cannot be read as UTF-8 text: {error}; save it as UTF-8") from None
 
 
-def read_json(path: Path, most: int = MOST_BYTES) -> Any:
-    """The file's JSON; raises as `read_bytes` does."""
+def read_json(path: Path, most: int = MOST_BYTES) -> dict[str, Any]:
+    """The file's JSON object; raises as `read_bytes` does."""
     try:
-        return json.loads(read_text(path, most))
+        data = json.loads(read_text(path, most))
     except FileError:
         raise
     except ValueError as error:
         raise FileError(f"{path} cannot be read as JSON: {one_line(str(error))}") from None
     except RecursionError:
         raise FileError(f"{path} cannot be read as JSON: it is nested too deeply") from None
+    if not isinstance(data, dict):
+        raise FileError(f"{path} holds no JSON object")
+    return data
 
 
 def one_line(text: str, most: int = MOST_WORDS) -> str:

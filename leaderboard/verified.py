@@ -21,7 +21,7 @@ def read_verified(folder: Path) -> dict[str, dict]:
     if not path.exists():
         return {}
     marks = read_json(path)
-    if not isinstance(marks, dict) or not all(isinstance(mark, dict) for mark in marks.values()):
+    if not all(isinstance(mark, dict) for mark in marks.values()):
         raise ValueError(f"{path} holds no marks by row")
     return marks
 

@@ -243,12 +243,9 @@ def write_json(path: Path, data: Any) -> None:
 def read_json(path: Path) -> dict:
     """A JSON object; raises BlindError."""
     try:
-        data = bounded.read_json(path)
+        return bounded.read_json(path)
     except (OSError, FileError) as error:
-        raise BlindError(str(error)) from None
-    if not isinstance(data, dict):
-        raise BlindError(f"{path} holds no JSON object; {AS_MADE}")
-    return data
+        raise BlindError(f"{error}; {AS_MADE}") from None
 
 
 def _checked(kind: type[T], data: dict, path: Path) -> T:

@@ -16,6 +16,7 @@ import pandas as pd
 from diagnosis.logs import importer
 from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
 from diagnosis.logs.servos import servo
+from files.bounded import FileError, read_json
 
 UNCERTAINTY = 0.1
 _USED = ("timestamp", "goal_position", "position", "speed", "torque_enable")
@@ -33,7 +34,10 @@ class Importer(importer.Importer):
 
 
 def _load(path: Path) -> dict[str, Any]:
-    data = importer.read_json(path)
+    try:
+        data = read_json(path, importer.MOST_BYTES)
+    except FileError as error:
+        raise LogError(str(error)) from None
     missing = [name for name in _SETTINGS if name not in data]
     if missing or not data["entries"]:
         raise LogError(f"{path} has no {', '.join(missing) or 'entries'}; is it a BAM log?")

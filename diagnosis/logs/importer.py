@@ -6,7 +6,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from diagnosis.logs.log import Log, LogError
-from files import bounded
 
 MOST_BYTES = 100_000_000
 """Largest recording that is read."""
@@ -34,14 +33,3 @@ def files(path: Path, pattern: str) -> list[Path]:
     if not found:
         raise LogError(f"no recording at {path}; give a {pattern} file or a folder with such files")
     return found
-
-
-def read_json(path: Path) -> dict:
-    """A JSON object; raises LogError."""
-    try:
-        data = bounded.read_json(path, MOST_BYTES)
-    except bounded.FileError as error:
-        raise LogError(str(error)) from None
-    if not isinstance(data, dict):
-        raise LogError(f"{path} holds no JSON object; is it a recording of this kind?")
-    return data
