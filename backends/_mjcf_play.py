@@ -35,7 +35,9 @@ class Play:
     push: Array
     """External torques [Nm or N], shape (T, K)."""
     start: Array
-    """Positions at rest [rad or m], shape (K,)."""
+    """Positions at the start [rad or m], shape (K,)."""
+    rate: Array | None = None
+    """Speeds there [rad/s or m/s], shape (K,); None: it begins at rest."""
     held: tuple[Array, Array, Array] | None = None
     """A motion (T, K) to which springs hold the joints, their stiffness and their damping (K,)."""
 
@@ -114,7 +116,7 @@ class Plain:
         model = copy.copy(self.model)
         data, shown = mujoco.MjData(model), np.empty((len(control), model.nq))
         drives = [Drive(model, name, own) for name, own in self._drives.items()]
-        self._place(data, play.start)
+        self._place(data, play)
         if play.held:
             motion, stiffness, damping = play.held
             time_s = np.arange(len(control)) * model.opt.timestep
@@ -136,9 +138,9 @@ class Plain:
         return shown
 
     def _rolled(self, play: Play, control: Array, applied: Array) -> Array:
-        """All coordinates (S, Q) before each step, from rest."""
+        """All coordinates (S, Q) before each step."""
         data = mujoco.MjData(self.model)
-        self._place(data, play.start)
+        self._place(data, play)
         state = np.empty(mujoco.mj_stateSize(self.model, _STATE))
         mujoco.mj_getState(self.model, data, state, _STATE)
         acts = np.concatenate([control, applied], axis=1)
@@ -147,10 +149,11 @@ class Plain:
         )
         return np.vstack([state, states[0][:-1]])[:, 1 : 1 + self.model.nq]
 
-    def _place(self, data: mujoco.MjData, start: Array) -> None:
-        """Let joints stand where sensors read `start`."""
+    def _place(self, data: mujoco.MjData, play: Play) -> None:
+        """Let joints be where sensors read its start, as fast as it is."""
         data.qpos[:] = self._pose
-        data.qpos[self._at] = self._unread(start)
+        data.qpos[self._at] = self._unread(play.start)
+        data.qvel[self.model.jnt_dofadr[self._own]] = 0.0 if play.rate is None else play.rate
         for place, one in self._led.items():
             at = data.qpos[self.model.jnt_qposadr[one.leader]]
             data.qpos[place] = np.polynomial.polynomial.polyval(at, one.course)

@@ -44,7 +44,6 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
     if not problem.numbers:
         return fit.residual
     weights = root_weights(fitter.evidence, fit.residual)
-    slopes = np.stack([fit.slopes[k] for k in problem.numbers], axis=1)
     now, found = problem.at(fit.u), np.empty_like(fit.residual)
     half = fitter.evidence.seconds % HALVES
     for number in range(HALVES):
@@ -52,7 +51,8 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
         seen = np.where(unseen, 0.0, weights)
         _, curvature, pull = problem.normal(fit.slopes, seen, fit.residual, fit.u)
         step = lowest(curvature, pull, problem.low - now, problem.high - now)
-        found[unseen] = (fit.residual - slopes @ step)[unseen]
+        moved_by = zip(problem.numbers, step, strict=True)
+        found[unseen] = (fit.residual - sum(fit.slopes[k] * by for k, by in moved_by))[unseen]
     return found
 
 

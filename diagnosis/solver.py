@@ -16,9 +16,8 @@ from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
-from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt
+from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt, excerpted
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.packets.losses import Losses, arrived, losses
 from diagnosis.packets.rounding import Rounding, roundings
 from diagnosis.progress import Progress, Stop, within
@@ -43,6 +42,8 @@ SEARCHED, FITTED = 0.6, 0.9
 """Shares of a limb's work that are done after the search, and after the fits to the whole log."""
 RESTS = "rows are {:.0f} ms apart, so only rests are judged; record one every 50 ms or faster"
 LONG = "fitted to the {:.0f} s of {:.0f} s that say most"
+SHORTER = 0.99
+"""A part is shorter than the whole by more than what episodes too short to use last."""
 LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
 NARROW = 0.5
@@ -178,11 +179,11 @@ def _searched(
     """What a search finds, on a part of a long log, then fitted to all of it."""
     part = _part(said)
     fitter = Fitter(part, known)
-    found = Search(fitter, ordinary, within(progress, 0.0, SEARCHED)).run()
+    found = Search(fitter, ordinary, within(progress, 0.0, SEARCHED)).run().lean()
     try:
         if part is not said and not found.stopped:
             whole = Fitter(said, known)
-            found = on_whole(whole, found, ordinary, within(progress, SEARCHED, FITTED))
+            found = on_whole(whole, found, ordinary, within(progress, SEARCHED, FITTED)).lean()
             fitter = whole
         progress("what is left", FITTED)
     except Stop:
@@ -241,22 +242,17 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:
     """What a log says of a limb, and notes on what of it cannot be used."""
-    whole = recordings(log, part)
-    some = excerpt(whole, FITTED_S)
+    some, whole_s = excerpted(log, part, FITTED_S)
     if asked.rigid:
         some = with_own_steps(log, part, some)
     limb = Limb(spec=part, recordings=some, rigid=asked.rigid, exact=asked.origin.exact)
     limb, notes = checked(limb)
-    if _lasts_s(some) < _lasts_s(whole):
-        notes = (*notes, LONG.format(_lasts_s(some), _lasts_s(whole)))
+    if (lasts_s := sum(float(one.time_s[-1]) for one in some)) < SHORTER * whole_s:
+        notes = (*notes, LONG.format(lasts_s, whole_s))
     said = evidence(limb)
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
     return spreading(World(said)), notes
-
-
-def _lasts_s(every: Sequence[Recording]) -> float:
-    return sum(float(one.time_s[-1]) for one in every)
 
 
 def _centred(known: Sequence[Parameter], sound: Sequence[Fit]) -> tuple[Parameter, ...]:

@@ -32,6 +32,7 @@ from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, decisive, named, verdict
 from diagnosis.verdict.sensors import not_looked_for
 from diagnosis.where import Place, largest, locate
+from files.tables import give_back
 
 FIRST = "checking the log; the first diagnosis after installing compiles for some 15 s"
 STOPPED = "Stopped before its end; this is what the fits so far say:"
@@ -65,6 +66,7 @@ def diagnose(
     world, tell = nominal or mjcf_world(log), forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
     remarks, *_ = [triage(one, world) for one in (log, *healthy)]
+    give_back()
     part = within(tell, CHECKED, JUDGED)
     limbs, notes = judged(log, healthy, world, known, origin, part)
     stopped = limbs[-1].stopped

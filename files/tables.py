@@ -18,6 +18,8 @@ MOST_CELLS = 50_000_000
 """Most numbers in a table, those within a cell counted."""
 MOST_COLUMNS = 2_000
 _PARQUET_MAGIC = b"PAR1"
+_MEMORY = pa.system_memory_pool()
+pa.set_memory_pool(_MEMORY)
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 _INDEX = re.compile(r"__index_level_\d+__")
 """Columns in which pandas keeps the names of rows."""
@@ -34,13 +36,19 @@ def read_parquet(path: Path) -> pd.DataFrame:
         file = pq.ParquetFile(pa.BufferReader(data))
         _refuse_large(path, _cells(file.metadata), len(file.schema_arrow.names))
         table = file.read().replace_schema_metadata()  # pandas' own, which nobody needs
-        frame = table.to_pandas()
+        frame = table.to_pandas(split_blocks=True, self_destruct=True)
+        del table, file
     except FileError:
         raise
     except (pa.ArrowException, OSError, OverflowError, ValueError) as error:
         said = one_line(str(error))
         raise FileError(f"{path} is damaged: {said}; copy or record it again") from None
     return frame[[name for name in frame.columns if not _INDEX.fullmatch(str(name))]]
+
+
+def give_back() -> None:
+    """Give memory that nobody needs after large tables were read back to the system."""
+    _MEMORY.release_unused()
 
 
 def read_csv(path: Path, **options: Any) -> pd.DataFrame:

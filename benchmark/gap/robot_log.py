@@ -27,6 +27,8 @@ from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
 
 FOLDER = "log"
 """Where the log of two files is written, within the folder of the results."""
+READABLE = 100_000
+"""Rows of a table that one may want to read, as CSV."""
 FORM = "JOINT=kp:60+-20%,kd:1.5,limit:12,armature:0.01"
 
 
@@ -68,7 +70,7 @@ def read(source: Source, out: Path, force: bool) -> Read:
         made = pair(source.robot, tables, asked)
         known_drives(made)
         log = with_commands_first(made)
-    write_log(log, folder, "csv", force=force)
+    write_log(log, folder, "csv" if len(log.samples) <= READABLE else "parquet", force=force)
     return Read(folder=folder, log=log, said=made.said)
 
 

@@ -9,6 +9,7 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -98,12 +99,7 @@ class Log:
 
     def signal(self, kind: str, episode: int, joints: Sequence[str] | None = None) -> Array:
         """A kind for all joints or some, shape (T, J); NaN where it was not logged."""
-        named = self.joints if joints is None else joints
-        names = [name_of(kind, joint, self.is_linear(joint)) for joint in named]
-        frame = self.episode(episode)
-        none = np.full(len(frame), np.nan)
-        columns = (frame[n].to_numpy(dtype=float) if n in frame else none for n in names)
-        return np.stack(list(columns), axis=1)
+        return signal(self, self.episode(episode), kind, self.joints if joints is None else joints)
 
     def touch(self, episode: int) -> Array | None:
         """Readings of all taxels, shape (T, F, 128); None if the episode has none."""
@@ -132,8 +128,23 @@ class Log:
 
     @cached_property
     def _parts(self) -> dict[int, pd.DataFrame]:
-        groups = self.samples.groupby("episode", sort=False)
-        return {int(str(k)): part.reset_index(drop=True) for k, part in groups}
+        number = self.samples["episode"].to_numpy()
+        edges = [0, *(np.flatnonzero(np.diff(number)) + 1), len(number)]
+        if len(edges) - 1 > len(np.unique(number)):  # an episode comes in parts
+            groups = self.samples.groupby("episode", sort=False)
+            return {int(str(k)): part.reset_index(drop=True) for k, part in groups}
+        return {
+            int(number[a]): self.samples.iloc[a:b].reset_index(drop=True)
+            for a, b in pairwise(edges)
+        }
+
+
+def signal(log: Log, rows: pd.DataFrame, kind: str, joints: Sequence[str]) -> Array:
+    """A kind for some joints in rows of a log, shape (T, J); NaN where it was not logged."""
+    names = [name_of(kind, joint, log.is_linear(joint)) for joint in joints]
+    none = np.full(len(rows), np.nan)
+    columns = (rows[n].to_numpy(dtype=float) if n in rows else none for n in names)
+    return np.stack(list(columns), axis=1)
 
 
 def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) -> Log:

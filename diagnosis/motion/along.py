@@ -58,22 +58,28 @@ class Along:
 
     @cached_property
     def by_load(self) -> tuple[Array, Array]:
-        """What M (L, P K K) and h (L, P K) gain in L worlds.
+        """What h (L, P K) gains in L worlds, and M (N, P K K) in the first N of them.
 
         Each joint's own link twice as heavy, as much at the end of each last one, and each link
         with its whole weight carried beside the drives, on top of what is; who carries weight
         knows of no load.
         """
-        hand, motion = self.spec.hand, (self.angle_rad, self.speed_rad_s)
+        hand, (q, v) = self.spec.hand, (self.angle_rad, self.speed_rad_s)
         heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
         held = [replace(b, payload=b.payload + 1.0) for b in hand.ends]
         light = [replace(b, carried=b.carried + 1.0) for b in hand.driven]
-        bodies = {body.name: body for body in hand.driven}
-        worlds = [bodies | {body.name: body} for body in (*heavy, *held, *light)]
-        found = [dynamics(self.spec.with_driven(one.values()), *motion) for one in worlds]
-        mass, bias = zip(*found, strict=True)
-        more = np.stack(mass) - self.model[0], np.stack(bias) - self.model[1]
-        return more[0].reshape(len(worlds), -1), more[1].reshape(len(worlds), -1)
+        bodies, (mass, bias, *_) = {body.name: body for body in hand.driven}, self.model
+        more_m = np.empty((len(heavy) + len(held), mass.size))
+        more_h = np.empty((len(more_m) + len(light), bias.size))
+        for n, body in enumerate((*heavy, *held, *light)):
+            spec = self.spec.with_driven((bodies | {body.name: body}).values())
+            if n < len(more_m):
+                m, h = dynamics(spec, q, v)
+                more_m[n] = (m - mass).ravel()
+            else:
+                h = bias_torques(spec, q, v)
+            more_h[n] = (h - bias).ravel()
+        return more_m, more_h
 
     @cached_property
     def by_gravity(self) -> Array:
@@ -86,13 +92,17 @@ class Along:
         """The model with shares `load` (L,) of `by_load`, and gravity turned by `tilt`."""
         m, h, dq, dv = self.model
         if load.any():
-            some = np.flatnonzero(load)
-            more_m, more_h = (load[some] @ more[some] for more in self.by_load)
+            more_m, more_h = (_weighed(load[: len(more)], more) for more in self.by_load)
             m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
         if tilt.any():
             gravity = np.array(self.spec.gravity_m_s2)
             h = h + np.tensordot(turned(gravity, tilt) - gravity, self.by_gravity, 1)
         return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
+
+
+def _weighed(load: Array, more: Array) -> Array:
+    some = np.flatnonzero(load)
+    return np.asarray(load[some] @ more[some])
 
 
 def smoothed(position: Array, period_s: float) -> Array:

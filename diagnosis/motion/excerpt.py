@@ -1,19 +1,30 @@
 """A part of a long log that says nearly as much as the whole: what a search or a fit is quick on.
 
-Pieces begin where all joints rest, for a replay begins at rest, and are taken by how much motion a
-second of them adds, most for joints that have moved least so far.
+Pieces are taken by what a second of them adds: motion, and error that is unlike that of the rest of
+the log, most of joints that have shown least so far. They begin at rests, or where none comes for
+long, in motion.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from backends.spec import Spec
 from backends.state import Array
-from diagnosis.motion.recordings import LEAST_SAMPLES, Recording, stood_s
+from diagnosis.logs.log import Log
+from diagnosis.motion.recordings import (
+    LEAST_SAMPLES,
+    Recording,
+    episodes_of,
+    lasting,
+    recording,
+    stood_s,
+)
 
-SEARCHED_S, FITTED_S = 120.0, 1200.0
+SEARCHED_S, FITTED_S = 120.0, 600.0
 """Joint-seconds that a search is made on, and that all is fitted to."""
 LEAST = 1 / 6
 """An excerpt has at least this share of its joint-seconds as seconds; no piece is longer."""
@@ -22,56 +33,183 @@ PIECE_S = 4.0
 REST_S, STILL_RAD = 0.3, 4e-3
 """A joint rests whose target stood still for so long, and whose reading kept within this [rad]."""
 FIRST = 0.1
-"""Of a joint's whole motion: so much is taken to be known before any piece of it is."""
+"""Of what all of a joint's pieces show: so much is taken to be known before any of them is."""
+COARSE_S = 0.02
+"""Pieces are chosen by means over so long."""
+CHUNK = 50_000
+"""A log is looked through by so many rows."""
 
 
 def excerpt(recordings: Sequence[Recording], enough_s: float) -> tuple[Recording, ...]:
     """The recordings, or pieces of them where they are longer than `enough_s` joint-seconds."""
-    joints = recordings[0].command.shape[1]
-    budget_s = max(1.0 / joints, LEAST) * enough_s
-    if sum(float(r.time_s[-1]) for r in recordings) <= 1.5 * budget_s:
+    if not _is_long([one.time_s[-1] for one in recordings], recordings[0], enough_s):
         return tuple(recordings)
-    longest_s = LEAST * enough_s
-    pieces = [piece for recording in recordings for piece in _pieces(recording, longest_s)]
-    moved = np.array([np.abs(np.diff(p.asked, axis=0)).sum(axis=0) for p in pieces])
-    moved /= np.maximum(moved.sum(axis=0), 1e-12)
-    lasts_s = np.array([max(float(p.time_s[-1]), 1e-3) for p in pieces])
+    chosen = _chosen([_Coarse.of([one]) for one in recordings], enough_s)
+    return tuple(_piece(recordings[one.number], one.begin, one.end, one.rests) for one in chosen)
+
+
+def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, ...], float]:
+    """The same of a limb's episodes in a log, and how long these are [s].
+
+    Without all of a long log in memory. Raises LogError where there are none.
+    """
+    every = episodes_of(log, limb)
+    lasts_s = [float(np.ptp(log.episode(one.episode)["t_s"])) for one in every]
+    first = recording(log, limb, every[0], slice(0, LEAST_SAMPLES))
+    if not _is_long(lasts_s, first, enough_s):
+        return lasting([recording(log, limb, one) for one in every]), sum(lasts_s)
+    coarse = []
+    for one in every:
+        chunks = (slice(k, k + CHUNK) for k in range(0, len(log.episode(one.episode)), CHUNK))
+        coarse.append(_Coarse.of(recording(log, limb, one, chunk) for chunk in chunks))
+    found = []
+    for piece in _chosen(coarse, enough_s):
+        before = max(2 * piece.begin - piece.end, 0)
+        near = recording(log, limb, every[piece.number], slice(before, piece.end))
+        found.append(_piece(near, piece.begin - before, piece.end - before, piece.rests))
+    return tuple(found), sum(lasts_s)
+
+
+def _is_long(lasts_s: Sequence[float], one: Recording, enough_s: float) -> bool:
+    return sum(lasts_s) > 1.5 * _budget_s(one.command.shape[1], enough_s)
+
+
+def _budget_s(joints: int, enough_s: float) -> float:
+    return max(1.0 / joints, LEAST) * enough_s
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Coarse:
+    """An episode of K joints in B blocks."""
+
+    time_s: Array
+    row: Array
+    """First rows of the blocks, and the end, shape (B + 1,)."""
+    asked: Array
+    """All that is asked and pushed at their beginnings, shape (B, A)."""
+    command: Array
+    position: Array
+    """Means of the readings, shape (B, K)."""
+
+    @classmethod
+    def of(cls, parts: Iterator[Recording] | Sequence[Recording]) -> "_Coarse":
+        """An episode that comes in parts."""
+        times, rows, asked, command, position, end = [], [], [], [], [], 0
+        for one in parts:
+            size = max(1, round(COARSE_S / max(float(np.median(np.diff(one.time_s))), 1e-6)))
+            starts = np.arange(0, len(one.time_s), size)
+            counts = np.diff(np.append(starts, len(one.time_s)))[:, None]
+            times.append(one.began_s + one.time_s[starts])
+            rows.append(end + starts)
+            asked.append(np.concatenate([one.asked, one.push], axis=1)[starts])
+            command.append(one.command[starts])
+            position.append(np.add.reduceat(one.measured[:, 0], starts) / counts)
+            end += len(one.time_s)
+        return cls(
+            time_s=np.concatenate(times) - times[0][0],
+            row=np.append(np.concatenate(rows), end),
+            asked=np.concatenate(asked),
+            command=np.concatenate(command),
+            position=np.concatenate(position),
+        )
+
+    @cached_property
+    def rests(self) -> Array:
+        """Where all joints have rested, (B,)."""
+        window = int(np.searchsorted(self.time_s, REST_S)) + 1
+        position, travel = self.position, np.nanmax(self.position, axis=0)
+        travel = travel - np.nanmin(position, axis=0)
+        moves = np.ptp(self.command, axis=0) > 0.0
+        still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
+        steady = stood_s(np.arange(len(self.asked)), self.asked) >= window
+        size, known = window + 1, np.isfinite(position)
+        trailing = {"size": size, "axis": 0, "origin": window // 2}
+        top = maximum_filter1d(np.where(known, position, np.inf), **trailing)
+        bottom = minimum_filter1d(np.where(known, position, -np.inf), **trailing)
+        return np.asarray(steady & np.all(top - bottom <= still, axis=1))
+
+    def pieces(self, longest_s: float) -> Iterator[tuple[int, int]]:
+        """From which block to before which its pieces go: cut at rests, or where too long."""
+        starts = [0]
+        for k in [*np.flatnonzero(self.rests), len(self.time_s)]:
+            last_s = self.time_s[min(k, len(self.time_s) - 1)]
+            while last_s - self.time_s[starts[-1]] > longest_s + PIECE_S:
+                at_s = self.time_s[starts[-1]] + longest_s
+                starts.append(max(int(np.searchsorted(self.time_s, at_s)), starts[-1] + 1))
+            if k < len(self.time_s) and last_s - self.time_s[starts[-1]] >= PIECE_S:
+                starts.append(int(k))
+        for begin, end in zip(starts, [*starts[1:], len(self.time_s)], strict=True):
+            if self.row[end] - self.row[begin] >= LEAST_SAMPLES:
+                yield begin, end
+
+    @cached_property
+    def laws(self) -> Array:
+        """What errors follow from where nothing changes: pose, speed and its sign, (B, 3 + 2K)."""
+        q = np.nan_to_num(self.position)
+        v = np.gradient(q, np.maximum(self.time_s, 0.0) + 1e-9 * np.arange(len(q)), axis=0)
+        sign = np.tanh(v / np.maximum(np.quantile(np.abs(v), 0.5, axis=0), 1e-9))
+        return np.concatenate([np.ones((len(q), 1)), v, sign, np.sin(q), np.cos(q)], axis=1)
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Chosen:
+    """A piece of an episode, from a row to before another."""
+
+    number: int
+    begin: int
+    end: int
+    rests: bool
+    """Whether it begins at rest."""
+
+
+def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[_Chosen]:
+    """The pieces that show most, in order."""
+    pieces = [(k, *ends) for k, one in enumerate(every) for ends in one.pieces(LEAST * enough_s)]
+    shows = np.array([_shows(every[k], a, b) for k, a, b in pieces])
+    odd = _odd(every)
+    strange = np.array([odd[k][a:b].sum(axis=0) for k, a, b in pieces])
+    shows = np.concatenate([shows, strange], axis=1)
+    shows /= np.maximum(shows.sum(axis=0), 1e-12)
+    lasts_s = np.array([every[k].time_s[b - 1] - every[k].time_s[a] for k, a, b in pieces])
+    lasts_s, budget_s = np.maximum(lasts_s, 1e-3), _budget_s(every[0].command.shape[1], enough_s)
     taken: list[int] = []
-    seen = np.full(moved.shape[1], FIRST)
+    seen = np.full(shows.shape[1], FIRST)
     while len(taken) < len(pieces) and lasts_s[taken].sum() < budget_s:
-        gain = (moved / seen).sum(axis=1) / lasts_s
+        gain = (shows / seen).sum(axis=1) / lasts_s
         gain[taken] = -1.0
         best = int(np.argmax(gain))
         taken.append(best)
-        seen = seen + moved[best]
-    return tuple(pieces[k] for k in sorted(taken))
+        seen = seen + shows[best]
+    for n in sorted(taken):
+        k, a, b = pieces[n]
+        rests = bool(every[k].rests[a])
+        yield _Chosen(number=k, begin=int(every[k].row[a]), end=int(every[k].row[b]), rests=rests)
 
 
-def _pieces(recording: Recording, longest_s: float) -> Iterator[Recording]:
-    """The recording cut at rests."""
-    starts = [0]
-    for k in np.flatnonzero(_rests(recording)):
-        if recording.time_s[k] - recording.time_s[starts[-1]] >= PIECE_S:
-            starts.append(int(k))
-    for begin, end in zip(starts, [*starts[1:], len(recording.time_s)], strict=True):
-        end = min(end, int(np.searchsorted(recording.time_s, recording.time_s[begin] + longest_s)))
-        if end - begin >= LEAST_SAMPLES:
-            before = max(begin - max(3, (end - begin) // 200), 0)
-            read = recording.measured[before : begin + 1, 0]
-            start = recording.start if begin == 0 else np.nanmean(read, axis=0)
-            yield replace(recording.part(begin, end), start=start)
+def _shows(one: _Coarse, begin: int, end: int) -> Array:
+    """How far each target moves in a piece (A,)."""
+    return np.asarray(np.abs(np.diff(one.asked[begin:end], axis=0)).sum(axis=0))
 
 
-def _rests(recording: Recording) -> Array:
-    """Where all joints have rested, (T,)."""
-    window = int(np.searchsorted(recording.time_s, REST_S)) + 1
-    position, travel = recording.measured[:, 0], np.ptp(recording.measured[:, 0], axis=0)
-    moves = np.ptp(recording.command, axis=0) > 0.0
-    still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
-    asked = np.concatenate([recording.asked, recording.push], axis=1)
-    steady = stood_s(np.arange(len(asked)), asked) >= window
-    size, known = window + 1, np.isfinite(position)
-    trailing = {"size": size, "axis": 0, "origin": window // 2}
-    top = maximum_filter1d(np.where(known, position, np.inf), **trailing)
-    bottom = minimum_filter1d(np.where(known, position, -np.inf), **trailing)
-    return steady & np.all(top - bottom <= still, axis=1)
+def _odd(every: Sequence[_Coarse]) -> list[Array]:
+    """Squared errors of each joint that do not follow as in all of the log, by episode (B, K)."""
+    laws = np.concatenate([one.laws for one in every])
+    error = np.nan_to_num(np.concatenate([one.command - one.position for one in every]))
+    left = error - laws @ np.linalg.lstsq(laws, error)[0]
+    return np.split(left**2, np.cumsum([len(one.time_s) for one in every])[:-1])
+
+
+def _piece(whole: Recording, begin: int, end: int, rests: bool) -> Recording:
+    """Rows of a recording; they begin where it rests, or as it moves there."""
+    part = whole.part(begin, end)
+    if begin == 0:
+        return part
+    if rests:
+        reach = max(3, (end - begin) // 200)
+        read = whole.measured[max(begin - reach, 0) : begin + 1, 0]
+        return replace(part, start=np.nanmean(read, axis=0))
+    reach = max(2, int(np.searchsorted(part.time_s, COARSE_S)))
+    near = slice(max(begin - reach, 0), begin + reach + 1)
+    away_s, read = whole.time_s[near] - whole.time_s[begin], whole.measured[near, 0]
+    rate, start = np.polyfit(away_s, np.nan_to_num(read), 1)
+    return replace(part, start=start, rate=rate)

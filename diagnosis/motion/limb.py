@@ -268,6 +268,8 @@ class Limb:
         models = self._models(tuple(load), tuple(tilt))
         starts = np.zeros((len(self.recordings), 2, len(numbers)))
         starts[:, 0] = unread(np.array([r.start for r in self.recordings]), numbers) + shift
+        for start, one in zip(starts, self.recordings, strict=True):
+            start[1] = 0.0 if one.rate is None else one.rate
         ranges = np.array([body.joint.range_rad for body in hand.driven])
         ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], ranges)
         episodes = enumerate(zip(self.recordings, self.along, self._ticks, starts, strict=True))

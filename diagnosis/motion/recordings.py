@@ -9,7 +9,7 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
-from diagnosis.logs.log import Log, LogError
+from diagnosis.logs.log import EpisodeMeta, Log, LogError, signal
 
 FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
 """Protocols without a stick in the hand."""
@@ -37,7 +37,13 @@ class Recording:
     measured: Array
     """Readings by `CHANNELS`, shape (T, 3, K); NaN where none were logged."""
     start: Array
-    """What the position sensors read at rest at the start [rad], shape (K,)."""
+    """What the position sensors read at the start [rad], shape (K,)."""
+    rate: Array | None = None
+    """Speeds at the start [rad/s], shape (K,); None: it begins at rest."""
+    episode: int = 0
+    """Number of its episode in the log."""
+    began_s: float = 0.0
+    """When in that episode its first sample is [s]."""
     speed: Array | None = None
     """Speed of the target that is given beside it [rad/s], shape (T, K); NaN: none is."""
     torque: Array | None = None
@@ -51,7 +57,10 @@ class Recording:
         names = ("command", "push", "measured", "speed", "torque", "own")
         every = {name: getattr(self, name) for name in names}
         rows: dict[str, Any] = {k: None if v is None else v[begin:end] for k, v in every.items()}
-        return replace(self, time_s=self.time_s[begin:end] - self.time_s[begin], **rows)
+        at_s = float(self.time_s[begin])
+        return replace(
+            self, time_s=self.time_s[begin:end] - at_s, began_s=self.began_s + at_s, **rows
+        )
 
     @cached_property
     def asked(self) -> Array:
@@ -69,9 +78,17 @@ class Recording:
 
 def recordings(log: Log, limb: Spec) -> tuple[Recording, ...]:
     """All usable episodes of a log in free air; raises LogError where there are none."""
+    return lasting([recording(log, limb, one) for one in episodes_of(log, limb)])
+
+
+def episodes_of(log: Log, limb: Spec) -> list[EpisodeMeta]:
+    """The episodes in free air; raises LogError unless a log has commands for a limb's joints."""
     require_joints(log, limb.hand.joint_names)
-    chosen = [e for e in log.episodes if e.protocol in FREE_AIR]
-    every = (_recording(log, limb, e.episode, e.protocol) for e in chosen)
+    return [one for one in log.episodes if one.protocol in FREE_AIR]
+
+
+def lasting(every: Sequence[Recording]) -> tuple[Recording, ...]:
+    """Recordings that are not too short; raises LogError where all together are."""
     found = tuple(r for r in every if len(r.time_s) >= LEAST_SAMPLES)
     lasts_s = sum(float(r.time_s[-1]) for r in found)
     if lasts_s < LEAST_S:
@@ -116,13 +133,18 @@ def noise_of(third: Array) -> Array:
     return np.nanmedian(third, axis=0) / 0.6745 / np.sqrt(20.0)
 
 
-def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
-    names, time_s = limb.hand.joint_names, log.episode(number)["t_s"].to_numpy(float)
+def recording(log: Log, limb: Spec, episode: EpisodeMeta, some: slice = slice(None)) -> Recording:
+    """One episode of a limb, or some of its rows."""
+    names, number = limb.hand.joint_names, episode.episode
+    whole_s = log.episode(number)["t_s"].to_numpy(float)
+    time_s = whole_s[some]
     later = np.append(True, np.diff(np.maximum.accumulate(time_s)) > 0)
     rows = slice(None) if later.all() else later
 
+    frame = log.episode(number).iloc[some]
+
     def read(kind: str) -> Array:
-        return log.signal(kind, number, names)[rows]
+        return signal(log, frame, kind, names)[rows]
 
     command, push, speed, torque = map(read, ("command", "push", "reference", "feedforward"))
     measured = np.empty((len(command), len(CHANNELS), len(names)))
@@ -130,12 +152,14 @@ def _recording(log: Log, limb: Spec, number: int, protocol: str) -> Recording:
         measured[:, row] = read(kind)
     given = bool(np.isfinite(speed).any() or np.isfinite(torque).any())
     return Recording(
-        protocol=protocol,
+        protocol=episode.protocol,
         time_s=time_s[rows] - time_s[0],
         command=command,
         push=np.nan_to_num(push, copy=False),
         measured=measured,
         start=_start(measured[:, 0], command[0]),
+        episode=number,
+        began_s=float(time_s[0] - whole_s[0]),
         speed=speed if given else None,
         torque=torque if given else None,
     )

@@ -12,10 +12,17 @@ import numpy as np
 from backends.spec import Body, Spec
 from backends.state import Array
 from diagnosis.calibration import worlds
-from diagnosis.logs.log import Log
+from diagnosis.logs.log import EpisodeMeta, Log
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import CHANNELS, Recording, recordings
+from diagnosis.motion.recordings import (
+    CHANNELS,
+    Recording,
+    episodes_of,
+    lasting,
+    recording,
+    recordings,
+)
 from diagnosis.replay.parts import limbs
 
 HORIZON_S = 2.0
@@ -46,11 +53,16 @@ def begun(log: Log, spec: Spec) -> list[Recording]:
 
     Of open loops with the torques and speeds that are all that is asked.
     """
-    every = recordings(log, spec)
-    parts = (m.part(0, int(np.searchsorted(m.time_s, HORIZON_S, side="right"))) for m in every)
+    parts = lasting([_beginning(log, spec, one) for one in episodes_of(log, spec)])
     if any(body.joint.loop.open for body in spec.hand.driven):
         return [dataclasses.replace(one, own=None) for one in parts]
     return [dataclasses.replace(one, speed=None, torque=None, own=None) for one in parts]
+
+
+def _beginning(log: Log, spec: Spec, episode: EpisodeMeta) -> Recording:
+    time_s = log.episode(episode.episode)["t_s"].to_numpy(float)
+    rows = int(np.searchsorted(time_s, time_s[0] + HORIZON_S, side="right"))
+    return recording(log, spec, episode, slice(0, rows))
 
 
 def apart(part: Spec, motion: Recording, position: Array, rigid: bool = False) -> float:

@@ -15,9 +15,8 @@ from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError
 from diagnosis.models.parameters import parameters
 from diagnosis.motion.columns import DELAY
-from diagnosis.motion.excerpt import excerpt
+from diagnosis.motion.excerpt import excerpted
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fitter
@@ -60,7 +59,7 @@ def _is_late(log: Log, settled: bool = False) -> bool:
     """
     as_is, earlier, delays = 0.0, 0.0, np.zeros(0)
     for part in limbs(mjcf_world(log)):
-        some = excerpt(recordings(log, part), ENOUGH_S)
+        some, _ = excerpted(log, part, ENOUGH_S)
         limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
         sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
         left, delay_rows = _left(limb, settled)

@@ -149,6 +149,7 @@ def shown(world: Plain, recording: Recording, part: Spec, held: Limb | None = No
             command=command,
             push=push,
             start=recording.start,
+            rate=recording.rate,
             held=None if held is None else held.held(recording),
         )
     )

@@ -88,7 +88,9 @@ class Problem:
         self, slopes: Mapping[int, Array], weights: Array, residual: Array, u: Mapping[int, float]
     ) -> tuple[Array, Array, Array]:
         """What a step d from u costs is d'A d / 2 - g'd: the weighted slopes (M, n), A and g."""
-        jacobian = np.stack([slopes[k] * weights for k in self.numbers], axis=1)
+        jacobian = np.empty((len(weights), len(self.numbers)))
+        for column, k in zip(jacobian.T, self.numbers, strict=True):
+            np.multiply(slopes[k], weights, out=column)
         curvature = jacobian.T @ jacobian + np.diag(self.sd**-2.0)
         curvature += RIDGE * np.diag(np.diag(curvature))
         pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2

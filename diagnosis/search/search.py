@@ -91,6 +91,13 @@ class Found:
         """The share of the excess that a set takes."""
         return share_of(fit, self.nominal)
 
+    def lean(self) -> "Found":
+        """The same without the slopes of sets that were not chosen, which take memory."""
+        singles, tied = (
+            tuple(replace(fit, slopes={}) for fit in some) for some in (self.singles, self.tied)
+        )
+        return replace(self, singles=singles, tied=tied)
+
 
 class Search:
     """One limb's search."""

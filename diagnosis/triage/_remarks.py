@@ -1,6 +1,6 @@
 """What to know of a log that is no fault: pauses of a joint, and stamps that were made up."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -10,11 +10,13 @@ from diagnosis.motion.recordings import noise_of, stood_s
 from diagnosis.triage._tracks import Track
 
 OFF, NEAR = 0.3, 0.03
-"""A joint does not follow while it is off the nominal world by so much of its travel; it begins
-and ends where it is off by the second."""
+"""A joint does not follow while it is off the nominal world by so much of its travel; that ends
+where it is off by less than the second, or than is usual."""
 LEAST_S, LEAST_SAMPLES, MOST, COUNT = 0.3, 20, 0.5, 3
 """It lasts so long, all together no longer than this share of an episode, and is so rare: what
 comes again and again is physics."""
+USUAL = 2.0
+"""An error is more than usual beyond so many medians."""
 ALIKE_S = 0.25
 """Episodes are alike whose pauses begin and end as near [s]."""
 REGULAR = 1e-4
@@ -31,10 +33,15 @@ def pauses(track: Track) -> Iterator[str]:
     """When a joint did not follow its commands for a while, as a drive that is off does not."""
     if track.travel == 0.0:
         return
-    pairs = zip(track.time_s, track.missed, strict=True)
-    found = [_of_episode(t, np.abs(missed) / track.travel) for t, missed in pairs]
+    every = dict[int, list[tuple[float, float]]]()
+    for number in dict.fromkeys(one.episode for one in track.limb.recordings):
+        time_s, off = _of_episode(track, number)
+        times = _spans(time_s, off / track.travel)
+        seen_s = float(np.diff(time_s)[np.diff(time_s) < LEAST_S].sum())
+        every[number] = times if _is_rare(times, seen_s) else []
+    found = list(every.values())
     first = np.array(next((times for times in found if times), []))
-    said = {f"episode {number}": times for number, times in enumerate(found)}
+    said = {f"episode {number}": times for number, times in every.items()}
     several = len(found) > 1 and len(first) and {np.shape(one) for one in found} == {first.shape}
     if several and np.abs(np.array(found) - first).max() < ALIKE_S:
         said = {"every episode": np.mean(found, axis=0).tolist()}
@@ -43,19 +50,46 @@ def pauses(track: Track) -> Iterator[str]:
             yield f"{track.name} did not follow from {begin:.1f} to {end:.1f} s of {where}"
 
 
-def _of_episode(time_s: Array, off: Array) -> list[tuple[float, float]]:
-    """When pauses begin and end [s], of a joint that is off by so much of its travel (T,)."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], off > NEAR, [0]]).astype(int)))
-    found = [
-        (float(time_s[begin]), float(time_s[end - 1]))
-        for begin, end in edges.reshape(-1, 2)
-        if off[begin:end].max() > OFF
-        and time_s[end - 1] - time_s[begin] >= LEAST_S
-        and end - begin >= LEAST_SAMPLES
+def _of_episode(track: Track, number: int) -> tuple[Array, Array]:
+    """When [s], and by how much, a joint is off in what there is of an episode (T,), (T,)."""
+    pairs = zip(track.limb.recordings, track.missed, strict=True)
+    parts = [(one.began_s + one.time_s, np.abs(m)) for one, m in pairs if one.episode == number]
+    time_s, off = (np.concatenate(some) for some in zip(*parts, strict=True))
+    off[1:][np.diff(time_s) >= LEAST_S] = 0.0  # nothing goes on over what is left out
+    return time_s, off
+
+
+def _spans(time_s: Array, off: Array) -> list[tuple[float, float]]:
+    """When pauses begin and end [s], of a joint that is off by so much of its travel (T,).
+
+    A joint that stands is passed by its target now and then. One that is off was so before that
+    is more than usual: a pause begins where the error does.
+    """
+    usual = USUAL * float(np.median(off))
+    odd = off > max(NEAR, usual)
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], odd, [0]]).astype(int)))
+    spans = list[tuple[int, int]]()
+    for begin, end in edges.reshape(-1, 2).tolist():
+        if off[begin:end].max() > OFF:
+            passed = bool(spans) and time_s[begin] - time_s[spans[-1][1] - 1] < LEAST_S
+            spans.append((spans.pop()[0] if passed else begin, end))
+    calm = np.flatnonzero(off <= usual)
+    return [
+        (float(time_s[_after(calm, begin)]), float(time_s[end - 1]))
+        for begin, end in spans
+        if time_s[end - 1] - time_s[begin] >= LEAST_S and end - begin >= LEAST_SAMPLES
     ]
-    lasts_s = sum(end - begin for begin, end in found)
-    rare = len(found) <= COUNT and lasts_s <= MOST * float(time_s[-1])
-    return found if rare else []
+
+
+def _after(calm: Array, begin: int) -> int:
+    """The row after the last calm one before a row."""
+    before = np.searchsorted(calm, begin)
+    return int(calm[before - 1]) + 1 if before else 0
+
+
+def _is_rare(times: Sequence[tuple[float, float]], lasts_s: float) -> bool:
+    """Whether pauses are few and short, in an episode of which so much is looked at."""
+    return len(times) <= COUNT and sum(end - begin for begin, end in times) <= MOST * lasts_s
 
 
 def made_up(track: Track) -> Iterator[str]:

@@ -199,16 +199,11 @@ def less(ones: Sequence[Array], others: Sequence[Array]) -> list[Array]:
     return [one - other for one, other in zip(ones, others, strict=True)]
 
 
-def tracks(limbs: Sequence[Limb], alone: bool = False) -> Iterator[Track]:
-    """The joints of all limbs; each limb is replayed once.
-
-    `alone`: an episode at a time, for models along the whole of a long log take memory.
-    """
+def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
+    """The joints of all limbs; each limb is replayed once."""
     for limb in limbs:
         near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
         replays = Replays(near)
-        each = (replace(near, recordings=(r,)) for r in near.recordings if alone)
-        replayed = [shown_by(one, one.nominal)[0][:, :1].copy() for one in each] or replays.at()
         for j, joint in enumerate(body.joint for body in limb.spec.hand.driven):
             yield Track(
                 limb=near,
@@ -221,7 +216,7 @@ def tracks(limbs: Sequence[Limb], alone: bool = False) -> Iterator[Track]:
                 time_s=[r.time_s for r in limb.recordings],
                 command=[r.command[:, j] for r in limb.recordings],
                 position=[r.measured[:, 0, j] for r in limb.recordings],
-                shown=[s[:, 0, j] for s in replayed],
+                shown=[s[:, 0, j] for s in replays.at()],
             )
 
 

@@ -11,16 +11,14 @@ world. The limits are beyond what any effect of the catalogue causes in a workin
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.motion.excerpt import FITTED_S, excerpt
+from diagnosis.motion.excerpt import FITTED_S, excerpted
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import recordings
 from diagnosis.replay.parts import limbs
 from diagnosis.triage import _clocks, _gravity, _lines, _units
 from diagnosis.triage._remarks import made_up, pauses
@@ -63,19 +61,15 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     Raises FaultError if the data is faulty, LogError where nothing can be compared.
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
-    whole = [Limb(spec=p, recordings=recordings(log, p), rigid=rigid) for p in limbs(nominal)]
-    parts = [excerpt(limb.recordings, FITTED_S) for limb in whole]
-    is_long = any(part != limb.recordings for limb, part in zip(whole, parts, strict=True))
-    some = [replace(limb, recordings=part) for limb, part in zip(whole, parts, strict=True)]
-    every = list(tracks(some if is_long else whole))
+    some = (
+        Limb(spec=p, recordings=excerpted(log, p, FITTED_S)[0], rigid=rigid) for p in limbs(nominal)
+    )
+    every = list(tracks(list(some)))
     if found := _faults(every):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
         raise LogError(LOST)
     units = [said for track in every if (said := _units.perhaps(track))]
-    if is_long:
-        del every  # a long log's replays take memory
-        every = list(tracks(whole, alone=True))
     remarks = (said for about in (pauses, made_up) for track in every for said in about(track))
     return (*units, *remarks)
 
