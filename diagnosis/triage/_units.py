@@ -29,6 +29,17 @@ def in_unit(track: Track, unit: str, evidence: str) -> Fault:
     return track.fault("unit", evidence, f"convert command and position to {track.si}{option}")
 
 
+def scaled(track: Track, size: float, evidence: str) -> Fault:
+    """Commands and positions in a unit without a name, of which so many make one of SI's."""
+    gear = f"motor-side, {size:.2g} to 1" if size > 1.0 else f"geared, 1 to {1.0 / size:.2g}"
+    return track.fault(
+        "unit",
+        f"both are in a unit of which about {size:.2g} make one {track.si}: {gear}, or of a "
+        f"calibration: {evidence}",
+        f"convert them to {track.si}",
+    )
+
+
 def both(track: Track) -> Fault | None:
     """Both sides in another unit, by the joint's range or by how it moves."""
     tried, reach, room, si = _possible(track), track.reach, track.room, track.si
@@ -40,13 +51,7 @@ def both(track: Track) -> Fault | None:
     if said is None or _rivals(track, tried[said[0]]):
         return None
     if other := _other_scale(track, tried[said[0]]):
-        return track.fault(
-            "unit",
-            f"both are about {other:.2g} times what they should be: then the nominal world moves "
-            "as logged, and in no unit with a name",
-            "they may be on the motor's side of a gear, or of a calibration: convert them to "
-            f"{track.si}",
-        )
+        return scaled(track, other, "then the nominal world moves as logged, and in no named unit")
     return in_unit(track, said[0], "both are in {}: {}".format(*said))
 
 

@@ -1,5 +1,7 @@
 """Command and position both in another unit, which only the model shows."""
 
+import re
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -76,7 +78,26 @@ def test_degrees_are_known_by_weight_and_motion(joints, motion, size):
 def test_a_scale_near_a_unit_is_not_that_unit():
     """Name no unit where another scale beside it fits far better, as of a gear."""
     found = faults(one := log(arm(2), sines(0.3), 7 / DEGREES), mjcf_world(one))
-    assert found and all("about 0.12 times" in str(fault) for fault in found)
+    assert found and all("geared, 1 to 8.2, or" in str(fault) for fault in found)
+
+
+@pytest.mark.parametrize(("joints", "motion"), [(1, steps), (1, sines), (2, steps), (2, sines)])
+def test_a_motor_side_is_said_with_its_ratio(joints, motion):
+    """Say that both sides are a motor's, behind a gear of 7 to 1, with rests and without."""
+    found = faults(one := log(arm(joints), motion(0.3), 7.0), mjcf_world(one))
+    assert found and re.search("motor-side, (6.9|7|7.1) to 1", str(found[0]))
+
+
+@pytest.mark.parametrize(("joints", "motion"), [(1, steps), (1, sines), (2, sines), (3, sines)])
+def test_another_zero_of_both_sides_is_known_by_weight(joints, motion):
+    """Say how far the zero of the first joint is off, with rests and without."""
+    one = log(arm(joints), motion(0.3), 1.0)
+    own = [name for name in one.samples if str(name).endswith(".j0")]
+    turned = one.samples.assign(**{name: one.samples[name] + np.pi / 3 for name in own})
+    one = make_log(one.meta, turned, one.mjcf_xml)
+    found = faults(one, mjcf_world(one))
+    assert found[0].joints == ("j0",) and {fault.kind for fault in found} == {"zero"}
+    assert re.search("both stand (57|60|63) deg from", str(found[0]))
 
 
 @pytest.mark.parametrize("joints", [1, 3])
@@ -87,17 +108,18 @@ def test_a_scale_near_a_unit_is_not_that_unit():
         {},
         {"real": ('mass="0.8"', 'mass="1.2"')},
         {"real": ('kp="60.0"', 'kp="40.0"')},
+        {"real": ('armature=".02"', 'armature=".02" frictionloss="0.5" damping="0.5"')},
         {"real": ("<body ", '<body gravcomp="0.5" ')},
         {"real": ('forcerange="-12.0 12.0"', 'forcerange="-4 4"')},
         {"late": 6},
     ],
 )
 def test_radians_are_never_another_unit(joints, motion, change):
-    """Leave masses, gains, limits, delays and carried weights to the diagnosis."""
+    """Leave masses, gains, friction, limits, delays and carried weights to the diagnosis."""
     xml = arm(joints)
     real = {"real": xml.replace(*change["real"])} if "real" in change else change
     one = log(xml, motion(0.3), 1.0, **real)
-    assert not [fault for fault in faults(one, mjcf_world(one)) if fault.kind == "unit"]
+    assert not {fault.kind for fault in faults(one, mjcf_world(one))} & {"unit", "zero"}
 
 
 def test_a_gain_that_is_off_hides_no_degrees():
