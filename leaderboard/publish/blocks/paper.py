@@ -73,6 +73,21 @@ def large_said(kept: Kept) -> str:
     )
 
 
+@block
+def smaller_updates_said(kept: Kept) -> str:
+    """What smaller updates reach on varied circles as they are drawn, beside the same seed."""
+    varied = {"observation": LEAD, "radius_m": 0.03, "speed": 1.5, "steps": 5_000_000}
+    runs = kept.lines("circle-varied", **varied, algo=...)
+    rows = [row for line in runs for row in line.rows if row.spec.seed == 2]
+    usual, small = sorted(rows, key=lambda row: len(row.spec.overrides))
+    scores = [_pair(vars(row.scores)) for row in (small, usual)]
+    updates = f"`target_kl={small.spec.overrides['target_kl']}`"
+    return (
+        f"Smaller updates ({updates}) are no remedy: with seed 2 they reach {scores[0]} on varied "
+        f"circles as these are drawn, in place of {scores[1]}."
+    )
+
+
 def _pair(cells: dict[str, Any]) -> str:
     return f"{cells['p_err_cm']:.2f} cm and {cells['q_err_deg']:.2f} deg"
 

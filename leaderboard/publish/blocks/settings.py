@@ -12,8 +12,9 @@ from leaderboard.publish.words import listed
 COLUMNS = {
     "`contact-centers`": ("circle-settings", "contact-centers"),
     "mixed entry": ("circle-entry-settings", None),
+    "varied circles": ("circle-varied-settings", None),
     "`centers-and-lead`": ("circle-lead-settings", LEAD),
-    "varied circles": ("circle-varied-lead-settings", None),
+    "lead, varied circles": ("circle-varied-lead-settings", None),
 }
 """Folders of the circle's transfers by what it was trained with, and observations of the figures'
 policies."""
@@ -38,10 +39,11 @@ def below(kept: Kept) -> str:
         for column, one in zip(COLUMNS, cells, strict=True):
             if one is not None and all(one[error] <= vars(own)[error] for error in vars(own)):
                 found[column] = (*found[column], name.partition(":")[0])
-    first, mixed, lead, varied = (listed(list(names)) for names in found.values())
+    first, mixed, varied, lead, both = (listed(list(names)) for names in found.values())
     return (
         f"Both errors are at or below the paper's on {first} with `contact-centers` ({mixed} with "
-        f"mixed entry), and on {lead} with `centers-and-lead` ({varied} with varied circles)."
+        f"mixed entry, {varied} with varied circles), and on {lead} with `centers-and-lead` "
+        f"({both} with varied circles)."
     )
 
 
