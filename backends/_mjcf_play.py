@@ -55,19 +55,15 @@ class Plain:
         integrator: str | None = None,
         beside: Mapping[str, dict[str, float]] = NOTHING,
         drives: Mapping[str, dict[str, float]] = NOTHING,
-        firm: bool = False,
     ) -> None:
         """Hold all but `joints` and what follows them.
 
         `timestep_s` and `integrator` in place of the file's; `beside` and `drives`: what an MJCF
-        cannot hold, as a robot's file has it; `firm`: dry friction holds, where MuJoCo's creeps.
-        Raises MjcfError.
+        cannot hold, as a robot's file has it. Raises MjcfError.
         """
         model = copy.copy(compiled(xml))
         model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         model.opt.timestep = timestep_s or model.opt.timestep
-        if firm:
-            model.dof_solref[:], model.dof_solimp[:, :2] = (2 * model.opt.timestep, 1.0), FIRM
         if integrator is not None:
             model.opt.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{integrator.upper()}")
         own = [model.joint(name).id for name in joints]

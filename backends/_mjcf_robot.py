@@ -64,9 +64,9 @@ class Drive:
         self.armature = float(model.dof_armature[self.dof])
         self.friction = float(model.dof_frictionloss[self.dof])
         self.heat = self.bend = self.torque = 0.0
-        # Friction that holds, where MuJoCo's creeps.
-        model.dof_solref[self.dof] = 2.0 * model.opt.timestep, 1.0
-        model.dof_solimp[self.dof, :2] = 0.999, 0.9999
+        if not own["creeps"]:  # friction that holds, where MuJoCo's creeps
+            model.dof_solref[self.dof] = 2.0 * model.opt.timestep, 1.0
+            model.dof_solimp[self.dof, :2] = 0.999, 0.9999
 
     def act(self, data: mujoco.MjData) -> None:
         """Set its torque and its dry friction for the next step."""

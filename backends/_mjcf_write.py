@@ -2,7 +2,7 @@
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from xml.etree.ElementTree import Element
 
 import mujoco
@@ -39,6 +39,8 @@ class JointNumbers:
     """Viscous friction."""
     frictionloss: float
     """Coulomb friction."""
+    creeps: bool = field(default=False, compare=False)
+    """Whether dry friction yields under load, as MuJoCo's does by default."""
     mass_kg: float
     """Mass of the body that it carries; 0: another joint of the same body has it."""
 
@@ -82,7 +84,7 @@ def written(
         body, joint = _found(root, name)
         joint.set("armature", repr(one.armature))
         joint.set("damping", repr(one.damping + one.open * one.kd))
-        _set_friction(joint, model, name, one.frictionloss, step_s)
+        _set_friction(joint, model, name, one, step_s)
         if model.jnt_actfrclimited[model.joint(name).id]:  # the servo has the limit
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
@@ -145,12 +147,12 @@ def _joints(parent: Element, body: Element) -> Iterator[tuple[Element, Element]]
 
 
 def _set_friction(
-    joint: Element, model: mujoco.MjModel, name: str, loss: float, step_s: float
+    joint: Element, model: mujoco.MjModel, name: str, one: JointNumbers, step_s: float
 ) -> None:
-    """Write dry friction; where it is another, it holds, as friction does and MuJoCo's creeps."""
-    if loss != model.dof_frictionloss[model.joint(name).dofadr[0]]:
-        _rub(joint, loss, step_s)
-    joint.set("frictionloss", repr(loss))
+    """Write dry friction; another than the file's holds, as a robot's, where it does not creep."""
+    if one.frictionloss != model.dof_frictionloss[model.joint(name).dofadr[0]] and not one.creeps:
+        _rub(joint, one.frictionloss, step_s)
+    joint.set("frictionloss", repr(one.frictionloss))
 
 
 def _rub(joint: Element, loss: float, step_s: float) -> None:

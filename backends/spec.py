@@ -94,7 +94,7 @@ class Command:
 
 @dataclass(frozen=True, kw_only=True)
 class Loop:
-    """What the loop of a user's drive does beside the PD law; zeros add nothing."""
+    """What a user's drive does beside the PD law and the laws of `Drive`; zeros add nothing."""
 
     integral_hz: float = 0.0
     """Integral gain over the proportional one [1/s]."""
@@ -119,6 +119,8 @@ class Loop:
     open: float = 0.0
     """1: no position is fed back, and the proportional gain is of the torque that is given beside
     the target [1]."""
+    soft_friction: float = 0.0
+    """How far dry friction yields under load as MuJoCo's own does [1]; 0: it holds."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -222,7 +222,9 @@ def _why_apart(log: Log, world: World) -> str:
     rubs = any(drive.coulomb_nm > 0.0 for drive in world.spec.drives)
     if isinstance(log.meta.mechanism, HandMechanism) or not rubs:
         return ""
-    return ": in MuJoCo a joint that its frictionloss holds creeps, here it stands"
+    return (
+        ": a joint that its frictionloss holds creeps in MuJoCo; the fit says whether it did here"
+    )
 
 
 def _result(

@@ -43,12 +43,21 @@ class _SpeedIntegral(_Integral):
 
 
 class _OwnSteps(NumberEffect):
-    """How far a log is of its model's own simulator: of its step, integrator and soft friction."""
+    """How far a log is of its model's own simulator: of its step and integrator."""
 
     number = "own steps"
     dimension, unit = "share", "%"
     bounds = (0.0, 1.0)
     by_column = True
+    least = 1.0
+
+
+class _SoftFriction(NumberEffect):
+    """Dry friction yields under load, as MuJoCo's own does, or holds, as a robot's."""
+
+    number = "loop.soft_friction"
+    dimension, unit = "share", "%"
+    bounds = (0.0, 1.0)
     least = 1.0
 
 
@@ -128,7 +137,9 @@ def parameters(
         if kind.shared and len(evidence.joints) > 1 and own:
             least = max(one.least for one in own)
             found.append(replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=least))
-    return (*found, _OWN) if evidence.own_steps.any() else tuple(found)
+    found += [_OWN_STEPS] * bool(evidence.own_steps.any())
+    found += [_SOFT_FRICTION] * evidence.limb.rigid
+    return tuple(found)
 
 
 def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]) -> Parameter:
@@ -151,7 +162,7 @@ def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]
     return one
 
 
-_OWN = Parameter(
+_OWN_STEPS = Parameter(
     effect="simulator-steps",
     kind=_OwnSteps,
     joint=None,
@@ -161,6 +172,9 @@ _OWN = Parameter(
     least=1.0,
     most=1.0,
     nameable=False,
+)
+_SOFT_FRICTION = replace(
+    _OWN_STEPS, effect="soft-friction", kind=_SoftFriction, place=c.SOFT, tolerance=0.0
 )
 
 

@@ -6,7 +6,8 @@ M, h, G = dh/dq and C = dh/dv are taken once at points (q_m, v_m) of the measure
 replay computes no kinematics and needs no measured accelerations. Or M and h have a closed form
 and are exact at every tick, as in an engine. A drive is rigid, with all of
 its damping implicit and dry friction solved with the joints (projected Gauss-Seidel, as MuJoCo's
-implicitfast), or it turns a second mass behind a gear (`backends/drive.py`). Its law is
+implicitfast; it holds, or yields under load as MuJoCo's does), or it turns a second mass behind a
+gear (`backends/drive.py`). Its law is
 
     tau = lag(clip(kp dead_zone(e) + I + (1 - u) kd s + given) + u kd s)    see `backends/drive.py`
     I' = kp i e + c (kp e + kd s)
@@ -27,6 +28,9 @@ from diagnosis.replay.dynamics import closed_form
 
 SWEEPS = 3
 """Iterations of dry friction over coupled joints."""
+YIELD_S = 9.5e-3
+"""Time constant by which MuJoCo's dry friction stops a joint: d_max t / 2 of its default solref and
+solimp, see "Solver parameters" in its documentation."""
 FAR_RAD = 1e4
 """A joint beyond this has diverged."""
 
@@ -105,7 +109,7 @@ def _invert(a):
 
 @numba.njit(cache=True, error_model="numpy")
 def integrate(
-    dt, stride, q_m, v_m, model, command, given, push, row, start, p, ends, implicit, out
+    dt, stride, q_m, v_m, model, command, given, push, row, start, p, ends, soft, implicit, out
 ):
     """Write joint, motor and PD torque of K joints into `out` (n + 1, 3, K).
 
@@ -114,7 +118,8 @@ def integrate(
     Points q_m, v_m (P, K), one every `stride` ticks, with their `Along.changed` model; commands and
     pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2): the target's
     speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (2, K): positions and
-    speeds; numbers p (K, len(COLUMNS)), and end stops as `backends.drive.stops` has them (K, 2).
+    speeds; numbers p (K, len(COLUMNS)), end stops as `backends.drive.stops` has them (K, 2), and
+    `Limb.soft` (K,).
     `implicit`: damping and stops at the end of a tick, as MuJoCo's damping. False where the motion
     diverged.
 
@@ -132,6 +137,7 @@ def integrate(
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
     rate, slow, total, lagged, heat, bend, last_pd = np.zeros((7, joints))
     share, quick = dt / (p[:, c.FILTER] + dt), dt / (p[:, c.LAG] + dt)
+    yielding, slides_on = p[:, c.SOFT] * soft, 1.0 - dt / np.maximum(p[:, c.SOFT] * YIELD_S, dt)
     for j in range(joints):
         lagged[j] = bias[0, j] - push[0, j]
         if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
@@ -237,7 +243,9 @@ def integrate(
             for j in range(joints):
                 most, way = dt * rub[j], dt * p[j, c.ONE_WAY] * (1.0 - p[j, c.TWO_MASSES])
                 low, high = -most - max(way, 0.0), most + max(-way, 0.0)
-                more = min(max(impulse[j] - after[j] / inverse[j, j], low), high) - impulse[j]
+                off = after[j] - slides_on[j] * v[j] + yielding[j] * impulse[j]
+                more = impulse[j] - off / (inverse[j, j] + yielding[j])
+                more = min(max(more, low), high) - impulse[j]
                 if more != 0.0:
                     settled = False
                     impulse[j] += more

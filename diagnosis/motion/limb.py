@@ -30,6 +30,8 @@ TICKS = 10
 TRACKED_RAD_S = 20.0
 """A joint under torque alone drifts from any model: in a replay a spring and a critical damper hold
 it to the measured motion, with this natural frequency, as a soft servo would."""
+IMPEDANCE = 0.9
+"""Of dry friction, MuJoCo's default."""
 MOST_TICKS = 4e7
 """More take an episode too long."""
 STABLE, FINE = 1.0, 0.05
@@ -85,6 +87,20 @@ class Limb:
         starts = np.array([r.start for r in self.recordings])
         mass, _ = dynamics(self.spec, starts, np.zeros_like(starts))
         return link_inertia(mass)
+
+    @cached_property
+    def soft(self) -> Array:
+        """Regularisation of each joint's dry friction in MuJoCo [1/(kg m^2)], shape (K,).
+
+        A joint that it holds creeps by this times `YIELD_S` per torque. With its default impedance,
+        from `dof_invweight0`: "Solver parameters" in its documentation.
+        """
+        if not self.rigid:
+            return np.zeros(len(self.joints))
+        still = np.zeros((1, len(self.joints)))
+        mass, _ = dynamics(self.spec, still, still)
+        inverse = np.linalg.inv(mass[0] + np.diag(self.nominal[:, c.ROTOR]))
+        return (1.0 - IMPEDANCE) / IMPEDANCE * np.diag(inverse)
 
     @cached_property
     def open(self) -> Array:
@@ -220,8 +236,8 @@ class Limb:
     def _alike(self, known: Mapping[str, Any] | None = None, **changes: Any) -> "Limb":
         """With other fields; what follows from the motion stays, but for what is `known`."""
         other = replace(self, **changes)
-        kept = "nominal", "period_s", "dt", "stride", "edges", "measured", "along", "_models"
-        own = {name: getattr(self, name) for name in (*kept, "_ticks")}
+        kept = "nominal", "period_s", "dt", "stride", "edges", "measured", "along", "soft"
+        own = {name: getattr(self, name) for name in (*kept, "_models", "_ticks")}
         other.__dict__.update(own | dict(known or {}))
         return other
 
@@ -281,7 +297,8 @@ class Limb:
             sent = rounded(recording.command, numbers[:, c.STEP])
             asked = sent, recording.given, recording.push, row
             out = np.empty((len(row) + 1, len(CHANNELS), len(self.joints)))
-            given = self.dt, self.stride, *motion, *asked, start, numbers, ends, self.rigid
+            own = start, numbers, ends, self.soft, self.rigid
+            given = self.dt, self.stride, *motion, *asked, *own
             yield out if integrate(*given, out) else None
 
     def _tracked(

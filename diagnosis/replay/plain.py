@@ -47,6 +47,8 @@ DRIVES = {
 }
 """Numbers of drives that only that file has, likewise."""
 INTEGRATOR = "implicitfast"
+SOFT_FROM = 0.5
+"""Dry friction that yields more is written as MuJoCo's own."""
 
 
 def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
@@ -120,7 +122,6 @@ def plain(
     joints: Sequence[str],
     step_s: float | None = None,
     world: Spec | None = None,
-    firm: bool = False,
 ) -> Plain:
     """A text of a log's model in plain MuJoCo, of which `joints` move, with what is beside it.
 
@@ -128,7 +129,7 @@ def plain(
     """
     hold, integrator = model_of(log)[1].hold, INTEGRATOR if step_s else None
     more = {"beside": beside(world), "drives": drives(world)} if world else {}
-    return Plain(text, joints, hold, timestep_s=step_s, integrator=integrator, firm=firm, **more)
+    return Plain(text, joints, hold, timestep_s=step_s, integrator=integrator, **more)
 
 
 def shown(world: Plain, recording: Recording, part: Spec, held: Limb | None = None) -> Array:
@@ -182,7 +183,8 @@ def _by_pd_alone(spec: Spec) -> Spec:
 
 def _given_alone(body: Body) -> Loop:
     loop = body.joint.loop
-    return Loop(open=loop.open, lead=loop.lead if loop.open else 0.0)
+    lead = loop.lead if loop.open else 0.0
+    return Loop(open=loop.open, lead=lead, soft_friction=loop.soft_friction)
 
 
 def beside(world: Spec) -> dict[str, dict[str, float]]:
@@ -208,6 +210,7 @@ def drives(world: Spec) -> dict[str, dict[str, float]]:
                 "thermal_s": drive.thermal_s or HEAT_S,
                 "presliding_rad": drive.presliding_rad or BRISTLE_RAD,
                 "stribeck_rad_s": STRIBECK_RAD_S,
+                "creeps": float(_creeps(body)),
             }
     return found
 
@@ -224,7 +227,7 @@ def with_own_steps(
         return recordings
     names, step_s = part.hand.joint_names, Limb(spec=part, recordings=recordings, rigid=True).dt
     text = model_text(log, part)
-    worlds = plain(log, text, names), plain(log, text, names, step_s, firm=True)
+    worlds = plain(log, text, names), plain(log, text, names, step_s)
     found = []
     for recording in recordings:
         own, small = (shown(world, recording, part) for world in worlds)
@@ -245,11 +248,16 @@ def _numbers(body: Body) -> JointNumbers:
         armature=drive.rotor_inertia_kgm2,
         damping=drive.viscous_nms_rad,
         frictionloss=drive.coulomb_nm,
+        creeps=_creeps(body),
         mass_kg=body.mass_kg,
         payload=body.payload,
         play=drive.play_rad,
         ends=_ends(body, drive.end_stop_rad) if drive.end_stop_rad else None,
     )
+
+
+def _creeps(body: Body) -> bool:
+    return body.joint.loop.soft_friction > SOFT_FROM
 
 
 def _ends(body: Body, inside: float) -> tuple[float, float]:

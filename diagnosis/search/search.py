@@ -12,9 +12,10 @@ from itertools import chain, islice
 import numpy as np
 from scipy.optimize import minimize_scalar
 
+from backends.effects.coulomb_friction import Effect as CoulombFriction
 from backends.state import Array
 from diagnosis.models.parameters import Parameter
-from diagnosis.motion.columns import MASS, PAYLOAD
+from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
@@ -52,6 +53,9 @@ OWN = 1.25
 """An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
+SIMULATED = 1.25
+"""Dry friction that yields as a simulator's leaves so many times less [squared]: most logs are of
+robots."""
 WIDER = 1.25
 """A law leaves so many times less [squared] than the one that it is in a narrow range."""
 NEAR, NEAR_MORE = 4.0, 3.0
@@ -127,8 +131,25 @@ class Search:
         begun = self.plain
         if self.guessed:
             begun = self.fitter.fit(moving=self.guessed, slopes=begun.slopes)
-        fit = self.fitter.settled(begun.u, int(self.ordinary.exact), begun.slopes)
+        again = int(self.ordinary.exact)
+        fit = self.fitter.settled(begun.u, again, begun.slopes)
+        if self.soft and self.rubs:
+            fit = min(fit, self.fitter.settled({**begun.u, **self.soft}, again), key=self._left)
         return self.fitter.strained(fit, self.ordinary)
+
+    @cached_property
+    def rubs(self) -> bool:
+        """Whether the nominal world has dry friction."""
+        return bool(self.fitter.evidence.limb.nominal[:, COULOMB].any())
+
+    @cached_property
+    def soft(self) -> Sizes:
+        """Dry friction that yields, as that of a model's own simulator; a robot's holds."""
+        return {k: 1.0 for k, one in enumerate(self.parameters) if one.place == SOFT}
+
+    def _left(self, fit: Fit) -> float:
+        """What a fit leaves [squared]; that of a simulator stands back behind that of a robot."""
+        return fit.excess * (SIMULATED if any(fit.u.get(k) for k in self.soft) else 1.0)
 
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set.
@@ -225,7 +246,7 @@ class Search:
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
         old = self.tried.get(name)
-        if old is None or (fit.excess, _squares(fit)) < (old.excess, _squares(old)):
+        if old is None or (self._left(fit), _squares(fit)) < (self._left(old), _squares(old)):
             self.tried[name] = fit
 
     def _is_worth(self, fit: Fit, now: Fit) -> bool:
@@ -327,24 +348,27 @@ class Search:
     def _starts(
         self, number: int, to: float, fit: Fit, slopes: Slopes
     ) -> Iterator[tuple[Sizes, Slopes]]:
-        """Where to start from: from where the tolerances are and from where they are none."""
-        one = self.parameters[number]
+        """Where to start from: from where the tolerances are and from where they are none.
+
+        With dry friction that holds and that yields, and then with the better of them.
+        """
+        one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
         size = float(np.sign(to) * np.clip(abs(to), low, high))
-        alone = {k: fit.u[k] for k in fit.freed}
         yield {**fit.u, number: size}, slopes
+        if self.rubs or one.kind.family == CoulombFriction.family:
+            yield from (({**fit.u, k: soft, number: size}, slopes) for k, soft in self.soft.items())
+        better = self.tried[frozenset(freed)].u
+        alone = {k: fit.u[k] for k in fit.freed} | {k: better.get(k, 0.0) for k in self.soft}
         if one.kind.kinked or self.fitter.evidence.rattles:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
-        yield (
-            self._rough((*fit.freed, number), there).u if self.guessed else there,
-            self.plain.slopes,
-        )
+        yield self._rough(freed, there).u if self.guessed else there, self.plain.slopes
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
         moving = (*self.guessed, *freed)
-        return self.fitter.fit(freed, {k: u[k] for k in moving if k in u}, moving)
+        return self.fitter.fit(freed, {k: u[k] for k in (*moving, *self.soft) if k in u}, moving)
 
     def _scanned(self, number: int, low: float, high: float, first: float, alone: Sizes) -> float:
         """The size with the sign of `first` that leaves least."""

@@ -141,7 +141,7 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
     """Numbers of the mechanism's file that took part of the gap."""
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
-        if one.tolerance > 0.0 and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
+        if u and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
                 (value, end), unit = (float(np.expm1(x)) for x in ends), "%"

@@ -118,23 +118,25 @@ episodes:
 
 
 @pytest.mark.parametrize(
-    ("number", "value"),
+    "numbers",
     [
-        ("drive.cogging_nm", 1.0),
-        ("drive.thermal_fade", 8.0),
-        ("drive.presliding_nm", 0.3),
-        ("drive.stiction_nm", 0.6),
-        ("drive.load_friction", 0.3),
-        ("drive.one_way_friction_nm", 0.8),
-        ("drive.coulomb_nm", 0.8),
-        ("body.carried", 0.5),
+        {"drive.cogging_nm": 1.0},
+        {"drive.thermal_fade": 8.0},
+        {"drive.presliding_nm": 0.3},
+        {"drive.stiction_nm": 0.6},
+        {"drive.load_friction": 0.3},
+        {"drive.one_way_friction_nm": 0.8},
+        {"drive.coulomb_nm": 0.8},
+        {"drive.coulomb_nm": 0.8, "loop.soft_friction": 1.0},
+        {"body.carried": 0.5},
     ],
+    ids=" ".join,
 )
-def test_what_is_written_moves_as_the_replay(number: str, value: float) -> None:
+def test_what_is_written_moves_as_the_replay(numbers: dict[str, float]) -> None:
     """Move a written model, with what stands beside it, as the replay moves: within 3 %."""
     log = log_of(Real(joints=2))
     nominal = mjcf_world(log)
-    world = with_numbers(nominal, {joint: {number: value} for joint in log.joints})
+    world = with_numbers(nominal, dict.fromkeys(log.joints, numbers))
     names, every = log.joints, recordings(log, world)
     shown_rad = []
     for spec in (nominal, world):

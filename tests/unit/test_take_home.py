@@ -87,6 +87,7 @@ COGGED = {
     "thermal_s": 10.0,
     "presliding_rad": 3e-3,
     "stribeck_rad_s": 0.05,
+    "creeps": 0.0,
 }
 
 
@@ -186,6 +187,17 @@ def test_a_payload_is_weighed(tmp_path, capfd):
     (load,) = [one for one in model["changes"] if one["field"] == "body.payload"]
     assert load["after"] * 0.8 == pytest.approx(0.3, rel=0.1)
     assert "upper_payload" in (tmp_path / "out" / "corrected.xml").read_text()
+
+
+def test_friction_that_creeps_as_mujocos_is_taken_home(tmp_path, capfd):
+    """Find the friction of another MuJoCo, which yields under load, and write such friction."""
+    rubs = ARM.replace('damping="0.05"', 'damping="0.05" frictionloss="0.6"')
+    assert diagnosed(tmp_path, rubs) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["coulomb-friction"]
+    assert found["magnitudes"][0]["value"] == pytest.approx(600, rel=0.05)
+    assert "solreffriction" not in (tmp_path / "out" / "corrected.xml").read_text()
+    assert found["model"]["after_rad"] < 0.1 * found["model"]["before_rad"]
 
 
 def test_friction_that_was_found_holds():
