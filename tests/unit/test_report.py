@@ -94,6 +94,9 @@ def test_a_tie_is_said_in_words(found):
         found.limbs[0], tied=(("kp-scale@J1", "backlash@J0"),), experiment="load J1"
     )
     assert "kp-scale on J1 with backlash on J0" in [*sentences(limb)][-1]
+    (effect,) = limb.verdict
+    shared = dataclasses.replace(limb, tied=((effect,),))
+    assert f"from {effect} on all joints" in [*sentences(shared)][-1]
 
 
 def test_a_size_has_its_interval(found):
