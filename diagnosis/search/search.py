@@ -205,8 +205,9 @@ class Search:
         )
 
     def _sets(self, causes: int) -> list[Fit]:
-        """The sets tried of so many effects, all of them some."""
-        same = (fit for fit in self.tried.values() if len(fit.freed) == causes)
+        """The sets tried of so many effects, all of them some, whose replay does not diverge."""
+        known = (fit for fit in self.tried.values() if np.isfinite(fit.excess))
+        same = (fit for fit in known if len(fit.freed) == causes)
         return [fit for fit in same if is_some(self.parameters, fit)]
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from arms import Real, log_of
 
@@ -41,6 +42,18 @@ def test_a_smaller_set_is_fitted_from_the_larger_one(fitter):
     astray = search.tried[frozenset({gain})]
     both = fitter.fit((gain, bias), {gain: -0.5})
     assert search._without(both, bias).excess < 0.1 * astray.excess
+
+
+def test_a_set_that_diverges_explains_nothing(fitter):
+    """Rank no effect whose replay diverges, here a load of less than nothing."""
+    gain, load = number(fitter, "kp-scale"), number(fitter, "payload")
+    wild = fitter.fit((load,), {load: -2.0})
+    search = Search(fitter, ROBOTS, lambda text, done: None)
+    right = fitter.fit((gain,), {gain: -0.5})
+    search._keep(wild)
+    search._keep(right)
+    assert not np.isfinite(wild.excess)
+    assert [one.freed for one in search._found(right).singles] == [(gain,)]
 
 
 @pytest.mark.parametrize("name", ["encoder-eccentricity", "encoder-eccentricity-sine"])
