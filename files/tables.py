@@ -36,7 +36,7 @@ def read_parquet(path: Path) -> pd.DataFrame:
         file = pq.ParquetFile(pa.BufferReader(data))
         _refuse_large(path, _cells(file.metadata), len(file.schema_arrow.names))
         table = file.read().replace_schema_metadata()  # pandas' own, which nobody needs
-        frame = table.to_pandas(split_blocks=True, self_destruct=True)
+        frame = table.to_pandas(self_destruct=True)
         del table, file
     except FileError:
         raise

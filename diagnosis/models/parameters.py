@@ -174,7 +174,7 @@ _OWN_STEPS = Parameter(
     nameable=False,
 )
 _SOFT_FRICTION = replace(
-    _OWN_STEPS, effect="soft-friction", kind=_SoftFriction, place=c.SOFT, tolerance=0.0
+    _OWN_STEPS, effect="soft-friction", kind=_SoftFriction, place=c.SOFT, tolerance=0.0, least=0.5
 )
 
 
