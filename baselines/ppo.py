@@ -6,7 +6,7 @@ Torch is imported only here and in the learners' files.
 import random
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import numpy as np
 import onnx
@@ -22,6 +22,8 @@ from onnx.helper import (
 from pydantic import Field
 
 from baselines.saved import PolicyError
+from tasks.batch import BatchEnv
+from tasks.privileged import Privileged
 
 OPSET, IR_VERSION = 20, 10
 """Versions of the operators and the format that policies are written in."""
@@ -53,10 +55,19 @@ class PpoSettings:
     value_coef: NotNegative = 1.0
     entropy_coef: NotNegative = 0.0
     max_grad_norm: Positive = 1.0
+    critic: Literal["observation", "state"] = "observation"
+    """What the critic sees: the policy's observation, or the simulator's state with it."""
     hidden: Annotated[tuple[Count, ...], Field(min_length=1, max_length=8)] = (128, 128)
     """Widths of the networks' hidden layers."""
     init_std: Positive = 0.4
     """Standard deviation of the actions to begin with."""
+
+
+def watch(env: BatchEnv, settings: PpoSettings) -> int:
+    """Let the environment show what the critic sees; returns how much of it the policy sees."""
+    seen = env.observation
+    env.shown = Privileged(seen) if settings.critic == "state" else seen
+    return seen.width
 
 
 def seed_everything(seed: int) -> None:

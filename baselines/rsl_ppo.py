@@ -20,15 +20,16 @@ from baselines.ppo import (
     export_onnx,
     read_trained,
     seed_everything,
+    watch,
 )
 from tasks.batch import BatchEnv
 
 
 class RslEnv(VecEnv):
-    """The batched environment as an rsl-rl 5 VecEnv: TensorDicts with one group, 'policy'."""
+    """The batched environment as an rsl-rl 5 VecEnv; the policy sees the first `seen` numbers."""
 
-    def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
-        self._env, self._monitor = env, monitor
+    def __init__(self, env: BatchEnv, monitor: Monitor, seen: int) -> None:
+        self._env, self._monitor, self._seen = env, monitor, seen
         self.num_envs, self.num_actions = env.worlds, env.action_width
         self.max_episode_length = env.horizon
         self.episode_length_buf = torch.zeros(env.worlds, dtype=torch.long)
@@ -50,7 +51,9 @@ class RslEnv(VecEnv):
         return self._observation, reward, torch.from_numpy(step.done).long(), extras
 
     def _pack(self, observation: Array) -> TensorDict:
-        return TensorDict({"policy": torch.from_numpy(observation)}, batch_size=[self.num_envs])
+        whole = torch.from_numpy(observation)
+        groups = {"policy": whole[:, : self._seen], "critic": whole}
+        return TensorDict(groups, batch_size=[self.num_envs])
 
 
 def _config(settings: PpoSettings) -> dict:
@@ -68,7 +71,7 @@ def _config(settings: PpoSettings) -> dict:
     return {
         "num_steps_per_env": settings.rollout_steps,
         "save_interval": 10**9,
-        "obs_groups": {"actor": ["policy"], "critic": ["policy"]},
+        "obs_groups": {"actor": ["policy"], "critic": ["critic"]},
         "actor": {**network, "distribution_cfg": gaussian},
         "critic": network,
         "algorithm": {
@@ -98,9 +101,8 @@ class Baseline(Learner):
         seed_everything(seed)
         self._env, self._monitor = env, Monitor()
         with contextlib.redirect_stdout(None):
-            self._runner = OnPolicyRunner(
-                RslEnv(env, self._monitor), copy.deepcopy(_config(settings))
-            )
+            vec = RslEnv(env, self._monitor, watch(env, settings))
+            self._runner = OnPolicyRunner(vec, copy.deepcopy(_config(settings)))
 
     @staticmethod
     def steps_per_iteration(worlds: int, settings: PpoSettings) -> int:
@@ -112,10 +114,11 @@ class Baseline(Learner):
         trained, actor = read_trained(policy), self._runner.alg.get_policy()
         std = torch.clamp(trained.std - actor.obs_normalizer.eps, min=0.0)
         trained.copy_into(actor.mlp, std + actor.obs_normalizer.eps)
+        seen = trained.mean.shape[1]
         for normal in (actor.obs_normalizer, self._runner.alg.critic.obs_normalizer):
-            normal._mean.copy_(trained.mean)
-            normal._std.copy_(std)
-            normal._var.copy_(normal._std**2)
+            normal._mean[:, :seen] = trained.mean
+            normal._std[:, :seen] = std
+            normal._var[:, :seen] = std**2
             normal.count.fill_(SEEN)
 
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:

@@ -12,7 +12,9 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.running_mean_std import RunningMeanStd
+from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from backends.state import Array
@@ -25,6 +27,7 @@ from baselines.ppo import (
     export_onnx,
     read_trained,
     seed_everything,
+    watch,
 )
 from tasks.batch import BatchEnv
 
@@ -36,7 +39,7 @@ class Sb3Env(VecEnv):
     """The batched environment as a Stable-Baselines3 VecEnv; finished worlds restart at once."""
 
     def __init__(self, env: BatchEnv, monitor: Monitor) -> None:
-        width = env.observation.width
+        width = env.shown.width
         super().__init__(
             env.worlds,
             gym.spaces.Box(-np.inf, np.inf, (width,), np.float32),
@@ -88,6 +91,32 @@ class Sb3Env(VecEnv):
         return list(self._get_indices(indices))
 
 
+class _Extractor(MlpExtractor):
+    """Hidden layers of a policy that sees the first `seen` features and a critic that sees all."""
+
+    def __init__(self, width: int, seen: int, hidden: Any, elu: type[torch.nn.Module]) -> None:
+        super().__init__(width, hidden, elu)
+        self._seen = seen
+        if seen < width:
+            self.policy_net[0] = torch.nn.Linear(seen, hidden[0])
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        """The policy's last hidden layer."""
+        return self.policy_net(features[:, : self._seen])
+
+
+class ActorCritic(ActorCriticPolicy):
+    """SB3's policy with a critic that sees more than the actor."""
+
+    def __init__(self, *args: Any, seen: int, **kwargs: Any) -> None:
+        self._seen = seen
+        super().__init__(*args, **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        arch, elu = self.net_arch, self.activation_fn
+        self.mlp_extractor = _Extractor(self.features_dim, self._seen, arch, elu)
+
+
 class _Report(BaseCallback):
     """Reports, and adapts the learning rate to the last update's KL divergence, as rsl-rl does."""
 
@@ -134,11 +163,12 @@ class Baseline(Learner):
     def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:
         seed_everything(seed)
         self._env, self._monitor, self._settings = env, Monitor(), settings
+        self._seen = watch(env, settings)
         self._vec = VecNormalize(
             Sb3Env(env, self._monitor), norm_reward=False, clip_obs=_CLIP_OBSERVATION
         )
         self._model: OnPolicyAlgorithm = PPO(
-            "MlpPolicy",
+            ActorCritic,
             self._vec,
             n_steps=settings.rollout_steps,
             batch_size=settings.rollout_steps * env.worlds // settings.minibatches,
@@ -151,6 +181,7 @@ class Baseline(Learner):
             ent_coef=settings.entropy_coef,
             max_grad_norm=settings.max_grad_norm,
             policy_kwargs={
+                "seen": self._seen,
                 "net_arch": list(settings.hidden),
                 "activation_fn": torch.nn.ELU,
                 "log_std_init": math.log(settings.init_std),
@@ -176,8 +207,10 @@ class Baseline(Learner):
         network = torch.nn.ModuleList([actor.mlp_extractor.policy_net, actor.action_net])
         trained.copy_into(network, trained.std)
         moments = self._moments
-        moments.mean = trained.mean.numpy().ravel().astype(float)
-        moments.var = trained.std.numpy().ravel().astype(float) ** 2 - self._vec.epsilon
+        moments.mean[: self._seen] = trained.mean.numpy().ravel()
+        moments.var[: self._seen] = (
+            trained.std.numpy().ravel().astype(float) ** 2 - self._vec.epsilon
+        )
         moments.count = SEEN
 
     def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
@@ -217,7 +250,7 @@ class Baseline(Learner):
         """See `Learner.export`."""
         policy, moments = self._model.policy, self._moments
         network = torch.nn.Sequential(policy.mlp_extractor.policy_net, policy.action_net)
-        mean = torch.from_numpy(moments.mean)
-        std = torch.from_numpy(np.sqrt(moments.var + self._vec.epsilon))
+        mean = torch.from_numpy(moments.mean[: self._seen])
+        std = torch.from_numpy(np.sqrt(moments.var[: self._seen] + self._vec.epsilon))
         deployed = Deployed(mean=mean, std=std, network=network, clip=_CLIP_OBSERVATION)
         export_onnx(deployed, path)

@@ -135,6 +135,8 @@ class BatchEnv:
         """
         spec = simulator.specs[0]
         self.simulator, self.task, self.observation = simulator, task, observation
+        self.shown = observation
+        """What the vectors hold: the observation of the policy, or more for a critic."""
         self.worlds, self._start_spread = len(simulator.specs), start_spread
         self.policy_s = spec.timing.policy_s
         self.horizon = episode_steps or round(EPISODE_S / self.policy_s)
@@ -264,8 +266,15 @@ class BatchEnv:
     def _observe(self, state: State, axis: Array, worlds: Array | None = None) -> Array:
         """Observations of all worlds; only `worlds` (None: all) are read again."""
         touch = self._touch = self._skin.feel(state, self.time_s, worlds)
-        percept = Percept(state=state, touch=touch, desired_axis=axis, target_rad=self._target)
-        return self.observation.read(percept)
+        percept = Percept(
+            state=state,
+            touch=touch,
+            desired_axis=axis,
+            target_rad=self._target,
+            axes=self._axes,
+            steps=self._steps,
+        )
+        return self.shown.read(percept)
 
     def _judge(self, state: State) -> Step:
         axis, figures = np.empty((self.worlds, 3)), np.empty((3, self.worlds))

@@ -48,6 +48,10 @@ class Percept:
     """u_d: unit vector from the reference point to the pivot, shape (N, 3)."""
     target_rad: Array
     """Commanded joint angles [rad], shape (N, J)."""
+    axes: Array
+    """u_d at every step of each episode, shape (N, T, 3)."""
+    steps: Array
+    """Steps since the start of each episode, shape (N,)."""
 
 
 @dataclass(frozen=True, kw_only=True)

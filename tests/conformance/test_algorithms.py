@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,10 +29,12 @@ def learner(request: pytest.FixtureRequest) -> type[Learner]:
     return found
 
 
-def segment(kind: type[Learner], env: BatchEnv, number: int, folder: Path) -> list[Progress]:
+def segment(
+    kind: type[Learner], env: BatchEnv, number: int, folder: Path, **settings: Any
+) -> list[Progress]:
     """Train as a run does: from the last checkpoint in the folder to the next."""
     env.seed(number)
-    made, progress = kind(env, number, kind.hyperparameters()), list[Progress]()
+    made, progress = kind(env, number, kind.hyperparameters(**settings)), list[Progress]()
     if number:
         made.load(folder / f"{number - 1}.pt")
     made.learn(ITERATIONS, progress.append)
@@ -62,3 +65,19 @@ def test_the_policy_is_one(learner: type[Learner], make: MakeEnv, tmp_path: Path
     segment(learner, env, 0, tmp_path)
     action = SavedPolicy(tmp_path, env.observation)(env.reset())
     assert action.shape == (WORLDS, env.action_width) and np.abs(action).max() <= 1.0
+
+
+def test_a_critic_sees_more_than_the_policy(
+    learner: type[Learner], make: MakeEnv, tmp_path: Path
+) -> None:
+    """Learn otherwise from the simulator's state; kill, resume and contract are as ever."""
+    if not hasattr(learner.hyperparameters(), "critic"):
+        pytest.skip("its critic sees what the policy sees")
+    env, policies = make(WORLDS), []
+    for critic in ("state", "state", "observation"):
+        for number in range(2):
+            segment(learner, env, number, tmp_path, critic=critic)
+        policies.append((tmp_path / "policy.onnx").read_bytes())
+    assert policies[0] == policies[1] != policies[2]
+    seen = make(1).reset()
+    assert SavedPolicy(tmp_path, env.observation)(seen).shape == (1, env.action_width)
