@@ -143,7 +143,14 @@ def test_motor_side_sensor_reads_the_motor() -> None:
     state = State.allocate(1, 6, 3)
     upright = np.array([[0.0, 0.0, 1.0]])
     felt = Skin([spec]).feel(state)
-    percept = Percept(state=state, touch=felt, desired_axis=upright, target_rad=np.zeros((1, 6)))
+    percept = Percept(
+        state=state,
+        touch=felt,
+        desired_axis=upright,
+        target_rad=np.zeros((1, 6)),
+        axes=upright[:, None],
+        steps=np.zeros(1, dtype=int),
+    )
     before = observation("pose", spec.hand).read(percept)[0, :6]
     state.measured_rad[:] = measured
     moved = np.flatnonzero(observation("pose", spec.hand).read(percept)[0, :6] != before)
