@@ -1,7 +1,7 @@
 """The interface of everything that acts: learners and scripted baselines."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar
@@ -71,8 +71,11 @@ class Learner(ABC):
         """Begin with a saved policy's network and normalisation; raises PolicyError."""
 
     @abstractmethod
-    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
-        """Train for some iterations and report after each."""
+    def learn(self, done: Sequence[float], report: Callable[[Progress], None]) -> None:
+        """Train for some iterations and report after each.
+
+        `done`: the share of the training's budget that is spent before each of them.
+        """
 
     @abstractmethod
     def save(self, path: Path) -> None:

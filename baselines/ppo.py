@@ -52,6 +52,8 @@ class PpoSettings:
     """Learning rate to begin with."""
     target_kl: Positive = 0.01
     """Target of the KL divergence of an update; the learning rate adapts to it."""
+    anneal: Share = 0.0
+    """Share of the training at whose end `target_kl` has fallen to a thirtieth; 0: it stays."""
     value_coef: NotNegative = 1.0
     entropy_coef: NotNegative = 0.0
     max_grad_norm: Positive = 1.0
@@ -61,6 +63,12 @@ class PpoSettings:
     """Widths of the networks' hidden layers."""
     init_std: Positive = 0.4
     """Standard deviation of the actions to begin with."""
+
+
+def annealed_kl(settings: PpoSettings, done: float) -> float:
+    """Target of the KL divergence when a share of the training's budget is spent."""
+    left = (1 - done) / settings.anneal if settings.anneal else 1.0
+    return settings.target_kl * min(max(left, 1 / 30), 1.0)
 
 
 def watch(env: BatchEnv, settings: PpoSettings) -> int:

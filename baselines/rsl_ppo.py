@@ -2,7 +2,7 @@
 
 import contextlib
 import copy
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import torch
@@ -17,6 +17,7 @@ from baselines.ppo import (
     SEEN,
     Deployed,
     PpoSettings,
+    annealed_kl,
     export_onnx,
     read_trained,
     seed_everything,
@@ -99,7 +100,7 @@ class Baseline(Learner):
 
     def __init__(self, env: BatchEnv, seed: int, settings: PpoSettings) -> None:
         seed_everything(seed)
-        self._env, self._monitor = env, Monitor()
+        self._env, self._monitor, self._settings = env, Monitor(), settings
         with contextlib.redirect_stdout(None):
             vec = RslEnv(env, self._monitor, watch(env, settings))
             self._runner = OnPolicyRunner(vec, copy.deepcopy(_config(settings)))
@@ -121,9 +122,10 @@ class Baseline(Learner):
             normal._var[:, :seen] = std**2
             normal.count.fill_(SEEN)
 
-    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+    def learn(self, done: Sequence[float], report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
-        for _ in range(iterations):
+        for spent in done:
+            self._runner.alg.desired_kl = annealed_kl(self._settings, spent)
             self._runner.learn(1)
             report(self._monitor.drain())
 

@@ -1,7 +1,7 @@
 """Stable-Baselines3's PPO on the batched environment."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from baselines.ppo import (
     SEEN,
     Deployed,
     PpoSettings,
+    annealed_kl,
     export_onnx,
     read_trained,
     seed_everything,
@@ -121,30 +122,31 @@ class _Report(BaseCallback):
     """Reports, and adapts the learning rate to the last update's KL divergence, as rsl-rl does."""
 
     def __init__(
-        self, monitor: Monitor, report: Callable[[Progress], None], target_kl: float
+        self, monitor: Monitor, report: Callable[[Progress], None], targets: Iterator[float]
     ) -> None:
         super().__init__()
-        self._monitor, self._report, self._target_kl = monitor, report, target_kl
+        self._monitor, self._report, self._targets = monitor, report, targets
 
     def _on_step(self) -> bool:
         return True
 
     def _on_rollout_start(self) -> None:
-        kl = self.logger.name_to_value.get("train/approx_kl")
-        if kl is not None:
-            _adapt(self.model, float(kl), self._target_kl)
+        self.adapt()
 
     def _on_rollout_end(self) -> None:
         self._report(self._monitor.drain())
 
-
-def _adapt(model: Any, kl: float, target_kl: float) -> None:
-    rate = model.policy.optimizer.param_groups[0]["lr"]
-    if kl > 2 * target_kl:
-        rate = max(_RATE_RANGE[0], rate / _RATE_FACTOR)
-    elif 0 < kl < target_kl / 2:
-        rate = min(_RATE_RANGE[1], rate * _RATE_FACTOR)
-    _set_rate(model, rate)
+    def adapt(self) -> None:
+        """Adapt the learning rate if there was an update."""
+        kl = self.logger.name_to_value.get("train/approx_kl")
+        if kl is None:
+            return
+        rate, target = self.model.policy.optimizer.param_groups[0]["lr"], next(self._targets)
+        if kl > 2 * target:
+            rate = max(_RATE_RANGE[0], rate / _RATE_FACTOR)
+        elif 0 < kl < target / 2:
+            rate = min(_RATE_RANGE[1], rate * _RATE_FACTOR)
+        _set_rate(self.model, rate)
 
 
 def _set_rate(model: Any, rate: float) -> None:
@@ -213,14 +215,14 @@ class Baseline(Learner):
         )
         moments.count = SEEN
 
-    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+    def learn(self, done: Sequence[float], report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
-        steps = iterations * self.steps_per_iteration(self._env.worlds, self._settings)
+        steps = len(done) * self.steps_per_iteration(self._env.worlds, self._settings)
+        targets = (annealed_kl(self._settings, spent) for spent in done)
         self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder
-        self._model.learn(steps, callback=_Report(self._monitor, report, self._settings.target_kl))
-        kl = self._model.logger.name_to_value.get("train/approx_kl")
-        if kl is not None:
-            _adapt(self._model, float(kl), self._settings.target_kl)
+        reporting = _Report(self._monitor, report, targets)
+        self._model.learn(steps, callback=reporting)
+        reporting.adapt()
 
     def save(self, path: Path) -> None:
         """See `Learner.save`."""

@@ -1,6 +1,6 @@
 """Stable-Baselines3's SAC: off-policy, with its replay buffer in every checkpoint."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
@@ -96,9 +96,9 @@ class Baseline(Learner):
         """Refused: a policy has neither critic nor replay buffer."""
         raise PolicyError("sb3-sac cannot start from a policy, which has no critic; leave it out")
 
-    def learn(self, iterations: int, report: Callable[[Progress], None]) -> None:
+    def learn(self, done: Sequence[float], report: Callable[[Progress], None]) -> None:
         """See `Learner.learn`."""
-        steps = iterations * self.steps_per_iteration(self._env.worlds, self._settings)
+        steps = len(done) * self.steps_per_iteration(self._env.worlds, self._settings)
         self._model.set_logger(Logger(folder=None, output_formats=[]))  # its own makes a folder
         self._model.learn(steps, callback=_Report(self._monitor, report))
 

@@ -90,7 +90,8 @@ class Training:
         while not self._is_over:
             iterations = min(self._per_segment, self._total - self._iterations)
             with self._learner() as (learner, env):
-                learner.learn(iterations, self._note)
+                coming = range(self._iterations, self._iterations + iterations)
+                learner.learn([number / self._total for number in coming], self._note)
                 self._save(learner, self._iterations + iterations)
                 if self._is_over:
                     self._export(learner, env)

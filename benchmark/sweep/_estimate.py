@@ -91,7 +91,7 @@ def _learning_s(spec: RunSpec) -> float:
         learner = kind(env, 0, settings)
         simulated = _time_steps(env)
         began = time.monotonic()
-        learner.learn(1, lambda progress: None)
+        learner.learn([0.0], lambda progress: None)
         wall_s = time.monotonic() - began
         return (wall_s - sum(simulated)) / learner.steps_per_iteration(spec.worlds, settings)
     finally:

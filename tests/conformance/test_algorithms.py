@@ -37,7 +37,7 @@ def segment(
     made, progress = kind(env, number, kind.hyperparameters(**settings)), list[Progress]()
     if number:
         made.load(folder / f"{number - 1}.pt")
-    made.learn(ITERATIONS, progress.append)
+    made.learn([0.9 * number] * ITERATIONS, progress.append)
     made.save(folder / f"{number}.pt")
     made.export(folder / "policy.onnx")
     write_contract(folder, env.observation)
@@ -57,6 +57,18 @@ def test_a_chain_is_the_same_again(learner: type[Learner], make: MakeEnv, tmp_pa
     assert policies[0] == policies[1]
     per_iteration = learner.steps_per_iteration(WORLDS, learner.hyperparameters())
     assert [one.steps for one in progress] == [per_iteration] * ITERATIONS
+
+
+def test_updates_settle(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:
+    """Change the policy otherwise at the end of a training whose updates are annealed."""
+    if not hasattr(learner.hyperparameters(), "anneal"):
+        pytest.skip("its updates stay as they are")
+    env, policies = make(WORLDS), []
+    for anneal in (0.0, 0.05, 1.0):  # nine tenths are spent before the second segment
+        for number in range(2):
+            segment(learner, env, number, tmp_path, anneal=anneal)
+        policies.append((tmp_path / "policy.onnx").read_bytes())
+    assert policies[0] == policies[1] != policies[2]
 
 
 def test_the_policy_is_one(learner: type[Learner], make: MakeEnv, tmp_path: Path) -> None:
