@@ -13,6 +13,7 @@ from backends._mjcf_followers import followers
 from backends._mjcf_model import as_mjcf, compiled, end_m
 from backends._mjcf_play import FIRM
 from backends._mjcf_text import MjcfError
+from backends.spec import Vec3
 
 KEPT = ("name", "class", "group", "ctrlrange", "ctrllimited", "gear")
 """Attributes of an actuator that a position servo in its place keeps."""
@@ -45,7 +46,9 @@ class JointNumbers:
     """Mass of the body that it carries; 0: another joint of the same body has it."""
 
     payload: float = 0.0
-    """Mass of a point at that body's end, over the body's own mass."""
+    """Mass of a point that the body carries, over its own mass."""
+    payload_m: Vec3 | None = None
+    """Where, in the body's frame [m]; None: at its end."""
     open: bool = False
     """Whether it is a motor, whose `kp` is the gain of the torque that it is given."""
     note: str = ""
@@ -89,8 +92,8 @@ def written(
             joint.attrib.pop("actuatorfrcrange", None)
             joint.set("actuatorfrclimited", "false")
         _set_mass(body, model, model.joint(name).bodyid[0], one.mass_kg)
-        if one.payload:
-            _set_payload(body, model, model.joint(name).bodyid[0], one.payload * one.mass_kg)
+        if one.payload * one.mass_kg:
+            _set_payload(body, model, model.joint(name).bodyid[0], one)
         _set_servo(root, model, name, one)
         if one.ends:
             joint.attrib |= _limits(root, model, name, *one.ends)
@@ -187,9 +190,10 @@ def _set_carried(root: Element, carried: Mapping[str, float], others: float) -> 
             body.set("gravcomp", repr(share))
 
 
-def _set_payload(body: Element, model: mujoco.MjModel, b: int, mass_kg: float) -> None:
-    """Fix a point mass to the end of a body."""
-    place = {"name": f"{body.get('name', 'body')}_payload", "pos": _text(end_m(model, b))}
+def _set_payload(body: Element, model: mujoco.MjModel, b: int, one: JointNumbers) -> None:
+    """Fix a point mass to a body."""
+    mass_kg, at_m = one.payload * one.mass_kg, one.payload_m or end_m(model, b)
+    place = {"name": f"{body.get('name', 'body')}_payload", "pos": _text(at_m)}
     small = {"pos": "0 0 0", "mass": repr(mass_kg), "diaginertia": _text([1e-9 * mass_kg] * 3)}
     load = ElementTree.SubElement(body, "body", place)
     ElementTree.SubElement(load, "inertial", small)

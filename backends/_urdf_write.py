@@ -32,7 +32,7 @@ def written_urdf(text: str, numbers: Mapping[str, JointNumbers]) -> str | None:
         mass = link.find("inertial/mass") if link is not None else None
         if mass is not None and one.mass_kg:
             mass.set("value", repr(one.mass_kg))
-        if link is not None and one.payload:
+        if link is not None and one.payload * one.mass_kg:
             _add_payload(root, link, text, one)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"
@@ -51,7 +51,7 @@ def _set(parent: Element, tag: str, **values: float) -> None:
 
 
 def _add_payload(root: Element, link: Element, text: str, one: JointNumbers) -> None:
-    """Fix a point mass to the end of a link."""
+    """Fix a point mass to a link."""
     model, name = compiled(text), link.get("name", "")
     load = ElementTree.SubElement(root, "link", {"name": f"{name}_payload"})
     inertial, mass_kg = ElementTree.SubElement(load, "inertial"), one.payload * one.mass_kg
@@ -61,5 +61,6 @@ def _add_payload(root: Element, link: Element, text: str, one: JointNumbers) -> 
     joint = ElementTree.SubElement(root, "joint", {"name": f"{name}_holds", "type": "fixed"})
     ElementTree.SubElement(joint, "parent", {"link": name})
     ElementTree.SubElement(joint, "child", {"link": f"{name}_payload"})
-    place = " ".join(repr(float(x)) for x in end_m(model, model.body(name).id))
+    at_m = one.payload_m or end_m(model, model.body(name).id)
+    place = " ".join(repr(float(x)) for x in at_m)
     ElementTree.SubElement(joint, "origin", {"xyz": place})

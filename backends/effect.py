@@ -100,8 +100,8 @@ class Effect(ABC):
     """Whether it acts on joints; then it may name one."""
     hinges_only: ClassVar[bool] = False
     """Whether slides cannot have it."""
-    ends_only: ClassVar[bool] = False
-    """Whether only links that carry no driven one have it."""
+    at_ends: ClassVar[bool] = False
+    """Without a named joint it acts only on links that carry no driven one."""
     by_weight: ClassVar[bool] = False
     """Whether it shows only on joints that weight turns: a hand with upright axes has none."""
     gear: ClassVar[str | None] = None
@@ -109,6 +109,8 @@ class Effect(ABC):
     spread: ClassVar[str] = "normal"
     """Distribution of its magnitude under domain randomisation: 'normal' or 'uniform'."""
 
+    spot: ClassVar[tuple[str, ...]] = ()
+    """Numbers that say where on its link it acts [m]: a diagnosis finds them with its magnitude."""
     coordinate: ClassVar[str] = "amount"
     """What a diagnosis varies, below `u`, so that nothing leaves its sign.
 
@@ -193,22 +195,21 @@ class Effect(ABC):
         if not self.per_joint:
             return ()
         if self.joint is None:
-            fits = [b.joint for b in spec.hand.driven if self.refusal(b, spec) is None]
+            links = spec.hand.ends if self.at_ends else spec.hand.driven
+            fits = [b.joint for b in links if self.refusal(b) is None]
             return tuple(joint.name for joint in fits if self.gear in (None, joint.gear))
         if self.joint not in known:
             raise ValueError(f"no driven joint named '{self.joint}'; known: {', '.join(known)}")
-        why = self.refusal(spec.hand.driven[known.index(self.joint)], spec)
+        why = self.refusal(spec.hand.driven[known.index(self.joint)])
         if why is not None:
             raise ValueError(f"{self.joint} {why} have this effect")
         return (self.joint,)
 
     @classmethod
-    def refusal(cls, body: Body, spec: Spec) -> str | None:
+    def refusal(cls, body: Body) -> str | None:
         """Why a body's joint cannot have it, in words; None where it can."""
         if cls.hinges_only and body.joint.slides:
             return "slides; only hinges"
-        if cls.ends_only and body not in spec.hand.ends:
-            return "carries another link; only the last ones"
         return None
 
     def on_spec(self, spec: Spec) -> Spec:

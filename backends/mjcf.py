@@ -7,7 +7,7 @@ nothing about logs.
 """
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from xml.etree import ElementTree
 
 import mujoco
@@ -35,6 +35,7 @@ __all__ = [
     "Play",
     "Servo",
     "file_drives",
+    "in_file",
     "joint_ranges",
     "left_out",
     "mechanism",
@@ -290,6 +291,21 @@ def _empty(name: str, parent: str | None, origin_m: Array, joint: Joint) -> Body
         com_m=(0.0, 0.0, 0.0),
         inertia_kgm2=(0.0, 0.0, 0.0),
     )
+
+
+def in_file(
+    xml: str, joints: Collection[str], held: Mapping[str, float], joint: str, point_m: Vec3
+) -> Vec3:
+    """A point of a body in the file's frame of it [m], from that of a `mechanism`'s world.
+
+    Of the body that `joint` moves, in the mechanism of `joints`; for `held` see there.
+    """
+    model = compiled(xml)
+    own = [j for j in range(model.njnt) if model.joint(j).name in joints]
+    data = _posed(model, [*own, *followers(model, own, held)[0]], held)
+    j, b = model.joint(joint).id, model.joint(joint).bodyid[0]
+    frame = data.xmat[b].reshape(3, 3)
+    return _vec(frame.T @ (point_m + data.xanchor[j] - data.xpos[b]))
 
 
 def _filled(

@@ -8,6 +8,7 @@ module knows an engine.
 import dataclasses
 import hashlib
 import json
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
@@ -196,14 +197,30 @@ class Body:
     carried: float = 0.0
     """Share of its weight that is carried beside the drives' laws: gravity compensation [1]."""
     payload: float = 0.0
-    """Mass of what it holds at its end, a point, over its own mass [1]."""
+    """Mass of a point that it carries, over its own mass [1]."""
+    payload_x_m: float = 0.0
+    """How far from its end that point is, in the body frame [m]; likewise along y and z."""
+    payload_y_m: float = 0.0
+    payload_z_m: float = 0.0
     tip_m: Vec3 | None = None
     """Its end in the body frame [m]; None: twice as far as its centre of mass, as of a rod."""
 
     @property
     def end_m(self) -> Vec3:
-        """Where it holds a payload, in the body frame [m]."""
+        """Its end in the body frame [m]."""
         return self.tip_m or (2 * self.com_m[0], 2 * self.com_m[1], 2 * self.com_m[2])
+
+    @property
+    def payload_m(self) -> Vec3:
+        """Where it carries a payload, in the body frame [m]."""
+        x, y, z = self.end_m
+        return (x + self.payload_x_m, y + self.payload_y_m, z + self.payload_z_m)
+
+    @property
+    def reach_m(self) -> float:
+        """How far it reaches from its joint: its end, or its radius of gyration [m]."""
+        about = sum(self.inertia_kgm2) / (2 * self.mass_kg) if self.mass_kg else 0.0
+        return max(math.hypot(*self.end_m), math.sqrt(about))
 
     @property
     def loaded(self) -> "Body":
@@ -211,7 +228,7 @@ class Body:
         if not self.payload:
             return self
         share = self.payload / (1.0 + self.payload)
-        x, y, z = (end - own for own, end in zip(self.com_m, self.end_m, strict=True))
+        x, y, z = (end - own for own, end in zip(self.com_m, self.payload_m, strict=True))
         reduced = share * self.mass_kg
         xx, yy, zz = self.inertia_kgm2
         xy, xz, yz = self.products_kgm2
@@ -219,6 +236,9 @@ class Body:
         return dataclasses.replace(
             self,
             payload=0.0,
+            payload_x_m=0.0,
+            payload_y_m=0.0,
+            payload_z_m=0.0,
             mass_kg=(1.0 + self.payload) * self.mass_kg,
             com_m=(cx + share * x, cy + share * y, cz + share * z),
             inertia_kgm2=(

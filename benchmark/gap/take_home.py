@@ -29,7 +29,7 @@ WRITTEN = {
     "drive.coulomb_nm": ("frictionloss", "Nm", "N"),
     "body.mass_kg": ("mass", "kg", "kg"),
     "body.carried": ("gravcomp", "of the link's weight", "of the link's weight"),
-    "body.payload": ("the load at the end", "of the link's mass", ""),
+    "body.payload": ("the load", "of the link's mass", "of the link's mass"),
     "drive.play_rad": ("range of the play", "rad", "m"),
     "drive.end_stop_rad": ("end stop inside of the range", "rad", "m"),
 }
@@ -205,5 +205,7 @@ def _change(
         after=after,
         sd=abs(sd * UNITS[one.unit][1] * (before if share else 1.0)),
         unit=unit,
-        also=in_other_words(kind, after, unit),
+        also=one.also
+        if isinstance(one, Cause) and kind.spot
+        else in_other_words(kind, after, unit),
     )

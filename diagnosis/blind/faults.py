@@ -95,7 +95,7 @@ def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | No
     """One joint at random; None for all of those that an effect concerns, if there are more."""
     if not kind.per_joint:
         return None
-    able = [b.joint for b in spec.hand.driven if kind.refusal(b, spec) is None]
+    able = [b.joint for b in spec.hand.driven if kind.refusal(b) is None]
     concerned = [joint for joint in able if kind.gear in (None, joint.gear)]
     everywhere = rng.uniform() < EVERYWHERE and len(concerned) > 1
     names = [joint.name for joint in able]
@@ -105,7 +105,7 @@ def _joint(kind: type[Effect], spec: Spec, rng: np.random.Generator) -> str | No
 def arm_joint(name: str, spec: Spec, rng: np.random.Generator) -> str | None:
     """One joint at random; None: all of them, if a bus or controller gives it to all alike."""
     kind = catalogue().get(name)
-    able = [b for b in spec.hand.driven if kind is None or kind.refusal(b, spec) is None]
+    able = [b for b in spec.hand.driven if kind is None or kind.refusal(b) is None]
     names = [body.joint.name for body in able]
     everywhere, one = rng.uniform() < EVERYWHERE, names[rng.integers(len(names))]
     if kind is None or (kind.per_joint and not (everywhere and kind.shared and len(names) > 1)):

@@ -251,11 +251,11 @@ def _follow(wanted_rad, most_rad):
 
 
 def _holding(body: Body, mass_kg: float, share: float, carried: float) -> Body:
-    """A link of this mass and a point at its end, of so much of it, as one rigid body.
+    """A link of this mass and a point on it, of so much of it, as one rigid body.
 
     `carried`: the share of the link's own weight that is.
     """
-    own, point = np.array(body.com_m), np.array(body.end_m)
+    own, point = np.array(body.com_m), np.array(body.payload_m)
     center = (own + share * point) / (1.0 + share)
     (x, y, z), (xy, xz, yz) = body.inertia_kgm2, body.products_kgm2
     tensor = np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])

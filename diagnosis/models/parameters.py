@@ -5,7 +5,7 @@ is a little off in most of them: so much a fit may always take. An effect is a p
 take any size within its bounds.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -14,6 +14,7 @@ import numpy as np
 
 from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect, NumberEffect
+from backends.spec import Spec
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion import columns as c
@@ -61,10 +62,20 @@ class _SoftFriction(NumberEffect):
     least = 1.0
 
 
+class _Spot(NumberEffect):
+    """Where on its link an effect acts."""
+
+    dimension, unit = "length", "mm"
+    least = 0.1
+    either_sign = True
+
+
 TERMS: Mapping[str, type[Effect]] = {"ki": _Integral, "speed_integral": _SpeedIntegral}
 """Nominal numbers that no effect changes, by their names in log.yaml."""
 OWN = 0.4
 """Standard deviation of the share of its model's own simulator that a log has: at most all."""
+SPOT = 0.5
+"""Standard deviation of where on its link a load is, about its end, over the link's reach."""
 LATE_SHARE = 0.03
 """Commands are late by so much of a log's period anyway."""
 
@@ -95,6 +106,8 @@ class Parameter:
     """Other numbers of its law, by their columns, that the log shows before its size [SI]."""
     nameable: bool = True
     """Whether it may be let free as an effect, instead of as a tolerance alone."""
+    part_of: int | None = None
+    """Number of the parameter whose law it belongs to: it moves only where that is free."""
 
     def is_kin(self, other: "Parameter") -> bool:
         """Whether both are of one family at one joint: one cause, and the shape of its law."""
@@ -134,12 +147,30 @@ def parameters(
                 one = replace(one, nameable=name in catalogue and shows)
                 own.append(_as_seen(one, evidence.limb, *seen))
         found += own
+        for number, one in enumerate(own, len(found) - len(own)):
+            found += _spots(one, number, evidence.limb.spec)
         if kind.shared and len(evidence.joints) > 1 and own:
             least = max(one.least for one in own)
             found.append(replace(own[0], joint=None, tolerance=0.0, unit=1.0, least=least))
     found += [_OWN_STEPS] * bool(evidence.own_steps.any())
     found += [_SOFT_FRICTION] * evidence.limb.rigid
     return tuple(found)
+
+
+def _spots(one: Parameter, number: int, spec: Spec) -> Iterator[Parameter]:
+    """Where on its link an effect acts, as parameters of its law."""
+    if one.joint is not None and one.nameable:
+        for name in one.kind.spot:
+            yield replace(
+                one,
+                kind=_Spot,
+                place=c.COLUMNS.index(name),
+                unit=spec.hand.driven[one.joint].reach_m,
+                tolerance=SPOT,
+                least=_Spot.least,
+                nameable=False,
+                part_of=number,
+            )
 
 
 def _as_seen(one: Parameter, limb: Limb, ripple: Array, stops: Sequence[Blocked]) -> Parameter:
@@ -200,12 +231,13 @@ def _parameter(
     if joint is None:
         most, own = kind.most, kind.tolerance * everyday
         return about(unit=1.0, tolerance=own, least=kind.least, most=most)
-    limb, spec = evidence.limb, evidence.limb.spec
+    limb = evidence.limb
     value, rigid = limb.nominal[joint, place], limb.rigid
     unused = rigid and c.COLUMNS[place].startswith("drive.gear_")
     if kind.coordinate == "logarithm" and (value <= 0.0 or unused):
         return None
-    if kind.refusal(spec.hand.driven[joint], spec) is not None:
+    body = limb.spec.hand.driven[joint]
+    if kind.refusal(body) is not None or (kind.is_of("body") and not body.mass_kg):
         return None
     unit = _unit(kind, joint, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
@@ -255,6 +287,11 @@ def _relative(kind: type[Effect], value: float, unit: float, rigid: bool) -> flo
     if kind.coordinate == "compliance":
         return 0.0 if rigid else 1.0 / value / unit
     return value / unit
+
+
+def with_parts(parameters: Sequence[Parameter], numbers: Collection[int]) -> list[int]:
+    """Parameters by number, and those that belong to their laws."""
+    return [k for k, p in enumerate(parameters) if k in numbers or p.part_of in numbers]
 
 
 def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, float]:

@@ -67,6 +67,8 @@ class World:
                 soft[rows] += value * one.unit
             else:
                 numbers[rows, one.place] += one.onset + value * one.unit
+        known, mass = limb.nominal[:, c.MASS], numbers[:, c.MASS]
+        numbers[:, c.CARRIED] *= np.divide(known, mass, out=np.ones_like(mass), where=mass > 0.0)
         numbers[:, POSITIVE] = np.maximum(numbers[:, POSITIVE], 0.0)
         self._with_gears(numbers, soft)
         return numbers, tilt

@@ -1,6 +1,6 @@
-"""The rigid-body model along a measured motion, and how it changes with masses and with gravity."""
+"""The rigid-body model along a measured motion, as given and in worlds with other loads."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -56,53 +56,12 @@ class Along:
             dv[:, :, j] = (bias_torques(self.spec, q, v + move) - bias) / STEP
         return mass, bias, dq, dv
 
-    @cached_property
-    def by_load(self) -> tuple[Array, Array]:
-        """What h (L, P K) gains in L worlds, and M (N, P K K) in the first N of them.
-
-        Each joint's own link twice as heavy, as much at the end of each last one, and each link
-        with its whole weight carried beside the drives, on top of what is; who carries weight
-        knows of no load.
-        """
-        hand, (q, v) = self.spec.hand, (self.angle_rad, self.speed_rad_s)
-        heavy = [replace(b, mass_kg=2.0 * b.mass_kg, carried=b.carried / 2.0) for b in hand.driven]
-        held = [replace(b, payload=b.payload + 1.0) for b in hand.ends]
-        light = [replace(b, carried=b.carried + 1.0) for b in hand.driven]
-        bodies, (mass, bias, *_) = {body.name: body for body in hand.driven}, self.model
-        more_m = np.empty((len(heavy) + len(held), mass.size))
-        more_h = np.empty((len(more_m) + len(light), bias.size))
-        for n, body in enumerate((*heavy, *held, *light)):
-            spec = self.spec.with_driven((bodies | {body.name: body}).values())
-            if n < len(more_m):
-                m, h = dynamics(spec, q, v)
-                more_m[n] = (m - mass).ravel()
-            else:
-                h = bias_torques(spec, q, v)
-            more_h[n] = (h - bias).ravel()
-        return more_m, more_h
-
-    @cached_property
-    def by_gravity(self) -> Array:
-        """What h gains with gravity along x, y and z, shape (3, P, K) [Nm per m/s^2]."""
-        q = self.angle_rad
-        worlds = (replace(self.spec, gravity_m_s2=g) for g in ((1, 0, 0), (0, 1, 0), (0, 0, 1)))
-        return np.stack([bias_torques(one, q, np.zeros_like(q)) for one in worlds])
-
-    def changed(self, load: Array, tilt: Array) -> Model:
-        """The model with shares `load` (L,) of `by_load`, and gravity turned by `tilt`."""
+    def of(self, spec: Spec) -> Model:
+        """The model of a world with other loads and gravity; its slopes are the nominal ones."""
         m, h, dq, dv = self.model
-        if load.any():
-            more_m, more_h = (_weighed(load[: len(more)], more) for more in self.by_load)
-            m, h = m + more_m.reshape(m.shape), h + more_h.reshape(h.shape)
-        if tilt.any():
-            gravity = np.array(self.spec.gravity_m_s2)
-            h = h + np.tensordot(turned(gravity, tilt) - gravity, self.by_gravity, 1)
+        if spec != self.spec:
+            m, h = dynamics(spec, self.angle_rad, self.speed_rad_s)
         return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
-
-
-def _weighed(load: Array, more: Array) -> Array:
-    some = np.flatnonzero(load)
-    return np.asarray(load[some] @ more[some])
 
 
 def smoothed(position: Array, period_s: float) -> Array:

@@ -16,6 +16,9 @@ COLUMNS = (
     *(f"loop.{f.name}" for f in fields(Loop)),
     "body.mass_kg",
     "body.payload",
+    "body.payload_x_m",
+    "body.payload_y_m",
+    "body.payload_z_m",
     "body.carried",
     "two_masses",
 )
@@ -51,6 +54,7 @@ UNLIMITED, PROFILE, OPEN, SOFT = _at("loop", "unlimited", "profile_rad_s2", "ope
 BIAS, SCALE, LATE = _at("encoder", "bias_rad", "scale_error", "delay_s")
 ONCE, ACROSS = _at("encoder", "eccentricity_rad", "eccentricity_sine_rad")
 MASS, PAYLOAD, CARRIED = _at("body", "mass_kg", "payload", "carried")
+LINK = tuple(n for n, name in enumerate(COLUMNS) if name.startswith("body."))
 TWO_MASSES = COLUMNS.index("two_masses")
 MOVING = (KD, VISCOUS, ROTOR, TEETH, SLOWNESS, DELAY, LATE)
 """Numbers that show only while a joint moves: at rest no sensor tells of them."""
@@ -71,6 +75,15 @@ def table(spec: Spec, rigid: bool) -> Array:
 def _part(body: Body, name: str) -> Any:
     """What has numbers of this part of a joint."""
     return body if name == "body" else getattr(body.joint, name)
+
+
+def with_load(spec: Spec, load: Array) -> Spec:
+    """A world whose links have other numbers, rows (K, len(LINK))."""
+    names = [COLUMNS[n].split(".")[1] for n in LINK]
+    pairs = zip(spec.hand.driven, load, strict=True)
+    return spec.with_driven(
+        replace(body, **dict(zip(names, row, strict=True))) for body, row in pairs
+    )
 
 
 def by_name(numbers: Array) -> dict[str, float]:

@@ -14,7 +14,7 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion import columns as c
-from diagnosis.motion.along import AXES, Along, Model, smoothed
+from diagnosis.motion.along import AXES, Along, Model, smoothed, turned
 from diagnosis.motion.integrate import integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording, period_s
 from diagnosis.replay.dynamics import POSES, dynamics, is_closed, link_inertia
@@ -178,13 +178,16 @@ class Limb:
         return tuple(found)
 
     @cached_property
-    def _models(self) -> Callable[[tuple[float, ...], tuple[float, ...]], dict[Along, Model]]:
-        """The models with a load and a tilt, see `Along.changed`; few replays change either."""
+    def _models(self) -> Callable[[bytes, bytes], dict[Along, Model]]:
+        """The models with loads (K, len(LINK)) and a tilt (2,); few replays change either."""
 
         @lru_cache(2)
-        def models(load: tuple[float, ...], tilt: tuple[float, ...]) -> dict[Along, Model]:
-            changes = np.array(load), np.array(tilt)
-            return {path: path.changed(*changes) for path in dict.fromkeys(self.along)}
+        def models(load: bytes, tilt: bytes) -> dict[Along, Model]:
+            rows = np.frombuffer(load).reshape(len(self.joints), -1)
+            spec, turn = c.with_load(self.spec, rows), np.frombuffer(tilt)
+            if turn.any():
+                spec = replace(spec, gravity_m_s2=tuple(turned(spec.gravity_m_s2, turn)))
+            return {path: path.of(spec) for path in dict.fromkeys(self.along)}
 
         return models
 
@@ -275,18 +278,13 @@ class Limb:
         self, numbers: Array, tilt: Array | None = None, shift: Array | float = 0.0
     ) -> Iterator[Array | None]:
         """Joints, motors and torques as `integrate` has them, by episode; None: it diverged."""
-        hand, mass = self.spec.hand, self.nominal[:, c.MASS]
-        last = [hand.driven.index(body) for body in hand.ends]
-        heavier = np.where(mass > 0.0, numbers[:, c.MASS] / np.where(mass, mass, 1.0) - 1.0, 0.0)
-        payload, carried = (numbers - self.nominal)[:, [c.PAYLOAD, c.CARRIED]].T
-        load = np.concatenate([heavier, payload[last], carried])
         tilt = np.zeros(len(AXES)) if tilt is None else tilt
-        models = self._models(tuple(load), tuple(tilt))
+        models = self._models(numbers[:, c.LINK].tobytes(), tilt.tobytes())
         starts = np.zeros((len(self.recordings), 2, len(numbers)))
         starts[:, 0] = unread(np.array([r.start for r in self.recordings]), numbers) + shift
         for start, one in zip(starts, self.recordings, strict=True):
             start[1] = 0.0 if one.rate is None else one.rate
-        ranges = np.array([body.joint.range_rad for body in hand.driven])
+        ranges = np.array([body.joint.range_rad for body in self.spec.hand.driven])
         ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], ranges)
         episodes = enumerate(zip(self.recordings, self.along, self._ticks, starts, strict=True))
         for number, (recording, path, (row, _), start) in episodes:

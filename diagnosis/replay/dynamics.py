@@ -65,7 +65,7 @@ def _links(spec: Spec) -> _Links:
         origin_m=np.array([b.origin_m for b in bodies], dtype=float),
         axis=np.array([b.joint.axis for b in bodies], dtype=float),
         mass_kg=np.array([[b.mass_kg, b.payload * b.mass_kg] for b in bodies], dtype=float),
-        at_m=np.array([[b.com_m, b.end_m] for b in bodies], dtype=float),
+        at_m=np.array([[b.com_m, b.payload_m] for b in bodies], dtype=float),
         inertia_kgm2=np.array([_tensor(b) for b in bodies]),
         weight=np.array([[1.0 - b.carried, 1.0] for b in bodies], dtype=float),
     )

@@ -12,6 +12,7 @@ from backends.mjcf import (
     Plain,
     Play,
     file_drives,
+    in_file,
     written,
     written_urdf,
 )
@@ -56,6 +57,17 @@ def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
     return {body.joint.name: _numbers(body) for body in spec.hand.driven}
 
 
+def _in_file(log: Log, spec: Spec) -> dict[str, JointNumbers]:
+    """The numbers of a world's joints, with places of payloads as a log's model has them."""
+    (xml, settings), found = model_of(log), numbers_of(spec)
+    for body in spec.hand.driven:
+        name = body.joint.name
+        if body.payload:
+            at_m = in_file(xml, spec.hand.joint_names, settings.hold, name, body.payload_m)
+            found[name] = replace(found[name], payload_m=at_m)
+    return found
+
+
 def model_text(
     log: Log, spec: Spec, nominal: Spec | None = None, step_s: float | None = None
 ) -> str:
@@ -65,7 +77,7 @@ def model_text(
     `step_s`: with this time step in place of the file's.
     """
     xml, settings = model_of(log)
-    every, kept = numbers_of(spec), () if nominal is None else _kept(xml, spec, nominal)
+    every, kept = _in_file(log, spec), () if nominal is None else _kept(xml, spec, nominal)
     some = {
         name: replace(one, note=_note(settings.joints.get(name, DriveSettings())))
         for name, one in every.items()
@@ -112,7 +124,7 @@ def _note(drive: DriveSettings) -> str:
 def urdf_text(log: Log, spec: Spec, nominal: Spec) -> str | None:
     """The text of a log's URDF with what is not nominal of a world; None: it is none."""
     before = numbers_of(nominal)
-    some = {name: one for name, one in numbers_of(spec).items() if one != before[name]}
+    some = {name: one for name, one in _in_file(log, spec).items() if one != before[name]}
     return written_urdf(model_of(log)[0], some)
 
 

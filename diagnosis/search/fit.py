@@ -13,6 +13,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.evidence.evidence import excess, root_weights, squared_gaps
+from diagnosis.models.parameters import with_parts
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
 from diagnosis.motion.limb import Limb
@@ -136,7 +137,8 @@ class Fitter(World):
         way. A fit that then leaves far more than the excess `beat` ends early.
         """
         u, problem = dict(u or {}), Problem.of(self.parameters, freed, moving)
-        known = {k: s for k, s in (slopes or {}).items() if k not in freed}
+        own = with_parts(self.parameters, freed)
+        known = {k: s for k, s in (slopes or {}).items() if k not in own}
         columns = [k for k in u if u[k] and self.is_column(k, freed)]
         base = self.bare(u, freed)
         needed = dict.fromkeys((*problem.numbers, *columns))
@@ -173,7 +175,7 @@ class Fitter(World):
             far = again and step == AGAIN and (stale or bool(moved.any()))
             anew = far or (stale and small)
             stale = stale and not anew
-            fresh = [k for k in problem.numbers if k in freed or anew]
+            fresh = [k for k in problem.numbers if k in own or anew]
             known |= self.slopes(fresh, u, freed, self.bare(u, freed))
         residual = self.evidence.readings - shown
         sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))

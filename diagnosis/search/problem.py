@@ -8,7 +8,7 @@ from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import lsq_linear
 
 from backends.state import Array
-from diagnosis.models.parameters import Parameter, bounds
+from diagnosis.models.parameters import Parameter, bounds, with_parts
 from diagnosis.motion.columns import PLAY
 
 REACH = 2.5
@@ -46,8 +46,9 @@ class Problem:
         moving: Collection[int] | None = None,
     ) -> "Problem":
         """All tolerances and freed effects, or those with the numbers `moving`."""
-        held = [k for k, p in enumerate(parameters) if p.tolerance > 0.0 and k not in freed]
-        numbers = [k for k in (*held, *freed) if moving is None or k in moving]
+        held = [k for k, p in enumerate(parameters) if _is_held(k, p, freed)]
+        some = None if moving is None else with_parts(parameters, moving)
+        numbers = [k for k in (*held, *freed) if some is None or k in some]
         chosen = [parameters[k] for k in numbers]
         is_free = np.array([k in freed for k in numbers])
         plays = {parameters[k].joint for k in freed if parameters[k].place == PLAY}
@@ -95,6 +96,12 @@ class Problem:
         curvature += RIDGE * np.diag(np.diag(curvature))
         pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2
         return jacobian, curvature, pull
+
+
+def _is_held(number: int, one: Parameter, freed: Sequence[int]) -> bool:
+    """Whether it is a tolerance, or belongs to the law of a freed effect."""
+    acts = one.part_of is None or one.part_of in freed
+    return one.tolerance > 0.0 and number not in freed and acts
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:

@@ -14,7 +14,7 @@ from scipy.optimize import minimize_scalar
 
 from backends.effects.coulomb_friction import Effect as CoulombFriction
 from backends.state import Array
-from diagnosis.models.parameters import Parameter
+from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
@@ -281,7 +281,8 @@ class Search:
         rest = tuple(a for a in fit.freed if a != number)
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
-            self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a != number}))
+            less = with_parts(self.parameters, [number])
+            self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a not in less}))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit) -> None:
@@ -360,7 +361,8 @@ class Search:
         if self.rubs or one.kind.family == CoulombFriction.family:
             yield from (({**fit.u, k: soft, number: size}, slopes) for k, soft in self.soft.items())
         better = self.tried[frozenset(freed)].u
-        alone = {k: fit.u[k] for k in fit.freed} | {k: better.get(k, 0.0) for k in self.soft}
+        alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
+        alone |= {k: better.get(k, 0.0) for k in self.soft}
         if one.kind.kinked or self.fitter.evidence.rattles:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
@@ -368,7 +370,7 @@ class Search:
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
-        moving = (*self.guessed, *freed)
+        moving = with_parts(self.parameters, (*self.guessed, *freed))
         return self.fitter.fit(freed, {k: u[k] for k in (*moving, *self.soft) if k in u}, moving)
 
     def _scanned(self, number: int, low: float, high: float, first: float, alone: Sizes) -> float:

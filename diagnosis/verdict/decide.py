@@ -58,7 +58,7 @@ def decide(
         probability=_probability(found, ordinary, named, unknown, share, len(tied)),
         ranking=tuple(_ranked(fitter, found, named)),
         tied=tuple(tuple("@".join(filter(None, _spot(fitter, k))) for k in f.freed) for f in tied),
-        experiment=experiment(fitter, chosen.u, [f.u for f in tied]) if tied else None,
+        experiment=experiment(fitter, chosen, tied) if tied else None,
         gap_before=float(np.sqrt(np.mean((fitter.evidence.readings - fitter.shown({})) ** 2))),
         gap_nominal=nominal.gap,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
@@ -100,7 +100,7 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     alone = [f for f in found.singles if f.freed == (number,)]
     kept = fit.worst / max(found.nominal.worst, 1e-9)
     law = u * (OFF + OFF_LEFT * min(kept, 1.0))
-    alike = (p for p in fitter.parameters if p.effect == one.effect)
+    alike = (p for p in fitter.parameters if p.effect == one.effect and p.part_of is None)
     own = max((p.tolerance for p in alike if one.joint in (p.joint, None)), default=0.0)
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.kind.either_sign else 0.0
@@ -108,13 +108,29 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     low, high = sorted(_magnitude(fitter, one, x) for x in ends)
     sizes = [_magnitude(fitter, one, u), low, high]
     effect, joint = _spot(fitter, number)
+    said = sized(one.kind, sizes, fitter.evidence.place(one.joint))
+    said["also"] = ", ".join(filter(None, (said["also"], _away(fitter, fit, number))))
     return Cause(
         effect=effect,
         joint=joint,
         joints=fitter.evidence.joints if joint is None else (joint,),
-        **sized(one.kind, sizes, fitter.evidence.place(one.joint)),
+        **said,
         share=found.share(alone[0]) if alone else found.share(fit),
     )
+
+
+def _away(fitter: Fitter, fit: Fit, number: int) -> str:
+    """How far from its joint an effect acts, in words; empty where its law has no place."""
+    one = fitter.parameters[number]
+    if one.joint is None or not one.kind.spot:
+        return ""
+    body, parts = fitter.evidence.limb.spec.hand.driven[one.joint], fitter.parameters
+    spots = [k for k, part in enumerate(parts) if part.part_of == number]
+    at_m = np.array(body.payload_m) + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
+    sd_m = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
+    away_m = float(np.linalg.norm(at_m))
+    sd = float(np.linalg.norm(at_m * sd_m)) / max(away_m, 1e-9)
+    return f"{1e3 * away_m:.3g} ± {1e3 * sd:.2g} mm from its joint"
 
 
 def _magnitude(fitter: Fitter, one: Parameter, u: float) -> float:
@@ -141,7 +157,8 @@ def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
     """Numbers of the mechanism's file that took part of the gap."""
     for k, one in enumerate(fitter.parameters):
         u = fit.u.get(k, 0.0)
-        if u and k not in fit.freed and abs(u) >= MOVED * one.tolerance:
+        is_own = k in fit.freed or one.part_of is not None
+        if u and not is_own and abs(u) >= MOVED * one.tolerance:
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
                 (value, end), unit = (float(np.expm1(x)) for x in ends), "%"

@@ -1,6 +1,7 @@
 """The experiment that distinguishes tied causes: the protocol in which their worlds differ most."""
 
 from collections.abc import Mapping, Sequence
+from itertools import chain
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from diagnosis.motion.columns import LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.recording.excitation import FREE, Joints
-from diagnosis.search.fit import Fitter
+from diagnosis.search.fit import Fit, Fitter
 
 CLEAR = 2.0
 """Worlds that differ by so many floors are distinguished."""
@@ -18,20 +19,22 @@ PASSES = 2
 TORQUE = CHANNELS.index("torque")
 
 
-def experiment(
-    fitter: Fitter, chosen: Mapping[int, float], tied: Sequence[Mapping[int, float]]
-) -> str:
-    """What to record, as a clause: of worlds with parameters (by number) at `chosen` and `tied`.
+def experiment(fitter: Fitter, chosen: Fit, tied: Sequence[Fit]) -> str:
+    """What to record, as a clause, to tell a fit from others.
 
     With the channels of the log, or with torques as well where those show no difference.
     """
-    apart = {name: _apart(fitter, _limb(fitter, name, chosen), chosen, tied) for name in FREE}
+    worlds = chosen.u, [fit.u for fit in tied]
+    apart = {name: _apart(fitter, _limb(fitter, name, chosen.u), *worlds) for name in FREE}
     for more, what in enumerate(("", " and log the torques that the drives ask for")):
         best = max(apart, key=lambda name: apart[name][more])
         if apart[best][more] >= CLEAR:
             floors = f"{apart[best][more]:.0f} times the noise floor"
             return f"record --protocol {best}{what}: there they differ by {floors}"
-    return "log the motor's angle as well: no protocol of joints alone shows the difference"
+    causes = chain.from_iterable(fit.freed for fit in (chosen, *tied))
+    loads = all(fitter.parameters[k].kind.is_of("body") for k in causes)
+    first = "weigh these links" if loads else "log the motor's angle as well"
+    return f"{first}: no protocol of joints alone shows the difference"
 
 
 def _limb(fitter: Fitter, protocol: str, u: Mapping[int, float]) -> Limb:

@@ -50,7 +50,7 @@ def joint_of(kind: type[Effect]) -> str | None:
     """A joint that may have it."""
     if not kind.per_joint:
         return None
-    return IDEAL.hand.ends[0].joint.name if kind.ends_only else "J3"
+    return IDEAL.hand.ends[0].joint.name if kind.at_ends else "J3"
 
 
 def large(kind: type[Effect]) -> Effect:

@@ -127,7 +127,7 @@ def written(name: str, times: int) -> str:
     """An effect of a case, its magnitude so many times, on J3 or J4 where it acts on joints."""
     kind: type[Effect] = registry.load("effect", name)
     number, unit = re.fullmatch(r"([-.\d]+)(.*)", case_of(name).magnitude).groups()
-    joint = "" if not kind.per_joint else "@J4" if kind.ends_only else "@J3"
+    joint = "" if not kind.per_joint else "@J4" if kind.at_ends else "@J3"
     return f"{name}={times * float(number)}{unit}{joint}"
 
 

@@ -17,7 +17,7 @@ from backends import sticks, trx
 from backends._mjcf_drives import DAMPING, PD_SHARE, PERIODS_S, RIGID_RAD, STIFF, STIFFNESS
 from backends.catalogue import catalogue
 from backends.drive import drive_table, motor_tick
-from backends.mjcf import MjcfError, left_out, mechanism, written
+from backends.mjcf import MjcfError, in_file, left_out, mechanism, written
 from backends.spec import Spec
 from backends.state import Array
 from benchmark.cli import app as cli
@@ -198,14 +198,17 @@ def test_masses_and_torques_are_mujocos(name):
 
 
 @worlds()
-def test_a_payload_is_a_point_at_the_end(name):
+@pytest.mark.parametrize("aside", [0.0, 0.05])
+def test_a_payload_is_a_point(name, aside):
     """Weigh and resist as MuJoCo does with a point mass that is written into the file."""
     xml, servos = MECHANISMS[name]
-    spec = mechanism(xml, servos)
-    ends = [replace(body, payload=0.7) for body in spec.hand.ends]
-    held = {body.name: body for body in (*spec.hand.driven, *ends)}
-    loaded = spec.with_driven(held.values())
-    model = bare(written(xml, numbers_of(loaded)), 1e-3)
+    spec, place = mechanism(xml, servos), {f"payload_{axis}_m": aside for axis in "xyz"}
+    loaded = spec.with_driven(replace(body, payload=0.7, **place) for body in spec.hand.driven)
+    numbers = numbers_of(loaded)
+    for body in loaded.hand.driven if aside else ():
+        at_m = in_file(xml, servos, {}, body.joint.name, body.payload_m)
+        numbers[body.joint.name] = replace(numbers[body.joint.name], payload_m=at_m)
+    model = bare(written(xml, numbers), 1e-3)
     assert model.body_mass.sum() > bare(xml, 1e-3).body_mass.sum()
     order = [model.joint(n).dofadr[0] for n in spec.hand.joint_names]
     data = mujoco.MjData(model)

@@ -8,11 +8,15 @@ from arms import HZ, LINKS, Real, log_of
 from arms import KD as KD_NMS_RAD
 from arms import KP as KP_NM_RAD
 
+from backends.catalogue import catalogue
 from backends.effect import with_effects
 from backends.effects.sensor_delay import Effect as Late
+from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import make_log
-from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LOCK, ONE_WAY, STOP
+from diagnosis.models.parameters import parameters
+from diagnosis.models.world import World
+from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LINK, LOCK, ONE_WAY, STOP, with_load
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -79,13 +83,26 @@ def test_drives_that_carry_weight_carry_no_payload():
     (part,) = limbs(mjcf_world(log))
     bodies = tuple(replace(body, carried=1.0) for body in part.hand.bodies)
     carrying = replace(part, hand=replace(part.hand, bodies=bodies))
-    plain, carried = (
-        Limb(spec=spec, recordings=recordings(log, spec), rigid=True).along[0]
-        for spec in (part, carrying)
-    )
-    assert np.abs(plain.model[1] - carried.model[1]).max() > 1.0
-    for one, other in zip(plain.by_load, carried.by_load, strict=True):
-        assert np.allclose(one, other, atol=1e-9)
+    limbs_ = [
+        Limb(spec=spec, recordings=recordings(log, spec), rigid=True) for spec in (part, carrying)
+    ]
+    plain, carried = (limb.along[0].model for limb in limbs_)
+    assert np.abs(plain[1] - carried[1]).max() > 1.0
+    for effect in ("link-mass", "payload"):
+        (m, h), (same_m, same_h) = (_more(limb, effect) for limb in limbs_)
+        assert np.abs(h).max() > 0.1
+        assert np.allclose(m, same_m, atol=1e-9) and np.allclose(h, same_h, atol=1e-9)
+
+
+def _more(limb, effect):
+    """What M and h gain where each link has an effect."""
+    said = evidence(limb)
+    every = parameters(catalogue(), said, 0.05, 1.0)
+    some = {k: 0.5 for k, one in enumerate(every) if one.effect == effect and one.part_of is None}
+    numbers, _ = World(said, every).numbers(some)
+    (m, h, *_), path = limb.along[0].model, limb.along[0]
+    loaded = path.of(with_load(limb.spec, numbers[:, LINK]))
+    return loaded[0] - m, loaded[1] - h
 
 
 def test_numbers_change_what_is_shown_to_first_order():

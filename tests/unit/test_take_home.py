@@ -1,6 +1,7 @@
 """What a diagnosis gives back runs in plain MuJoCo: play as a hinge, late signals in Python."""
 
 import json
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
@@ -120,8 +121,13 @@ def diagnosed(folder: Path, real: str, **beside: Any) -> int:
     rng = np.random.default_rng(1)
     command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
     read = shown(real, command, **beside) + 3e-4 * rng.normal(size=len(T))
-    pd.DataFrame({"time": T, "a_cmd": command, "a_pos": read}).to_csv(folder / "r.csv")
-    (folder / "arm.xml").write_text(ARM)
+    return told(folder, ARM, {"a_cmd": command, "a_pos": read})
+
+
+def told(folder: Path, arm: str, columns: dict[str, np.ndarray]) -> int:
+    """Diagnose an arm by a table, into `folder`; the exit code."""
+    pd.DataFrame({"time": T, **columns}).to_csv(folder / "r.csv")
+    (folder / "arm.xml").write_text(arm)
     words = ["diagnose", "--robot", str(folder / "arm.xml"), "--log", str(folder / "r.csv")]
     return cli.call([*words, "--out", str(folder / "out"), "--json"])
 
@@ -181,12 +187,40 @@ def test_a_payload_is_weighed(tmp_path, capfd):
     assert diagnosed(tmp_path, ARM.replace("</body>", f"{held}</body>")) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["payload"]
-    assert found["magnitudes"][0]["also"].endswith("kg")
+    (mass, also) = found["magnitudes"][0]["also"].split(", ")
+    assert mass.endswith("kg") and also.endswith("mm from its joint")
     model = found["model"]
     assert model["after_rad"] < 0.1 * model["before_rad"]
     (load,) = [one for one in model["changes"] if one["field"] == "body.payload"]
-    assert load["after"] * 0.8 == pytest.approx(0.3, rel=0.1)
+    assert load["after"] * 0.8 == pytest.approx(0.3, rel=0.2)
     assert "upper_payload" in (tmp_path / "out" / "corrected.xml").read_text()
+
+
+def test_a_load_on_any_link_is_placed(tmp_path, capfd):
+    """Find a load beside a link that carries another, and write it where it is."""
+    more = """<body name="lower" pos="0.3 0 0" euler="0 0 90"><inertial mass="0.3" pos="0 -0.1 0"
+    diaginertia="1e-3 2e-4 1e-3"/><joint name="b" axis="1 0 0" range="-90 90" armature="0.01"
+    damping="0.03"/></body>"""
+    servo = '<position joint="b" kp="15" kv="0.5" forcerange="-5 5"/>'
+    arm = ARM.replace("</body>", f"{more}</body>").replace("</actuator>", f"{servo}</actuator>")
+    held = '<body pos="0.12 0 0.1"><inertial mass="0.4" pos="0 0 0" diaginertia="1e-9 1e-9 1e-9"/>'
+    rng, real = np.random.default_rng(1), arm.replace(more, f"{more}{held}</body>")
+    command = np.repeat(rng.uniform(-0.5, 0.5, (16, 2)), 100, axis=0)
+    asked = Play(time_s=T, command=command, push=0.0 * command, start=np.zeros(2))
+    read = Plain(real, ["a", "b"], {}, timestep_s=1e-3).positions(asked)
+    read += 3e-4 * rng.normal(size=read.shape)
+    both = {"cmd": command, "pos": read}
+    table = {f"{j}_{what}": x[:, n] for what, x in both.items() for n, j in enumerate("ab")}
+    assert told(tmp_path, arm, table) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert (found["verdict"], found["joints"]) == (["payload"], ["a"])
+    (load,) = found["magnitudes"]
+    assert load["value"] == pytest.approx(50, rel=0.15) and load["low"] < 50 < load["high"]
+    root = ElementTree.parse(tmp_path / "out" / "corrected.xml")
+    (point,) = (body for body in root.iter("body") if body.get("name") == "upper_payload")
+    assert np.array(point.get("pos").split(), dtype=float) == pytest.approx(
+        [0.12, 0, 0.1], abs=0.02
+    )
 
 
 def test_friction_that_creeps_as_mujocos_is_taken_home(tmp_path, capfd):
