@@ -90,19 +90,6 @@ def _read_world(client, hand, places, angle, speed):
 
 
 @numba.njit(cache=True)
-def coast(clients, hands, places, torque, ticks, angle, speed):
-    """Step every world `ticks` times under constant torques (N, J), then read its joints.
-
-    `clients` (N,) are pointers, `hands` (N,) are body numbers, and `places` (N, 3, J) are the
-    indices of the joints in Bullet's coordinates and speeds, and among its joints.
-    """
-    for n in range(len(clients)):
-        for _ in range(ticks):
-            _step_world(clients[n], hands[n], places[n], torque[n])
-        _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
-
-
-@numba.njit(cache=True)
 def _carry(client, stick, force):
     """Apply a force (3,) at the stick's centre during the next step."""
     q, _ = _read(client, stick)
@@ -113,16 +100,29 @@ def _carry(client, stick, force):
 
 
 @numba.njit(cache=True)
-def drive(clients, hands, places, args, ticks, angle, speed, sticks, carried, force):
-    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`.
+def rollout(clients, hands, places, torque, angle, speed, sticks, carried, force):
+    """Step every world T times under torques (N, T, J), and read its joints each time.
 
-    Of these, forces (N, 3) act on the sticks during the first `carried` (N,).
+    `clients` (N,) are pointers, `hands` (N,) are body numbers, and `places` (N, 3, J) are the
+    indices of the joints in Bullet's coordinates and speeds, and among its joints. Forces (N, 3)
+    act on the sticks in the first `carried` (N,) steps.
     """
+    for n in range(len(clients)):
+        for tick in range(torque.shape[1]):
+            if tick < carried[n]:
+                _carry(clients[n], sticks[n], force[n])
+            _step_world(clients[n], hands[n], places[n], torque[n, tick])
+            _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
+
+
+@numba.njit(cache=True)
+def drive(clients, hands, places, args, ticks, angle, speed, sticks, carried, force):
+    """`rollout` of `ticks` steps under the drives whose `DriveCallArgs` are at `args`."""
     for n in range(len(clients)):
         for tick in range(ticks):
             if tick < carried[n]:
                 _carry(clients[n], sticks[n], force[n])
-            torque = motor_step(args, n, angle[n], speed[n])
+            torque = motor_step(args, n, tick, angle[n], speed[n])
             _step_world(clients[n], hands[n], places[n], torque)
             _read_world(clients[n], hands[n], places[n], angle[n], speed[n])
 

@@ -10,21 +10,25 @@ def pointer(client: int) -> int:
     return client
 
 
-def coast(
+def rollout(
     clients: Array,
     hands: Array,
     places: Array,
     torque: Array,
-    ticks: int,
     angle: Array,
     speed: Array,
+    sticks: Array,
+    carried: Array,
+    force: Array,
 ) -> None:
-    """See `_bullet_calls.coast`."""
+    """See `_bullet_calls.rollout`."""
     for n, (client, hand) in enumerate(zip(clients.tolist(), hands.tolist(), strict=True)):
-        joints = places[n, 2].tolist()
-        for _ in range(ticks):
-            _step(client, hand, joints, torque[n])
-        _read(client, hand, joints, angle[n], speed[n])
+        joints, stick = places[n, 2].tolist(), int(sticks[n])
+        for tick in range(torque.shape[1]):
+            if tick < carried[n]:
+                _push(client, stick, force[n].tolist())
+            _step(client, hand, joints, torque[n, tick])
+            _read(client, hand, joints, angle[n], speed[n])
 
 
 def drive(
@@ -44,8 +48,8 @@ def drive(
         joints, stick = places[n, 2].tolist(), int(sticks[n])
         for tick in range(ticks):
             if tick < carried[n]:
-                push(client, stick, force[n].tolist())
-            _step(client, hand, joints, motor_step(args, n, angle[n], speed[n]))
+                _push(client, stick, force[n].tolist())
+            _step(client, hand, joints, motor_step(args, n, tick, angle[n], speed[n]))
             _read(client, hand, joints, angle[n], speed[n])
 
 
@@ -70,7 +74,7 @@ def read_contacts(clients: Array, hands: Array, sticks: Array, tip_of_link: Arra
     return rows
 
 
-def push(client: int, stick: int, force_n: list[float]) -> None:
+def _push(client: int, stick: int, force_n: list[float]) -> None:
     """Apply a force, world frame, at the stick's centre during the next step."""
     center, _ = p.getBasePositionAndOrientation(stick, client)
     p.applyExternalForce(stick, -1, force_n, center, p.WORLD_FRAME, client)

@@ -67,9 +67,9 @@ def function(library: str, name: str, result: Any, *arguments: Any) -> Any:
     return ExternalFunction(name, result(*arguments))
 
 
-_HEAD = 10
-"""Length of the argument block: worlds, joints, period, whether drives have extras, then the
-addresses of six arrays."""
+_HEAD = 11
+"""Length of the argument block: worlds, drive periods in a policy period, joints, drive period,
+whether drives have extras, then the addresses of six arrays."""
 _NUMBERS = len(COLUMNS) + len(MEMORY)
 
 
@@ -105,31 +105,35 @@ def array_at(address, shape):
 
 
 @numba.njit(cache=True)
-def motor_step(address, n, angle, rate):
-    """Advance the motors of world `n` by one drive period; returns its joint torques (J,) [Nm]."""
+def motor_step(address, n, tick, angle, rate):
+    """Advance the motors of world `n` by a drive period, the policy period's number `tick`.
+
+    Returns its joint torques (J,) [Nm].
+    """
     head = array_at(address, _HEAD)
-    shape, dt, extra = (int(head[0]), int(head[1])), head[2], head[3] != 0.0
-    target, motor = array_at(head[4], shape), array_at(head[5], shape)
-    speed, p = array_at(head[6], shape), array_at(head[7], (*shape, _NUMBERS))
-    pd, gear = array_at(head[8], shape), array_at(head[9], shape)
+    shape, ticks, dt, extra = (int(head[0]), int(head[2])), int(head[1]), head[3], head[4] != 0.0
+    target, motor = array_at(head[5], shape), array_at(head[6], shape)
+    speed, p = array_at(head[7], shape), array_at(head[8], (*shape, _NUMBERS))
+    pd, applied = array_at(head[9], shape), array_at(head[10], (shape[0], ticks, shape[1]))[n, tick]
     for j in range(shape[1]):
         rotor = motor[n, j], speed[n, j], pd[n, j]
-        motor[n, j], speed[n, j], pd[n, j], gear[n, j] = motor_tick(
+        motor[n, j], speed[n, j], pd[n, j], applied[j] = motor_tick(
             target[n, j], angle[j], rate[j], *rotor, p[n, j], dt, extra
         )
-    return gear[n]
+    return applied
 
 
 class DriveCallArgs:
     """The arguments with which compiled code advances the motors of a drive bank."""
 
-    def __init__(self, drives: DriveBank) -> None:
-        motor, speed, numbers, dt_s, extra, pd, gear = drives.rotors
+    def __init__(self, drives: DriveBank, applied_nm: Array) -> None:
+        """Torques of a policy period are written into `applied_nm` (N, T, J)."""
+        motor, speed, numbers, dt_s, extra, pd, _ = drives.rotors
         self.target_rad: Array = np.zeros_like(motor)
         """Target angles (N, J) [rad]; write them before each policy period."""
-        self._arrays = (self.target_rad, motor, speed, numbers, pd, gear)
+        self._arrays = (self.target_rad, motor, speed, numbers, pd, applied_nm)
         addresses = [array.ctypes.data for array in self._arrays]
-        self._head = np.array([*motor.shape, dt_s, extra, *addresses], dtype=np.float64)
+        self._head = np.array([*applied_nm.shape, dt_s, extra, *addresses], dtype=np.float64)
         self.address = self._head.ctypes.data
         """Address of the argument block, valid as long as this object lives; all its numbers are
         exact in 64-bit floats."""

@@ -21,11 +21,11 @@ QPOS, QVEL, APPLIED, USER = (
     for name in ("QPOS", "QVEL", "QFRC_APPLIED", "USERDATA")
 )
 """Bits of this version's mjtState; a state holds its parts in the order of their bits."""
-_HEAD = 9
-"""Length of the fixed part of `CallbackArgs`: worlds, joints, lengths of qpos and qvel, place of
-the stick in qvel, and the addresses of the drive arguments, of the worlds' ages, of the ages up to
-which sticks are weightless and of the forces that carry them. The joints' places in qpos and qvel
-follow."""
+_HEAD = 10
+"""Length of the fixed part of `CallbackArgs`: worlds, drive periods in a policy period, joints,
+lengths of qpos and qvel, place of the stick in qvel, and the addresses of the drive arguments, of
+the worlds' ages, of the ages up to which sticks are weightless and of the forces that carry them.
+The joints' places in qpos and qvel follow."""
 
 _library = find("mujoco", "libmujoco.so*")
 _model, _data = types.voidptr, types.voidptr
@@ -41,8 +41,9 @@ def control(model, data):
     user = array_at(user_at, USER_NUMBERS)
     n, args = int(user[0]), user[1]
     head = array_at(args, _HEAD)
-    worlds, joints, q_size = int(head[0]), int(head[1]), int(head[2])
-    v_size, stick = int(head[3]), int(head[4])
+    worlds, ticks, joints = int(head[0]), int(head[1]), int(head[2])
+    q_size, v_size, stick = int(head[3]), int(head[4]), int(head[5])
+    age, lifted = array_at(head[7], worlds).view(np.int64), array_at(head[8], worlds).view(np.int64)
     places = array_at(args, _HEAD + 2 * joints)[_HEAD:]
     state_at, applied_at = stack(q_size + v_size), stack(v_size)
     _get(model, data, state_at, QPOS | QVEL)
@@ -53,12 +54,11 @@ def control(model, data):
         rate[j] = state[q_size + int(places[joints + j])]
     for i in range(v_size):
         applied[i] = 0.0
-    torque = motor_step(head[5], n, angle, rate)
+    torque = motor_step(head[6], n, age[n] % ticks, angle, rate)
     for j in range(joints):
         applied[int(places[joints + j])] = torque[j]
-    age, lifted = array_at(head[6], worlds).view(np.int64), array_at(head[7], worlds).view(np.int64)
     if age[n] < lifted[n]:
-        carry_n = array_at(head[8], (worlds, 3))
+        carry_n = array_at(head[9], (worlds, 3))
         for i in range(3):
             applied[stick + i] = carry_n[n, i]
     age[n] += 1
@@ -81,11 +81,11 @@ class CallbackArgs:
         stick_at: int,
     ) -> None:
         """`age_steps` (N,) are the worlds' ages in drive periods, which the callback counts."""
-        self.drive_args = DriveCallArgs(team.drives)
-        worlds, joints = self.drive_args.target_rad.shape
+        self.drive_args = DriveCallArgs(team.drives, team.applied_nm)
         self._arrays = age_steps, team.lifted_steps, team.carry_n
         addresses = [array.ctypes.data for array in self._arrays]
-        head = [worlds, joints, *sizes, stick_at, self.drive_args.address, *addresses]
+        args = self.drive_args.address, *addresses
+        head = [*team.applied_nm.shape, *sizes, stick_at, *args]
         self._numbers = np.array([*head, *joints_at[0], *joints_at[1]], dtype=np.float64)
 
     def user_data(self, worlds: Array) -> Array:

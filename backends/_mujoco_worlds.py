@@ -117,6 +117,12 @@ class Worlds:
         """Step all worlds."""
         list(self._threads.map(partial(self._step, nstep), range(len(self._data))))
 
+    def rollout(self, nstep: int, control: Array, control_spec: int, record: tuple = ()) -> None:
+        """Step all worlds under the forces `control` (N, nstep, nv), which are `qfrc_applied`."""
+        for tick in range(nstep):
+            self._bound["qfrc_applied"][:] = control[:, tick]
+            self.step(1)
+
     def _step(self, nstep: int, n: int) -> None:
         model, data = self._models[n], self._data[n]
         for name in GIVEN:

@@ -139,31 +139,31 @@ def _read(hand, place, angle, speed):
 
 
 @numba.njit(cache=True)
-def coast(systems, hands, place, torque, ticks, angle, speed):
-    """Step every world `ticks` times under constant torques (N, J), then read its joints.
+def rollout(systems, hands, place, torque, angle, speed, sticks, carried, force):
+    """Step every world T times under torques (N, T, J), and read its joints each time.
 
-    `systems` and `hands` (N,) are pointers; `place` (J,) holds the index of each joint in SAPIEN's
-    vectors.
+    `systems`, `hands` and `sticks` (N,) are pointers; `place` (J,) holds the index of each joint in
+    SAPIEN's vectors. Forces (N, 3) act on the sticks in the first `carried` (N,) steps.
     """
+    acting, none = force.astype(np.float32), np.zeros(3, dtype=np.float32)
     for n in range(len(systems)):
-        _push(hands[n], place, torque[n])
-        for _ in range(ticks):
+        for tick in range(torque.shape[1]):
+            if tick < carried[n]:
+                _force(sticks[n], acting[n].ctypes.data, none.ctypes.data, 0)
+            _push(hands[n], place, torque[n, tick])
             _step(systems[n])
-        _read(hands[n], place, angle[n], speed[n])
+            _read(hands[n], place, angle[n], speed[n])
 
 
 @numba.njit(cache=True)
 def drive(systems, hands, place, args, ticks, angle, speed, sticks, carried, force):
-    """Step every world `ticks` times under the drives whose `DriveCallArgs` are at `args`.
-
-    Of these, forces (N, 3) act on the sticks during the first `carried` (N,).
-    """
+    """`rollout` of `ticks` steps under the drives whose `DriveCallArgs` are at `args`."""
     acting, none = force.astype(np.float32), np.zeros(3, dtype=np.float32)
     for n in range(len(systems)):
         for tick in range(ticks):
             if tick < carried[n]:
                 _force(sticks[n], acting[n].ctypes.data, none.ctypes.data, 0)
-            _push(hands[n], place, motor_step(args, n, angle[n], speed[n]))
+            _push(hands[n], place, motor_step(args, n, tick, angle[n], speed[n]))
             _step(systems[n])
             _read(hands[n], place, angle[n], speed[n])
 

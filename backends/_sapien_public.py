@@ -16,21 +16,26 @@ def pointer(wrapped: Any) -> Any:
     return wrapped
 
 
-def coast(
+def rollout(
     systems: Array,
     hands: Array,
     place: Array,
     torque: Array,
-    ticks: int,
     angle: Array,
     speed: Array,
+    sticks: Array,
+    carried: Array,
+    force: Array,
 ) -> None:
-    """See `_sapien_calls.coast`."""
+    """See `_sapien_calls.rollout`."""
+    none = np.zeros(3, dtype=np.float32)
     for n, (system, hand) in enumerate(zip(systems, hands, strict=True)):
-        _push(hand, place, torque[n])
-        for _ in range(ticks):
+        for tick in range(torque.shape[1]):
+            if tick < carried[n]:
+                sticks[n].add_force_torque(force[n].astype(np.float32), none)
+            _push(hand, place, torque[n, tick])
             system.step()
-        _read(hand, place, angle[n], speed[n])
+            _read(hand, place, angle[n], speed[n])
 
 
 def drive(
@@ -51,7 +56,7 @@ def drive(
         for tick in range(ticks):
             if tick < carried[n]:
                 sticks[n].add_force_torque(force[n].astype(np.float32), none)
-            _push(hand, place, motor_step(args, n, angle[n], speed[n]))
+            _push(hand, place, motor_step(args, n, tick, angle[n], speed[n]))
             system.step()
             _read(hand, place, angle[n], speed[n])
 

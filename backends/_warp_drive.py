@@ -42,10 +42,14 @@ def drive_tick(
     motor: wp.array2d[wp.float64],
     motor_speed: wp.array2d[wp.float64],
     pd_nm: wp.array2d[wp.float64],
-    gear_nm: wp.array2d[wp.float64],
+    tick: wp.array[int],
+    gear_nm: wp.array3d[wp.float64],
     applied: wp.array2d[float],
 ):
-    """Step every drive (N, J) by one period and apply its torque to its joint."""
+    """Step every drive (N, J) by one period and apply its torque to its joint.
+
+    It is written into `gear_nm` (N, T, J), where the world's `tick` (N,) says.
+    """
     n, j = wp.tid()
     p = numbers[n, j]  # as in `backends.drive.drive_table`
     kp, kd, limit, inertia = p[0], p[1], p[2], p[3]
@@ -102,20 +106,25 @@ def drive_tick(
     motor[n, j] += dt * speed
     motor_speed[n, j] = speed
     pd_nm[n, j] = pd
-    gear_nm[n, j] = gear
+    gear_nm[n, tick[n], j] = gear
     applied[n, joint_v[j]] = float(gear)
 
 
 @wp.kernel(enable_backward=False)
 def carry_tick(
+    tick: wp.array[int],
     ticks: wp.array[int],
     carry_n: wp.array2d[float],
     stick_v: int,
     applied: wp.array2d[float],
 ):
-    """Carry the sticks of the worlds that are weightless for so many more `ticks` (N,)."""
+    """Carry the sticks of the worlds that are weightless for so many more `ticks` (N,).
+
+    It counts each world's `tick` (N,) of the policy period.
+    """
     n = wp.tid()
     lifted = ticks[n] > 0
     for i in range(3):
         applied[n, stick_v + i] = wp.where(lifted, carry_n[n, i], 0.0)
+    tick[n] += 1
     ticks[n] = wp.max(ticks[n] - 1, 0)

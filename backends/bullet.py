@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from backends._bullet_public import push
 from backends._bullet_quiet import OUT, muted, p
 from backends._calls import DriveCallArgs, chosen
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
@@ -247,7 +246,7 @@ class Backend(Engine):
         tips = worlds[0].tips
         links = range(max(tips, default=-1) + 1)
         self._tip_of_link = np.array([tips.get(link, -1) for link in links], dtype=np.int64)
-        self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
+        self._args = {team: DriveCallArgs(team.drives, team.applied_nm) for team in self._teams}
 
     def close(self) -> None:
         """Disconnect the clients."""
@@ -264,23 +263,19 @@ class Backend(Engine):
                 initial.stick_quat_wxyz[n].tolist(),
             )
 
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
-        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        pointers, hands, places = self._addresses
-        worlds = pointers[rows], hands[rows], places[rows]
-        if stick_force_n is None:
-            calls.coast(*worlds, torque_nm, ticks, angle, speed)
-            return
-        for _ in range(ticks):  # a force lasts one step
-            self._push(rows, stick_force_n)
-            calls.coast(*worlds, torque_nm, 1, angle, speed)
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
+        force = np.zeros((len(torque_nm), 3)) if stick_force_n is None else stick_force_n
+        self._step(rows, torque_nm[:, None], np.any(force, axis=1).astype(np.int64), force)
 
-    def _push(self, rows: slice, stick_force_n: Array) -> None:
-        for world, force in zip(self._worlds[rows], stick_force_n.tolist(), strict=True):
-            if any(force):
-                push(world.client, world.stick, force)
+    def _rollout(self, team: Team, torque_nm: Array) -> None:
+        age = self._age_steps[team.rows]
+        self._step(team.rows, torque_nm, team.lifted_ticks(age), team.carry_n)
+        age += torque_nm.shape[1]
+
+    def _step(self, rows: slice, torque_nm: Array, carried: Array, force_n: Array) -> None:
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        worlds = (numbers[rows] for numbers in self._addresses)
+        calls.rollout(*worlds, torque_nm, angle, speed, self._sticks[rows], carried, force_n)
 
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None

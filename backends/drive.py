@@ -187,8 +187,7 @@ class DriveBank:
         """Motor speeds [rad/s], shape (N, J)."""
         self.pd_nm = np.zeros(shape)
         """PD torques of the last step [Nm], shape (N, J)."""
-        self.gear_nm = np.zeros(shape)
-        """Torques on the joints of the last step [Nm], shape (N, J)."""
+        self._gear_nm = np.zeros(shape)
         self.rotors = (
             self.motor_rad,
             self.motor_rad_s,
@@ -196,18 +195,18 @@ class DriveBank:
             specs[0].timing.drive_s,
             bool(self._numbers[..., [_FADE, _SLIDING, _STICTION, _COGGING]].any()),
             self.pd_nm,
-            self.gear_nm,
+            self._gear_nm,
         )
         """The arguments of `drive_step` after target, joint angle and joint speed."""
 
     def reset(self, joint_rad: Array, mask: Array) -> None:
         """Set the rotors of the masked worlds to rest in the middle of their play."""
         self.motor_rad[mask] = joint_rad[mask]
-        for rate in (self.motor_rad_s, self.pd_nm, self.gear_nm):
+        for rate in (self.motor_rad_s, self.pd_nm):
             rate[mask] = 0.0
         self._numbers[np.flatnonzero(mask), :, _HEAT:] = 0.0
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
         """Advance the rotors by one drive period; returns the joint torques [Nm], (N, J)."""
         drive_step(target_rad, joint_rad, joint_rad_s, *self.rotors)
-        return self.gear_nm
+        return self._gear_nm

@@ -69,9 +69,11 @@ class Simulator(Protocol):
 class Team:
     """Worlds that are stepped together through a policy period: their rows and signal paths."""
 
-    def __init__(self, specs: Sequence[Spec], rows: slice) -> None:
+    def __init__(self, specs: Sequence[Spec], rows: slice, applied_nm: Array) -> None:
         own = specs[rows]
         self.rows = rows
+        self.applied_nm = applied_nm[rows]
+        """The rows of `Engine.applied_nm`."""
         self.commands, self.encoders = CommandBank(own), EncoderBank(own)
         self.drives = DriveBank(own)
         self.weight = WeightBank(own)
@@ -165,9 +167,11 @@ class Engine(ABC):
         )
         self._age_steps = np.zeros(len(specs), dtype=np.int64)
         self._noise_seed = np.zeros(len(specs), dtype=np.int64)
+        self.applied_nm = np.zeros((len(specs), self._timing.substeps, len(first.hand.joint_names)))
+        """Torques on the joints in each drive period of the last policy period [Nm], (N, T, J)."""
         size = min(self.worlds_in_cache, len(specs))
-        starts = range(0, len(specs), size)
-        self._teams = [Team(self.specs, slice(n, min(n + size, len(specs)))) for n in starts]
+        rows = [slice(n, min(n + size, len(specs))) for n in range(0, len(specs), size)]
+        self._teams = [Team(self.specs, one, self.applied_nm) for one in rows]
 
     def reset(self, initial: InitialState, mask: Array) -> State:
         """Start the masked worlds from `initial`, at rest; the others stay as they are."""
@@ -216,16 +220,22 @@ class Engine(ABC):
         there = state.contact_force_n.any(axis=(1, 2)) & (speed_m_s < OUTRUN_M_S)
         return -(pull_n * there)[:, None] * quat_z_axis(state.stick_quat_wxyz)
 
-    def coast(self, ticks: int) -> None:
-        """Step the bare engine for `ticks` drive periods under the last torques and forces.
+    def rollout(self, torque_nm: Array) -> None:
+        """Step the bare engine under joint torques (N, T, J) [Nm], one after the other.
 
-        The cost of everything else is measured against this. It updates joint angles and speeds
-        only.
+        The cost of everything else is measured against this: under the `applied_nm` of an engine in
+        the same state, it takes the same steps. It updates joint angles and speeds only.
         """
         for team in self._teams:
-            age = self._age_steps[team.rows]
-            lift_n = team.lift_n(age) if team.lifted_ticks(age).any() else None
-            self._tick(team.rows, team.drives.gear_nm, lift_n, ticks)
+            self._rollout(team, torque_nm[team.rows])
+
+    def _rollout(self, team: Team, torque_nm: Array) -> None:
+        """Step a team's worlds; an engine that can do so in one call overrides this."""
+        age = self._age_steps[team.rows]
+        for tick in range(torque_nm.shape[1]):
+            lifts = team.lifted_ticks(age).any()
+            self._tick(team.rows, torque_nm[:, tick], team.lift_n(age) if lifts else None)
+            age += 1
 
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
@@ -241,7 +251,7 @@ class Engine(ABC):
         angle = self.state.joint_rad[rows]
         age, seed = self._age_steps[rows], self._noise_seed[rows]
         lifts = team.lifted_ticks(age).any()
-        for _ in range(self._timing.substeps):
+        for tick in range(self._timing.substeps):
             load = load_nm
             if team.weight.acts:
                 carried = team.weight.torque_nm(angle)
@@ -249,18 +259,24 @@ class Engine(ABC):
             force = team.lift_n(age) if lifts else None
             if pull_n is not None:
                 force = pull_n if force is None else force + pull_n
-            self._drive(team, team.commands.step(target_rad, age, seed), load, force)
+            target = team.commands.step(target_rad, age, seed)
+            team.applied_nm[:, tick] = self._drive(team, target, load, force)
             age += 1
             if encoders.remembers:
                 encoders.note(angle, drives.motor_rad, age)
 
     def _drive(
         self, team: Team, target_rad: Array, load_nm: Array | None, stick_force_n: Array | None
-    ) -> None:
-        """Step a team's worlds by one drive period under targets (N, J), loads and forces."""
+    ) -> Array:
+        """Step a team's worlds by one drive period under targets (N, J), loads and forces.
+
+        Returns the torques on the joints (N, J).
+        """
         rows, state = team.rows, self.state
         torque = team.drives.step(target_rad, state.joint_rad[rows], state.joint_rad_s[rows])
-        self._tick(rows, torque if load_nm is None else torque + load_nm, stick_force_n)
+        torque = torque if load_nm is None else torque + load_nm
+        self._tick(rows, torque, stick_force_n)
+        return torque
 
     def _refuse(self, specs: Sequence[Spec]) -> None:
         """Raise ValueError for a number that is not zero and that this engine cannot realise."""
@@ -298,14 +314,11 @@ class Engine(ABC):
         """Place worlds `ids` at rest as in their rows of `initial`, without memory of the past."""
 
     @abstractmethod
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
-        """Step the worlds `rows` by `ticks` drive periods.
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
+        """Step the worlds `rows` by one drive period.
 
-        Joint torques (N, J) and forces (N, 3) at the centres of the sticks (None: no force) stay
-        the same. Writes the new joint angles and speeds into `state.joint_rad` and
-        `state.joint_rad_s`.
+        Joint torques (N, J) and forces (N, 3) at the centres of the sticks (None: no force) act.
+        Writes the new joint angles and speeds into `state.joint_rad` and `state.joint_rad_s`.
         """
 
     @abstractmethod

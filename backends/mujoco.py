@@ -8,7 +8,7 @@ import mujoco
 import numba
 import numpy as np
 
-from backends._mujoco_drive import CALLBACK, USER_NUMBERS, CallbackArgs
+from backends._mujoco_drive import APPLIED, CALLBACK, USER_NUMBERS, CallbackArgs
 from backends._mujoco_worlds import HAS_SENSOR, SLOT, Touching, pool
 from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
 from backends.spec import Contact, Fingertip, Spec, field_names
@@ -203,6 +203,16 @@ def _apply(torque, force, joint_at, stick_at, applied):
 
 
 @numba.njit(cache=True)
+def _controls(torque, force, lifted, joint_at, stick_at, applied):
+    for n in range(torque.shape[0]):
+        for t in range(torque.shape[1]):
+            for j in range(torque.shape[2]):
+                applied[n, t, joint_at[j]] = torque[n, t, j]
+            for i in range(3):
+                applied[n, t, stick_at + i] = force[n, i] if t < lifted[n] else 0.0
+
+
+@numba.njit(cache=True)
 def _joints(qpos, qvel, qpos_at, qvel_at, angle, rate):
     for n in range(angle.shape[0]):
         for j in range(angle.shape[1]):
@@ -305,12 +315,19 @@ class Backend(Engine):
             [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
         )
 
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
         force = self._no_force if stick_force_n is None else stick_force_n
         _apply(torque_nm, force, self._qvel_at, self._stick_qvel.start, self._applied)
-        self._batch.step(nstep=ticks)
+        self._batch.step(nstep=1)
+        self._read_joints()
+
+    def _rollout(self, team: Team, torque_nm: Array) -> None:
+        worlds, ticks, _ = torque_nm.shape
+        applied = np.zeros((worlds, ticks, self._model.nv))
+        acting = team.carry_n, team.lifted_ticks(self._age_steps)
+        _controls(torque_nm, *acting, self._qvel_at, self._stick_qvel.start, applied)
+        self._batch.rollout(ticks, applied, APPLIED, record=())
+        self._age_steps += ticks
         self._read_joints()
 
     def _period(

@@ -65,23 +65,23 @@ class Backend(Engine):
         for batch in self._batches:
             batch.place(np.isin(batch.ids, ids), initial)
 
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
         for batch in self._batches:
             force = 0.0 if stick_force_n is None else stick_force_n[batch.ids]
-            batch.push(torque_nm[batch.ids], force, ticks)
+            batch.push(torque_nm[batch.ids], force)
             batch.read_joints(self.state)
 
     def _drive(
         self, team: Team, target_rad: Array, load_nm: Array | None, stick_force_n: Array | None
-    ) -> None:
+    ) -> Array:
         """As in `_period`, so that a world moves alike beside worlds of either kind."""
+        torque = np.zeros_like(target_rad) if load_nm is None else load_nm.copy()
         for batch in self._batches:
             ids = batch.ids
             more = [None if one is None else one[ids] for one in (load_nm, stick_force_n)]
-            batch.drive(target_rad[ids], np.zeros(len(ids)), team, 1, *more)
+            torque[ids] += batch.drive(target_rad[ids], np.zeros(len(ids)), team, 1, *more)[:, 0]
             batch.read_joints(self.state)
+        return torque
 
     def _period(
         self, team: Team, target_rad: Array, load_nm: Array | None, pull_n: Array | None
@@ -89,11 +89,12 @@ class Backend(Engine):
         if load_nm is not None or pull_n is not None or not team.plain:
             super()._period(team, target_rad, load_nm, pull_n)
             return
-        lifted = team.lifted_ticks(self._age_steps)
+        lifted, ticks = team.lifted_ticks(self._age_steps), self._timing.substeps
         for batch in self._batches:
-            batch.drive(target_rad[batch.ids], lifted[batch.ids], team, self._timing.substeps)
+            ids = batch.ids
+            self.applied_nm[ids] = batch.drive(target_rad[ids], lifted[ids], team, ticks)
             batch.read_joints(self.state)
-        self._age_steps += self._timing.substeps
+        self._age_steps += ticks
 
     def _observe(self, rows: slice) -> None:
         contacts = [batch.observe(self.state) for batch in self._batches]
@@ -134,20 +135,24 @@ class _Batch:
             len(hand.fingertips)
         )
         shape = len(ids), len(joints)
-        self._target, self._motor, self._speed, self._pd, self._gear = (
-            wp.zeros(shape, dtype=wp.float64) for _ in range(5)
+        self._target, self._motor, self._speed, self._pd = (
+            wp.zeros(shape, dtype=wp.float64) for _ in range(4)
         )
+        ticks = specs[0].timing.substeps
+        self._gear = wp.zeros((len(ids), ticks, len(joints)), dtype=wp.float64)
+        self._tick_of = wp.zeros(len(ids), dtype=int)
         numbers = np.array([drive_table(specs[n]) for n in ids])
         self._numbers = wp.array(numbers, dtype=wp.float64)
         self._drives = [
             *(self._target, self._data.qpos, self._data.qvel),
             *(wp.array(self._joint_q), wp.array(self._joint_v)),
             *(self._numbers, wp.float64(specs[0].timing.drive_s)),
-            *(self._motor, self._speed, self._pd, self._gear, self._data.qfrc_applied),
+            *(self._motor, self._speed, self._pd),
+            *(self._tick_of, self._gear, self._data.qfrc_applied),
         ]
         self._lifted = wp.zeros(len(ids), dtype=int)
         self._carry = [
-            *(self._lifted, wp.array(team.carry_n[ids], dtype=float)),
+            *(self._tick_of, self._lifted, wp.array(team.carry_n[ids], dtype=float)),
             *(self._stick_v.start, self._data.qfrc_applied),
         ]
         self._contacts = wp.array(np.arange(self._data.naconmax, dtype=np.int32))
@@ -181,14 +186,13 @@ class _Batch:
         numbers[mask, :, -len(MEMORY) :] = 0.0
         self._numbers.assign(numbers)
 
-    def push(self, torque_nm: Array, force_n: Array | float, ticks: int) -> None:
-        """Step under given torques (n, J) and forces on the sticks (n, 3)."""
+    def push(self, torque_nm: Array, force_n: Array | float) -> None:
+        """Step once under given torques (n, J) and forces on the sticks (n, 3)."""
         applied = np.zeros(self._data.qfrc_applied.shape, dtype=np.float32)
         applied[:, self._joint_v] = torque_nm
         applied[:, self._stick_v.start : self._stick_v.start + 3] = force_n
         self._data.qfrc_applied.assign(applied)
-        for _ in range(ticks):
-            mjw.step(self._model, self._data)
+        mjw.step(self._model, self._data)
 
     def drive(
         self,
@@ -198,15 +202,18 @@ class _Batch:
         ticks: int,
         load_nm: Array | None = None,
         force_n: Array | None = None,
-    ) -> None:
-        """Step under the drives, which hold the targets (n, J), and under loads and forces."""
+    ) -> Array:
+        """Step under the drives, which hold the targets (n, J), and under loads and forces.
+
+        Returns the torques of the drives (n, T, J).
+        """
         bank = team.drives
         rotors = [
             (self._motor, bank.motor_rad),
             (self._speed, bank.motor_rad_s),
             (self._pd, bank.pd_nm),
-            (self._gear, bank.gear_nm),
         ]
+        self._tick_of.zero_()
         self._target.assign(target_rad)
         self._lifted.assign(lifted.astype(np.int32))
         for here, there in rotors:
@@ -223,6 +230,7 @@ class _Batch:
             self._graph = capture.graph
         for here, there in rotors:
             there[self.ids] = here.numpy()
+        return self._gear.numpy()
 
     def _tick(self, load_nm: Array | None = None, force_n: Array | None = None) -> None:
         wp.launch(drive_tick, dim=self._target.shape, inputs=self._drives)

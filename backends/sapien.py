@@ -189,8 +189,7 @@ class Backend(Engine):
         self._drive_s = np.float32(self._timing.drive_s)
         for n, world in enumerate(self._worlds):
             self._locate(n, world)
-        self._args = {team: DriveCallArgs(team.drives) for team in self._teams}
-        self._no_torque = np.zeros(3, dtype=np.float32)
+        self._args = {team: DriveCallArgs(team.drives, team.applied_nm) for team in self._teams}
 
     def _locate(self, n: int, world: _World) -> None:
         """Store where the step, the hand, the stick and the fingertips of a world are."""
@@ -232,22 +231,19 @@ class Backend(Engine):
         calls.drive(systems, hands, self._to_spec, args.address, ticks, angle, speed, *carry)
         age += ticks
 
-    def _tick(
-        self, rows: slice, torque_nm: Array, stick_force_n: Array | None, ticks: int = 1
-    ) -> None:
-        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
-        systems, hands, _ = self._pointers[:, rows]
-        if stick_force_n is None:
-            calls.coast(systems, hands, self._to_spec, torque_nm, ticks, angle, speed)
-            return
-        for _ in range(ticks):  # a force lasts one step
-            self._push(rows, stick_force_n)
-            calls.coast(systems, hands, self._to_spec, torque_nm, 1, angle, speed)
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
+        force = np.zeros((len(torque_nm), 3)) if stick_force_n is None else stick_force_n
+        self._step(rows, torque_nm[:, None], np.any(force, axis=1).astype(np.int64), force)
 
-    def _push(self, rows: slice, stick_force_n: Array) -> None:
-        for world, force in zip(self._worlds[rows], stick_force_n, strict=True):
-            if force.any():
-                world.stick.add_force_torque(force.astype(np.float32), self._no_torque)
+    def _rollout(self, team: Team, torque_nm: Array) -> None:
+        age = self._age_steps[team.rows]
+        self._step(team.rows, torque_nm, team.lifted_ticks(age), team.carry_n)
+        age += torque_nm.shape[1]
+
+    def _step(self, rows: slice, torque_nm: Array, carried: Array, force_n: Array) -> None:
+        angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]
+        (systems, hands, sticks), place = self._pointers[:, rows], self._to_spec
+        calls.rollout(systems, hands, place, torque_nm, angle, speed, sticks, carried, force_n)
 
     def _observe(self, rows: slice) -> None:
         state, (systems, _, sticks) = self.state, self._pointers[:, rows]

@@ -40,6 +40,7 @@ class _Shared:
             for b, s in zip(buffers, shapes, strict=True)
         )
         self.target, self.load = next(arrays), next(arrays)
+        self.applied = next(arrays)
         self.pull, self.mask = next(arrays), next(arrays)
         self.initial = InitialState(
             joint_rad=next(arrays),
@@ -52,8 +53,8 @@ class _Shared:
         self.state = State.allocate(n, joints, tips, lambda shape: next(arrays))
 
 
-def _shapes(n: int, joints: int, tips: int) -> list[tuple[int, ...]]:
-    shapes: list[tuple[int, ...]] = [(n, joints)] * 2 + [(n,)] * 2
+def _shapes(n: int, ticks: int, joints: int, tips: int) -> list[tuple[int, ...]]:
+    shapes: list[tuple[int, ...]] = [(n, joints)] * 2 + [(n, ticks, joints)] + [(n,)] * 2
     shapes += [(n, joints), (n, 3), (n, 4), (n,)]
 
     def note(shape: tuple[int, ...]) -> Array:
@@ -104,12 +105,12 @@ def _work(
         while (request := pipe.recv()) != "close":
             if request == "reset":
                 engine.reset(initial, shared.mask[rows] > 0)
-            elif request == "advance":
-                engine.advance(shared.target[rows])
-            elif request == "advance under load":
-                engine.advance(shared.target[rows], shared.load[rows], shared.pull[rows])
+            elif request == "rollout":
+                engine.rollout(shared.applied[rows])
             else:
-                engine.coast(request)
+                more = (shared.load, shared.pull) if request == "advance under load" else ()
+                engine.advance(shared.target[rows], *(array[rows] for array in more))
+                shared.applied[rows] = engine.applied_nm
             pipe.send(None)
         engine.close()
     except EOFError:
@@ -124,10 +125,13 @@ class Sharded:
     def __init__(self, engine: type[Engine], specs: Sequence[Spec], workers: int) -> None:
         self.specs = tuple(specs)
         hand = specs[0].hand
-        shapes = _shapes(len(specs), len(hand.joint_names), len(hand.fingertips))
+        ticks = specs[0].timing.substeps
+        shapes = _shapes(len(specs), ticks, len(hand.joint_names), len(hand.fingertips))
         context = multiprocessing.get_context("spawn")
         buffers = [context.RawArray(ctypes.c_double, int(np.prod(s))) for s in shapes]
         self._shared = _Shared(buffers, shapes)
+        self.applied_nm = self._shared.applied
+        """See `Engine.applied_nm`."""
         self._pipes, self._processes = [], []
         cuts = np.linspace(0, len(specs), workers + 1).astype(int)
         for start, stop in zip(cuts[:-1], cuts[1:], strict=True):
@@ -162,9 +166,10 @@ class Sharded:
         self._shared.pull[:] = 0.0 if pull_n is None else pull_n
         return self._request("advance under load")
 
-    def coast(self, ticks: int) -> None:
-        """See `Engine.coast`."""
-        self._request(ticks)
+    def rollout(self, torque_nm: Array) -> None:
+        """See `Engine.rollout`; T is that of a policy period."""
+        self.applied_nm[:] = torque_nm
+        self._request("rollout")
 
     def close(self) -> None:
         """Stop the processes; a second call is harmless."""
@@ -180,18 +185,20 @@ class Sharded:
                 process.terminate()
         self._pipes, self._processes = [], []
 
-    def _request(self, request: str | int) -> State:
-        """Send a request to all processes and return the state after it.
+    @property
+    def state(self) -> State:
+        """See `Engine.state`."""
+        return self._shared.state
 
-        A number means: coast for so many ticks.
-        """
+    def _request(self, request: str) -> State:
+        """Send a request to all processes and return the state after it."""
         try:
             for pipe in self._pipes:
                 pipe.send(request)
         except OSError as error:
             raise WorkerError(f"a simulation process died: {error}") from error
         self._await()
-        return self._shared.state
+        return self.state
 
     def _await(self) -> None:
         for pipe in self._pipes:

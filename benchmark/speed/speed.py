@@ -7,13 +7,14 @@ several cores the wall time is measured.
 import os
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
-from backends.engine import Engine
-from backends.shard import Sharded, WorkerError
+from backends.shard import WorkerError, simulate
 from benchmark.console import Bar
 from benchmark.errors import CommandError, UsageError
 from benchmark.parts import registry
@@ -23,11 +24,9 @@ from benchmark.settings.quantities import within
 from benchmark.settings.run_spec import RunSpec
 from benchmark.speed import _memory
 from benchmark.speed._report import table, write
-from benchmark.speed._stopwatch import Timing, measure
+from benchmark.speed._stopwatch import DifferentStepsError, Timing, measure
 from tasks.batch import SimulationDivergedError
 
-PRESSING = 0.9
-"""Smallest share of fingertips on the stick; below it, the two did not step the same grasp."""
 _ROOM = 0.9
 """Share of the free memory that a measurement may use."""
 
@@ -104,7 +103,12 @@ def _measure_all(asked: Plan) -> tuple[list[dict], list[dict]]:
             try:
                 _check_memory(_of(rows, backend, cores), worlds)
                 rows.append(_measure(asked, backend, cores, worlds))
-            except (CommandError, WorkerError, SimulationDivergedError) as error:
+            except (
+                CommandError,
+                DifferentStepsError,
+                SimulationDivergedError,
+                WorkerError,
+            ) as error:
                 skipped.append({"cell": cell, "reason": str(error)})
         bar.update(len(cells), "done")
     return rows, skipped
@@ -116,26 +120,23 @@ def _measure(asked: Plan, backend: str, cores: int, worlds: int) -> dict:
     began = time.perf_counter()
     env = run.make_env(training_worlds(run, 0), asked.seed, cores)
     built_s = time.perf_counter() - began
+    engine, specs = registry.load("backend", backend), env.simulator.specs
+    clock = time.process_time if cores == 1 else time.perf_counter
     try:
-        assert isinstance(env.simulator, Engine | Sharded)
-        clock = time.process_time if cores == 1 else time.perf_counter
-        timing = measure(env, env.simulator.coast, asked.duration_s, clock)
+        env.reset()
+        env.step(np.zeros((worlds, env.action_width)))
         memory_mb = _memory.held_mb()
-        substeps = env.simulator.specs[0].timing.substeps
+        with closing(simulate(engine, specs, cores)) as bare:
+            timing = measure(env, bare, asked.duration_s, clock)
     finally:
         env.close()
-    if timing.pressing < PRESSING:
-        raise CommandError(
-            f"only {timing.pressing:.0%} of the fingertips held the stick; too few to compare"
-        )
-    in_threads = registry.load("backend", backend).steps_in_threads
     return {
         "backend": backend,
         "envs": worlds,
         "processes": cores,
-        "parallel_by": "threads" if in_threads else "processes",
+        "parallel_by": "threads" if engine.steps_in_threads else "processes",
         "clock": "processor" if cores == 1 else "wall",
-        **_rates(timing, worlds, substeps),
+        **_rates(timing, worlds, specs[0].timing.substeps),
         "memory_mb": round(memory_mb, 1),
         "build_s": round(built_s, 2),
     }
@@ -158,8 +159,7 @@ def _rates(timing: Timing, worlds: int, substeps: int) -> dict:
         "overhead": round(middle, 4),
         "overhead_quartiles": [round(low, 4), round(high, 4)],
         "us_per_env_step": {name: round(1e6 * s / worlds, 2) for name, s in parts.items()},
-        "pressing": round(timing.pressing, 4),
-        "blocks": timing.blocks,
+        "steps": timing.steps,
     }
 
 
@@ -196,6 +196,10 @@ def _slope_mb(rows: list[dict]) -> float | None:
 def _check_memory(rows: list[dict], worlds: int) -> None:
     """Raise CommandError if, by the smaller batches, this one does not fit into memory."""
     slope_mb, free_mb = _slope_mb(rows) if rows else None, _memory.free_mb()
-    if slope_mb is not None and slope_mb * worlds > _ROOM * free_mb:
-        needs, free = f"{slope_mb * worlds / 1e3:.1f} GB", f"{free_mb / 1e3:.1f} GB"
-        raise CommandError(f"{worlds} worlds need about {needs} of memory; free are {free}")
+    if slope_mb is None or 2 * slope_mb * worlds <= _ROOM * free_mb:
+        return
+    needs, free = f"{2 * slope_mb * worlds / 1e3:.1f} GB", f"{free_mb / 1e3:.1f} GB"
+    raise CommandError(
+        f"{worlds} worlds, and as many of the bare engine, need about {needs} of memory; free are "
+        f"{free}"
+    )

@@ -55,7 +55,8 @@ def played(module: ModuleType) -> list[Array]:
         jerk = rng.uniform(-0.03, 0.03, target.shape)
         state = sim.advance(target + jerk, np.full_like(target, 0.01) if period == 8 else None)
         seen += [getattr(state, name).copy() for name in SIGNALS]
-    sim.coast(3)
+    sim.reset(start, np.arange(len(specs)) == 1)
+    sim.rollout(sim.applied_nm)
     seen.append(sim.state.joint_rad.copy())
     sim.close()
     return seen

@@ -77,7 +77,7 @@ def test_the_drive_law_is_the_same_to_1e_6():
     joint, joint_speed = joint.astype(np.float32), rng.normal(0, 0.3, shape).astype(np.float32)
     speed = rng.normal(0.0, 0.3, shape) * (rng.random(shape) < 0.8)
     here = [motor.copy(), speed.copy(), np.zeros(shape), np.zeros(shape)]
-    there = [wp.array(x, dtype=wp.float64) for x in here]
+    there = [wp.array(x, dtype=wp.float64) for x in (*here[:3], here[3][:, None])]
     applied, place = wp.zeros(shape, dtype=float), wp.array(np.arange(JOINTS, dtype=np.int32))
     state = [
         wp.array(target, dtype=wp.float64),
@@ -87,7 +87,8 @@ def test_the_drive_law_is_the_same_to_1e_6():
         place,
     ]
     numbers = wp.array(p, dtype=wp.float64)
-    inputs = [*state, numbers, wp.float64(DT_S), *there, applied]
+    tick = wp.zeros(WORLDS, dtype=int)
+    inputs = [*state, numbers, wp.float64(DT_S), *there[:3], tick, there[3], applied]
     for _ in range(3):
         wp.launch(drive_tick, dim=shape, inputs=inputs)
         drive_step(
@@ -96,7 +97,7 @@ def test_the_drive_law_is_the_same_to_1e_6():
         )
     for one, other in zip(here, there, strict=True):
         assert np.abs(one).max() > 0.0
-        assert other.numpy() == pytest.approx(one, rel=1e-6, abs=1e-9)
+        assert other.numpy().reshape(shape) == pytest.approx(one, rel=1e-6, abs=1e-9)
     assert applied.numpy() == pytest.approx(here[3], rel=1e-6, abs=1e-6)
 
 

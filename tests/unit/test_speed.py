@@ -54,8 +54,8 @@ def drawn(worlds: int) -> list[Spec]:
     return training_worlds(RunSpec(backend="mujoco", task="line", worlds=worlds), 0)
 
 
-def play(sim, periods: int, load: bool = False, coasts: tuple[int, ...] = ()) -> list[np.ndarray]:
-    """All signals of all states under restless targets, the bare engine coasting in between."""
+def play(sim, periods: int, load: bool = False) -> list[np.ndarray]:
+    """All signals of all states under restless targets."""
     specs = list(sim.specs)
     start = sample_initial_states(specs, np.random.default_rng(0))
     sim.reset(start, np.ones(len(specs), dtype=bool))
@@ -65,8 +65,6 @@ def play(sim, periods: int, load: bool = False, coasts: tuple[int, ...] = ()) ->
         jerk = rng.uniform(-0.03, 0.03, target.shape)
         state = sim.advance(target + jerk, np.zeros_like(target) if load else None)
         seen += [getattr(state, name).copy() for name in SIGNALS]
-        for ticks in coasts:
-            sim.coast(ticks)
     sim.close()
     return seen
 
@@ -83,20 +81,42 @@ def test_compiled_drives_equal_plain_ones(engine: type[Engine]) -> None:
     assert same(play(engine(specs), 9), plain)
 
 
-def test_coasting_holds_the_last_torques(engine: type[Engine]) -> None:
-    """Coast 3 drive periods at once as one by one, and move by it."""
+def follow(sim, bare) -> None:
+    """Hold the bare engine to the joints of restless worlds, some of which begin anew.
+
+    A period is driven tick by tick, as under loads.
+    """
+    specs = list(sim.specs)
+    start = sample_initial_states(specs, np.random.default_rng(0))
+    target = start.joint_rad + np.array([s.hand.preload_rad for s in specs])
+    rng = np.random.default_rng(1)
+    for period in range(9):
+        if period in (0, 7):
+            anew = np.arange(len(specs)) % 3 <= (2 if period == 0 else 1)
+            sim.reset(start, anew)
+            bare.reset(start, anew)
+        load = np.zeros_like(target) if period == 3 else None
+        before = sim.state.joint_rad.copy()
+        sim.advance(target + rng.uniform(-0.03, 0.03, target.shape), load)
+        bare.rollout(sim.applied_nm)
+        assert np.array_equal(bare.state.joint_rad, sim.state.joint_rad)
+        assert np.array_equal(bare.state.joint_rad_s, sim.state.joint_rad_s)
+        assert (sim.state.joint_rad != before).any(axis=1).all()
+    sim.close()
+    bare.close()
+
+
+def test_the_bare_engine_takes_the_same_steps(engine: type[Engine]) -> None:
+    """End to the last bit where the drives end, under the torques that they applied."""
     specs = drawn(9)
-    at_once = play(engine(specs), 7, coasts=(3,))
-    assert same(play(engine(specs), 7, coasts=(1, 1, 1)), at_once)
-    assert not same(play(engine(specs), 7), at_once)
+    follow(engine(specs), engine(specs))
 
 
 @pytest.mark.parametrize("name", ONE_WITH_PROCESSES)
-def test_two_cores_coast_alike(name: str) -> None:
-    """Coast worlds that two cores share as those of one."""
+def test_the_bare_engine_takes_them_on_two_cores(name: str) -> None:
+    """Follow worlds that two cores share."""
     engine, specs = registry.load("backend", name), drawn(9)
-    at_once = play(engine(specs), 7, coasts=(3,))
-    assert same(play(simulate(engine, specs, 2), 7, coasts=(3,)), at_once)
+    follow(simulate(engine, specs, 2), simulate(engine, specs, 2))
 
 
 def test_many_drives_at_a_time_equal_one_by_one() -> None:
@@ -270,7 +290,6 @@ def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
     rows = result["rows"]
     assert [row["envs"] for row in rows] == [2, 4]
     for row in rows:
-        assert row["pressing"] == 1.0
         assert row["physics_steps_per_s"] == pytest.approx(20 * row["env_steps_per_s"], rel=1e-3)
         parts_us = sum(row["us_per_env_step"].values())
         assert parts_us == pytest.approx(1e6 / row["env_steps_per_s"], rel=1e-3)
@@ -281,32 +300,45 @@ def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
     assert (tmp_path / "speed.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_overhead_is_the_median_of_the_chunks_ratios() -> None:
-    """Compare steps and new episodes with the bare engine of the same blocks."""
-    each = _stopwatch.CHUNK
-    blocks = _stopwatch._Blocks(
+def test_overhead_is_the_median_of_the_stretches_ratios() -> None:
+    """Compare steps and new episodes with the same steps of the bare engine."""
+    each = _stopwatch.STRETCH
+    steps = _stopwatch._Steps(
         step_s=np.repeat([1.0, 2.0, 30.0], each).tolist(),
         restart_s=[0.6, *[0.0] * (each - 1)] * 3,
         wall_s=np.repeat([4.0, 5.0, 90.0], each).tolist(),
         advance_s=np.repeat([0.9, 1.8, 27.0], each).tolist(),
         raw_s=np.repeat([1.0, 2.0, 10.0], each).tolist(),
-        pressing=np.repeat([1.0, 1.0, 0.0], each).tolist(),
     )
-    timing = _stopwatch._summary(blocks)
+    timing = _stopwatch._summary(steps)
     assert timing.overhead[1] == pytest.approx(0.6 / each)
-    assert (timing.step_s, timing.wall_s, timing.blocks) == (11.0, 33.0, 3 * each)
-    assert timing.pressing == pytest.approx(2 / 3)
+    assert (timing.step_s, timing.wall_s, timing.steps) == (11.0, 33.0, 3 * each)
+
+
+def measure(bare: list[Spec]) -> _stopwatch.Timing:
+    """Time two worlds beside a bare engine of these; the clock counts how often it is read."""
+    run, calls = RunSpec(backend="mujoco", task="circle", worlds=2), itertools.count()
+    env = run.make_env(training_worlds(run, 0), 0, 1)
+    beside = registry.load("backend", "mujoco")(bare)
+    try:
+        return _stopwatch.measure(env, beside, 0.0, lambda: float(next(calls)))
+    finally:
+        env.close()
+        beside.close()
 
 
 def test_drives_and_engine_are_timed_within_the_step() -> None:
     """Take the part of drives and engine from the steps, and the bare engine right after them."""
-    run, calls = RunSpec(backend="mujoco", task="circle", worlds=2), itertools.count()
-    env = run.make_env(training_worlds(run, 0), 0, 1)
-    coasted = env.simulator.coast
-    timing = _stopwatch.measure(env, coasted, 0.0, lambda: float(next(calls)))
-    env.close()
+    run = RunSpec(backend="mujoco", task="circle", worlds=2)
+    timing = measure(training_worlds(run, 0))
     assert timing.raw_s == timing.advance_s == 1.0 < timing.step_s
-    assert timing.pressing == 1.0
+
+
+def test_other_steps_are_no_measurement() -> None:
+    """Refuse to compare with worlds that end elsewhere."""
+    run = RunSpec(backend="mujoco", task="circle", worlds=2)
+    with pytest.raises(_stopwatch.DifferentStepsError):
+        measure([run.world()] * 2)
 
 
 def test_gain_compares_as_many_worlds_by_the_wall() -> None:
@@ -317,21 +349,10 @@ def test_gain_compares_as_many_worlds_by_the_wall() -> None:
     assert [speed._gain(row, rows) for row in rows] == [1.0, 1.0, 1.9, 1.0]
 
 
-def test_dropped_stick_is_no_measurement(monkeypatch, capfd) -> None:
-    """Refuse to compare where the stick slips out of the hand."""
-    spec = RunSpec(backend="mujoco", task="circle").world()
-    slippery = dataclasses.replace(spec, stick=dataclasses.replace(spec.stick, friction=0.01))
-    monkeypatch.setattr(speed, "training_worlds", lambda run, segment: [slippery] * run.worlds)
-    arguments = measured("--worlds", "2")
-    arguments[arguments.index("100ms")] = "1s"
-    assert cli.call(arguments) == 1
-    assert "of the fingertips held the stick" in capfd.readouterr().err
-
-
 def test_more_than_the_memory_is_refused() -> None:
     """Skip a batch that smaller ones say will not fit."""
     rows = [{"envs": n, "memory_mb": 1e6 * n} for n in (1, 2)]
-    with pytest.raises(CommandError, match=r"4 worlds need about 4000\.0 GB of memory"):
+    with pytest.raises(CommandError, match=r"4 worlds, .* need about 8000\.0 GB of memory"):
         speed._check_memory(rows, 4)
     speed._check_memory(rows[:1], 4)
 
