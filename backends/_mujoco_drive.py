@@ -88,6 +88,6 @@ class CallbackArgs:
         head = [*team.applied_nm.shape, *sizes, stick_at, *args]
         self._numbers = np.array([*head, *joints_at[0], *joints_at[1]], dtype=np.float64)
 
-    def user_data(self, worlds: Array) -> Array:
-        """User data (N, 2) for the worlds with these numbers."""
-        return np.stack([worlds, np.full(len(worlds), self._numbers.ctypes.data)], axis=1)
+    def user_data(self) -> Array:
+        """User data (N, 2) of all worlds."""
+        return np.array([(n, self._numbers.ctypes.data) for n in range(len(self._arrays[0]))])

@@ -22,8 +22,8 @@ HAS_SENSOR = hasattr(mujoco, "mjtConDataField")
 """Whether this version has contact sensors."""
 SLOT = 10
 """Numbers per contact: found 1, force 3 (contact frame, normal first), point 3, normal 3."""
-GIVEN = ("qpos", "qfrc_applied", "userdata")
-"""What may be written between steps."""
+WHOLE = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+"""All that a step starts from."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +86,7 @@ def differences(models: Sequence[mujoco.MjModel], names: Sequence[str]) -> dict[
 
 
 class Worlds:
-    """Worlds of their own, with the calls of `mujoco.batch.Batch` that the backend makes."""
+    """Worlds of their own, with what the backend uses of `mujoco.batch.Batch`."""
 
     def __init__(
         self,
@@ -98,20 +98,23 @@ class Worlds:
         self._models = [models[row] for row in rows]
         self._data = [mujoco.MjData(model) for model in self._models]
         self._threads, self._touching = ThreadPoolExecutor(threads), touching
-        self._bound: dict[str, Array] = {}
+        self.state = np.zeros((len(rows), self._size(WHOLE)))
+        """The states of all worlds: written before a step and read after it."""
+        sensors = models[0].nsensordata if touching is None else touching.size
+        self._sensors = np.zeros((len(rows), sensors))
+        for model, data, state in zip(self._models, self._data, self.state, strict=True):
+            mujoco.mj_getState(model, data, state, WHOLE)
+
+    def _size(self, parts: int) -> int:
+        return int(mujoco.mj_stateSize(self._models[0], parts))
 
     def bind(self, name: str) -> Array:
-        """A quantity of all worlds, (N, size): written before a step and read after it."""
-        values = np.stack([getattr(data, name) for data in self._data])
-        if name == "sensordata" and self._touching is not None:
-            values = np.zeros((len(self._data), self._touching.size))
-        return self._bound.setdefault(name, values)
-
-    def reset(self, ids: Array, stage: object = None) -> None:
-        """Reset some worlds."""
-        for n in ids:
-            mujoco.mj_resetData(self._models[n], self._data[n])
-            self._read(n)
+        """A part of the states, or `sensordata`, of all worlds, (N, size)."""
+        if name == "sensordata":
+            return self._sensors
+        part = int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
+        start = self._size(WHOLE & (part - 1))  # parts are in the order of their bits
+        return self.state[:, start : start + self._size(part)]
 
     def step(self, nstep: int) -> None:
         """Step all worlds."""
@@ -120,19 +123,15 @@ class Worlds:
     def rollout(self, nstep: int, control: Array, control_spec: int, record: tuple = ()) -> None:
         """Step all worlds under the forces `control` (N, nstep, nv), which are `qfrc_applied`."""
         for tick in range(nstep):
-            self._bound["qfrc_applied"][:] = control[:, tick]
+            self.bind("qfrc_applied")[:] = control[:, tick]
             self.step(1)
 
     def _step(self, nstep: int, n: int) -> None:
-        model, data = self._models[n], self._data[n]
-        for name in GIVEN:
-            getattr(data, name)[:] = self._bound[name][n]
+        model, data, state = self._models[n], self._data[n], self.state[n]
+        mujoco.mj_setState(model, data, state, WHOLE)
         mujoco.mj_step(model, data, nstep)
-        self._read(n)
-
-    def _read(self, n: int) -> None:
-        for name, values in self._bound.items():
-            if name == "sensordata" and self._touching is not None:
-                self._touching.read(self._models[n], self._data[n], values[n])
-            else:
-                values[n] = getattr(self._data[n], name)
+        mujoco.mj_getState(model, data, state, WHOLE)
+        if self._touching is None:
+            self._sensors[n] = data.sensordata
+        else:
+            self._touching.read(model, data, self._sensors[n])

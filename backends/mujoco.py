@@ -294,7 +294,7 @@ class Backend(Engine):
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._applied = self._batch.bind("qfrc_applied")
         self._sensors = self._batch.bind("sensordata")
-        self._user, self._no_force = self._batch.bind("userdata"), np.zeros((len(specs), 3))
+        self._no_force = np.zeros((len(specs), 3))
         self._args = CallbackArgs(
             self._teams[0],
             self._age_steps,
@@ -302,18 +302,19 @@ class Backend(Engine):
             (self._qpos_at, self._qvel_at),
             self._stick_qvel.start,
         )
+        self._batch.bind("userdata")[:] = self._args.user_data()
+        self._start = self._batch.state.copy()
 
     def close(self) -> None:
         """Stop the thread pool."""
         self._batch = None
 
     def _place(self, ids: Array, initial: InitialState) -> None:
-        self._batch.reset(ids.astype(np.int32), stage=mujoco.mjtStage.mjSTAGE_NONE)
-        self._user[ids] = self._args.user_data(ids)
-        self._qpos[np.ix_(ids, self._qpos_at)] = initial.joint_rad[ids]
-        self._qpos[ids, self._stick_qpos] = np.hstack(
-            [initial.stick_pos_m[ids], initial.stick_quat_wxyz[ids]]
-        )
+        self._batch.state[ids] = self._start[ids]
+        self._qpos[ids[:, None], self._qpos_at] = initial.joint_rad[ids]
+        center = self._stick_qpos.start
+        self._qpos[ids, center : center + 3] = initial.stick_pos_m[ids]
+        self._qpos[ids, center + 3 : center + 7] = initial.stick_quat_wxyz[ids]
 
     def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
         force = self._no_force if stick_force_n is None else stick_force_n
