@@ -53,6 +53,7 @@ SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, *FOLLOWING, "push"}
 """Words that say of what kind a column is, or in which unit."""
 BOTH = COMMAND | POSITION
 UNITS = {*ANGLES, *LENGTHS}
+BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,9 +115,18 @@ def roles(names: Sequence[str], joints: Sequence[str]) -> list[Role]:
 
 def joint_named(name: str, joints: Sequence[str]) -> str | None:
     """The joint whose words a column's name has in a row: the first of those with the most."""
-    have = f" {' '.join(words(name))} "
+    have = f" {' '.join(words(_apart(name)[0]))} "
     named = [j for j in joints if (own := _own(j)) and f" {' '.join(own)} " in have]
     return max(named, key=lambda joint: len(_own(joint)), default=None)
+
+
+def _apart(name: str) -> tuple[str, str]:
+    """A name without what stands in brackets where that is a unit alone, and the unit."""
+    units = {*UNITS, *EFFORTS, *TIMES, *COUNTS}
+    inside = [part for part in BRACKETS.findall(name) if {*words(part)} <= units]
+    for part in inside:
+        name = name.replace(part, " ")
+    return name, " ".join(inside)
 
 
 def _own(joint: str) -> list[str]:
@@ -126,7 +136,8 @@ def _own(joint: str) -> list[str]:
 
 
 def _role(name: str, joint: str) -> Role:
-    rest = {*words(name)} - {*_own(joint)}
+    plain, unit_said = _apart(name)
+    rest = {*words(plain)} - {*_own(joint)} | {*words(unit_said)}
     many = {word for word in rest if len(word) > 4 and word.endswith("s")}
     kind = _kind(rest | {word[:-1] for word in many} | {word[:-3] + "y" for word in many})
     efforts = kind in ("torque", "effort", "feedforward", "draw")

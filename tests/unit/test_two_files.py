@@ -92,6 +92,17 @@ def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
     assert "command_rad.elbow_flex is 'elbow_flex Soll [deg]' in deg" in made.said
 
 
+def test_a_joint_may_be_called_as_a_unit(tmp_path):
+    """Take what stands in brackets for the unit, where a joint has that name."""
+    (tmp_path / "arm.xml").write_text(ARM.replace(NAMES[0], "turn"))
+    frame = table("{}.target [turn]", "{}.position [turn]")
+    frame.columns = [name.replace(NAMES[0], "turn") for name in frame.columns]
+    frame.iloc[:, 1:] /= 2 * np.pi
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(tmp_path / "arm.xml", [tmp_path / "run.csv"], Asked())
+    assert np.allclose(made.signal("position", 0), POSITION)
+
+
 def test_degrees_without_a_word_are_known_from_the_ranges(robot, tmp_path):
     """Take degrees where only these fit the joints; ask where nothing fits."""
     frame = table("{}_cmd", "{}_pos")
