@@ -53,7 +53,8 @@ class SavedPolicy:
         options.intra_op_num_threads = 1
         options.inter_op_num_threads = 1
         path = folder / POLICY_FILE
-        _check_network(path, observation.width, len(observation.hand.driven))
+        one = _check_network(path, observation.width, len(observation.hand.driven))
+        self._input, self._rows = one.name, _shape(one)[0]
         try:
             self._session = onnxruntime.InferenceSession(str(path), options)
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
@@ -63,8 +64,10 @@ class SavedPolicy:
 
     def __call__(self, observation: Array) -> Array:
         """Actions (N, J), joints in the hand's order, from observations (N, width)."""
+        parts = [observation] if self._rows is None else observation[:, None]
         try:
-            action = np.asarray(self._session.run(["action"], {"observation": observation})[0])
+            given = [self._session.run(None, {self._input: part})[0] for part in parts]
+            action = np.concatenate(given)
         except Exception as error:  # noqa: BLE001 - onnxruntime raises bare classes of its own
             said = one_line(str(error))
             raise PolicyError(f"{self._path} gives no actions: {said}") from error
@@ -122,8 +125,8 @@ def _difference(policy: dict, wanted: dict) -> str:
     )
 
 
-def _check_network(path: Path, inputs: int, outputs: int) -> None:
-    """Raise PolicyError unless the file is a network from `inputs` numbers to `outputs`."""
+def _check_network(path: Path, inputs: int, outputs: int) -> Any:
+    """The input of a network of so many inputs and outputs; raises PolicyError for another."""
     graph = _model(path).graph
     foreign = sorted({node.op_type for node in graph.node} - _ALLOWED)
     if foreign:
@@ -133,15 +136,13 @@ def _check_network(path: Path, inputs: int, outputs: int) -> None:
             "branches and randomness"
         )
     fixed = {tensor.name for tensor in graph.initializer}
-    _check(path, "takes", [one for one in graph.input if one.name not in fixed], "observation")
-    _check(path, "gives", list(graph.output), "action")
-    for verb, one, width in (
-        ("takes", graph.input[0], inputs),
-        ("gives", graph.output[0], outputs),
-    ):
-        given = _shape(one)[-1]
+    taken = [one for one in graph.input if one.name not in fixed]
+    for verb, found, width in (("takes", taken, inputs), ("gives", list(graph.output), outputs)):
+        _check(path, verb, found)
+        given = _shape(found[0])[-1]
         if given not in (width, None):
             raise PolicyError(f"{path} {verb} {given} numbers, its contract says {width}")
+    return taken[0]
 
 
 def _model(path: Path) -> Any:
@@ -158,18 +159,19 @@ def _model(path: Path) -> Any:
         raise PolicyError(f"{path} cannot be read as a policy: {said}") from error
 
 
-def _check(path: Path, verb: str, found: list[Any], name: str) -> None:
-    """Raise PolicyError unless there is one tensor of this name: floats, a row per world."""
+def _check(path: Path, verb: str, found: list[Any]) -> None:
+    """Raise PolicyError unless there is one tensor: floats, a row per world, or one row."""
     said = ", ".join(_described(one) for one in found) or "nothing"
-    right = [one.name for one in found] == [name] and _is_rows(found[0])
-    if not right:
+    if len(found) != 1 or not _is_rows(found[0]):
         raise PolicyError(
-            f"{path} {verb} {one_line(said)}; allowed: '{name}', 32-bit floats, a row per world"
+            f"{path} {verb} {one_line(said)}; allowed: one tensor of 32-bit floats, a row per "
+            "world, or one row"
         )
 
 
 def _is_rows(one: Any) -> bool:
-    return one.type.tensor_type.elem_type == _FLOAT and len(_shape(one)) == 2
+    shape = _shape(one)
+    return one.type.tensor_type.elem_type == _FLOAT and len(shape) == 2 and shape[0] in (None, 1)
 
 
 def _shape(one: Any) -> list[int | None]:

@@ -102,6 +102,24 @@ def test_every_number_of_the_actions_counts(number, value, tmp_path, capfd):
     assert scores[0] != pytest.approx(scores[1], rel=1e-3)
 
 
+def test_names_and_rows_of_a_network_are_its_own(tmp_path, capfd):
+    """Take a network whose tensors are called otherwise, and that takes one row at a time."""
+    scores = []
+    for name in ("as_is", "changed"):
+        model = onnx.load(OWN / "policy.onnx")
+        if name == "changed":
+            graph = model.graph
+            for node in graph.node:
+                node.input[:] = [{"observation": "obs"}.get(n, n) for n in node.input]
+                node.output[:] = [{"action": "actions"}.get(n, n) for n in node.output]
+            graph.input[0].name, graph.output[0].name = "obs", "actions"
+            for one in (graph.input[0], graph.output[0]):
+                one.type.tensor_type.shape.dim[0].dim_value = 1
+        assert cli.call(written(tmp_path / name, contract(), model)) == 0
+        scores.append(json.loads(capfd.readouterr().out)["p_err_cm"])
+    assert scores[0] == pytest.approx(scores[1], abs=1e-3)
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
