@@ -16,7 +16,7 @@ from gymnasium.vector import AutoresetMode
 
 from backends.spec import Timing
 from backends.state import Array
-from benchmark.errors import unknown
+from benchmark.errors import UsageError, unknown
 from benchmark.parts import registry
 from benchmark.pictures import _render
 from benchmark.settings.run_spec import (
@@ -37,6 +37,8 @@ from tasks.task import EPISODE_S
 P = ParamSpec("P")
 T = TypeVar("T")
 EPISODE_STEPS = round(EPISODE_S / Timing().policy_s)
+MOST_EPISODE_STEPS = 100_000
+"""The reference of an episode is drawn before it begins."""
 SIZE = (480, 480)
 """Width and height of a picture [pixels]."""
 RenderMode = Literal["rgb_array"]
@@ -141,6 +143,10 @@ def vector(
     **settings: Any,
 ) -> StickVectorEnv:
     """The entry point of Gymnasium's `make_vec`, with its keywords."""
+    if not 1 <= max_episode_steps <= MOST_EPISODE_STEPS:
+        raise UsageError(
+            f"max_episode_steps is {max_episode_steps}; allowed: 1 to {MOST_EPISODE_STEPS}"
+        )
     batch = partial(_make, _run(task, settings), workers, max_episode_steps)
     return StickVectorEnv(batch, num_envs, autoreset_mode, _painter(render_mode))
 

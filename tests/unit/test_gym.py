@@ -107,6 +107,13 @@ def test_an_episode_lasts_as_asked() -> None:
     env.close()
 
 
+@pytest.mark.parametrize("steps", [0, -1, 10**9])
+def test_an_episode_has_a_length(steps: int) -> None:
+    """Refuse episodes of no step, and those whose reference fits into no memory."""
+    with pytest.raises(sb.UsageError, match=f"max_episode_steps is {steps}; allowed: 1 to"):
+        sb.make_vec("Line", 3, max_episode_steps=steps)
+
+
 def test_settings_are_spelt_as_on_the_command_line() -> None:
     """Take a length with its unit, the pace, and the names of a run's fields; name what is not."""
     for radius in ({"radius": "3cm"}, {"radius_m": 0.03}):
