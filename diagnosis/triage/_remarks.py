@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from backends.state import Array
+from diagnosis.evidence.evidence import quantisation_step
 from diagnosis.motion.limb import BLOCK_S
 from diagnosis.motion.recordings import noise_of, stood_s
 from diagnosis.triage._tracks import Track
@@ -117,6 +118,8 @@ def made_up(track: Track) -> Iterator[str]:
     rest, motion, late_s = (
         float(noise_of(np.concatenate(some))) for some in (resting, moving, late)
     )
+    step = quantisation_step(np.concatenate(track.position))
+    rest = float(np.hypot(rest, step / np.sqrt(12.0)))  # rounding is no noise where a joint rests
     if not (motion < MORE * rest or late_s < LATE * track.dt_s):
         yield (
             f"{track.name} scatters in motion as if stamps were off by {1e3 * late_s:.0f} ms, and "

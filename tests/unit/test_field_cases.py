@@ -329,9 +329,9 @@ def test_a_drive_that_was_off_is_said_with_its_time():
     assert said == ("shoulder did not follow from 3.0 to 4.5 s of episode 0",)
 
 
-@pytest.mark.parametrize("scatter_s", [0.0, 0.008])
-def test_stamps_that_are_too_regular_are_said(scatter_s):
-    """Say so where rows scatter in time and their stamps do not, and where neither does."""
+@pytest.mark.parametrize(("scatter_s", "step_rad"), [(0.0, 0.0), (0.0, 0.02), (0.008, 0.0)])
+def test_stamps_that_are_too_regular_are_said(scatter_s, step_rad):
+    """Say so where rows scatter in time and their stamps do not, not where readings are coarse."""
     fine = moved(strokes=True).samples
     rng, count = np.random.default_rng(3), 230
     real_s = np.sort(np.arange(count) / 30 + 0.02 + scatter_s * rng.normal(size=count))
@@ -339,6 +339,9 @@ def test_stamps_that_are_too_regular_are_said(scatter_s):
     row = np.searchsorted(fine["t_s"], real_s, side="right") - 1
     frame["command_rad.shoulder"] = fine["command_rad.shoulder"].to_numpy()[row]
     frame["position_rad.shoulder"] = np.interp(real_s, fine["t_s"], fine["position_rad.shoulder"])
+    if step_rad:
+        read = frame["position_rad.shoulder"]
+        frame["position_rad.shoulder"] = step_rad * np.round(read / step_rad)
     log = make_log(log_of(ARM).meta.model_copy(update={"channels": {}}), frame, ARM)
     said = " ".join(triage(log, mjcf_world(log)))
     assert ("made from a row number" in said) == bool(scatter_s)
