@@ -131,6 +131,8 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     Read until or from their samples: our own simulators' are of the period until then.
     """
     measured = limb.measured[:, TORQUE]
+    if not np.isfinite(measured).any():
+        return limb, ()
     most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
     ways = [limb.with_torque_from(way) for way in ((False,) if limb.exact else (False, True))]
     shows = [one.simulate(limb.nominal)[:, TORQUE] for one in ways]

@@ -80,7 +80,7 @@ def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
     mass = np.empty((*q.shape, q.shape[1]))
     for j, unit in enumerate(np.eye(q.shape[1])):
         mass[:, :, j] = _torques(links, weightless, q, still, still + unit)
-    return mass, bias_torques(spec, q, v)
+    return mass, _torques(links, np.array(spec.gravity_m_s2, dtype=float), q, v, still)
 
 
 def bias_torques(spec: Spec, q: Array, v: Array) -> Array:

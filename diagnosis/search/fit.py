@@ -149,7 +149,7 @@ class Fitter(World):
             residual = np.zeros_like(self.evidence.readings)
             return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
         curvature, stale = np.diag(problem.sd**-2.0), again and slopes is not None
-        held, began = ~problem.is_free, problem.at(u)
+        held, began = np.array([k not in own for k in problem.numbers]), problem.at(u)
         done_share = DONE_EXACT if self.evidence.limb.exact else DONE_SHARE
         for step in range(steps):
             residual = self.evidence.readings - shown

@@ -108,4 +108,7 @@ def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:
     """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,)."""
     root = cholesky(curvature, lower=True)
     aim = solve_triangular(root, slope, lower=True)
+    free = solve_triangular(root.T, aim)
+    if (low <= free).all() and (free <= high).all():
+        return np.asarray(free)
     return np.asarray(lsq_linear(root.T, aim, (low, high), method="bvls", tol=EXACT).x)

@@ -194,6 +194,7 @@ class Search:
             singles = tuple(self._ranked(self._sets(1)))
         if not now.freed:
             return Found(nominal=nominal, chosen=now, singles=singles, tied=(), is_likely=False)
+        self._fit_alike(now)
         same = self._ranked(self._sets(len(now.freed)))
         best, others = same[0], same[1 : BEAM + 1]
         return Found(
@@ -203,6 +204,18 @@ class Search:
             tied=tuple(f for f in others if self._is_tied(f, best)),
             is_likely=self._is_likely(best, self.nominal),
         )
+
+    def _fit_alike(self, fit: Fit) -> None:
+        """Fit what says the same of a robot in place of each effect of a set, to say so."""
+        for k in fit.freed:
+            one = self.parameters[k]
+            for number, other in enumerate(self.parameters):
+                alike = one.effect == other.kind.same_as or other.effect == one.kind.same_as
+                if alike and other.joint == one.joint and other.nameable:
+                    freed = tuple(number if a == k else a for a in fit.freed)
+                    u = {a: v for a, v in fit.u.items() if a != k}
+                    if frozenset(freed) not in self.tried:
+                        self._keep(self.fitter.fit(freed, {**u, number: 2.0 * other.least}))
 
     def _sets(self, causes: int) -> list[Fit]:
         """The sets tried of so many effects, all of them some, whose replay does not diverge."""
@@ -233,16 +246,12 @@ class Search:
         ):
             pairs = ranked_by_nats(self.fitter.evidence, fits)
             return [fit for _, fit in sorted(pairs, key=self._nats)]
-        return sorted(fits, key=lambda fit: (rank(self.parameters, fit), self._ended(fit)))
+        return sorted(fits, key=lambda fit: rank(self.parameters, fit))
 
     def _nats(self, pair: tuple[float, Fit]) -> float:
         """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
         cost, fit = pair
         return cost + TIE_NATS * _wider([self.parameters[k] for k in fit.freed])
-
-    def _ended(self, fit: Fit) -> int:
-        """How many effects are as large as is tried: of sets that leave nothing, others lead."""
-        return sum(abs(fit.u[k]) > END * self.parameters[k].most for k in fit.freed)
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
@@ -422,12 +431,17 @@ def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
     return all(abs(fit.u[k]) >= parameters[k].least for k in fit.freed)
 
 
-def rank(parameters: Sequence[Parameter], fit: Fit) -> float:
-    """What sets of causes are sorted by: what they leave."""
+def rank(parameters: Sequence[Parameter], fit: Fit) -> tuple[float, int, float]:
+    """What sets of causes are sorted by: what they leave beyond a floor, then all that they leave.
+
+    Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried.
+    """
     chosen = [parameters[k] for k in fit.freed]
     exact = sum(p.kind.exact for p in chosen)
     shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
-    return fit.excess * SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
+    times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
+    ended = sum(abs(fit.u.get(k, 0.0)) > END * parameters[k].most for k in fit.freed)
+    return times * fit.excess, ended, times * float(fit.gap2.sum())
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:

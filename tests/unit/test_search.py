@@ -56,15 +56,27 @@ def test_a_set_that_diverges_explains_nothing(fitter):
     assert [one.freed for one in search._found(right).singles] == [(gain,)]
 
 
+def test_what_says_the_same_is_tied(fitter):
+    """Say of damping that it may be a gain, for positions alone cannot tell them apart."""
+    gain, friction = number(fitter, "kd-scale"), number(fitter, "viscous-friction")
+    search = Search(fitter, ROBOTS, lambda text, done: None)
+    fit = fitter.fit((gain,), {gain: 0.3})
+    search._keep(fit)
+    found = search._found(fit)
+    assert {one.freed for one in (found.chosen, *found.tied)} == {(gain,), (friction,)}
+
+
 @pytest.mark.parametrize("name", ["encoder-eccentricity", "encoder-eccentricity-sine"])
 def test_of_two_laws_alike_the_plain_one_leads(fitter, name):
     """Put an offset or a scale before the wave that it is part of, and a clear wave first."""
     plain = number(fitter, catalogue()[name].narrow_as)
     alike = fitter.fit((plain,), {plain: 0.02})
-    wave = replace(alike, freed=(number(fitter, name),))
-    better = replace(wave, gap2=alike.gap2 / 2)
-    sets = sorted([wave, alike, better], key=lambda fit: rank(fitter.parameters, fit))
-    assert [id(one) for one in sets] == [id(one) for one in (better, alike, wave)]
+    for floors in (1.0, 0.5 / alike.gap):
+        alike = replace(alike, gap2=floors**2 * alike.gap2)
+        wave = replace(alike, freed=(number(fitter, name),))
+        better = replace(wave, gap2=alike.gap2 / 2)
+        sets = sorted([wave, alike, better], key=lambda fit: rank(fitter.parameters, fit))
+        assert [id(one) for one in sets] == [id(one) for one in (better, alike, wave)]
 
 
 def test_the_whole_log_may_choose_otherwise_than_a_part(fitter):
