@@ -1,8 +1,8 @@
 """Recordings of ROS 2 (rosbag2 folders, `.db3`, `.mcap`) and ROS 1 (`.bag`) as a table.
 
 Readings come from a JointState, commands from a trajectory, a second JointState, an array of
-numbers, or from a controller's state, which holds both. A row is a reading; a command holds until
-the next.
+numbers, or from a controller's state, which holds both. A row is a reading; a command holds from
+the nearest one on, until the next.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -80,7 +80,7 @@ def _words(topic: str) -> set[str]:
 
 
 def _table(rows: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
-    """A row per reading, with the last command before it; raises LogError.
+    """A row per reading, with the last command that is not nearer to the next; raises LogError.
 
     A trajectory moves linearly from where its message finds it to each of its points.
     """
@@ -108,14 +108,14 @@ def _table(rows: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
     for column, series in read.items():
         at, value = np.array(series).T
         found[column] = np.interp(time_s, at, value)
-    first_s = float(time_s[0])
+    first_s, half_s = float(time_s[0]), float(np.median(np.diff(time_s))) / 2
     for column, series in asked.items():
         at, value = np.array(sorted(series, key=lambda pair: pair[0])).T
         name = column.replace(".position", ".command").replace(".velocity", ".velocity_command")
         name = name.replace(".effort", ".effort_ff")
-        last = np.maximum(np.searchsorted(at, time_s, side="right") - 1, 0)
+        last = np.maximum(np.searchsorted(at, time_s + half_s) - 1, 0)
         found[name] = np.interp(time_s, at, value) if ramps else value[last]
-        first_s = max(first_s, float(at[0]))
+        first_s = max(first_s, float(at[0]) - half_s)
     frame = pd.DataFrame(found)
     return frame[frame["time"] >= first_s].reset_index(drop=True)
 

@@ -57,8 +57,10 @@ def trajectory(time_s: float, values: np.ndarray):
     )
 
 
-def bag(path: Path, asked, topic: str, storage: StoragePlugin, drop: bool = False) -> Path:
-    """A bag with states at 100 Hz, and commands of a kind."""
+def bag(
+    path: Path, asked, topic: str, storage: StoragePlugin, drop: bool = False, late_s=0 * T
+) -> Path:
+    """A bag with states at 100 Hz, and commands of a kind, so late each."""
     with Writer(path, version=9, storage_plugin=storage) as writer:
         kind = asked(0.0, ASKED[0]).__msgtype__
         read = writer.add_connection("/joint_states", "sensor_msgs/msg/JointState", typestore=STORE)
@@ -66,8 +68,9 @@ def bag(path: Path, asked, topic: str, storage: StoragePlugin, drop: bool = Fals
         for k, time_s in enumerate(T):
             now = round((100 + time_s) * 1e9)
             if other is not None:
-                raw = STORE.serialize_cdr(asked(100 + time_s, ASKED[k]), kind)
-                writer.write(other, now, raw)
+                sent_s = 100 + time_s + late_s[k]
+                raw = STORE.serialize_cdr(asked(sent_s, ASKED[k]), kind)
+                writer.write(other, round(sent_s * 1e9), raw)
             raw = STORE.serialize_cdr(state(100 + time_s, READ[k]), "sensor_msgs/msg/JointState")
             writer.write(read, now, raw)
     return path
@@ -98,6 +101,15 @@ def test_a_bag_is_a_log(robot, tmp_path, storage, asked, topic, late):
     assert np.allclose(rows["command_rad.b"], ASKED[: len(T) - late, 0])
     assert np.allclose(rows["torque_nm.a"], 0.5) and np.isclose(made.dt_s(0), 0.01)
     assert topic in made.said[0]
+
+
+@pytest.mark.parametrize("asked", [state, array])
+def test_a_command_counts_from_the_nearest_reading(robot, tmp_path, asked):
+    """Put commands that are sent with a reading into its row, whichever is written first."""
+    late_s = 4e-3 * np.sin(7 * np.arange(len(T)))
+    path = bag(tmp_path / "run", asked, "/command", StoragePlugin.MCAP, late_s=late_s)
+    rows = pair(robot, [path], Asked(drives=DRIVES)).samples
+    assert np.allclose(rows["command_rad.b"], ASKED[len(T) - len(rows) :, 0])
 
 
 def test_a_single_mcap_file_is_read(robot, tmp_path):
