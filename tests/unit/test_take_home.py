@@ -121,10 +121,10 @@ def diagnosed(folder: Path, real: str, **beside: Any) -> int:
     rng = np.random.default_rng(1)
     command = np.repeat(rng.uniform(-0.4, 0.4, 16), 100)
     read = shown(real, command, **beside) + 3e-4 * rng.normal(size=len(T))
-    return told(folder, ARM, {"a_cmd": command, "a_pos": read})
+    return by_table(folder, ARM, {"a_cmd": command, "a_pos": read})
 
 
-def told(folder: Path, arm: str, columns: dict[str, np.ndarray]) -> int:
+def by_table(folder: Path, arm: str, columns: dict[str, np.ndarray]) -> int:
     """Diagnose an arm by a table, into `folder`; the exit code."""
     pd.DataFrame({"time": T, **columns}).to_csv(folder / "r.csv")
     (folder / "arm.xml").write_text(arm)
@@ -211,7 +211,7 @@ def test_a_load_on_any_link_is_placed(tmp_path, capfd):
     read += 3e-4 * rng.normal(size=read.shape)
     both = {"cmd": command, "pos": read}
     table = {f"{j}_{what}": x[:, n] for what, x in both.items() for n, j in enumerate("ab")}
-    assert told(tmp_path, arm, table) == 0
+    assert by_table(tmp_path, arm, table) == 0
     found = json.loads(capfd.readouterr().out)
     assert (found["verdict"], found["joints"]) == (["payload"], ["a"])
     (load,) = found["magnitudes"]

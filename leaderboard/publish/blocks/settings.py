@@ -9,15 +9,13 @@ from leaderboard.publish.kept import Kept
 from leaderboard.publish.registry import block
 from leaderboard.publish.words import listed
 
-COLUMNS = {
-    "`contact-centers`": ("circle-settings", "contact-centers"),
-    "mixed entry": ("circle-entry-settings", None),
+COLUMNS: dict[str, tuple[str, dict | None]] = {
+    "`contact-centers`": ("circle-settings", {}),
     "varied circles": ("circle-varied-settings", None),
-    "`centers-and-lead`": ("circle-lead-settings", LEAD),
-    "lead, varied circles": ("circle-varied-lead-settings", None),
+    "`centers-and-lead`": ("circle-varied-lead-settings", LEAD),
 }
-"""Folders of the circle's transfers by what it was trained with, and observations of the figures'
-policies."""
+"""Folders of the circle's transfers by what it was trained with, and what is unusual about the
+policies of the other figures."""
 REFERENCE, PLAIN = "mujoco built", ("task=circle", "radius=2cm", "pace=1")
 """The world, and the settings of the plain circle."""
 Cells = dict[str, dict]
@@ -39,11 +37,10 @@ def below(kept: Kept) -> str:
         for column, one in zip(COLUMNS, cells, strict=True):
             if one is not None and all(one[error] <= vars(own)[error] for error in vars(own)):
                 found[column] = (*found[column], name.partition(":")[0])
-    first, mixed, varied, lead, both = (listed(list(names)) for names in found.values())
+    first, varied, lead = (listed(list(names)) for names in found.values())
     return (
-        f"Both errors are at or below the paper's on {first} with `contact-centers` ({mixed} with "
-        f"mixed entry, {varied} with varied circles), and on {lead} with `centers-and-lead` "
-        f"({both} with varied circles)."
+        f"Both errors are at or below the paper's on {first} with `contact-centers` ({varied} with "
+        f"varied circles), and on {lead} with `centers-and-lead`."
     )
 
 
@@ -51,11 +48,11 @@ def _whole(kept: Kept) -> Iterator[tuple]:
     """A row per figure and setting: its name, the paper's errors, and the cells of each column."""
     settings = [_changed(kept, folder) for folder, _ in COLUMNS.values()]
     for task, own in PAPER.items():
-        seen = [seen for _, seen in COLUMNS.values()]
-        figures = [kept.line(task, observation=one).cells if one else None for one in seen]
         if task == "circle":
-            figures = [cells[""] for cells in settings]
-        yield task, own, *figures
+            yield task, own, *(cells[""] for cells in settings)
+            continue
+        made = [made for _, made in COLUMNS.values()]
+        yield task, own, *(None if m is None else kept.line(task, **m).cells for m in made)
     for name, setting in SETTINGS.items():
         words = f"{name}: {setting.words}"
         yield words, setting.row, *(cells[setting.change] for cells in settings)
@@ -63,13 +60,13 @@ def _whole(kept: Kept) -> Iterator[tuple]:
 
 @block
 def settings_held(kept: Kept) -> str:
-    """What is tracked and held in the paper's settings and with other sticks."""
+    """What is tracked and held in the paper's figures and settings, and with other sticks."""
+    rows = [[name, *map(_fractions, cells)] for name, _, *cells in _whole(kept)]
     found = [_changed(kept, folder) for folder, _ in COLUMNS.values()]
-    names = {"": "2 cm, pi rad/s"} | {s.change: f"{k}: {s.words}" for k, s in SETTINGS.items()}
-    rows = [
-        [names.get(change, _stick(change)), *(_fractions(cells[change]) for cells in found)]
-        for change in found[0]
-    ]
+    for change in found[0]:
+        if change.startswith("stick="):
+            name = f"{change.removeprefix('stick=')} stick"
+            rows.append([name, *(_fractions(cells[change]) for cells in found)])
     return grid(["tracked, held", *COLUMNS], rows)
 
 
@@ -83,13 +80,9 @@ def _changed(kept: Kept, folder: str) -> Cells:
     return lines
 
 
-def _stick(change: str) -> str:
-    return f"{change.removeprefix('stick=')} stick"
-
-
 def _errors(line: Mapping[str, float] | None) -> str:
     return "" if line is None else f"{line['p_err_cm']:.2f}, {line['q_err_deg']:.2f}"
 
 
-def _fractions(line: dict) -> str:
-    return f"{line['tracked']:.2f}, {line['held']:.3f}"
+def _fractions(line: Mapping[str, float] | None) -> str:
+    return "" if line is None else f"{line['tracked']:.2f}, {line['held']:.3f}"
