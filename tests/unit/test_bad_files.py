@@ -102,13 +102,12 @@ def linear(given="observation", gives="action"):
 LOOP = helper.make_node("If", ["c"], ["action"])
 NOISE = helper.make_node("RandomUniformLike", ["observation"], ["noise"])
 MODELS = {
-    "other names": (network([linear("x", "y")], given="x", gives="y"), "takes 'x'"),
     "another type": (network([linear()], kind=TensorProto.DOUBLE), "32-bit floats"),
     "other widths": (network([linear()], inputs=17), "takes 17 numbers"),
     "fewer actions": (network([linear()], outputs=5), "gives 5 numbers"),
     "randomness": (network([NOISE, linear("noise")]), "RandomUniformLike"),
     "a branch": (network([LOOP]), "operators If"),
-    "another batch": (network([linear()], batch=39), "gives no actions"),
+    "another batch": (network([linear()], batch=39), "a row per"),
     "one row for all": (
         network([linear(gives="a"), helper.make_node("Gather", ["a", "first"], ["action"])]),
         "shape",
