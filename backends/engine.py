@@ -324,3 +324,24 @@ class Engine(ABC):
     @abstractmethod
     def _observe(self, rows: slice) -> None:
         """Write stick pose, twist and fingertip contacts of the worlds `rows` into `state`."""
+
+
+class RollingEngine(Engine):
+    """Base class of engines that take many steps under given torques in one call."""
+
+    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
+        force = np.zeros((len(torque_nm), 3)) if stick_force_n is None else stick_force_n
+        self._step(rows, torque_nm[:, None], np.any(force, axis=1).astype(np.int64), force)
+
+    def _rollout(self, team: Team, torque_nm: Array) -> None:
+        age = self._age_steps[team.rows]
+        self._step(team.rows, torque_nm, team.lifted_ticks(age), team.carry_n)
+        age += torque_nm.shape[1]
+
+    @abstractmethod
+    def _step(self, rows: slice, torque_nm: Array, carried: Array, force_n: Array) -> None:
+        """Step the worlds `rows` under joint torques (N, T, J), one after the other.
+
+        Forces (N, 3) act at the centres of the sticks in the first `carried` (N,) steps. Writes the
+        new joint angles and speeds, as `_tick` does.
+        """

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from backends._calls import DriveCallArgs, chosen
-from backends.engine import EXACT, SHARED_SUPPORT, Engine, Team
+from backends.engine import EXACT, SHARED_SUPPORT, RollingEngine, Team
 from backends.spec import Body, Fingertip, Spec, Stick, Vec3, field_names
 from backends.state import Array, InitialState
 
@@ -148,7 +148,7 @@ class _World:
         self._scene.add_entity(entity)
 
 
-class Backend(Engine):
+class Backend(RollingEngine):
     """N SAPIEN scenes; a reset builds new scenes, see `_place`."""
 
     package = "sapien"
@@ -230,15 +230,6 @@ class Backend(Engine):
         carry = sticks, team.lifted_ticks(age), team.carry_n
         calls.drive(systems, hands, self._to_spec, args.address, ticks, angle, speed, *carry)
         age += ticks
-
-    def _tick(self, rows: slice, torque_nm: Array, stick_force_n: Array | None) -> None:
-        force = np.zeros((len(torque_nm), 3)) if stick_force_n is None else stick_force_n
-        self._step(rows, torque_nm[:, None], np.any(force, axis=1).astype(np.int64), force)
-
-    def _rollout(self, team: Team, torque_nm: Array) -> None:
-        age = self._age_steps[team.rows]
-        self._step(team.rows, torque_nm, team.lifted_ticks(age), team.carry_n)
-        age += torque_nm.shape[1]
 
     def _step(self, rows: slice, torque_nm: Array, carried: Array, force_n: Array) -> None:
         angle, speed = self.state.joint_rad[rows], self.state.joint_rad_s[rows]

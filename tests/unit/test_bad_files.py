@@ -76,18 +76,10 @@ def test_what_does_not_matter_takes_no_memory(part):
     assert mechanism(ARM.replace(START, part + START), servos) == mechanism(ARM, servos)
 
 
-def network(
-    nodes,
-    inputs=18,
-    outputs=6,
-    given="observation",
-    gives="action",
-    kind=TensorProto.FLOAT,
-    batch="batch",
-):
+def network(nodes, inputs=18, outputs=6, kind=TensorProto.FLOAT, batch="batch"):
     """An ONNX model of these nodes."""
-    rows = [helper.make_tensor_value_info(given, kind, [batch, inputs])]
-    actions = [helper.make_tensor_value_info(gives, kind, ["batch", outputs])]
+    rows = [helper.make_tensor_value_info("observation", kind, [batch, inputs])]
+    actions = [helper.make_tensor_value_info("action", kind, ["batch", outputs])]
     weights = helper.make_tensor("w", kind, [inputs, outputs], np.zeros(inputs * outputs))
     first = helper.make_tensor("first", TensorProto.INT64, [1], [0])
     graph = helper.make_graph(nodes, "policy", rows, actions, [weights, first])
