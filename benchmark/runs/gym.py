@@ -147,6 +147,9 @@ def vector(
         raise UsageError(
             f"max_episode_steps is {max_episode_steps}; allowed: 1 to {MOST_EPISODE_STEPS}"
         )
+    modes = [mode.value for mode in AutoresetMode]
+    if autoreset_mode not in (*AutoresetMode, *modes):
+        raise unknown("autoreset_mode", str(autoreset_mode), modes)
     batch = partial(_make, _run(task, settings), workers, max_episode_steps)
     return StickVectorEnv(batch, num_envs, autoreset_mode, _painter(render_mode))
 

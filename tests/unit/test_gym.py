@@ -114,6 +114,12 @@ def test_an_episode_has_a_length(steps: int) -> None:
         sb.make_vec("Line", 3, max_episode_steps=steps)
 
 
+def test_an_unknown_mode_of_reset_is_refused() -> None:
+    """Say which modes there are."""
+    with pytest.raises(sb.UsageError, match="autoreset_mode.*known: Disabled, NextStep, SameStep"):
+        sb.make_vec("Line", 3, autoreset_mode="sometimes")
+
+
 def test_settings_are_spelt_as_on_the_command_line() -> None:
     """Take a length with its unit, the pace, and the names of a run's fields; name what is not."""
     for radius in ({"radius": "3cm"}, {"radius_m": 0.03}):
