@@ -21,13 +21,13 @@ from benchmark.errors import CommandError, UsageError, unknown
 from benchmark.parts import registry
 from benchmark.parts.extras import install_command
 from benchmark.provenance import usable_cores
-from benchmark.runs.run_folder import write_atomically
 from diagnosis.blind import binding, draw, faults, files, frozen, motion, rigs, solving
 from diagnosis.blind.apart import Grasps
 from diagnosis.blind.files import BlindError, BlindSet
 from diagnosis.blind.grasp import GRASP, HOLDS, PULL
 from diagnosis.blind.make import write_case, write_sound
 from diagnosis.blind.sides import ENGINES, PLANTS, STICKLESS, TUNED, carries, engine, mechanics
+from files.atomic import write_atomically
 
 KEPT_APART = tuple(name for name in STICKLESS if name not in TUNED)
 """Real sides on which no solver may be tuned; only sets that name them contain them."""

@@ -22,7 +22,6 @@ from benchmark.gap.take_home import FILE as CORRECTED
 from benchmark.gap.take_home import ROBOT, URDF, TakeHome, take_home
 from benchmark.parts import registry
 from benchmark.provenance import provenance, usable_cores
-from benchmark.runs.run_folder import write_atomically
 from benchmark.settings.effects import EffectSet, read_effects
 from benchmark.settings.run_spec import ideal as world_of
 from diagnosis.answer import Diagnosis
@@ -38,6 +37,7 @@ from diagnosis.replay.robot import contradictions
 from diagnosis.report.report import page
 from diagnosis.verdict.result import NONE, distance
 from diagnosis.walk import diagnose
+from files.atomic import write_atomically
 
 FILE, REPORT = "diagnosis.json", "report.html"
 OUT = Path("diagnoses")

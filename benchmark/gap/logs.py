@@ -11,11 +11,11 @@ from rich.table import Table
 from backends.effect import UNITS
 from benchmark.errors import UsageError
 from benchmark.parts import registry
-from benchmark.runs.run_folder import write_atomically
 from benchmark.settings.quantities import measured
 from benchmark.settings.run_spec import RunSpec, ideal
 from diagnosis.logs.log import LogError, check_target, name_of, write_log
 from diagnosis.recording.excitation import FREE, Excitation, Joints, hand_joints
+from files.atomic import write_atomically
 
 _RANGE = re.compile(r"([-+0-9.eE]+):([-+0-9.eE]+)(rad|mrad|deg|m|mm)")
 _FORM = "LOW:HIGH with rad, mrad, deg, m or mm, such as -60:60deg"

@@ -13,9 +13,9 @@ from rich.table import Table
 from rich.text import Text
 
 from benchmark.provenance import provenance
-from benchmark.runs.run_folder import write_atomically
 from diagnosis.compare import LOCAL, NONE, Compared, Difference, compare
 from diagnosis.logs.log import Log
+from files.atomic import write_atomically
 
 FILE, PICTURE = "diagnosis.json", "differences.png"
 MOST_JOINTS = 16

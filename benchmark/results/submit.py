@@ -16,7 +16,8 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance
 from benchmark.results.keep import keep_policies
 from benchmark.results.verify import SUBMISSION_FILE, verify
-from benchmark.runs.run_folder import read_run, write_atomically
+from benchmark.runs.run_folder import read_run
+from files.atomic import write_atomically
 from leaderboard.identity import row_key
 
 POLICIES = "policies"

@@ -15,7 +15,8 @@ from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance, usable_cores
 from benchmark.runs import run_folder
 from benchmark.runs.evaluate import Episodes, deploy
-from benchmark.runs.run_folder import EPISODES_FILE, RUN_FILE, write_atomically
+from benchmark.runs.run_folder import EPISODES_FILE, RUN_FILE
+from files.atomic import write_atomically
 from files.bounded import read_json
 from files.tables import read_parquet
 from leaderboard.identity import row_key

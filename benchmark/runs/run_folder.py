@@ -19,6 +19,7 @@ from baselines.saved import CONTRACT_FILE, POLICY_FILE, file_sha256
 from benchmark.errors import CommandError, UsageError
 from benchmark.provenance import provenance
 from benchmark.settings.run_spec import RunSpec
+from files.atomic import write_atomically
 from files.bounded import FileError, one_line, read_json
 from leaderboard.identity import LATER, run_digest
 
@@ -36,13 +37,6 @@ _OWN = re.compile(
 """Files that a run writes."""
 _COLUMNS = ("steps", "reward", "p_err_cm", "q_err_deg", "dropped", "wall_s")
 STATUSES = ("done", "diverged", "skipped", "interrupted")
-
-
-def write_atomically(path: Path, text: str) -> None:
-    """Write `text` under a temporary name, then rename it into place."""
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(text)
-    os.replace(temporary, path)
 
 
 def read_run(folder: Path) -> dict:

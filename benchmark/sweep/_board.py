@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmark.console import Bar, say
-from benchmark.runs.run_folder import write_atomically
 from benchmark.sweep._cell import Cell, Outcome, finished
+from files.atomic import write_atomically
 
 TABLE_FILE = "sweep.csv"
 SPEC_COLUMNS = (

@@ -19,10 +19,10 @@ from submitit.core.utils import FailedJobError, FailedSubmissionError, Uncomplet
 
 from benchmark.console import say
 from benchmark.errors import CommandError
-from benchmark.runs.run_folder import write_atomically
 from benchmark.sweep._board import Board
 from benchmark.sweep._cell import LOGS, Cell, Outcome, run_cell
 from benchmark.sweep._grid import Slurm
+from files.atomic import write_atomically
 
 MARGIN_MIN = 5
 """Slurm's time limit is longer than the cell's own by this, so that the cell can report why it

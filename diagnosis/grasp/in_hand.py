@@ -29,13 +29,11 @@ NO_MODEL = "not looked for: no test of a grasp here shows it"
 def in_hand(
     log: Log, world: Spec, catalogue: Catalogue, simulate: Simulate | None = None
 ) -> Report:
-    """What the log tells of touch, stick and contact; nothing of a mechanism without fingertips.
+    """What the log tells of touch, stick and contact.
 
     `world`: the nominal world, best with what was found on its joints. Without `simulate`, which
     puts worlds on the nominal engine, stick and contact are left out.
     """
-    if not world.hand.fingertips:
-        return Report()
     stick = stick_report(log, world, catalogue, simulate)
     seen = stick.world or world
     known, found = ((w.stick.radius_m, w.contact.compliance_m_n) for w in (world, seen))

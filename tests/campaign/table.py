@@ -5,7 +5,7 @@ import io
 from dataclasses import dataclass
 from pathlib import Path
 
-from benchmark.runs.run_folder import write_atomically
+from files.atomic import write_atomically
 
 COUNTED = ("changed", "stuck", "traceback", "crash", "hang", "memory", "silent", "long")
 """Faults of a case: a row that changed, a folder that is stuck, and those of `watch.Outcome`."""
