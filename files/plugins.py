@@ -94,8 +94,14 @@ def name_of(module: str) -> str:
 @cache
 def _names() -> Mapping[str, str]:
     """Names of registered parts by module."""
+    return {point.value.partition(":")[0]: point.name for point in _points()}
+
+
+@cache
+def _points() -> tuple[metadata.EntryPoint, ...]:
+    """What installed packages register here."""
     points = (point for one in metadata.distributions() for point in one.entry_points)
-    return {p.value.partition(":")[0]: p.name for p in points if p.group.startswith(PREFIX)}
+    return tuple(point for point in points if point.group.startswith(PREFIX))
 
 
 def _files(kind: Kind) -> Iterator[Part]:
@@ -114,7 +120,7 @@ def _files(kind: Kind) -> Iterator[Part]:
 
 
 def _registered(kind: Kind) -> Iterator[Part]:
-    for point in metadata.entry_points(group=PREFIX + kind.group):
+    for point in (p for p in _points() if p.group == PREFIX + kind.group):
         module, _, attribute = point.value.partition(":")
         yield Part(
             name=point.name,

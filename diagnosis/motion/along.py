@@ -1,17 +1,21 @@
 """The rigid-body model along a measured motion, as given and in worlds with other loads."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from backends.spec import Spec, Vec3
+from backends.spec import Body, Spec, Vec3
 from backends.state import Array
+from diagnosis.motion.columns import with_load
 from diagnosis.motion.smooth import smooth
-from diagnosis.replay.dynamics import bias_torques, coefficients, dynamics
+from diagnosis.replay.dynamics import bias_torques, coefficients, dynamics, of_point, weights
 
 STEP = 1e-5
 """Step of the numerical slopes of the bias torques [rad, rad/s]."""
+PLACES = 4
+"""So many places of loads are remembered beside the centre of mass and the end of each link."""
 SMOOTH_S, SMOOTH_SLOW_S, SLOW_S = 0.02, 0.1, 6e-3
 """Readings are smoothed over so long, and over more where samples are further apart than SLOW_S."""
 AXES = ((0.0, 1.0, 0.0), (1.0, 0.0, 0.0))
@@ -56,12 +60,47 @@ class Along:
             dv[:, :, j] = (bias_torques(self.spec, q, v + move) - bias) / STEP
         return mass, bias, dq, dv
 
-    def of(self, spec: Spec) -> Model:
-        """The model of a world with other loads and gravity; its slopes are the nominal ones."""
+    def of(self, load: Array, gravity_m_s2: Array) -> Model:
+        """The model with other loads (K, len(LINK)) and gravity (3,), which add to the nominal one.
+
+        Its slopes are the nominal ones.
+        """
         m, h, dq, dv = self.model
-        if spec != self.spec:
-            m, h = dynamics(spec, self.angle_rad, self.speed_rad_s)
+        m, h = m.copy(), h + self._weights @ (gravity_m_s2 - self.spec.gravity_m_s2)
+        for body, row in zip(self.spec.hand.driven, load, strict=True):
+            for at_m, (kg, borne_kg) in _added(body, with_load(body, row)).items():
+                if kg or borne_kg:
+                    on, mass, turning, weight = self._point(body.joint.name, at_m)
+                    m[:, on[:, None], on] += kg * mass
+                    h[:, on] += kg * turning + borne_kg * (weight @ gravity_m_s2)
         return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
+
+    @cached_property
+    def _weights(self) -> Array:
+        return weights(self.spec, self.angle_rad)
+
+    @cached_property
+    def _point(self) -> Callable[[str, Vec3], tuple[Array, ...]]:
+        """Joints that move a place on a joint's link, and what a kilogram there adds of them."""
+
+        @lru_cache(PLACES + 2 * len(self.spec.hand.driven))
+        def point(joint: str, at_m: Vec3) -> tuple[Array, ...]:
+            at = of_point(self.spec, joint, at_m, self.angle_rad, self.speed_rad_s)
+            on = np.flatnonzero(at[0].any(axis=(0, 1)))
+            return on, at[0][:, on[:, None], on], at[1][:, on], at[2][:, on]
+
+        return point
+
+
+def _added(before: Body, after: Body) -> dict[Vec3, Array]:
+    """By place, the mass that a link gains, and that whose weight its drives bear [kg], (2,)."""
+    found = dict[Vec3, Array]()
+    for sign, one in ((-1.0, before), (1.0, after)):
+        own, load = one.mass_kg, one.payload * one.mass_kg
+        borne = own * (1.0 - one.carried)
+        for at_m, masses in ((one.com_m, (own, borne)), (one.payload_m, (load, load))):
+            found[at_m] = found.get(at_m, 0.0) + sign * np.array(masses)
+    return found
 
 
 def smoothed(position: Array, period_s: float) -> Array:

@@ -77,13 +77,10 @@ def _part(body: Body, name: str) -> Any:
     return body if name == "body" else getattr(body.joint, name)
 
 
-def with_load(spec: Spec, load: Array) -> Spec:
-    """A world whose links have other numbers, rows (K, len(LINK))."""
+def with_load(body: Body, load: Array) -> Body:
+    """A body with other numbers of its link, (len(LINK),)."""
     names = [COLUMNS[n].split(".")[1] for n in LINK]
-    pairs = zip(spec.hand.driven, load, strict=True)
-    return spec.with_driven(
-        replace(body, **dict(zip(names, row, strict=True))) for body, row in pairs
-    )
+    return replace(body, **dict(zip(names, load.tolist(), strict=True)))
 
 
 def by_name(numbers: Array) -> dict[str, float]:

@@ -184,10 +184,8 @@ class Limb:
         @lru_cache(2)
         def models(load: bytes, tilt: bytes) -> dict[Along, Model]:
             rows = np.frombuffer(load).reshape(len(self.joints), -1)
-            spec, turn = c.with_load(self.spec, rows), np.frombuffer(tilt)
-            if turn.any():
-                spec = replace(spec, gravity_m_s2=tuple(turned(spec.gravity_m_s2, turn)))
-            return {path: path.of(spec) for path in dict.fromkeys(self.along)}
+            gravity = turned(self.spec.gravity_m_s2, np.frombuffer(tilt))
+            return {path: path.of(rows, gravity) for path in dict.fromkeys(self.along)}
 
         return models
 

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from backends.catalogue import catalogue
-from backends.state import Array
 from diagnosis.evidence.evidence import evidence
 from diagnosis.evidence.log_faults import checked
 from diagnosis.logs.log import Log, LogError
@@ -61,19 +60,14 @@ def _is_late(log: Log, settled: bool = False) -> bool:
     for part in limbs(mjcf_world(log)):
         some, _ = excerpted(log, part, ENOUGH_S)
         limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
-        sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
-        left, delay_rows = _left(limb, settled)
-        as_is, delays = as_is + left, np.append(delays, delay_rows)
-        earlier += _left(limb.with_signals(command=sent), settled)[0] if as_is > 0.0 else 0.0
+        said = evidence(limb)
+        fitter = Fitter(said, parameters(catalogue(), said, FREE, 1.0))
+        fit = fitter.settled() if settled else fitter.fit()
+        delay_rows = fitter.numbers(fit.u)[0][:, DELAY] / limb.period_s
+        as_is, delays = as_is + fit.excess, np.append(delays, delay_rows)
+        if as_is > 0.0:
+            sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
+            other = fitter.of(limb.with_signals(command=sent))
+            near = other.fit(u=fit.u, slopes=fit.slopes, again=False)
+            earlier += (other.settled() if settled else near).excess
     return earlier < NEARER * as_is and bool(delays.mean() <= MOST_ROWS)
-
-
-def _left(limb: Limb, settled: bool) -> tuple[float, Array]:
-    """What the nominal numbers, fitted, leave, and the delays of commands among them (K,).
-
-    The squared gap beyond one floor; delays in rows.
-    """
-    said = evidence(limb)
-    fitter = Fitter(said, parameters(catalogue(), said, FREE, 1.0))
-    fit = fitter.settled() if settled else fitter.fit()
-    return fit.excess, fitter.numbers(fit.u)[0][:, DELAY] / limb.period_s

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from backends.spec import Body, Spec
+from backends.spec import Body, Spec, Vec3
 from backends.state import Array
 
 _inlined = numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -76,16 +76,42 @@ def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
 
     Of slides kg and N. Nobody carries the weight of a payload beside the drives.
     """
-    links, still, weightless = _links(spec), np.zeros_like(q), np.zeros(3)
-    mass = np.empty((*q.shape, q.shape[1]))
-    for j, unit in enumerate(np.eye(q.shape[1])):
-        mass[:, :, j] = _torques(links, weightless, q, still, still + unit)
-    return mass, _torques(links, np.array(spec.gravity_m_s2, dtype=float), q, v, still)
+    return _masses(_links(spec), q), bias_torques(spec, q, v)
 
 
 def bias_torques(spec: Spec, q: Array, v: Array) -> Array:
     """The bias torques alone."""
     return _torques(_links(spec), np.array(spec.gravity_m_s2, dtype=float), q, v, np.zeros_like(q))
+
+
+def weights(spec: Spec, q: Array) -> Array:
+    """Bias torques at rest by axis of a gravity of one [Nm/(m/s^2)], shape (P, J, 3)."""
+    return _weights(_links(spec), q)
+
+
+def of_point(spec: Spec, joint: str, at_m: Vec3, q: Array, v: Array) -> tuple[Array, Array, Array]:
+    """What a kilogram at a place on a joint's link adds to the dynamics at q and v (P, J).
+
+    To the mass matrices (P, J, J), to the bias torques without weight (P, J), and to `weights`.
+    """
+    links, number = _links(spec), [body.joint.name for body in spec.hand.bodies].index(joint)
+    mass, at = np.zeros_like(links.mass_kg), np.zeros_like(links.at_m)
+    mass[number, 0], at[number, 0] = 1.0, at_m
+    none = np.zeros_like(links.inertia_kgm2)
+    alone = links._replace(mass_kg=mass, at_m=at, inertia_kgm2=none, weight=np.ones_like(mass))
+    turning = _torques(alone, np.zeros(3), q, v, np.zeros_like(q))
+    return _masses(alone, q), turning, _weights(alone, q)
+
+
+def _masses(links: _Links, q: Array) -> Array:
+    still, units = np.zeros_like(q), np.eye(q.shape[1])
+    columns = [_torques(links, np.zeros(3), q, still, still + unit) for unit in units]
+    return np.stack(columns, axis=2)
+
+
+def _weights(links: _Links, q: Array) -> Array:
+    still = np.zeros_like(q)
+    return np.stack([_torques(links, axis, q, still, still) for axis in np.eye(3)], axis=2)
 
 
 @numba.njit(cache=True, error_model="numpy")

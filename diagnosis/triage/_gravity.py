@@ -169,10 +169,10 @@ def _rests(recording: Recording, j: int) -> Iterator[tuple[float, Array]]:
     asked = np.concatenate([recording.asked, recording.push], axis=1)
     fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
     travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)
-    before, edges = np.nan, [*fresh, len(asked)]
-    for begin, end in zip(edges[:-1], edges[1:], strict=True):
-        target, lasts_s = recording.command[begin, j], np.ptp(recording.time_s[begin:end])
-        if lasts_s < REST_S or target == before:
+    before, edges = np.nan, np.append(fresh, len(asked))
+    lasts_s = recording.time_s[edges[1:] - 1] - recording.time_s[edges[:-1]]
+    for begin, end in zip(edges[:-1][lasts_s >= REST_S], edges[1:][lasts_s >= REST_S], strict=True):
+        if (target := recording.command[begin, j]) == before:
             continue
         last = recording.measured[end - max(3, (end - begin) // 5) : end, 0]
         first, second = (half.mean(axis=0) for half in np.array_split(last, 2))

@@ -20,6 +20,7 @@ from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LINK, LOCK, ONE_WAY, S
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.motion.smooth import smooth, weights
+from diagnosis.replay.dynamics import dynamics
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 
@@ -105,6 +106,21 @@ def test_drives_that_carry_weight_carry_no_payload():
         assert np.allclose(m, same_m, atol=1e-9) and np.allclose(h, same_h, atol=1e-9)
 
 
+@pytest.mark.parametrize("joints", [1, 2, 3])
+def test_loads_and_gravity_add_to_the_nominal_model(joints):
+    """Give the mass matrices and torques of a world whose links and gravity are others."""
+    limb = limb_of(log_of(Real(joints=joints)))
+    path, load, gravity = limb.along[0], limb.nominal[:, LINK].copy(), np.array([1.0, 2.0, -9.0])
+    load += np.random.default_rng(0).uniform(0.1, 0.4, load.shape)
+    pairs = zip(limb.spec.hand.driven, load, strict=True)
+    other = limb.spec.with_driven(with_load(*pair) for pair in pairs)
+    other = replace(other, gravity_m_s2=tuple(gravity))
+    for one, wanted in zip(
+        path.of(load, gravity), dynamics(other, path.angle_rad, path.speed_rad_s), strict=False
+    ):
+        assert one == pytest.approx(wanted, abs=1e-12)
+
+
 def _more(limb, effect):
     """What M and h gain where each link has an effect."""
     said = evidence(limb)
@@ -112,7 +128,7 @@ def _more(limb, effect):
     some = {k: 0.5 for k, one in enumerate(every) if one.effect == effect and one.part_of is None}
     numbers, _ = World(said, every).numbers(some)
     (m, h, *_), path = limb.along[0].model, limb.along[0]
-    loaded = path.of(with_load(limb.spec, numbers[:, LINK]))
+    loaded = path.of(numbers[:, LINK], np.array(limb.spec.gravity_m_s2))
     return loaded[0] - m, loaded[1] - h
 
 
