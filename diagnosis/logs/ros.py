@@ -1,8 +1,8 @@
 """Recordings of ROS 2 (rosbag2 folders, `.db3`, `.mcap`) and ROS 1 (`.bag`) as a table.
 
 Readings come from a JointState, commands from a trajectory, a second JointState, an array of
-numbers, or from a controller's state, which holds both. A row is a reading; a command holds from
-the nearest one on, until the next.
+numbers, or from a controller's state, which holds both. A row is a message: readers of tables put
+commands and readings together.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -21,8 +21,9 @@ CONTROLLER = ("JointTrajectoryControllerState", "JointControllerState")
 ARRAY = "Float64MultiArray"
 PAIRS = (("reference", "feedback"), ("desired", "actual"))
 """Fields of a controller's state, in two generations of ROS."""
-Series = dict[str, list[tuple[float, float]]]
-"""Times [s] and values by column."""
+ASKED = {"position": "command", "velocity": "velocity_command", "effort": "effort_ff"}
+READ = {kind: kind for kind in ASKED}
+"""What columns are called that ask for something, and that read it."""
 
 
 def is_bag(path: Path) -> bool:
@@ -79,66 +80,53 @@ def _words(topic: str) -> set[str]:
     return {word.removesuffix("s") for word in words(topic)} | set(words(topic))
 
 
-def _table(rows: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
-    """A row per reading, with the last command that is not nearer to the next; raises LogError.
+def _table(messages: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
+    """A row per message, or per point of a trajectory, by time; raises LogError.
 
     A trajectory moves linearly from where its message finds it to each of its points.
     """
-    read, asked = Series(), Series()
-    order = next((_names(message) for role, _, message in rows if role != "command"), [])
-    ramps = any(hasattr(message, "points") for _, _, message in rows)
-    for role, bag_s, message in rows:
-        when_s = _stamp(message) or bag_s
-        if role in ("state", "both"):
-            said = message if role == "state" else _part(message, 1)
-            _note(read, said, _names(message), when_s)
-        if role == "both":
-            _note(asked, _part(message, 0), _names(message), when_s)
-        elif role == "command":
-            for series in asked.values() if ramps else ():
-                if series[-1][0] < when_s:
-                    series.append((when_s, series[-1][1]))
-            for after_s, point, names in _targets(message, order):
-                _note(asked, point, names, when_s + after_s)
-    positions = [name for name in order if f"{name}.position" in read]
-    if not positions or not asked:
-        raise LogError(f"it has no {'positions' if not positions else 'commands'} of joints")
-    time_s = np.array([t for t, _ in read[f"{positions[0]}.position"]])
-    found = {"time": time_s}
-    for column, series in read.items():
-        at, value = np.array(series).T
-        found[column] = np.interp(time_s, at, value)
-    first_s, half_s = float(time_s[0]), float(np.median(np.diff(time_s))) / 2
-    for column, series in asked.items():
-        at, value = np.array(sorted(series, key=lambda pair: pair[0])).T
-        name = column.replace(".position", ".command").replace(".velocity", ".velocity_command")
-        name = name.replace(".effort", ".effort_ff")
-        last = np.maximum(np.searchsorted(at, time_s + half_s) - 1, 0)
-        found[name] = np.interp(time_s, at, value) if ramps else value[last]
-        first_s = max(first_s, float(at[0]) - half_s)
-    frame = pd.DataFrame(found)
-    return frame[frame["time"] >= first_s].reset_index(drop=True)
+    order = next((_names(message) for role, _, message in messages if role != "command"), [])
+    rows, due = list[dict[str, float]](), dict[str, tuple[float, float]]()
+    for role, bag_s, message in messages:
+        when_s, ramps = _stamp(message) or bag_s, hasattr(message, "points")
+        if ramps:
+            rows.append({"time": when_s, **{n: x for n, (at, x) in due.items() if at < when_s}})
+        for after_s, said in _said(role, message, _names(message) or order):
+            rows.append({"time": when_s + after_s, **said})
+            due |= {name: (when_s + after_s, x) for name, x in said.items()} if ramps else {}
+    frame = pd.DataFrame(rows).sort_values("time", kind="stable", ignore_index=True)
+    for what in ("position", "command"):
+        if not any(name.endswith(f".{what}") for name in frame):
+            raise LogError(f"it has no {what}s of joints")
+    for name in due:
+        at_s = frame["time"][frame[name].notna()]
+        frame[name] = np.interp(frame["time"], at_s, frame[name].dropna(), left=np.nan)
+    return frame
 
 
-def _targets(message: Any, order: Sequence[str]) -> Iterator[tuple[float, Any, list[str]]]:
-    """When after its stamp a message asks for what: a state, an array, or a trajectory's points."""
-    if not hasattr(message, "points"):
-        yield 0.0, message, _names(message) or list(order)
-        return
-    for point in message.points:
-        after = point.time_from_start
-        nanosec = getattr(after, "nanosec", getattr(after, "nsecs", 0))
-        yield getattr(after, "sec", 0) + 1e-9 * nanosec, point, _names(message)
+def _said(
+    role: str, message: Any, names: Sequence[str]
+) -> Iterator[tuple[float, dict[str, float]]]:
+    """When after its stamp [s] a message reads or asks for what, by column."""
+    if role == "both":
+        yield 0.0, _numbers(_part(message, 1), names) | _numbers(_part(message, 0), names, ASKED)
+    elif role == "state":
+        yield 0.0, _numbers(message, names)
+    else:
+        for point in getattr(message, "points", [message]):
+            after = getattr(point, "time_from_start", None)
+            nanosec = getattr(after, "nanosec", getattr(after, "nsecs", 0))
+            yield getattr(after, "sec", 0) + 1e-9 * nanosec, _numbers(point, names, ASKED)
 
 
-def _note(into: Series, message: Any, names: Sequence[str], time_s: float) -> None:
-    """Write the numbers of joints at a time."""
-    for kind in ("position", "velocity", "effort"):
-        values = getattr(message, kind, getattr(message, f"{kind}s", ()))
-        if kind == "position" and hasattr(message, "data"):
-            values = message.data
-        for name, value in zip(names, values, strict=False):
-            into.setdefault(f"{name}.{kind}", []).append((time_s, float(value)))
+def _numbers(
+    message: Any, names: Sequence[str], called: Mapping[str, str] = READ
+) -> dict[str, float]:
+    """The numbers of joints in a message, by column."""
+    every = {kind: getattr(message, kind, getattr(message, f"{kind}s", ())) for kind in READ}
+    every["position"] = getattr(message, "data", every["position"])
+    pairs = ((kind, zip(names, values, strict=False)) for kind, values in every.items())
+    return {f"{name}.{called[kind]}": float(x) for kind, pair in pairs for name, x in pair}
 
 
 def _names(message: Any) -> list[str]:
