@@ -11,15 +11,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs.log import (
-    DriveSettings,
-    EpisodeMeta,
-    Log,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    make_log,
-)
+from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
 from diagnosis.logs.servos import servo as known_servo
 from files.bounded import FileError, one_line
 from files.tables import read_csv
@@ -67,11 +59,13 @@ def _log(path: Path) -> Log:
         columns[f"command_rad.{joint}"] = RAD_PER_COUNT * (target - HOME)
         columns[f"position_rad.{joint}"] = RAD_PER_COUNT * (table[f"pos ({servo})"] - HOME)
         columns[f"push_nm.{joint}"] = facing * pull_nm / len(tested)
-    names = [f"servo{servo}" for servo in tested]
+    names, known = [f"servo{servo}" for servo in tested], known_servo(SERVO)
+    # engines have the PD law alone: the back-EMF is its kd
+    drive = known.model_copy(update={"kd": known.back_emf, "back_emf": 0.0})
     meta = LogMeta(
         schema=1,
         source=f"Robonine play test, {path.stem}",
-        mechanism=MjcfMechanism(mjcf="levers.xml", joints=dict.fromkeys(names, _drive())),
+        mechanism=MjcfMechanism(mjcf="levers.xml", joints=dict.fromkeys(names, drive)),
         episodes=(EpisodeMeta(episode=0, protocol="push"),),
         nominal_uncertainty=UNCERTAINTY,
     )
@@ -114,12 +108,6 @@ def _stretch(table: pd.DataFrame, puller: str) -> np.ndarray:
         return np.zeros(len(table))
     share = np.clip((table[f"pos ({puller})"].to_numpy() - relaxed) / (far - relaxed), 0, 1)
     return np.where(share < SLACK, 0.0, share)
-
-
-def _drive() -> DriveSettings:
-    """The servo with its back-EMF as kd, for engines have the PD law alone."""
-    known = known_servo(SERVO)
-    return known.model_copy(update={"kd": known.back_emf, "back_emf": 0.0})
 
 
 def _mjcf(joints: list[str]) -> str:

@@ -38,9 +38,7 @@ def check(meta: LogMeta, samples: pd.DataFrame) -> tuple[LogMeta, pd.DataFrame, 
     samples = samples.drop(columns="protocol", errors="ignore")
     _check_names(samples)
     samples = _numbers(samples if "episode" in samples else samples.assign(episode=0))
-    meta = _with_episodes(meta, samples["episode"].to_numpy())
-    if protocols is not None:
-        meta = _with_protocols(meta, samples["episode"], protocols)
+    meta = _with_episodes(meta, samples["episode"], protocols)
     warnings: list[str] = []
     for number, part in samples.groupby("episode", sort=False):
         warnings += _gaps(f"episode {number}", part)
@@ -111,9 +109,12 @@ def _numbers(samples: pd.DataFrame) -> pd.DataFrame:
     return samples.astype({"episode": np.int64})
 
 
-def _with_episodes(meta: LogMeta, numbers: np.ndarray) -> LogMeta:
-    """Meta with every episode of the samples; refuses episodes that are not in one piece."""
-    found = numbers[np.flatnonzero(np.diff(numbers, prepend=-1))].tolist()
+def _with_episodes(meta: LogMeta, numbers: pd.Series, protocols: pd.Series | None) -> LogMeta:
+    """Meta with every episode of the samples, each in one piece and of one protocol.
+
+    Samples have protocols of their own where `bench excite` wrote them.
+    """
+    found = numbers[numbers.diff() != 0].tolist()
     _refuse(
         len(found) > len(set(found)),
         "the samples of an episode are not in one piece; sort the rows by episode",
@@ -124,22 +125,17 @@ def _with_episodes(meta: LogMeta, numbers: np.ndarray) -> LogMeta:
         f"log.yaml lists episodes {[e.episode for e in meta.episodes]}, samples hold {found}; "
         "make them equal",
     )
-    return meta.model_copy(update={"episodes": tuple(named[n] for n in found)})
-
-
-def _with_protocols(meta: LogMeta, number: pd.Series, protocols: pd.Series) -> LogMeta:
-    """Meta with the samples' own protocols, as `bench excite` writes them; refuses several."""
-    found = []
-    for one in meta.episodes:
-        names = protocols[number == one.episode].astype(str).unique()
+    own = {} if protocols is None else protocols.astype(str).groupby(numbers).unique()
+    for number, names in own.items():
+        one = named[number]
         said = {one_line(name, 40) or "free" for name in names} | {one.protocol} - {"free"}
         _refuse(
             len(said) > 1,
-            f"episode {one.episode} has the protocols {', '.join(sorted(said))}; name one of "
-            "them, in the column 'protocol' or in log.yaml",
+            f"episode {number} has the protocols {', '.join(sorted(said))}; name one of them, in "
+            "the column 'protocol' or in log.yaml",
         )
-        found.append(one.model_copy(update={"protocol": said.pop()}))
-    return meta.model_copy(update={"episodes": tuple(found)})
+        named[number] = one.model_copy(update={"protocol": said.pop()})
+    return meta.model_copy(update={"episodes": tuple(named[n] for n in found)})
 
 
 def _gaps(episode: str, part: pd.DataFrame) -> Iterator[str]:

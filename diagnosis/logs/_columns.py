@@ -26,13 +26,10 @@ STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"
 """Centre of the stick [m] and its orientation, world frame."""
 PULL = "pull_n"
 """Known force on the stick along its axis, towards its lower end [N]."""
-UNITS = {
-    **{f"{kind}_{HINGE[of][0]}": (HINGE[of][1],) for kind, of in KINDS.items()},
-    **{f"{kind}_{SLIDE[of][0]}": (SLIDE[of][1],) for kind, of in KINDS.items()},
-    "touch": ("m", "1"),
-    "stick": ("m",),
-    PULL: ("N",),
+UNITS: dict[str, tuple[str, ...]] = {
+    f"{kind}_{u[of][0]}": (u[of][1],) for u in (HINGE, SLIDE) for kind, of in KINDS.items()
 }
+UNITS |= {"touch": ("m", "1"), "stick": ("m",), PULL: ("N",)}
 """Channels and the units in which they may be declared."""
 WHOLE = ("stick", PULL)
 """Channels that belong to no joint or finger."""
@@ -52,7 +49,14 @@ def channel_of(column: str) -> str:
     channel, dot, what = column.partition(".")
     if channel in UNITS and channel not in WHOLE and dot and what:
         return channel
-    raise LogError(_unknown(column))
+    joints = [f"{c}.{what or 'JOINT'}" for c in UNITS if c not in WHOLE]
+    names = ["episode", "t_s", *STICK, PULL, *joints]
+    near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
+    hint = f" Did you mean '{near[0]}'?" if near else ""
+    raise LogError(
+        f"samples have an unknown column '{one_line(column, 60)}'; allowed: "
+        f"{', '.join(['episode', 't_s', *UNITS])}.{hint} Rename or remove it"
+    )
 
 
 def kind_of(column: str) -> tuple[str, str] | None:
@@ -60,14 +64,3 @@ def kind_of(column: str) -> tuple[str, str] | None:
     channel, _, joint = column.partition(".")
     kind = channel.split("_")[0]
     return (kind, joint) if channel in UNITS and kind in KINDS else None
-
-
-def _unknown(column: str) -> str:
-    channel, _, joint = column.partition(".")
-    joints = [f"{c}.{joint or 'JOINT'}" for c in UNITS if c not in WHOLE]
-    names = ["episode", "t_s", *STICK, PULL, *joints]
-    near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
-    known = ", ".join(["episode", "t_s", *UNITS])
-    hint = f" Did you mean '{near[0]}'?" if near else ""
-    given = one_line(column, 60)
-    return f"samples have an unknown column '{given}'; allowed: {known}.{hint} Rename or remove it"

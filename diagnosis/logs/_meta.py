@@ -5,7 +5,7 @@ import reprlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import PurePath
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
 from pydantic import (
     BaseModel,
@@ -141,19 +141,14 @@ class DriveSettings(_Part):
             return data
         return {**data, **values, "uncertainty": {**data.get("uncertainty", {}), **sizes}}
 
-    @model_validator(mode="before")
-    @classmethod
-    def _of_cascade(cls, data: object) -> object:
+    @model_validator(mode="after")
+    def _of_cascade(self) -> Self:
         """The gain on the position of a cascade: the product of its gains."""
-        if not isinstance(data, dict) or not data.get("position_gain"):
-            return data
-        try:
-            product = float(data["position_gain"]) * float(data["kd"])
-        except (KeyError, TypeError, ValueError):
-            raise ValueError(
-                "a position_gain needs kd, the gain of the loop on the speed"
-            ) from None
-        return {**data, "kp": product}
+        if self.position_gain:
+            if self.kd is None:
+                raise ValueError("a position_gain needs kd, the gain of the loop on the speed")
+            object.__setattr__(self, "kp", self.position_gain * self.kd)
+        return self
 
     @property
     def more(self) -> dict[str, float]:

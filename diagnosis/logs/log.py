@@ -129,14 +129,8 @@ class Log:
     @cached_property
     def _parts(self) -> dict[int, pd.DataFrame]:
         number = self.samples["episode"].to_numpy()
-        edges = [0, *(np.flatnonzero(np.diff(number)) + 1), len(number)]
-        if len(edges) - 1 > len(np.unique(number)):  # an episode comes in parts
-            groups = self.samples.groupby("episode", sort=False)
-            return {int(str(k)): part.reset_index(drop=True) for k, part in groups}
-        return {
-            int(number[a]): self.samples.iloc[a:b].reset_index(drop=True)
-            for a, b in pairwise(edges)
-        }
+        edges = pairwise(np.flatnonzero(np.diff(number, prepend=-1, append=-1)))
+        return {int(number[a]): self.samples.iloc[a:b].reset_index(drop=True) for a, b in edges}
 
 
 def signal(log: Log, rows: pd.DataFrame, kind: str, joints: Sequence[str]) -> Array:

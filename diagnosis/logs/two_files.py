@@ -90,12 +90,13 @@ def put_together(
     samples = pd.concat([samples, joints.iloc[at].reset_index(drop=True)], axis=1)
     samples = without_missing_rows(samples, notes)
     read = [n for n in joints if "position" in n]
-    free = [n for n in read if n.replace("position", "command") not in joints]
-    for name in free:  # the loop is open: its target says nothing
-        target = samples.groupby("episode")[name].transform("first")
-        samples[name.replace("position", "command")] = target
     drives = drives_of(asked, [n.partition(".")[2] for n in read])
-    drives |= {n: _opened(drives.get(n)) for n in (n.partition(".")[2] for n in free)}
+    for name in read:
+        target, joint = name.replace("position", "command"), name.partition(".")[2]
+        if target not in joints:  # the loop is open: its kp has made torques of what is asked
+            samples[target] = samples.groupby("episode")[name].transform("first")
+            opened = {"open_loop": True, "kp": None}
+            drives[joint] = drives.get(joint, DriveSettings()).model_copy(update=opened)
     source = ", ".join(one.name for one in tables)
     meta = LogMeta(schema=1, source=source)
     if mechanism is not None:
@@ -148,21 +149,14 @@ def readings(
     for role in (role for role in columns if role.missed):
         slides = ranges[role.joint][2]
         name, asked_at = (name_of(kind, role.joint, slides) for kind in ("position", "command"))
-        behind = _is_behind(samples[asked_at], samples[name])
+        # no position comes before its command: an error that is command less position grows ahead
+        behind = float((samples[asked_at].diff() * samples[name]).sum()) >= 0.0
         samples[name] = samples[asked_at] + (-1.0 if behind else 1.0) * samples[name]
         said.append(f"{name} is its command {'less' if behind else 'plus'} '{role.column}'")
     known = ("protocol", time_column(unused), episode_column(unused))
     if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
     return pd.DataFrame(samples), said
-
-
-def _is_behind(command: pd.Series, error: pd.Series) -> bool:
-    """Whether an error is command minus position: then it grows ahead of what is asked for.
-
-    No position comes before its command.
-    """
-    return float((command.diff() * error).sum()) >= 0.0
 
 
 def _sized(unit: str, slides: bool) -> tuple[float, float]:
@@ -195,11 +189,6 @@ def _named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
     long = (counted[2] if counted else asked.unit) in LENGTHS
     lengths = {j: long or any(role.unit in LENGTHS for role in every[j]) for j in found}
     return {j: (-np.inf, np.inf, lengths[j]) for j in found} or {"joint": (-np.inf, np.inf, long)}
-
-
-def _opened(drive: DriveSettings | None) -> DriveSettings:
-    """A drive without a loop on the position; its kp has made torques of what is asked."""
-    return (drive or DriveSettings()).model_copy(update={"open_loop": True, "kp": None})
 
 
 def _effort(role: Role, asked: Asked) -> float:

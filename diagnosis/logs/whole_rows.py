@@ -68,10 +68,9 @@ def without_missing_rows(samples: pd.DataFrame, notes: Notes) -> pd.DataFrame:
         if not even or not 0 < lacks.clip(0).sum() < MOST * len(rows):
             found.append(rows)
             continue
-        pairs = zip(time_s[:-1], time_s[1:], lacks, strict=True)
-        between = [np.linspace(a, b, n + 2)[1:-1] for a, b, n in pairs if n > 0]
-        every = np.sort(np.concatenate([time_s, *between]))
-        last = np.searchsorted(time_s, every, side="right") - 1
+        at = np.append(0, np.cumsum(lacks.clip(0) + 1))
+        row = np.arange(at[-1] + 1)
+        every, last = np.interp(row, at, time_s), np.searchsorted(at, row, side="right") - 1
         more = rows.iloc[last].reset_index(drop=True).assign(t_s=every)
         for name in joints:
             values = rows[name].to_numpy(float)
