@@ -19,8 +19,7 @@ import numpy as np
 
 from backends.spec import Drive, Spec
 from backends.state import Array
-from diagnosis.calibration.worlds import replay
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.presses import Press, places, presses
 from diagnosis.motion.recordings import REST_SAMPLES, Recording
 

@@ -17,9 +17,8 @@ from diagnosis.calibration.backlash import Play, lock_of, push_test
 from diagnosis.calibration.confounded import confusions
 from diagnosis.calibration.result import Backlash, Gain, Gains, Joint
 from diagnosis.calibration.tactile import TouchSensor, calibrate_touch
-from diagnosis.calibration.worlds import replay
 from diagnosis.logs.log import Log, LogError
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.excerpt import excerpt
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.triage.triage import triage

@@ -19,8 +19,7 @@ from backends.effects import (
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.gains import Compared
-from diagnosis.calibration.worlds import replay
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.recordings import Recording
 from files.plugins import name_of
 

@@ -18,9 +18,8 @@ A block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of
 candidates with replacement and asks for the least error each time.
 """
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,8 +27,7 @@ from backends.effects import kd_scale, kp_scale
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.backlash import least_absolute
-from diagnosis.calibration.worlds import replay
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.recordings import Recording
 
 SCALES = 1 + np.array([kp_scale.Effect.bounds, kd_scale.Effect.bounds])
@@ -97,12 +95,9 @@ def with_gains(spec: Spec, scale: Array, play_rad: Array | None = None) -> Spec:
     """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2); its play (J,)."""
     drives = []
     for j, (drive, (kp, kd)) in enumerate(zip(spec.drives, scale, strict=True)):
-        gains = {
-            "kp_nm_rad": drive.kp_nm_rad * float(kp),
-            "kd_nms_rad": drive.kd_nms_rad * float(kd),
-        }
         play = drive.play_rad if play_rad is None else float(play_rad[j])
-        drives.append(dataclasses.replace(drive, **gains, play_rad=play))
+        both = drive.kp_nm_rad * float(kp), drive.kd_nms_rad * float(kd)
+        drives.append(replace(drive, kp_nm_rad=both[0], kd_nms_rad=both[1], play_rad=play))
     return spec.with_drives(drives)
 
 

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from backends.state import Array
 from diagnosis.calibration.calibrate import Calibration
 from diagnosis.calibration.result import Gains
-from diagnosis.calibration.worlds import READINGS, replay
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import READINGS, Simulate, replay
 
 EXCERPT_S = 0.6
 """Length of the excerpt, around the largest distance of nominal and recorded motion [s]."""

@@ -118,13 +118,11 @@ def write_calibration(path: Path, content: CalibrationFile) -> None:
 def read_calibration(path: Path) -> CalibrationFile:
     """A calibration.yaml, checked; raises CalibrationError."""
     try:
-        data = read_plain_yaml(path)
+        return CalibrationFile.model_validate(read_plain_yaml(path))
     except FileNotFoundError:
         raise CalibrationError(f"no calibration at {path}; `bench calibrate` writes one") from None
     except FileError as error:
         raise CalibrationError(str(error)) from None
-    try:
-        return CalibrationFile.model_validate(data)
     except ValidationError as error:
         wrong = "; ".join(map(problem, error.errors()[:3]))
         raise CalibrationError(f"{path}: {wrong}; correct it, or calibrate again") from None

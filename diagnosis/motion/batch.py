@@ -1,18 +1,21 @@
 """Worlds side by side on an engine, each under its own targets and loads."""
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState, State
+from diagnosis.motion.recordings import CHANNELS, REST_SAMPLES, Recording
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
 """Starts worlds on an engine."""
 ASIDE_M, FOREVER_S = (5.0, 0.0, 0.0), 1e6
 """Where the stick floats while joints move in free air, and how long it has no weight [m, s]."""
+READINGS = CHANNELS[:2]
+"""Outputs of a replay: readings of the position sensor and angles of the motor."""
 
 
 def at_rest(joint_rad: Array) -> InitialState:
@@ -52,3 +55,34 @@ def states(
             yield simulator.advance(target[k], load[k] if loaded else None, force)
     finally:
         simulator.close()
+
+
+def replay(
+    simulate: Simulate,
+    specs: Sequence[Spec],
+    motions: Sequence[Recording],
+    offset_rad: Array | None = None,
+) -> list[Array]:
+    """The readings of every world: per motion, shape (W, T, 2, J) with `READINGS` third.
+
+    Joints start at the mean of some readings at rest, of the motor where it was logged, plus
+    `offset_rad` (W, J). The stick is out of the way.
+    """
+    drive_s = specs[0].timing.drive_s
+    ticks = [np.round(m.time_s / drive_s).astype(np.int64) for m in motions]
+    stride = int(np.gcd.reduce(np.concatenate([np.diff(t) for t in ticks])))
+    rows = [t // stride for t in ticks]
+    held = [np.searchsorted(r, np.arange(r[-1] + 1), side="right") - 1 for r in rows]
+    target, load = (
+        together([getattr(m, name)[at] for m, at in zip(motions, held, strict=True)] * len(specs))
+        for name in ("command", "push")
+    )
+    rests = [m.measured[:REST_SAMPLES, :2].mean(axis=0) for m in motions]
+    start = np.stack([np.where(np.isfinite(motor), motor, joint) for joint, motor in rests])
+    offset = np.zeros((len(specs), 1)) if offset_rad is None else offset_rad
+    aside = {"policy_s": stride * drive_s, "weightless_s": FOREVER_S}
+    worlds = [replace(s, timing=replace(s.timing, **aside)) for s in specs for _ in motions]
+    starts = at_rest(np.concatenate([start + one for one in offset]))
+    every = states(simulate(worlds), starts, target, load)
+    shown = np.stack([np.stack([s.measured_rad, s.motor_rad], axis=1) for s in every], axis=1)
+    return [shown[k :: len(motions), row] for k, row in enumerate(rows)]

@@ -11,9 +11,8 @@ import numpy as np
 
 from backends.spec import Body, Spec
 from backends.state import Array
-from diagnosis.calibration import worlds
 from diagnosis.logs.log import EpisodeMeta, Log
-from diagnosis.motion.batch import Simulate
+from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import (
     CHANNELS,
@@ -39,7 +38,7 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     refuses a number of the world.
     """
     spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
-    shown = worlds.replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
+    shown = replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
     names = spec.hand.joint_names
     return max(
         apart(part, motion, engine[0, :, 0, [names.index(n) for n in part.hand.joint_names]].T)
@@ -82,7 +81,7 @@ def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tupl
     Raises ValueError if the engine refuses a number of a world.
     """
     motions = recordings(log, specs[0])
-    shown = worlds.replay(simulate, specs, motions)
+    shown = replay(simulate, specs, motions)
     off = [s[:, :, 0] - m.measured[:, 0] for s, m in zip(shown, motions, strict=True)]
     squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
     return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())

@@ -12,8 +12,8 @@ from backends.spec import Spec
 from benchmark.cli import app as cli
 from benchmark.parts import registry
 from benchmark.settings.effects import parse_effects
-from diagnosis.calibration import worlds
 from diagnosis.logs.log import DriveSettings, EpisodeMeta, Log, LogMeta, MjcfMechanism, make_log
+from diagnosis.motion.batch import replay
 from diagnosis.motion.recordings import recordings
 from diagnosis.recording.excitation import FREE, Excitation, Joints
 from diagnosis.replay.nominal import mjcf_world
@@ -120,7 +120,7 @@ def _played(spec: Spec, log: Log) -> list[np.ndarray]:
     def start(specs):
         return simulate(engine, specs, 1)
 
-    shown = worlds.replay(start, [spec], recordings(log, spec))
+    shown = replay(start, [spec], recordings(log, spec))
     return [positions[0, REST:, 0] for positions in shown]
 
 

@@ -32,8 +32,8 @@ from diagnosis.calibration.result import (
     read_calibration,
     write_calibration,
 )
-from diagnosis.calibration.worlds import replay
 from diagnosis.logs.log import EpisodeMeta, Log, write_log
+from diagnosis.motion.batch import replay
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.recording.record import Plan, record
 

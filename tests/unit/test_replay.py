@@ -9,7 +9,7 @@ from backends.spec import Spec
 from backends.state import Array
 from benchmark.parts.registry import load
 from diagnosis.blind import motion, rigs
-from diagnosis.calibration import worlds
+from diagnosis.motion.batch import replay
 from diagnosis.motion.limb import Limb, unread
 from diagnosis.motion.recordings import Recording
 
@@ -63,7 +63,7 @@ def test_closed_form_is_the_engines_motion(rig, effects):
         one, start=angle, measured=np.broadcast_to(angle, one.measured.shape)
     )
     engine = load("backend", "mujoco")
-    (real,) = worlds.replay(lambda specs: engine(specs), [spec], [moved])
+    (real,) = replay(lambda specs: engine(specs), [spec], [moved])
     assert np.ptp(real[0, :, 0], axis=0).min() > 0.05
     shown = limb.simulate(limb.nominal, edges=limb.every_sample)
     assert np.abs(shown[1:, :2] - real[0, 1:]).max() < 1e-6
