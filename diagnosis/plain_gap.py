@@ -3,7 +3,7 @@
 Measured where the verdict is: on the readings that count, or where pushed joints rest.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +12,6 @@ from backends.spec import Spec
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.logs.log import Log
-from diagnosis.motion.limb import block_means
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import model_text, plain, shown, timestep_s
 from diagnosis.verdict.lost_motion import WHEN, rests
@@ -43,25 +42,30 @@ class PlainGap:
     """Whether all that is compared is where pushed joints rest."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Compared:
-    """A limb's evidence, and its joints of which only rests under pushes are compared."""
+def plain_gap(
+    log: Log,
+    nominal: Spec,
+    corrected: Spec,
+    every: Sequence[Evidence],
+    rested: Collection[str] = (),
+) -> PlainGap:
+    """The gap before and after; the corrected world's in the time step that it needs.
 
-    evidence: Evidence
-    rested: tuple[str, ...] = ()
+    Of joints that are `rested`, only rests under pushes are compared.
+    """
 
+    def off(world: Spec, step_s: float | None = None) -> dict[str, Array]:
+        return _off(log, model_text(log, world, nominal, step_s), world, every, rested)
 
-def plain_gap(log: Log, nominal: Spec, corrected: Spec, every: Sequence[Compared]) -> PlainGap:
-    """The gap before and after; the corrected world's in the time step that it needs."""
-    before, own_s = _off(log, nominal, nominal, every), timestep_s(log)
-    after, step_s = _off(log, nominal, corrected, every), own_s
-    lasts_s = sum(float(r.time_s[-1]) for one in every for r in one.evidence.limb.recordings)
+    before, own_s = off(nominal), timestep_s(log)
+    after, step_s = off(corrected), own_s
+    lasts_s = sum(float(r.time_s[-1]) for one in every for r in one.limb.recordings)
     while corrected != nominal and 2.0 * lasts_s / step_s <= MOST_STEPS:
-        finer = _off(log, nominal, corrected, every, step_s / 2)
+        finer = off(corrected, step_s / 2)
         if not _rms(finer) <= SHORTER * _rms(after):
             break
         after, step_s = finer, step_s / 2
-    alone = before if step_s == own_s else _off(log, nominal, nominal, every, step_s)
+    alone = before if step_s == own_s else off(nominal, step_s)
     return PlainGap(
         before_rad=_rms(before),
         after_rad=_rms(after),
@@ -72,7 +76,7 @@ def plain_gap(log: Log, nominal: Spec, corrected: Spec, every: Sequence[Compared
             joint: (_rms({joint: off}), _rms({joint: after[joint]}))
             for joint, off in before.items()
         },
-        at_rest=all(set(one.evidence.joints) <= set(one.rested) for one in every),
+        at_rest=set(before) <= set(rested),
     )
 
 
@@ -82,28 +86,20 @@ def _rms(off: dict[str, Array]) -> float:
 
 
 def _off(
-    log: Log, nominal: Spec, world: Spec, every: Sequence[Compared], step_s: float | None = None
+    log: Log, text: str, world: Spec, every: Sequence[Evidence], rested: Collection[str]
 ) -> dict[str, Array]:
     """How far positions are from the log's in a world as it is written, by joint."""
-    text, found = model_text(log, world, nominal, step_s), dict[str, Array]()
-    parts = {part.hand.joint_names: part for part in limbs(world)}
-    for one in every:
-        limb = one.evidence.limb
+    found, parts = dict[str, Array](), {part.hand.joint_names: part for part in limbs(world)}
+    for evidence in every:
+        limb = evidence.limb
         moved = plain(log, text, limb.joints, world=world)
-        part = parts[limb.joints]
-        found |= dict(_compared(one, [shown(moved, r, part, limb) for r in limb.recordings]))
+        each = ((r, shown(moved, r, parts[limb.joints], limb)) for r in limb.recordings)
+        read = (replace(r, measured=np.repeat(q[:, None], 3, axis=1)) for r, q in each)
+        there = replace(evidence, limb=replace(limb, recordings=tuple(read)))
+        blocks = there.limb.measured[:, 0]
+        for j, joint in enumerate(limb.joints):
+            off = blocks[:, j] - evidence.measured[:, 0, j]
+            if joint in rested:
+                off = (rests(there, j)[WHEN] - rests(evidence, j)[WHEN]).to_numpy().ravel()
+            found[joint] = off[np.isfinite(off)]
     return found
-
-
-def _compared(one: Compared, positions: Sequence[Array]) -> Iterator[tuple[str, Array]]:
-    """By joint, positions (T, K) by episode less those of the log."""
-    evidence, limb = one.evidence, one.evidence.limb
-    pairs = list(zip(positions, limb.recordings, limb.edges, strict=True))
-    blocks = np.concatenate([block_means(q, edges) for q, _, edges in pairs])
-    moved = [replace(r, measured=np.repeat(q[:, None], 3, axis=1)) for q, r, _ in pairs]
-    there = replace(evidence, limb=replace(limb, recordings=tuple(moved)))
-    for j, joint in enumerate(limb.joints):
-        off = blocks[:, j] - evidence.measured[:, 0, j]
-        if joint in one.rested:
-            off = (rests(there, j)[WHEN] - rests(evidence, j)[WHEN]).to_numpy().ravel()
-        yield joint, off[np.isfinite(off)]

@@ -1,14 +1,14 @@
 """The walk of a diagnosis: the log, its free-air motion, the stick in the hand, one answer."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from math import prod
 
 import numpy as np
 
+from backends.catalogue import Catalogue
 from backends.catalogue import catalogue as every_effect
-from backends.effect import Effect
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.answer import Diagnosis
@@ -17,7 +17,7 @@ from diagnosis.logs.log import Log, MjcfMechanism
 from diagnosis.motion.along import turned
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import by_name, with_numbers
-from diagnosis.plain_gap import Compared, PlainGap, plain_gap
+from diagnosis.plain_gap import plain_gap
 from diagnosis.progress import Progress, Stop, forward, within
 from diagnosis.replay.agreement import engine_gaps_rad
 from diagnosis.replay.nominal import mjcf_world
@@ -46,7 +46,7 @@ def diagnose(
     healthy: Sequence[Log] = (),
     *,
     nominal: Spec | None = None,
-    catalogue: Mapping[str, type[Effect]] | None = None,
+    catalogue: Catalogue | None = None,
     origin: Ordinary | None = None,
     simulate: Simulate | None = None,
     progress: Progress | None = None,
@@ -86,9 +86,12 @@ def diagnose(
     worst = max(decisive(said), key=lambda limb: limb.gap_nominal / limb.ordinary)
     parts = [_by_second(one) for one in limbs]
     gaps, gone, gone_nominal = gaps_and_shares(parts)
-    plain = _plain_gap(log, world, corrected, limbs)
-    engine: tuple[float, ...] = (plain.before_rad, plain.after_rad) if plain else ()
-    if simulate and not plain:
+    plain, engine = None, tuple[float, ...]()
+    if isinstance(log.meta.mechanism, MjcfMechanism):
+        rested = [joint for one in said for joint in one.rested or ()]
+        plain = plain_gap(log, world, corrected, [one.evidence for one in limbs], rested)
+        engine = plain.before_rad, plain.after_rad
+    elif simulate:
         engine = engine_gaps_rad(simulate, (world, corrected), log)
     with suppress(Stop):
         tell("done", 1.0)
@@ -160,16 +163,6 @@ def _gravity(limbs: Sequence[Judged], nominal: Spec) -> tuple[float, float, floa
         return None
     x, y, z = map(float, turned(nominal.gravity_m_s2, most))
     return x, y, z
-
-
-def _plain_gap(
-    log: Log, nominal: Spec, corrected: Spec, every: Sequence[Judged]
-) -> PlainGap | None:
-    """See `Diagnosis.in_mujoco`."""
-    if not isinstance(log.meta.mechanism, MjcfMechanism):
-        return None
-    seen = [Compared(evidence=o.evidence, rested=tuple(o.result.rested or ())) for o in every]
-    return plain_gap(log, nominal, corrected, seen)
 
 
 def _probability(limbs: Sequence[LimbResult], held: Report) -> float:

@@ -17,7 +17,7 @@ from diagnosis.logs.two_files import Asked, pair
 from diagnosis.motion.columns import DELAY
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.plain_gap import Compared, plain_gap
+from diagnosis.plain_gap import plain_gap
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import model_text, plain_apart
@@ -114,7 +114,7 @@ def gap(log: Log) -> float:
     """How far the log is from its own model in plain MuJoCo [rad]."""
     world = mjcf_world(log)
     every = (Limb(spec=p, recordings=recordings(log, p), rigid=True) for p in limbs(world))
-    return plain_gap(log, world, world, [Compared(evidence=evidence(e)) for e in every]).after_rad
+    return plain_gap(log, world, world, [evidence(e) for e in every]).after_rad
 
 
 def off(log: Log) -> float:

@@ -17,7 +17,7 @@ from diagnosis.logs.two_files import Asked, pair
 from diagnosis.motion.columns import with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.plain_gap import Compared, plain_gap
+from diagnosis.plain_gap import plain_gap
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import model_text
@@ -287,7 +287,7 @@ def test_a_time_step_is_taken_home_where_it_is_too_long(tmp_path):
         (part,) = limbs(nominal)
         limb = Limb(spec=part, recordings=recordings(log, part), rigid=True)
         better = with_numbers(nominal, {"a": {"drive.coulomb_nm": 5.0}})
-        found = plain_gap(log, nominal, better, [Compared(evidence=evidence(limb))])
+        found = plain_gap(log, nominal, better, [evidence(limb)])
         assert found.file_step_s == step_s and found.after_rad < 0.2 * found.before_rad
         assert (found.step_s < step_s) == (step_s > 1e-4)
         again = mujoco.MjModel.from_xml_string(model_text(log, better, nominal, found.step_s))
