@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from backends.effect import Effect
+from backends.catalogue import Catalogue
 from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence, squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
@@ -33,7 +33,7 @@ from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
 from diagnosis.verdict.result import LimbResult
-from diagnosis.verdict.sensors import loss_cause, sensor_causes, step_cause
+from diagnosis.verdict.sensors import LOSS, STEP, sensor_cause, sensor_causes
 from diagnosis.verdict.sentences import sentences
 
 TURNS = 3
@@ -56,7 +56,7 @@ class Asked:
 
     rigid: bool
     uncertainty: float
-    catalogue: Mapping[str, type[Effect]]
+    catalogue: Catalogue
     origin: Ordinary
     guesses: Mapping[tuple[str, str], float]
     """Of nominal numbers that are hardly known, see `replay.robot.uncertainties`."""
@@ -92,7 +92,7 @@ def judged(
     log: Log,
     healthy: Sequence[Log],
     nominal: Spec,
-    catalogue: Mapping[str, type[Effect]],
+    catalogue: Catalogue,
     origin: Ordinary | None,
     progress: Progress,
 ) -> tuple[list[Judged], list[str]]:
@@ -149,16 +149,18 @@ def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: P
     left = found.chosen.residual
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     received = said
-    for step in _rounded(fitter, found.chosen):
-        sensors.append(step_cause(said, step, asked.catalogue))
+    for one in _rounded(fitter, found.chosen):
+        sizes = one.step, one.low, one.high
+        sensors.append(sensor_cause(said, STEP, (one.joint,), sizes, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
-            received = replace(received, limb=received.limb.with_steps(step.joint, step.step))
+            received = replace(received, limb=received.limb.with_steps(one.joint, one.step))
     if received is not said:
         fitter, found = _searched(received, known, ordinary, progress)
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
         received = replace(received, limb=arrived(received.limb, lost))
-        sensors.append(loss_cause(said, lost, asked.catalogue))
+        sizes = lost.share, lost.low, lost.high
+        sensors.append(sensor_cause(said, LOSS, lost.joints, sizes, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)

@@ -12,6 +12,7 @@ from itertools import product
 
 import numpy as np
 
+from backends.catalogue import Catalogue
 from backends.catalogue import catalogue as every_effect
 from backends.effect import Effect, NumberEffect
 from backends.spec import Spec
@@ -70,7 +71,7 @@ class _Spot(NumberEffect):
     either_sign = True
 
 
-TERMS: Mapping[str, type[Effect]] = {"ki": _Integral, "speed_integral": _SpeedIntegral}
+TERMS: Catalogue = {"ki": _Integral, "speed_integral": _SpeedIntegral}
 """Nominal numbers that no effect changes, by their names in log.yaml."""
 OWN = 0.4
 """Standard deviation of the share of its model's own simulator that a log has: at most all."""
@@ -121,7 +122,7 @@ class Parameter:
 
 
 def parameters(
-    catalogue: Mapping[str, type[Effect]],
+    catalogue: Catalogue,
     evidence: Evidence,
     uncertainty: float,
     everyday: float,

@@ -10,6 +10,7 @@ from diagnosis.models.world import World
 from diagnosis.motion.limb import Limb
 from diagnosis.packets.decode import decode, surprise
 from diagnosis.packets.responses import Responses, responses
+from diagnosis.verdict.result import Z90
 
 START = 0.1
 """Share of losses that the first decoding assumes."""
@@ -24,7 +25,6 @@ LEAST_NATS, LEAST_LOST = 20.0, 4
 CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
 """Residuals count for their memory up to so many medians; innovations have at least this scale
 [floors], and residuals live on at most so much."""
-NINETY = 1.645
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,22 +57,18 @@ def losses(
     left = np.zeros(evidence.logged.shape)
     left[evidence.logged] = residual
     flat = np.ascontiguousarray(left.transpose(2, 1, 0).reshape(len(evidence.second), -1))
-    logged = evidence.logged.any(axis=2).T.ravel()
     found = responses(world, u)
     if not len(found.unit):
         return None
-    alone = np.eye(len(evidence.joints), dtype=bool)
-    together = [np.ones((1, len(alone)), dtype=bool)]
-    every = together + ([*alone[:, None], alone] if len(alone) > 1 else [])
     if before is not None:
-        every = [before.groups]
-    share = before.share if before else START
+        return _decoded(found, flat, before.groups, np.concatenate(before.lost), before.share)
+    alone = np.eye(len(evidence.joints), dtype=bool)
+    together = np.ones((1, len(alone)), dtype=bool)
     tried = []
-    for groups in every:
+    for groups in (together, *alone[:, None], alone) if len(alone) > 1 else (together,):
         none = np.zeros((found.begins[-1], len(groups)), dtype=bool)
-        first = np.concatenate(before.lost) if before else none
-        tried.append(_decoded(world, found, flat, logged, groups, first, share))
-    plausible = [one for one in tried if one is not None]
+        tried.append(_decoded(found, flat, groups, none, START))
+    plausible = (one for one in tried if one is not None)
     return max(plausible, key=lambda one: one.nats, default=None)
 
 
@@ -89,22 +85,14 @@ def arrived(limb: Limb, lost: Losses) -> Limb:
 
 
 def _decoded(
-    world: World,
-    found: Responses,
-    flat: Array,
-    logged: Array,
-    groups: Array,
-    first: Array,
-    share: float,
+    found: Responses, flat: Array, groups: Array, first: Array, share: float
 ) -> Losses | None:
-    limb = world.evidence.limb
-    command = np.concatenate([r.command for r in limb.recordings])
-    lost, left = first, flat
+    lost, left, logged = first, flat, np.asarray(flat.any(axis=0))
     for _ in range(ROUNDS):
         weight, memory = _scale(left, logged)
         price = float(np.log(1.0 / share - 1.0))
         given = found.block, found.template, found.unit, flat, weight, memory
-        lost, worth, left = decode(command, found.begins, groups, first, price, *given)
+        lost, worth, left = decode(found.command, found.begins, groups, first, price, *given)
         clear = np.abs(worth) >= CLEAR_NATS
         count, clear_count = int(lost[clear].sum()), int(clear.sum())
         share = float(np.clip((count + 0.5) / (clear_count + 1.0), *SHARES))
@@ -115,7 +103,7 @@ def _decoded(
         return None
     if nats < LEAST_NATS and not first.any():
         return None
-    wide = NINETY * np.sqrt(share * (1 - share) / clear_count)
+    wide = Z90 * np.sqrt(share * (1 - share) / clear_count)
     return Losses(
         groups=groups,
         share=share,

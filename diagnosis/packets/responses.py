@@ -22,6 +22,8 @@ NUDGE_RAD = 4e-3
 class Responses:
     """Of all episodes end to end: T samples in N blocks, K joints."""
 
+    command: Array
+    """Targets, shape (T, K)."""
     block: Array
     """The block of every sample, shape (T,)."""
     template: Array
@@ -68,4 +70,7 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
         for k in nudged:
             part = slice(block[k], block[k] + window)
             unit.append([one[part].reshape(window, -1) for one in shown])
-    return Responses(block=block, template=template, unit=np.array(unit), begins=begins)
+    command = np.concatenate([r.command for r in limb.recordings])
+    return Responses(
+        command=command, block=block, template=template, unit=np.array(unit), begins=begins
+    )

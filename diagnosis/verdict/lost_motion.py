@@ -18,14 +18,13 @@ end holds. A dead zone of the drive shows as play does. What is
 softer than nominal leaves no lost motion after a push.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from backends.catalogue import of_part
-from backends.effect import Effect
+from backends.catalogue import Catalogue, of_part
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COULOMB, KP, STIFFNESS
 from diagnosis.motion.presses import Press, places, presses
@@ -44,10 +43,7 @@ MOTOR_ANGLE = "log the motor's angle as well"
 
 
 def with_play(
-    result: LimbResult,
-    evidence: Evidence,
-    catalogue: Mapping[str, type[Effect]],
-    uncertainty: float,
+    result: LimbResult, evidence: Evidence, catalogue: Catalogue, uncertainty: float
 ) -> LimbResult:
     """The result of a slow log, of play alone where rests show play that friction is not.
 

@@ -1,12 +1,13 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
+from backends.catalogue import Catalogue
 from backends.effect import UNITS, Effect
 from backends.spec import Spec
 
@@ -27,11 +28,6 @@ class Place:
     """Stiffness of the gear of a single one [Nm/rad or N/m]; 0: of several."""
     geared: bool = True
     """Whether the nominal world has that gear; else it is what a share is of."""
-
-    @property
-    def firm(self) -> str:
-        """Unit of a stiffness."""
-        return "N/m" if self.slides else "Nm/rad"
 
 
 ANYWHERE = Place()
@@ -64,7 +60,8 @@ def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = AN
     if kind.is_of("body") and place.mass_kg > 0.0:
         found.append(f"{size * place.mass_kg:.3g} kg")
     if kind.coordinate == "compliance" and place.stiffness > 0.0:
-        found.append(f"stiffness {place.stiffness / (place.geared + size):.3g} {place.firm}")
+        firm = "N/m" if place.slides else "Nm/rad"
+        found.append(f"stiffness {place.stiffness / (place.geared + size):.3g} {firm}")
     return ", ".join(found)
 
 
@@ -118,7 +115,7 @@ class Cause:
 def cause(
     effect: str,
     sizes: Sequence[float],
-    catalogue: Mapping[str, type[Effect]],
+    catalogue: Catalogue,
     *,
     joints: tuple[str, ...] = (),
     share: float = 0.0,

@@ -1,18 +1,16 @@
 """Causes beside the verdict: what sensors add by themselves, and packets that were lost."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from backends.catalogue import of_part
+from backends.catalogue import Catalogue, of_part
 from backends.effect import Effect, NumberEffect
 from backends.state import Array
 from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import BLOCK_S
 from diagnosis.motion.recordings import noise_of, stood_s, white_noise
-from diagnosis.packets.losses import Losses
-from diagnosis.packets.rounding import Rounding
 from diagnosis.verdict.in_hand import missing
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import UNKNOWN, Cause, cause
@@ -34,7 +32,7 @@ WHY = "not looked for: neither replays, sensors nor grasps here show it"
 
 
 def sensor_causes(
-    evidence: Evidence, residual: Array, ordinary: Ordinary, catalogue: Mapping[str, type[Effect]]
+    evidence: Evidence, residual: Array, ordinary: Ordinary, catalogue: Catalogue
 ) -> Iterator[Cause]:
     """Noise and steps beyond the ordinary, by joint; a step explains the noise that it makes."""
     left = np.zeros(evidence.logged.shape)
@@ -50,10 +48,12 @@ def sensor_causes(
             noise = min(noise, left_noise, _noise_at_rest(evidence, j))
         off = 1 - SHARE_OFF, 1 + SHARE_OFF
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
-            yield _cause(evidence, RESOLUTION, (j,), [x * step for x in (1.0, *off)], catalogue)
+            sizes = [x * step for x in (1.0, *off)]
+            yield sensor_cause(evidence, RESOLUTION, (j,), sizes, catalogue)
         elif noise > max(NOISE_SHARE * size if slides[j] else NOISE_RAD, BEYOND * own_noise):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
-            yield _cause(evidence, NOISE, (j,), [x * more for x in (1.0, *off)], catalogue)
+            sizes = [x * more for x in (1.0, *off)]
+            yield sensor_cause(evidence, NOISE, (j,), sizes, catalogue)
 
 
 def _noise_at_rest(evidence: Evidence, j: int) -> float:
@@ -67,30 +67,16 @@ def _noise_at_rest(evidence: Evidence, j: int) -> float:
     return float(noise_of(found)) if len(found) >= LEAST_RESTS else 0.0
 
 
-def loss_cause(evidence: Evidence, lost: Losses, catalogue: Mapping[str, type[Effect]]) -> Cause:
-    """Packets that were lost."""
-    return _cause(evidence, LOSS, lost.joints, (lost.share, lost.low, lost.high), catalogue)
-
-
-def step_cause(evidence: Evidence, one: Rounding, catalogue: Mapping[str, type[Effect]]) -> Cause:
-    """Targets that were rounded."""
-    return _cause(evidence, STEP, (one.joint,), (one.step, one.low, one.high), catalogue)
-
-
-def _cause(
-    evidence: Evidence,
-    number: str,
-    places: Sequence[int],
-    sizes: Sequence[float],
-    catalogue: Mapping[str, type[Effect]],
+def sensor_cause(
+    said: Evidence, number: str, places: Sequence[int], sizes: Sequence[float], known: Catalogue
 ) -> Cause:
-    """The effect of the catalogue that changes a number of the spec; `unknown` without one."""
-    name = of_part(catalogue, "encoder", "command").get(number, UNKNOWN)
-    joints = tuple(evidence.joints[j] for j in places)
-    return cause(name, sizes, catalogue, joints=joints, at=evidence.place(*places))
+    """The effect that changes a number of the spec on some joints; `unknown` without one."""
+    name = of_part(known, "encoder", "command").get(number, UNKNOWN)
+    joints = tuple(said.joints[j] for j in places)
+    return cause(name, sizes, known, joints=joints, at=said.place(*places))
 
 
-def not_looked_for(catalogue: Mapping[str, type[Effect]]) -> tuple[str, ...]:
+def not_looked_for(catalogue: Catalogue) -> tuple[str, ...]:
     """What to say of the effects of a catalogue that nothing looks for; nothing of none."""
     return missing((name for name, kind in catalogue.items() if not _is_sought(kind)), WHY)
 

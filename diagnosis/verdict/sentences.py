@@ -65,9 +65,9 @@ def sentences(result: LimbResult) -> Iterator[str]:
     for cause in result.sensors:
         yield f"In addition, this log shows {_cause(cause)}."
     if result.tied:
-        others = " or ".join(
-            " with ".join(_placed(name, result) for name in names) for names in result.tied
-        )
+        everywhere = {name: f"{name} on all joints" for name in result.verdict}
+        sets = ([everywhere.get(k, k.replace("@", " on ")) for k in names] for names in result.tied)
+        others = " or ".join(map(" with ".join, sets))
         yield f"This log cannot distinguish it from {others}; to do so, {result.experiment}."
 
 
@@ -83,12 +83,6 @@ def _takes(result: LimbResult, limit: str) -> str:
 
 def _floors(gap: float) -> str:
     return f"{gap:.1f} times the noise floor"
-
-
-def _placed(name: str, result: LimbResult) -> str:
-    """An effect of a tie and its joint: 'backlash on J3' of 'backlash@J3'."""
-    where = " on all joints" if name in result.verdict else ""
-    return f"{name.replace('@', ' on ')}{where}"
 
 
 def named(cause: Cause) -> str:
