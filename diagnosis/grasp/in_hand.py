@@ -68,7 +68,7 @@ def _pulled_out(
     Once more where friction or mass is another, for then the stick is squeezed otherwise.
     """
     found, pulled = _of_world(nominal, parts, pulls, simulate)
-    if pulled and any(pulled.surely):
+    if pulled and pulled.sure.any():
         world = pull_test.changed(nominal, *pulled.surely)
         found, again = _of_world(world, parts, pulls, simulate)
         pulled = again.beside(pulled) if again else pulled
@@ -83,4 +83,4 @@ def _of_world(
     heavy = pull_test.changed(found.on(world), mass=found.mass)
     rigid, soft = found.chosen.rigid, found.is_soft
     pulled = pull_test.pull_fit(heavy, pulls, simulate, rigid=rigid, soft=soft)
-    return found, replace(pulled, mass=pulled.mass + found.mass) if pulled else None
+    return found, replace(pulled, logs=pulled.logs + [0.0, found.mass]) if pulled else None

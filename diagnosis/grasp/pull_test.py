@@ -61,14 +61,12 @@ OTHERWISE = (
 
 @dataclass(frozen=True, kw_only=True)
 class PullFit:
-    """What pulls tell, over what is nominal."""
+    """What pulls tell of friction and mass."""
 
-    friction: float
-    """Logarithm of the ratio."""
-    friction_std: float
-    mass: float
-    """Logarithm of the ratio."""
-    mass_std: float
+    logs: Array
+    """Logarithms of both over what is nominal, shape (2,)."""
+    std: Array
+    """Their standard deviations, shape (2,)."""
     left: float
     """Root mean square of what the model leaves, over its standard deviation."""
     episodes: int
@@ -79,53 +77,43 @@ class PullFit:
     def report(self, catalogue: Catalogue) -> Report:
         """What is sure, `unknown` without a name by its number; and what is missing of the rest."""
         names = of_part(catalogue, "stick")
-        logs = (self.friction, self.friction_std), (self.mass, self.spread)
-        odds = np.array([log / std for log, std in logs])
-        share = float(np.sum(odds[list(self.sure)] ** 2) / max(np.sum(odds**2), 1e-9))
+        odds = (self.logs / self.spread) ** 2
+        share = float(np.sum(odds[self.sure]) / max(np.sum(odds), 1e-9))
         text = f"{self.episodes} sticks that were pulled out slipped otherwise"
-        causes = tuple(
-            cause(
-                names.get(number, UNKNOWN),
-                np.expm1([log, log - Z90 * std, log + Z90 * std]).tolist(),
-                catalogue,
-                share=share,
-                evidence=text,
-            )
-            for number, (log, std), found in zip((FRICTION, MASS), logs, self.sure, strict=True)
-            if found
-        )
+        sizes = np.expm1(self.logs[:, None] + np.outer(self.spread, (0.0, -Z90, Z90))).tolist()
+        found = zip((FRICTION, MASS), sizes, self.sure, strict=True)
+        effects = [(names.get(number, UNKNOWN), ends) for number, ends, is_sure in found if is_sure]
+        causes = (cause(*one, catalogue, share=share, evidence=text) for one in effects)
         vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
-        return Report(causes=causes, missing=vague)
+        return Report(causes=tuple(causes), missing=vague)
 
     @property
-    def sure(self) -> tuple[bool, bool]:
-        """Whether friction and mass are other than nominal."""
-        asked = HEAVY_Z if self.mass > 0 else SURE_Z
-        mass = abs(self.mass) > asked * self.spread and self.left < ODD
-        return abs(self.friction) > SURE_Z * self.friction_std, mass
+    def sure(self) -> Array:
+        """Whether friction and mass are other than nominal, shape (2,)."""
+        asked = np.array([SURE_Z, HEAVY_Z if self.logs[1] > 0 else SURE_Z])
+        lawful = np.array([True, self.left < ODD])
+        return np.asarray(lawful & (np.abs(self.logs) > asked * self.spread))
 
     @property
-    def surely(self) -> tuple[float, float]:
-        """Friction and mass as far as they are sure, as logarithms."""
-        friction, mass = self.sure
-        return friction * self.friction, mass * self.mass
+    def surely(self) -> Array:
+        """Friction and mass as far as they are sure, as logarithms, shape (2,)."""
+        return np.where(self.sure, self.logs, 0.0)
 
     @property
     def doubt(self) -> str:
         """Why these pulls do not tell the mass; empty where they do."""
         if self.left >= ODD:
             return OTHERWISE
-        return "" if self.sure[1] else VAGUE.format(100 * np.expm1(SURE_Z * self.spread))
+        return "" if self.sure[1] else VAGUE.format(100 * np.expm1(SURE_Z * self.spread[1]))
 
     @property
-    def spread(self) -> float:
-        """Standard deviation of the mass, as a logarithm; more where a grip gives way at once."""
-        return float(np.hypot(self.mass_std, GIVES_WAY * (self.gives_way and self.mass < 0)))
+    def spread(self) -> Array:
+        """The standard deviations, of a mass more where a grip gives way at once, shape (2,)."""
+        return np.hypot(self.std, [0.0, GIVES_WAY * (self.gives_way and self.logs[1] < 0)])
 
     def beside(self, other: "PullFit") -> "PullFit":
         """This, seen in a world that has what is sure in another one already."""
-        friction, mass = other.surely
-        return replace(self, friction=self.friction + friction, mass=self.mass + mass)
+        return replace(self, logs=self.logs + other.surely)
 
 
 def pull_fit(
@@ -148,8 +136,7 @@ def pull_fit(
     else:
         fit = _by_replays(world, kept, seen, simulate)
     if soft and not (rigid and fit.left < LAWFUL):
-        std = float(np.hypot(fit.friction_std, SOFT_FLOOR))
-        fit = replace(fit, friction_std=std, left=np.inf)
+        fit = replace(fit, std=np.hypot(fit.std, [SOFT_FLOOR, 0.0]), left=np.inf)
     return fit
 
 
@@ -159,19 +146,17 @@ def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> Pull
     ratios = np.log(friction_n / (world.stick.friction * np.array([one.held_n for one in shown])))
     wander = float(np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen]))
     return PullFit(
-        friction=float(ratios.mean()),
-        friction_std=_spread(ratios, FRICTION_FLOOR),
-        mass=mass,
-        mass_std=float(np.linalg.norm([mass_std, wander, MASS_FLOOR])),
+        logs=np.array([ratios.mean(), mass]),
+        std=np.array([_spread(ratios), np.linalg.norm([mass_std, wander, MASS_FLOOR])]),
         left=left,
         episodes=len(seen),
     )
 
 
-def _spread(values: Array, floor: float) -> float:
-    """Standard deviation of a mean of some episodes that share an error."""
-    scatter = float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else floor
-    return float(np.hypot(floor, scatter))
+def _spread(ratios: Array) -> float:
+    """Standard deviation of the mean friction of some episodes, which share an error."""
+    few, floor = len(ratios) < 2, FRICTION_FLOOR
+    return float(np.hypot(floor, floor if few else ratios.std(ddof=1) / np.sqrt(len(ratios))))
 
 
 def _replays(
@@ -208,10 +193,11 @@ def _by_replays(
     """The mass whose replays fit, once more where friction is what the first ones make of it."""
     played = _replays(world, parts, simulate, REPLAYED)
     first = _shifted(seen, played, REPLAYED, world.stick.mass_kg)
-    near = np.exp(first.mass) * np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4])
-    other = changed(world, friction=first.friction)
+    friction, mass = first.logs
+    near = np.exp(mass) * np.array([0.7, 0.8, 0.9, 1.0, 1.1, 1.25, 1.4])
+    other = changed(world, friction=friction)
     again = _shifted(seen, _replays(other, parts, simulate, near), near, world.stick.mass_kg)
-    return replace(again, friction=first.friction + again.friction)
+    return replace(again, logs=again.logs + [friction, 0.0])
 
 
 def _shifted(
@@ -230,10 +216,8 @@ def _shifted(
     k = int(np.argmin(costs))
     left = float(np.sqrt(costs[k] / sum(s.end for s in seen)))
     return PullFit(
-        friction=float(ratios[k].mean()),
-        friction_std=_spread(ratios[k], FRICTION_FLOOR),
-        mass=mass,
-        mass_std=float(np.hypot(half, MASS_FLOOR_REPLAYED)) * max(left, 1.0),
+        logs=np.array([ratios[k].mean(), mass]),
+        std=np.array([_spread(ratios[k]), np.hypot(half, MASS_FLOOR_REPLAYED) * max(left, 1.0)]),
         left=left,
         episodes=len(seen),
     )

@@ -185,30 +185,27 @@ def test_sticks_that_slip_by_newton_have_contacts_that_yield_by_nothing(backend)
     assert found["contact-softness"].sizes[0] == pytest.approx(4.2e-5, rel=0.3)
 
 
-SEEN = pull_test.PullFit(
-    friction=0.0,
-    friction_std=0.03,
-    mass=-0.02,
-    mass_std=0.15,
-    left=1.0,
-    episodes=2,
-    gives_way=True,
-)
+def pulled(friction: float = 0.0, mass: float = -0.02) -> pull_test.PullFit:
+    """What two pulls tell, as logarithms."""
+    logs, std = np.array([friction, mass]), np.array([0.03, 0.15])
+    return pull_test.PullFit(logs=logs, std=std, left=1.0, episodes=2, gives_way=True)
+
+
+SEEN = pulled()
 
 
 def test_a_mass_is_as_sure_in_the_world_that_has_it():
     """Doubt a light stick, not a heavy one of which a world has more already."""
-    heavy = dataclasses.replace(SEEN, mass=0.6)
-    light = dataclasses.replace(SEEN, mass=-0.6)
-    assert heavy.sure == (False, True) and SEEN.beside(heavy).sure == (False, True)
-    assert light.sure == (False, False) and light.spread > heavy.spread
+    heavy, light = pulled(mass=0.6), pulled(mass=-0.6)
+    assert heavy.sure.tolist() == SEEN.beside(heavy).sure.tolist() == [False, True]
+    assert light.sure.tolist() == [False, False] and light.spread[1] > heavy.spread[1]
 
 
 def test_what_pulls_tell_is_named_by_the_catalogue():
     """Name a heavy stick with its size; call `unknown` what nobody may name; say what is vague."""
-    (heavy,) = dataclasses.replace(SEEN, mass=np.log(3.0)).report(CATALOGUE).causes
+    (heavy,) = pulled(mass=np.log(3.0)).report(CATALOGUE).causes
     assert (heavy.effect, heavy.sizes[0]) == ("stick-mass", pytest.approx(2.0))
-    slippery = dataclasses.replace(SEEN, friction=np.log(0.7))
+    slippery = pulled(friction=np.log(0.7))
     for kinds, name in ((CATALOGUE, "contact-friction"), ({}, "unknown")):
         assert [one.effect for one in slippery.report(kinds).causes] == [name]
     vague = SEEN.report(CATALOGUE)
