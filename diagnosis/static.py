@@ -9,6 +9,7 @@ first; what another term would say as well is said.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -195,20 +196,14 @@ def regress(one: Rests) -> tuple[list[Term], list[str]]:
         term: tuple(k for k in others if _leaves(error, x, kept, term, k) < ALIKE * rest)
         for term in kept
     }
-    terms = [
-        Term(
-            joint=one.joint,
-            term=term,
-            value=float(row["value"]),
-            low=float(row["value"] - wide * row["sd"]),
-            high=float(row["value"] + wide * row["sd"]),
-            shows=some is kept,
-            alike=alike.get(term, ()),
-        )
-        for some, known, count in ((kept, fit, len(kept)), (others, whole, len(columns)))
-        for wide in [student.ppf(0.95, len(error) - count)]
-        for term, row in known.loc[some].iterrows()
-    ]
+    terms = list[Term]()
+    for some, known in ((kept, fit), (others, whole)):
+        wide = known["sd"] * student.ppf(0.95, len(error) - len(known))
+        known = known.assign(low=known["value"] - wide, high=known["value"] + wide)
+        rows = known.loc[some, ["value", "low", "high"]].rename_axis("term").reset_index()
+        about = partial(Term, joint=one.joint, shows=some is kept)
+        every = rows.to_dict("records")
+        terms += [about(**row, alike=alike.get(row["term"], ())) for row in every]
     return terms, lacking
 
 

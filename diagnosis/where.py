@@ -8,7 +8,6 @@ import pandas as pd
 
 from backends.state import Array
 from diagnosis.models.world import World
-from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import CHANNELS
 
 DURING = {
@@ -52,28 +51,18 @@ def locate(limbs: Sequence[World]) -> list[Place]:
     """The gap between a log and the nominal worlds of its limbs, largest part first."""
     table = pd.concat([_table(*one) for one in enumerate(limbs)], ignore_index=True)
     table["square"] = (table["residual"] / table["noise"]) ** 2
-    table["power"] = table["residual"] ** 2
     found = table.groupby(KEYS).agg(
         share=("square", "sum"),
-        power=("power", "mean"),
+        rms=("residual", lambda left: float(np.sqrt(np.mean(left**2)))),
         noise=("noise", "first"),
         samples=("residual", "size"),
     )
     found["share"] /= max(float(found["share"].sum()), 1e-300)
     by_second = table.pivot_table("square", ["limb", "second"], KEYS, "sum", 0.0)
     ends = _interval(by_second[list(found.index)].to_numpy(), np.random.default_rng(0))
-    places = [
-        Place(
-            **dict(zip(KEYS, index, strict=True)),
-            share=float(row["share"]),
-            share_interval=(float(low), float(high)),
-            rms=float(np.sqrt(row["power"])),
-            noise=float(row["noise"]),
-            samples=int(row["samples"]),
-        )
-        for (index, row), low, high in zip(found.iterrows(), *ends, strict=True)
-    ]
-    return sorted(places, key=lambda place: -place.share)
+    found["share_interval"] = list(map(tuple, np.transpose(ends).tolist()))
+    rows = found.sort_values("share", ascending=False, kind="stable").reset_index()
+    return [Place(**row) for row in rows.to_dict("records")]
 
 
 def largest(places: Sequence[Place], joints: Sequence[str]) -> str:
@@ -103,8 +92,7 @@ def _table(number: int, world: World) -> pd.DataFrame:
     evidence, shown = world.evidence, world.blocks({})
     limb = evidence.limb
     angles = limb.by_episode(np.nan_to_num(shown[:, 0]))
-    pairs = zip(limb.recordings, limb.edges, strict=True)
-    pushed = (block_means(np.abs(one.push), edges) > 0.0 for one, edges in pairs)
+    pushed = limb.by_episode(limb.means(lambda one: np.abs(one.push)) > 0.0)
     phase = np.concatenate(list(map(phases, limb.time_s, angles, pushed)))
     protocol = np.repeat([r.protocol for r in limb.recordings], list(map(len, limb.time_s)))
     j, c, n = np.nonzero(evidence.logged & np.isfinite(shown).transpose(2, 1, 0))

@@ -134,7 +134,7 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     if not np.isfinite(measured).any():
         return limb, ()
     most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
-    ways = [limb.with_torque_from(way) for way in ((False,) if limb.exact else (False, True))]
+    ways = [limb.alike(torque_from=way) for way in ((False,) if limb.exact else (False, True))]
     shows = [one.simulate(limb.nominal)[:, TORQUE] for one in ways]
     far = [np.nansum(((shown - measured) / most) ** 2) for shown in shows]
     limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]

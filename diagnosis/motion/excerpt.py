@@ -14,6 +14,7 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import Log
+from diagnosis.motion.limb import block_means
 from diagnosis.motion.recordings import (
     LEAST_SAMPLES,
     Recording,
@@ -44,7 +45,7 @@ def excerpt(recordings: Sequence[Recording], enough_s: float) -> tuple[Recording
     if not _is_long([one.time_s[-1] for one in recordings], recordings[0], enough_s):
         return tuple(recordings)
     chosen = _chosen([_Coarse.of([one]) for one in recordings], enough_s)
-    return tuple(_piece(recordings[one.number], one.begin, one.end, one.rests) for one in chosen)
+    return tuple(_piece(recordings[k], begin, end, rests) for k, begin, end, rests in chosen)
 
 
 def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, ...], float]:
@@ -62,10 +63,10 @@ def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, .
         chunks = (slice(k, k + CHUNK) for k in range(0, len(log.episode(one.episode)), CHUNK))
         coarse.append(_Coarse.of(recording(log, limb, one, chunk) for chunk in chunks))
     found = []
-    for piece in _chosen(coarse, enough_s):
-        before = max(2 * piece.begin - piece.end, 0)
-        near = recording(log, limb, every[piece.number], slice(before, piece.end))
-        found.append(_piece(near, piece.begin - before, piece.end - before, piece.rests))
+    for number, begin, end, rests in _chosen(coarse, enough_s):
+        before = max(2 * begin - end, 0)
+        near = recording(log, limb, every[number], slice(before, end))
+        found.append(_piece(near, begin - before, end - before, rests))
     return tuple(found), sum(lasts_s)
 
 
@@ -93,24 +94,18 @@ class _Coarse:
     @classmethod
     def of(cls, parts: Iterator[Recording] | Sequence[Recording]) -> "_Coarse":
         """An episode that comes in parts."""
-        times, rows, asked, command, position, end = [], [], [], [], [], 0
+        found, end = list[tuple[Array, ...]](), 0
         for one in parts:
             size = max(1, round(COARSE_S / max(float(np.median(np.diff(one.time_s))), 1e-6)))
             starts = np.arange(0, len(one.time_s), size)
-            counts = np.diff(np.append(starts, len(one.time_s)))[:, None]
-            times.append(one.began_s + one.time_s[starts])
-            rows.append(end + starts)
-            asked.append(np.concatenate([one.asked, one.push], axis=1)[starts])
-            command.append(one.command[starts])
-            position.append(np.add.reduceat(one.measured[:, 0], starts) / counts)
+            asked = np.concatenate([one.asked, one.push], axis=1)[starts]
+            position = block_means(one.measured[:, 0], np.append(starts, len(one.time_s)))
+            time_s = one.began_s + one.time_s[starts]
+            found.append((time_s, end + starts, asked, one.command[starts], position))
             end += len(one.time_s)
-        return cls(
-            time_s=np.concatenate(times) - times[0][0],
-            row=np.append(np.concatenate(rows), end),
-            asked=np.concatenate(asked),
-            command=np.concatenate(command),
-            position=np.concatenate(position),
-        )
+        time_s, row, asked, command, position = map(np.concatenate, zip(*found, strict=True))
+        time_s, row = time_s - time_s[0], np.append(row, end)
+        return cls(time_s=time_s, row=row, asked=asked, command=command, position=position)
 
     @cached_property
     def rests(self) -> Array:
@@ -148,24 +143,19 @@ class _Coarse:
         return np.concatenate([np.ones((len(q), 1)), v, sign, np.sin(q), np.cos(q)], axis=1)
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Chosen:
-    """A piece of an episode, from a row to before another."""
+def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[tuple[int, int, int, bool]]:
+    """The pieces that show most: episode, first row, the row after, and whether it begins at rest.
 
-    number: int
-    begin: int
-    end: int
-    rests: bool
-    """Whether it begins at rest."""
-
-
-def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[_Chosen]:
-    """The pieces that show most, in order."""
+    Shown are targets that move, and errors beside `laws` of the whole log, squared.
+    """
     pieces = [(k, *ends) for k, one in enumerate(every) for ends in one.pieces(LEAST * enough_s)]
-    shows = np.array([_shows(every[k], a, b) for k, a, b in pieces])
-    odd = _odd(every)
-    strange = np.array([odd[k][a:b].sum(axis=0) for k, a, b in pieces])
-    shows = np.concatenate([shows, strange], axis=1)
+    laws = np.concatenate([one.laws for one in every])
+    error = np.nan_to_num(np.concatenate([one.command - one.position for one in every]))
+    left = error - laws @ np.linalg.lstsq(laws, error)[0]
+    odd = np.split(left**2, np.cumsum([len(one.time_s) for one in every])[:-1])
+    moves = [np.abs(np.diff(every[k].asked[a:b], axis=0)).sum(axis=0) for k, a, b in pieces]
+    strange = [odd[k][a:b].sum(axis=0) for k, a, b in pieces]
+    shows = np.concatenate([moves, strange], axis=1)
     shows /= np.maximum(shows.sum(axis=0), 1e-12)
     lasts_s = np.array([every[k].time_s[b - 1] - every[k].time_s[a] for k, a, b in pieces])
     lasts_s, budget_s = np.maximum(lasts_s, 1e-3), _budget_s(every[0].command.shape[1], enough_s)
@@ -179,21 +169,7 @@ def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[_Chosen]:
         seen = seen + shows[best]
     for n in sorted(taken):
         k, a, b = pieces[n]
-        rests = bool(every[k].rests[a])
-        yield _Chosen(number=k, begin=int(every[k].row[a]), end=int(every[k].row[b]), rests=rests)
-
-
-def _shows(one: _Coarse, begin: int, end: int) -> Array:
-    """How far each target moves in a piece (A,)."""
-    return np.asarray(np.abs(np.diff(one.asked[begin:end], axis=0)).sum(axis=0))
-
-
-def _odd(every: Sequence[_Coarse]) -> list[Array]:
-    """Squared errors of each joint that do not follow as in all of the log, by episode (B, K)."""
-    laws = np.concatenate([one.laws for one in every])
-    error = np.nan_to_num(np.concatenate([one.command - one.position for one in every]))
-    left = error - laws @ np.linalg.lstsq(laws, error)[0]
-    return np.split(left**2, np.cumsum([len(one.time_s) for one in every])[:-1])
+        yield k, int(every[k].row[a]), int(every[k].row[b]), bool(every[k].rests[a])
 
 
 def _piece(whole: Recording, begin: int, end: int, rests: bool) -> Recording:

@@ -16,7 +16,7 @@ from diagnosis.logs.log import LogError
 from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES, Along, Model, smoothed, turned
 from diagnosis.motion.integrate import integrate, sense
-from diagnosis.motion.recordings import CHANNELS, Recording, period_s
+from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.replay.dynamics import POSES, dynamics, is_closed, link_inertia
 
 POINT_S = 4e-3
@@ -65,8 +65,8 @@ class Limb:
 
     @cached_property
     def period_s(self) -> float:
-        """Time between samples [s]."""
-        return period_s(self.recordings)
+        """Time between samples [s]: the median over all episodes."""
+        return float(np.median(np.concatenate([np.diff(r.time_s) for r in self.recordings])))
 
     @cached_property
     def dt(self) -> float:
@@ -146,8 +146,12 @@ class Limb:
     @cached_property
     def measured(self) -> Array:
         """Readings as block means, shape (N, 3, K); NaN where none were logged."""
+        return self.means(lambda recording: recording.measured)
+
+    def means(self, of: Callable[[Recording], Array]) -> Array:
+        """Block means of rows (T, ...) of every episode, end to end (N, ...)."""
         pairs = zip(self.recordings, self.edges, strict=True)
-        return np.concatenate([block_means(r.measured, edges) for r, edges in pairs])
+        return np.concatenate([block_means(of(r), edges) for r, edges in pairs])
 
     @cached_property
     def time_s(self) -> tuple[Array, ...]:
@@ -217,24 +221,20 @@ class Limb:
         """The same limb and motion with other signals by episode: `command` or `push` (T, K)."""
         each = (dict(zip(signals, own, strict=True)) for own in zip(*signals.values(), strict=True))
         pairs = zip(self.recordings, each, strict=True)
-        return self._alike(recordings=tuple(replace(r, **own) for r, own in pairs))
-
-    def with_torque_from(self, torque_from: bool) -> "Limb":
-        """The same limb and motion, see `torque_from`."""
-        return self._alike(torque_from=torque_from)
+        return self.alike(recordings=tuple(replace(r, **own) for r, own in pairs))
 
     def with_steps(self, joint: int, step: float) -> "Limb":
         """The same limb and motion, a joint's targets rounded to a step on their way."""
         spec = c.with_numbers(self.spec, {self.joints[joint]: {c.COLUMNS[c.STEP]: step}})
-        return self._alike({"nominal": c.table(spec, self.rigid)}, spec=spec)
+        return self.alike({"nominal": c.table(spec, self.rigid)}, spec=spec)
 
     def in_half_steps(self) -> "Limb":
         """The same limb and motion, replayed in steps of half the length."""
         dt = self.dt / 2
         ticks = tuple(_ticks(recording, dt) for recording in self.recordings)
-        return self._alike({"dt": dt, "stride": 2 * self.stride, "_ticks": ticks})
+        return self.alike({"dt": dt, "stride": 2 * self.stride, "_ticks": ticks})
 
-    def _alike(self, known: Mapping[str, Any] | None = None, **changes: Any) -> "Limb":
+    def alike(self, known: Mapping[str, Any] | None = None, **changes: Any) -> "Limb":
         """With other fields; what follows from the motion stays, but for what is `known`."""
         other = replace(self, **changes)
         kept = "nominal", "period_s", "dt", "stride", "edges", "measured", "along", "soft"

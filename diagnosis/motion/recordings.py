@@ -109,11 +109,6 @@ def require_joints(log: Log, names: Sequence[str]) -> None:
         )
 
 
-def period_s(found: tuple[Recording, ...]) -> float:
-    """Time between samples [s]: the median over all episodes."""
-    return float(np.median(np.concatenate([np.diff(r.time_s) for r in found])))
-
-
 def stood_s(time_s: Array, asked: Array, least: float = 0.0) -> Array:
     """How long (T,) [s] no target of (T,) or (T, K) has moved by more than `least` in a sample."""
     moved = np.abs(np.diff(asked, axis=0, prepend=asked[:1])).reshape(len(asked), -1) > least

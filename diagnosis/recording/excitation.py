@@ -72,9 +72,8 @@ class Joints:
     @property
     def room_rad(self) -> Array:
         """Largest excursion of each joint in both directions [rad], shape (J,)."""
-        ends = np.stack([self.center_rad - self.range_rad[:, 0], self.range_rad[:, 1]])
-        ends[1] -= self.center_rad
-        return np.minimum(*ends)
+        low, high = self.range_rad.T
+        return np.minimum(self.center_rad - low, high - self.center_rad)
 
 
 @dataclass(frozen=True, kw_only=True)

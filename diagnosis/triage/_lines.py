@@ -1,7 +1,11 @@
 """Faults of one side of a joint, by regression: signs, units, zeros, jumps and conventions."""
 
+from dataclasses import replace
+
 import numpy as np
 
+from diagnosis.motion.columns import COLUMNS, KP, with_numbers
+from diagnosis.motion.recordings import CHANNELS
 from diagnosis.triage._signals import CLEAR, line, unit
 from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track, less
 
@@ -125,8 +129,10 @@ def zero(track: Track) -> Fault | None:
 
 def sides(track: Track) -> Fault | None:
     """Signs of motor angle and torque, compared with the nominal world."""
-    for channel in ("motor", "torque"):
-        found = line(track.nominal(channel), track.measured(channel))
+    pairs = list(zip(track.replayed(), track.limb.recordings, strict=True))
+    for row, channel in enumerate(CHANNELS[1:], 1):
+        both = [(s[:, row, track.index], r.measured[:, row, track.index]) for s, r in pairs]
+        found = line(*zip(*both, strict=True))
         if found.correlation < -CLEAR:
             return track.fault(
                 "sign",
@@ -141,7 +147,9 @@ def pushed_way(track: Track) -> Fault | None:
     """Sign of a known push, from the way in which it moves the joint."""
     if not track.most_push:
         return None
-    alone = track.unpushed()
+    others = np.arange(len(track.limb.joints)) != track.index
+    pushes = [r.push * others for r in track.limb.recordings]
+    alone = track.beside(track.limb.with_signals(push=pushes))
     found = line(less(track.shown, alone.shown), alone.missed)
     if found.correlation > -CLEAR:
         return None
@@ -156,7 +164,8 @@ def torque(track: Track) -> Fault | None:
     """Sign and unit of torques that are all that is asked, from how they move the joint."""
     if not track.limb.open[track.index]:
         return None
-    alone = track.undriven()
+    undriven = with_numbers(track.limb.spec, {track.name: {COLUMNS[KP]: 0.0}})
+    alone = track.beside(replace(track.limb, spec=undriven))
     found = line(less(track.shown, alone.shown), alone.missed)
     if abs(found.correlation) < CLEAR or SCALES[0] <= found.slope <= SCALES[1]:
         return None

@@ -1,6 +1,6 @@
 """What to know of a log that is no fault: pauses of a joint, and stamps that were made up."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -39,7 +39,8 @@ def pauses(track: Track) -> Iterator[str]:
         time_s, off = _of_episode(track, number)
         times = _spans(time_s, off / track.travel)
         seen_s = float(np.diff(time_s)[np.diff(time_s) < LEAST_S].sum())
-        every[number] = times if _is_rare(times, seen_s) else []
+        paused_s = sum(end - begin for begin, end in times)
+        every[number] = times if len(times) <= COUNT and paused_s <= MOST * seen_s else []
     found = list(every.values())
     first = np.array(next((times for times in found if times), []))
     said = {f"episode {number}": times for number, times in every.items()}
@@ -75,22 +76,12 @@ def _spans(time_s: Array, off: Array) -> list[tuple[float, float]]:
             passed = bool(spans) and time_s[begin] - time_s[spans[-1][1] - 1] < LEAST_S
             spans.append((spans.pop()[0] if passed else begin, end))
     calm = np.flatnonzero(off <= usual)
+    after = np.append(-1, calm)[np.searchsorted(calm, np.arange(len(off)))] + 1
     return [
-        (float(time_s[_after(calm, begin)]), float(time_s[end - 1]))
+        (float(time_s[after[begin]]), float(time_s[end - 1]))
         for begin, end in spans
         if time_s[end - 1] - time_s[begin] >= LEAST_S and end - begin >= LEAST_SAMPLES
     ]
-
-
-def _after(calm: Array, begin: int) -> int:
-    """The row after the last calm one before a row."""
-    before = np.searchsorted(calm, begin)
-    return int(calm[before - 1]) + 1 if before else 0
-
-
-def _is_rare(times: Sequence[tuple[float, float]], lasts_s: float) -> bool:
-    """Whether pauses are few and short, in an episode of which so much is looked at."""
-    return len(times) <= COUNT and sum(end - begin for begin, end in times) <= MOST * lasts_s
 
 
 def made_up(track: Track) -> Iterator[str]:

@@ -1,14 +1,15 @@
 """One joint of a log and the same joint of the nominal world under its commands, for the triage."""
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import numpy as np
 
 from backends.state import Array
-from diagnosis.motion.columns import COLUMNS, KD, KP, LIMIT, with_numbers
+from diagnosis.motion.columns import KD, LIMIT
 from diagnosis.motion.limb import Limb
-from diagnosis.motion.recordings import CHANNELS, Recording
+from diagnosis.motion.recordings import Recording
 from diagnosis.triage._signals import CLEAR, LENGTHS, UNITS, Regression, line
 
 FARTHEST, LEAST = 5.0, 1.0
@@ -35,46 +36,14 @@ class Fault:
         return f"{self.kind} of {', '.join(self.joints)}: {self.evidence}; {self.remedy}"
 
 
-@dataclass(frozen=True, eq=False)
-class Replays:
-    """What the sensors of a limb would read in the nominal world and beside it."""
-
-    limb: Limb
-    found: dict[tuple, list[Array]] = field(default_factory=dict)
-    """Of worlds that all joints ask for."""
-
-    def at(
-        self,
-        paced: float = 1.0,
-        damped: float = 1.0,
-        limited: float = 1.0,
-        units: tuple[float, float] = (1.0, 1.0),
-    ) -> list[Array]:
-        """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied.
-
-        `units`: in how many per radian hinges are logged, and per metre slides.
-        """
-        key = paced, damped, limited, units
-        if key not in self.found:
-            limb, numbers = self.limb, self.limb.nominal.copy()
-            numbers[:, KD] *= damped
-            numbers[:, LIMIT] *= limited
-            if paced != 1.0 or units != (1.0, 1.0):
-                per_si = np.array([units[b.joint.slides] for b in limb.spec.hand.driven])
-                every = (_converted(r, paced, per_si) for r in limb.recordings)
-                limb = replace(limb, recordings=tuple(every))
-            self.found[key] = shown_by(limb, numbers)
-        return self.found[key]
-
-
 @dataclass(frozen=True, kw_only=True)
 class Track:
     """A joint over all episodes of its limb; lists hold an array (T,) per episode."""
 
     limb: Limb
     """Its limb, about a motion that may be one, see `_within_reach`."""
-    replays: Replays
-    """Those of its limb, which all joints share."""
+    replayed: Callable[..., list[Array]]
+    """See `_replayed`; all joints of its limb share what it found."""
     index: int
     """Column of the joint in its limb."""
     name: str
@@ -146,18 +115,8 @@ class Track:
         """A fault of this joint's data."""
         return Fault(kind=kind, joints=(self.name,), evidence=evidence, remedy=remedy)
 
-    def measured(self, channel: str) -> list[Array]:
-        """Readings of a channel per episode; NaN where none were logged."""
-        row = CHANNELS.index(channel)
-        return [r.measured[:, row, self.index] for r in self.limb.recordings]
-
-    def nominal(self, channel: str) -> list[Array]:
-        """A channel of the nominal world per episode."""
-        row = CHANNELS.index(channel)
-        return [shown[:, row, self.index] for shown in self.replays.at()]
-
     def varied(self, per_si: float = 1.0, **multiplied: float) -> "Track":
-        """The same track beside another nominal world, see `Replays.at`.
+        """The same track beside another nominal world, see `_replayed`.
 
         Where both sides are in a unit of so many per radian or metre.
         """
@@ -166,7 +125,7 @@ class Track:
             self,
             command=[c / per_si for c in self.command],
             position=[p / per_si for p in self.position],
-            shown=[s[:, 0, self.index] for s in self.replays.at(**multiplied, units=units)],
+            shown=[s[:, 0, self.index] for s in self.replayed(**multiplied, units=units)],
         )
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
@@ -175,23 +134,10 @@ class Track:
         every = shown_by(limb, limb.nominal, shift)
         return replace(self, shown=[shown[:, 0, self.index] for shown in every])
 
-    def unpushed(self) -> "Track":
-        """The same track beside a nominal world that is not pushed."""
-        others = np.arange(len(self.limb.joints)) != self.index
-        return self.beside(
-            self.limb.with_signals(push=[r.push * others for r in self.limb.recordings])
-        )
-
-    def undriven(self) -> "Track":
-        """The same track beside a nominal world whose drive of it gives no torque."""
-        numbers = {self.name: {COLUMNS[KP]: 0.0}}
-        return self.beside(replace(self.limb, spec=with_numbers(self.limb.spec, numbers)))
-
     def weightless(self) -> "Track":
         """The same track beside a nominal world without gravity."""
-        return self.beside(
-            replace(self.limb, spec=replace(self.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0)))
-        )
+        spec = replace(self.limb.spec, gravity_m_s2=(0.0, 0.0, 0.0))
+        return self.beside(replace(self.limb, spec=spec))
 
 
 def less(ones: Sequence[Array], others: Sequence[Array]) -> list[Array]:
@@ -203,11 +149,11 @@ def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
     """The joints of all limbs; each limb is replayed once."""
     for limb in limbs:
         near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
-        replays = Replays(near)
+        replayed = cache(partial(_replayed, near))
         for j, joint in enumerate(body.joint for body in limb.spec.hand.driven):
             yield Track(
                 limb=near,
-                replays=replays,
+                replayed=replayed,
                 index=j,
                 name=joint.name,
                 slides=joint.slides,
@@ -216,7 +162,7 @@ def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
                 time_s=[r.time_s for r in limb.recordings],
                 command=[r.command[:, j] for r in limb.recordings],
                 position=[r.measured[:, 0, j] for r in limb.recordings],
-                shown=[s[:, 0, j] for s in replays.at()],
+                shown=[s[:, 0, j] for s in replayed()],
             )
 
 
@@ -230,6 +176,27 @@ def _within_reach(recording: Recording, is_open: Array) -> Recording:
     measured = recording.measured.copy()
     measured[:, 0] = np.where(odd, command, position)
     return replace(recording, measured=measured, start=np.where(odd, command[0], recording.start))
+
+
+def _replayed(
+    limb: Limb,
+    paced: float = 1.0,
+    damped: float = 1.0,
+    limited: float = 1.0,
+    units: tuple[float, float] = (1.0, 1.0),
+) -> list[Array]:
+    """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied.
+
+    `units`: in how many per radian hinges are logged, and per metre slides.
+    """
+    numbers = limb.nominal.copy()
+    numbers[:, KD] *= damped
+    numbers[:, LIMIT] *= limited
+    if paced != 1.0 or units != (1.0, 1.0):
+        per_si = np.array([units[b.joint.slides] for b in limb.spec.hand.driven])
+        every = (_converted(r, paced, per_si) for r in limb.recordings)
+        limb = replace(limb, recordings=tuple(every))
+    return shown_by(limb, numbers)
 
 
 def _converted(recording: Recording, paced: float, per_si: Array) -> Recording:

@@ -50,8 +50,11 @@ def both(track: Track) -> Fault | None:
     said = _moves_as_logged(track)
     if said is None or _rivals(track, tried[said[0]]):
         return None
-    if other := _other_scale(track, tried[said[0]]):
-        return scaled(track, other, "then the nominal world moves as logged, and in no named unit")
+    near = {size: _left(track.varied(size)) for size in tried[said[0]] * ASIDE}
+    other = min(near, key=near.__getitem__)
+    if near[other] * BETTER < _left(track.varied(tried[said[0]])):
+        why = "then the nominal world moves as logged, and in no named unit"
+        return scaled(track, float(other), why)
     return in_unit(track, said[0], "both are in {}: {}".format(*said))
 
 
@@ -92,13 +95,6 @@ def _moves_as_logged(track: Track) -> tuple[str, str] | None:
         f"then the nominal world moves as logged (it leaves {then:.2g} of the motion, and as they "
         f"are {left:.2g})"
     )
-
-
-def _other_scale(track: Track, per_si: float) -> float | None:
-    """The scale near a unit's that leaves far less than this, so that it is not the unit."""
-    near = {size: _left(track.varied(size)) for size in per_si * ASIDE}
-    best = min(near, key=near.__getitem__)
-    return float(best) if near[best] * BETTER < _left(track.varied(per_si)) else None
 
 
 def _rivals(track: Track, per_si: float) -> list[str]:
