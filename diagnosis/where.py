@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from scipy.ndimage import binary_dilation
 
 from backends.state import Array
 from diagnosis.models.world import World
@@ -123,8 +124,7 @@ def phases(time_s: Array, angle: Array, pushed: Array) -> Array:
     turns = np.diff(np.sign(speed), axis=0, prepend=np.sign(speed[:1])) != 0
     moving = np.abs(acceleration) > STEADY * strongest
     reach = max(1, round(REVERSAL_S / float(np.median(np.diff(time_s)))))
-    wide = np.ones(2 * reach + 1)
-    near = np.stack([np.convolve(t, wide)[reach:-reach] for t in turns.T], axis=1) > 0
+    near = binary_dilation(turns, np.ones((2 * reach + 1, 1)))
     phase[near & moving] = PHASES.index("reversal")
     phase[(np.abs(speed) < SLOW * fastest) & ~near] = PHASES.index("hold")
     phase[pushed] = PHASES.index("external load")

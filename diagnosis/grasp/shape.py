@@ -92,12 +92,6 @@ class Fit:
         """Whether contacts are softer than nominal."""
         return SOFTNESS in self.numbers
 
-    @property
-    def rank(self) -> tuple[bool, int, bool, float]:
-        """What is least of the fits that explain a log."""
-        strange = not self.rigid and self.moved > OWN
-        return strange, len(self.numbers), self.rigid, self.worst
-
     def on(self, nominal: Spec) -> Spec:
         """The world that it stands for; rigid contacts are as hard as its drive period allows."""
         stick, contact = nominal.stick, nominal.contact
@@ -227,7 +221,8 @@ def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
     if not explaining:
         best = min(every, key=lambda fit: fit.worst)
         return Shape(nominal=bare[best.rigid], chosen=best, alike=(best,), is_misplaced=True)
-    best = min(explaining, key=lambda fit: fit.rank)
+    known = [fit for fit in explaining if fit.rigid or fit.moved <= OWN] or explaining
+    best = min(known, key=lambda fit: (len(fit.numbers), fit.rigid, fit.worst))
     for more in (fit for fit in explaining if fit.rigid == best.rigid):
         further = len(more.numbers) > len(best.numbers) > 0
         if further and is_worth(more, best, SIMULATORS, bare[best.rigid]):

@@ -246,11 +246,13 @@ def _parameter(
     known = uncertainty * _relative(kind, value, unit, rigid) if kind.nominal else 0.0
     late = LATE_SHARE * limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
     tolerance = max(float(np.hypot(own, known)), late)
+    # what nothing asks of a drive's limit may be missing, and changes nothing
+    unasked = float(np.log(value / evidence.torque[joint])) if place == c.LIMIT else 0.0
     return about(
         unit=unit,
         tolerance=tolerance,
         least=max(kind.least * angle, 2.0 * tolerance),
-        most=_most(kind, unit, rigid) + _unasked(place, joint, evidence),
+        most=_most(kind, unit, rigid) + unasked,
     )
 
 
@@ -260,12 +262,6 @@ def _most(kind: type[Effect], unit: float, rigid: bool) -> float:
         return kind.most
     high = kind.bounds[1]
     return min(kind.most, float(np.log1p(high)) if kind.coordinate == "logarithm" else high / unit)
-
-
-def _unasked(place: int, joint: int, evidence: Evidence) -> float:
-    """How much of a drive's limit nothing asks for, as a logarithm: to lack it changes nothing."""
-    limit = evidence.limb.nominal[joint, c.LIMIT]
-    return float(np.log(limit / evidence.torque[joint])) if place == c.LIMIT else 0.0
 
 
 def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
