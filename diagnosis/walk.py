@@ -124,9 +124,7 @@ def diagnose(
     )
 
 
-def _in_hand(
-    log: Log, world: Spec, known: Mapping[str, type[Effect]], simulate: Simulate | None
-) -> Report:
+def _in_hand(log: Log, world: Spec, known: Catalogue, simulate: Simulate | None) -> Report:
     """See `grasp.in_hand`; nothing of a mechanism without fingertips."""
     if not world.hand.fingertips:
         return Report()
