@@ -6,9 +6,8 @@ from leaderboard.publish.blocks import (
     learning,
     paper,
     physics,
-    settings,
     speed,
     transfer,
 )
 
-__all__ = ["blind", "contacts", "learning", "paper", "physics", "settings", "speed", "transfer"]
+__all__ = ["blind", "contacts", "learning", "paper", "physics", "speed", "transfer"]
