@@ -20,11 +20,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
+from scipy.signal import savgol_filter
 from scipy.stats import t as student
 
 from backends.state import Array
 from diagnosis.logs.log import Log, LogError
-from diagnosis.motion.smooth import smooth
 from diagnosis.verdict.result import NONE, UNKNOWN
 
 MORE, LESS = "more friction", "less friction"
@@ -231,7 +231,7 @@ def _rows(today: _Motion, sound: Sequence[_Motion]) -> pd.DataFrame:
     }
     if len(position) > 1:
         apart = position - position.mean(axis=0)
-        apart = apart - smooth(apart.T, max(5, round(SLOW * n) | 1), 2).T
+        apart = apart - savgol_filter(apart, max(5, round(SLOW * n) | 1), 2, axis=1)
         found["unshared"] = np.sqrt(np.sum(apart**2, axis=0) / (len(position) - 1))
     if today.effort is not None:
         efforts = [one.effort[:, :n] for one in sound if one.effort is not None]

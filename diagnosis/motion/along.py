@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.signal import savgol_filter
 
 from backends.spec import Body, Spec, Vec3
 from backends.state import Array
 from diagnosis.motion.columns import with_load
-from diagnosis.motion.smooth import smooth
 from diagnosis.replay.dynamics import bias_torques, coefficients, dynamics, of_point, weights
 
 STEP = 1e-5
@@ -109,4 +109,4 @@ def smoothed(position: Array, period_s: float) -> Array:
     width = max(5, round(span_s / period_s) | 1)
     if len(position) <= width:
         return position
-    return smooth(position, width, 3 if width < 9 else 4)
+    return savgol_filter(position, width, 3 if width < 9 else 4, axis=0)

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from backends.spec import Spec
 from backends.state import Array
@@ -116,9 +117,11 @@ class _Coarse:
         moves = np.ptp(self.command, axis=0) > 0.0
         still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
         steady = stood_s(np.arange(len(self.asked)), self.asked) >= window
-        before = np.pad(position, ((window, 0), (0, 0)), mode="edge")
-        trailing = np.lib.stride_tricks.sliding_window_view(before, window + 1, axis=0)
-        return np.asarray(steady & np.all(np.ptp(trailing, axis=-1) <= still, axis=1))
+        size, known = window + 1, np.isfinite(position)
+        trailing = {"size": size, "axis": 0, "origin": window // 2}
+        top = maximum_filter1d(np.where(known, position, np.inf), **trailing)
+        bottom = minimum_filter1d(np.where(known, position, -np.inf), **trailing)
+        return np.asarray(steady & np.all(top - bottom <= still, axis=1))
 
     def pieces(self, longest_s: float) -> Iterator[tuple[int, int]]:
         """From which block to before which its pieces go: cut at rests, or where too long."""

@@ -6,6 +6,7 @@ from typing import Any
 
 import numba
 import numpy as np
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from backends.kinematics import tip_frames
 from backends.spec import Spec
@@ -15,7 +16,6 @@ from diagnosis.logs.log import Log
 from diagnosis.motion.columns import table
 from diagnosis.motion.limb import unread
 from diagnosis.motion.recordings import white_noise
-from diagnosis.motion.smooth import smooth, weights
 
 PROTOCOLS = ("grasp", "policy")
 """Protocols with the stick in the hand, and staying there."""
@@ -29,7 +29,7 @@ AWAY_M = 1e-3
 """Largest distance from a skin that is computed."""
 SMOOTH, CUBIC = 21, 3
 """Samples and degree of the cubics that noise is smoothed by."""
-CALMER = float(np.sqrt(weights(SMOOTH, CUBIC)[SMOOTH // 2]))
+CALMER = float(np.sqrt(savgol_coeffs(SMOOTH, CUBIC)[SMOOTH // 2]))
 """Noise that they leave [1]."""
 FLOOR_M = 2.5e-5
 """Nominal worlds on Bullet and SAPIEN differ from rigid contacts by 0.010 mm."""
@@ -155,7 +155,7 @@ def blur_m(spec: Spec, part: Held) -> tuple[float, float]:
 def smoothed(part: Held) -> Held:
     """With joints and stick as cubics through `SMOOTH` samples around each: less noise, no lag."""
     window = min(SMOOTH, len(part.time_s) - 1 + len(part.time_s) % 2)
-    joints, stick = (smooth(v, window, CUBIC) for v in (part.joint_rad, part.stick))
+    joints, stick = (savgol_filter(v, window, CUBIC, axis=0) for v in (part.joint_rad, part.stick))
     stick[:, 3:] /= np.linalg.norm(stick[:, 3:], axis=1, keepdims=True)
     return replace(part, joint_rad=joints, stick=stick)
 

@@ -9,8 +9,8 @@ Sines of the joint's angle, moved so, are fitted beside what gains, inertias, fr
 leave if they are off. The period whose sine and cosine take most of it is the one.
 """
 
-import numba
 import numpy as np
+from scipy.signal import lfilter
 
 from backends.state import Array
 from diagnosis.motion.columns import ROTOR, VISCOUS
@@ -38,7 +38,7 @@ def _ripple(limb: Limb, joint: int, left: Array) -> tuple[float, float]:
     span = float(np.ptp(angle[known])) if known.any() else 0.0
     if known.sum() < LEAST_BLOCKS or span < PERIODS_RAD[0]:
         return 0.0, 0.0
-    base, _ = np.linalg.qr(_moved(limb, joint, _ordinary(limb, joint))[0, known])
+    base, _ = np.linalg.qr(_moved(limb, joint, _ordinary(limb, joint))[known])
     left = left[known] - base @ (base.T @ left[known])
 
     def best(per_rad: Array) -> tuple[float, float]:
@@ -60,7 +60,7 @@ def _ripple(limb: Limb, joint: int, left: Array) -> tuple[float, float]:
 
 
 def _ordinary(limb: Limb, joint: int) -> Array:
-    """Torques of what may be off by itself, up to their sizes, shape (1, N, 8)."""
+    """Torques of what may be off by itself, up to their sizes, shape (N, 8)."""
     rows = []
     for recording, edges, time_s in zip(limb.recordings, limb.edges, limb.time_s, strict=True):
         q, target = (
@@ -71,37 +71,21 @@ def _ordinary(limb: Limb, joint: int) -> Array:
         a = np.gradient(v, time_s) if len(q) > 1 else np.zeros_like(q)
         one = np.ones_like(q)
         rows.append(np.stack([one, q, target, v, a, np.sign(v), np.sin(q), np.cos(q)], axis=1))
-    return np.concatenate(rows)[None]
+    return np.concatenate(rows)
 
 
 def _moved(limb: Limb, joint: int, torque: Array) -> Array:
-    """What torques (A, N, P) on a motor move, an episode at a time from rest."""
+    """What torques (..., N, P) on a motor move, an episode at a time from rest."""
     numbers = limb.nominal[joint]
     step = max(BLOCK_S, limb.period_s)
     inertia = numbers[ROTOR] + limb.link_inertia[joint]
     stiffness, kd = limb.servo[:, joint]
     damping, s = kd + numbers[VISCOUS], 2.0 / step
     # The bilinear transform of 1 / (J s^2 + d s + kp).
-    low = (
+    low = [
         inertia * s**2 + damping * s + stiffness,
         2.0 * (stiffness - inertia * s**2),
         inertia * s**2 - damping * s + stiffness,
-    )
+    ]
     parts = np.split(torque, np.cumsum(list(map(len, limb.time_s)))[:-1], axis=-2)
-    return np.concatenate([_filtered(np.ascontiguousarray(x), low) for x in parts], axis=-2)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _filtered(x, low):
-    """Rows (A, N, P) through (1 + z)^2 / (a + b z + c z^2) along N, z a delay, from rest."""
-    (a, b, c), out = low, np.zeros_like(x)
-    for n in range(x.shape[1]):
-        for k in range(len(x)):
-            for p in range(x.shape[2]):
-                y = x[k, n, p]
-                if n > 0:
-                    y += 2.0 * x[k, n - 1, p] - b * out[k, n - 1, p]
-                if n > 1:
-                    y += x[k, n - 2, p] - c * out[k, n - 2, p]
-                out[k, n, p] = y / a
-    return out
+    return np.concatenate([lfilter([1.0, 2.0, 1.0], low, x, axis=-2) for x in parts], axis=-2)

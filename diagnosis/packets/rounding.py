@@ -10,6 +10,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.fft
+from scipy.signal import lfilter
 
 from backends.state import Array
 from diagnosis.models.world import World
@@ -119,13 +121,13 @@ class _Path:
         their inverse.
         """
         counts = np.diff(self.edges)
-        seen = np.convolve(off[::-1], self.response)[len(off) - 1 :: -1]
+        seen = lfilter(self.response, 1.0, off[::-1])[::-1]
         bins = ((self.target - self.target.min()) / (least / BINS)).astype(int)
         sums = np.bincount(bins, np.repeat(seen / counts, counts))
-        length = 1 << max(len(sums) - 1, int(BINS / least / apart)).bit_length()
+        length = scipy.fft.next_fast_len(max(len(sums), int(BINS / least / apart) + 1), real=True)
         inverse = np.arange(length // 2 + 1) / (length * least / BINS)
         middle = self.target.min() + least / BINS / 2
-        waves = (np.fft.rfft(sums, length) * np.exp(-2j * np.pi * inverse * middle)).imag
+        waves = (scipy.fft.rfft(sums, length) * np.exp(-2j * np.pi * inverse * middle)).imag
         tops = 1 + np.flatnonzero((waves[1:-1] >= waves[:-2]) & (waves[1:-1] >= waves[2:]))
         tops = tops[(inverse[tops] >= 1.0 / most) & (inverse[tops] <= 1.0 / least)]
         return np.asarray(1.0 / inverse[tops[np.argsort(-waves[tops])[:TRIED]]])
@@ -135,7 +137,7 @@ class _Path:
         steps = inverse[:, None]
         saw = np.round(self.target * steps) / steps - self.target
         means = np.add.reduceat(saw, self.edges[:-1], axis=1) / np.diff(self.edges)
-        shown = np.stack([np.convolve(row, self.response)[: len(off)] for row in means])
+        shown = lfilter(self.response, 1.0, means)
         both = shown @ off
         squares = (shown**2).sum(axis=1) * (off @ off)
         return np.asarray(both * np.abs(both) / np.maximum(squares, 1e-300))

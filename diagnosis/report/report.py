@@ -6,10 +6,10 @@ It is made from the answer as plain data and the log, so it can be made again fr
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from itertools import groupby
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
 
 from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
@@ -59,7 +59,7 @@ def page(
         lstrip_blocks=True,
     )
     return environment.get_template("_report.html.jinja").render(
-        plotly=(files("plotly") / "package_data/plotly.min.js").read_text("utf-8"),
+        plotly=get_plotlyjs(),
         found=found,
         words=wording,
         named=named,
@@ -76,7 +76,7 @@ def page(
         fingers=list(dict.fromkeys(spot.finger for spot in found.spots)),
         families=list(dict.fromkeys(spot.family for spot in found.spots)),
         held=[one for one in found.magnitudes if one.evidence],
-        overlays=[(one, overlay(one, f"signals-{k}")) for k, one in enumerate(found.signals)],
+        overlays=[(one, overlay(one)) for one in found.signals],
         episodes=[(e, list(log.episode(e.episode)["t_s"]), _use(log, e)) for e in log.episodes],
         channels=_channels(log),
         warnings=log.warnings,

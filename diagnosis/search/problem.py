@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from backends.state import Array
 from diagnosis.models.parameters import Parameter, bounds, with_parts
@@ -17,8 +19,8 @@ WIDE = 1e3
 """An effect's size has a prior so many times wider than its bounds: none."""
 RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
-EXACT, TURNS = 1e-12, 10
-"""A step wins all but this share of what it can, in so many turns a parameter at most."""
+EXACT = 1e-12
+"""A step wins all but this share of what it can."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -103,30 +105,10 @@ def _is_held(number: int, one: Parameter, freed: Sequence[int]) -> bool:
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:
-    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,).
-
-    Some are held at an end, while the rest are free (Nocedal and Wright, Numerical Optimization,
-    2006, algorithm 16.3): the first to reach one is held, and the one let go that wins most.
-    """
-    aim = np.linalg.solve(curvature, slope)
-    best, most = np.clip(aim, low, high), EXACT * float(slope @ aim)
-    free = best == aim
-    for _ in range(TURNS * len(slope)):
-        some, held = np.flatnonzero(free), np.flatnonzero(~free)
-        rest = slope[some] - curvature[np.ix_(some, held)] @ best[held]
-        aim = best.copy()
-        aim[some] = np.linalg.solve(curvature[np.ix_(some, some)], rest)
-        ends = np.clip(aim, low, high)
-        out = np.flatnonzero(ends != aim)
-        if len(out):
-            shares = (ends - best)[out] / (aim - best)[out]
-            first = out[shares.argmin()]
-            best += shares.min() * (aim - best)
-            best[first], free[first] = ends[first], False
-            continue
-        best, pull = aim, slope - curvature @ aim
-        inward = np.where(best > low, -pull, pull) * ~free * (low < high)
-        if (won := np.maximum(inward, 0.0) ** 2 / np.diag(curvature)).max(initial=0.0) <= most:
-            break
-        free[won.argmax()] = True
-    return best
+    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,)."""
+    root = cholesky(curvature, lower=True)
+    aim = solve_triangular(root, slope, lower=True)
+    free = solve_triangular(root.T, aim)
+    if (low <= free).all() and (free <= high).all():
+        return np.asarray(free)
+    return np.asarray(lsq_linear(root.T, aim, (low, high), method="bvls", tol=EXACT).x)

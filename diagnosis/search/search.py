@@ -10,6 +10,7 @@ from functools import cached_property
 from itertools import chain, islice
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from backends.effects.coulomb_friction import Effect as CoulombFriction
 from backends.state import Array
@@ -64,8 +65,8 @@ TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 times the best's, and this."""
 END = 0.97
 """An effect is as large as is tried from this share of it on."""
-SCANNED, FINER = 11, 5
-"""A kink is sought at so many sizes, then so often between the best and its neighbours."""
+SCANNED, FINE = 11, 1e-3
+"""A kink is sought at so many sizes, then between the neighbours of the best to this share."""
 
 
 Sizes = Mapping[int, float]
@@ -383,15 +384,17 @@ class Search:
 
     def _scanned(self, number: int, low: float, high: float, first: float, alone: Sizes) -> float:
         """The size with the sign of `first` that leaves least."""
-        sign, known = float(np.sign(first)), dict[float, float]()
-        sizes = np.geomspace(low, high, SCANNED)
-        for _ in range(FINER + 1):
-            known |= {x: self.fitter.excess_at({**alone, number: sign * x}) for x in sizes.tolist()}
-            ranked = sorted(known)
-            best = ranked.index(min(known, key=known.__getitem__))
-            near = np.array(ranked[max(best - 1, 0) : best + 2])
-            sizes = np.sqrt(near[1:] * near[:-1])
-        return sign * ranked[best]
+
+        def left(size: float) -> float:
+            return self.fitter.excess_at({**alone, number: float(size)})
+
+        sizes = np.sign(first) * np.geomspace(low, high, SCANNED)
+        best = int(np.argmin([left(size) for size in sizes]))
+        ends = np.sort(sizes[[max(best - 1, 0), min(best + 1, SCANNED - 1)]])
+        near = minimize_scalar(
+            left, bounds=ends, method="bounded", options={"xatol": FINE * np.ptp(ends)}
+        )
+        return min(float(near.x), float(sizes[best]), key=left)
 
     def _is_tied(self, fit: Fit, best: Fit) -> bool:
         """Whether a set of the same size is as good as the best one."""

@@ -13,6 +13,7 @@ world. The limits are beyond what any effect of the catalogue causes in a workin
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
@@ -84,10 +85,8 @@ def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
 def _order(every: Sequence[Track]) -> tuple[Fault, ...]:
     """Joints whose positions follow each other's commands."""
     moving = [t for t in every if t.travel > 0.0]
-    if len(moving) < 2 or all(_alike(track, track) > UNCLEAR for track in moving):
+    if len(moving) < 2:
         return ()
-    from scipy.optimize import linear_sum_assignment  # takes its time to load
-
     match = np.array([[_alike(a, b) for b in moving] for a in moving])
     _, best = linear_sum_assignment(-match)
     wrong = [k for k, other in enumerate(best) if other != k]

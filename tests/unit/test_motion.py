@@ -19,7 +19,6 @@ from diagnosis.models.world import World
 from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LINK, LOCK, ONE_WAY, STOP, with_load
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
-from diagnosis.motion.smooth import smooth, weights
 from diagnosis.replay.dynamics import dynamics
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
@@ -29,16 +28,6 @@ def limb_of(log):
     """The only limb of an arm's log."""
     (part,) = limbs(mjcf_world(log))
     return Limb(spec=part, recordings=recordings(log, part), rigid=True)
-
-
-def test_smoothing_leaves_what_is_smooth():
-    """Keep a cubic to its ends, and of white noise the share that the weights say."""
-    time_s = np.linspace(-1.0, 1.0, 5000)
-    cubic = np.stack([time_s**3 - time_s, 2.0 - time_s**2], axis=1)
-    noise = np.random.default_rng(0).normal(size=cubic.shape)
-    assert smooth(cubic, 21, 3) == pytest.approx(cubic, abs=1e-9)
-    left = np.std(smooth(cubic + noise, 21, 3) - cubic, axis=0)
-    assert left == pytest.approx(np.sqrt(weights(21, 3)[10]), rel=0.1)
 
 
 @pytest.mark.parametrize("joints", [1, 2, 3])
