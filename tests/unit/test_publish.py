@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+import yaml
 
 from files.plugins import KINDS, parts
 from leaderboard._chart import Panel, Series, Ticks, chart
@@ -95,7 +96,7 @@ def test_every_edit_is_found_and_nothing_else(copy):
 def test_a_picture_is_stale_when_its_policy_or_command_changes(copy):
     """Hold a picture against the files of its policy and the command that drew it."""
     plan = copy / figures.PLAN
-    policy = "mujoco-spiral-sb3-ppo-contact-centers-s0-1d1797ac"
+    policy = yaml.safe_load(plan.read_text())["leaderboard/figures/spiral.png"]["policy"]
     (copy / figures.POLICIES / policy / "policy.onnx").write_bytes(b"another")
     plan.write_text(plan.read_text().replace("--kind touch", "--kind touch --stick steel"))
     found = "\n".join(figures.wrong(copy))
