@@ -11,7 +11,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
-from diagnosis.motion.limb import Limb
+from diagnosis.motion.limb import Limb, block_means
 from diagnosis.motion.recordings import CHANNELS, Recording
 
 STILL_RAD, MOVES_RAD = 2e-3, 2e-2
@@ -27,6 +27,9 @@ noise where they hardly have any."""
 STOP_NEAR, STOP_S, STOP_SHARE = 0.01, 0.3, 0.5
 """A joint stands at the end of its range within this share of it, while its target is beyond and it
 does not follow; until so long after [s]. Not where that is more than this share of the log."""
+UNSIGNED = 0.1
+"""Torques that are never negative are magnitudes where the drive pulls back by this share of all,
+both as the model asks for and as the joint misses its targets."""
 TORQUE = CHANNELS.index("torque")
 
 
@@ -139,15 +142,19 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     far = [np.nansum(((shown - measured) / most) ** 2) for shown in shows]
     limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]
     command = np.concatenate([r.command for r in limb.recordings])
+    pairs = zip(limb.recordings, limb.edges, strict=True)
+    missed = np.concatenate([block_means(r.command - r.measured[:, 0], at) for r, at in pairs])
     dropped, notes = np.zeros((len(CHANNELS), len(limb.joints)), dtype=bool), []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
         if both.sum() < 10 or np.std(shown[both, j]) == 0.0:
             continue
-        what = ""
+        what, back = "", min(_backward(of[both, j]) for of in (shown, missed))
         if np.std(measured[both, j]) > 0.0:
             alike = float(np.corrcoef(measured[both, j], shown[both, j])[0, 1])
-            if alike < UNRELATED:
+            if measured[both, j].min() >= 0.0 and back > UNSIGNED and not limb.open[j]:
+                what = "without its sign"
+            elif alike < UNRELATED:
                 what = "of the wrong sign" if alike < OPPOSED else "noise"
         elif np.ptp(command[:, j]) > MOVES_RAD:
             what = "the same throughout"
@@ -155,3 +162,8 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
             dropped[TORQUE, j] = True
             notes.append(f"the torque of {name} is {what} and left out")
     return (_without(limb, [dropped] * len(limb.recordings)) if notes else limb), notes
+
+
+def _backward(torques: Array) -> float:
+    """The negative share of torques (T,), or of what goes with them."""
+    return float(np.nansum(np.maximum(-torques, 0.0)) / max(np.nansum(np.abs(torques)), 1e-12))

@@ -177,15 +177,22 @@ def test_leaves_out_an_absurd_sample_and_a_torque_of_noise():
     assert "absurd" in notes[0] and "noise" in notes[1]
 
 
-@pytest.mark.parametrize(("times", "said"), [(-1.0, "of the wrong sign"), (0.0, "the same")])
-def test_leaves_out_torques_that_cannot_be(times, said):
-    """Note torques that oppose what the drives ask for, or never change; judge by the rest."""
+@pytest.mark.parametrize(
+    ("read", "said"),
+    [
+        (np.negative, "of the wrong sign"),
+        (np.zeros_like, "the same"),
+        (np.abs, "without its sign"),
+    ],
+)
+def test_leaves_out_torques_that_cannot_be(read, said):
+    """Note torques that oppose what drives ask, never change or have no sign; judge by the rest."""
 
     def spoil(samples):
         angle = samples["position_rad.J0"]
         speed = np.gradient(angle, 1.0 / HZ)
         drive = KP * (samples["command_rad.J0"] - angle) - KD * speed
-        samples["torque_nm.J0"] = times * np.clip(drive, -LIMIT, LIMIT)
+        samples["torque_nm.J0"] = read(np.clip(drive, -LIMIT, LIMIT))
 
     result = diagnose(changed(spoil))
     assert result.verdict == ("none",)
