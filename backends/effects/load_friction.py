@@ -24,6 +24,7 @@ class Effect(NumberEffect):
     tolerance = 0.005
     least = 0.02
     most = 0.95
+    shared = True
     kinked = True
     family = "dry friction"
     near = ("coulomb-friction", "stiction", "self-lock")

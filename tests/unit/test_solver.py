@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from arms import HZ, KD, KP, LIMIT, Real, limbs_of, log_of
+from diagnosis_logs import arm_log
 
 from diagnosis.logs.log import HandMechanism, LogError, make_log
 from diagnosis.walk import diagnose
@@ -249,3 +250,11 @@ def test_kinds_of_friction_at_a_joint_are_one_cause():
     result = diagnose(log_of(Real(coulomb_nm={0: 4.0})))
     assert result.verdict == ("coulomb-friction",)
     assert len(result.magnitudes) == 1
+
+
+def test_the_same_gears_on_all_joints_are_one_cause():
+    """Name the share of the load that gears of one kind lose, as what all joints have."""
+    result = diagnose(arm_log("load-friction=40%@shoulder,load-friction=40%@elbow"))
+    (found,) = result.limbs[0].causes
+    assert (found.effect, found.joint) == ("load-friction", None)
+    assert found.low < 40.0 < found.high
