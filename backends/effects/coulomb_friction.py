@@ -23,6 +23,6 @@ class Effect(NumberEffect):
     nominal = True
     tolerance = 0.003
     least = 0.008
-    most = 1.0
+    most = 3.0
     family = "dry friction"
     near = ("stiction", "load-friction", "self-lock")

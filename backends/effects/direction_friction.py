@@ -23,7 +23,7 @@ class Effect(NumberEffect):
     levels, opposite = (0.01, 0.04, 0.12), (-0.01, -0.04, -0.12)
     number = "drive.one_way_friction_nm"
     least = 0.008
-    most = 1.0
+    most = 3.0
     either_sign = True
     family = "dry friction"
     near = ("coulomb-friction", "stiction", "load-friction")

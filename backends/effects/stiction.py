@@ -22,7 +22,7 @@ class Effect(NumberEffect):
     levels = (0.01, 0.04, 0.12)
     number = "drive.stiction_nm"
     least = 0.008
-    most = 1.0
+    most = 3.0
     kinked = True
     family = "dry friction"
     near = ("coulomb-friction", "load-friction")

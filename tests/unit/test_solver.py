@@ -2,6 +2,7 @@
 
 import json
 
+import arms
 import numpy as np
 import pytest
 from arms import HZ, KD, KP, LIMIT, Real, limbs_of, log_of
@@ -243,6 +244,15 @@ def test_a_gain_beyond_its_file_keeps_its_sign():
     result = diagnose(make_log(meta, log.samples, log.mjcf_xml))
     assert all(np.isfinite([c.value, c.low, c.high]).all() for c in result.magnitudes)
     assert all(c.low > -100.0 for c in result.magnitudes if c.effect == "kp-scale")
+
+
+def test_friction_may_be_more_than_a_sound_drive_asks_for(monkeypatch):
+    """Find its size where small targets ask little of the nominal drive."""
+    monkeypatch.setattr(arms, "PROTOCOLS", ("multisine",))
+    (cause,) = diagnose(log_of(Real(coulomb_nm={0: 5.0}))).magnitudes
+    assert cause.effect == "coulomb-friction"
+    assert cause.low < 5.0 < cause.high
+    assert cause.value == pytest.approx(5.0, rel=0.05)
 
 
 def test_kinds_of_friction_at_a_joint_are_one_cause():
