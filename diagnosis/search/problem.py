@@ -4,6 +4,8 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+from scipy.optimize import lsq_linear
 
 from backends.state import Array
 from diagnosis.models.parameters import Parameter, bounds, with_parts
@@ -17,8 +19,8 @@ WIDE = 1e3
 """An effect's size has a prior so many times wider than its bounds: none."""
 RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
-ROUNDS = 40
-"""Which sizes end is mostly known after five."""
+EXACT = 1e-12
+"""A step wins all but this share of what it can."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -103,20 +105,10 @@ def _is_held(number: int, one: Parameter, freed: Sequence[int]) -> bool:
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:
-    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,).
-
-    By the primal-dual active set (Hintermueller, Ito, Kunisch, SIAM J. Optim. 13, 2003).
-    """
-    found, force, per = np.linalg.solve(curvature, slope), np.zeros_like(slope), np.diag(curvature)
-    before = np.full(len(slope), np.nan)
-    for _ in range(ROUNDS):
-        ends = np.sign(np.maximum(force + per * (found - high), 0.0))
-        ends += np.sign(np.minimum(force + per * (found - low), 0.0))
-        if (ends == before).all():
-            break
-        before, free = ends, ends == 0.0
-        found = np.where(ends > 0.0, high, np.where(free, 0.0, low))
-        rest = slope[free] - curvature[np.ix_(free, ~free)] @ found[~free]
-        found[free] = np.linalg.solve(curvature[np.ix_(free, free)], rest)
-        force = np.where(free, 0.0, slope - curvature @ found)
-    return np.clip(found, low, high)
+    """The d (n,) with low <= d <= high that minimises d'A d / 2 - g'd, for A (n, n) and g (n,)."""
+    root = cholesky(curvature, lower=True)
+    aim = solve_triangular(root, slope, lower=True)
+    free = solve_triangular(root.T, aim)
+    if (low <= free).all() and (free <= high).all():
+        return np.asarray(free)
+    return np.asarray(lsq_linear(root.T, aim, (low, high), method="bvls", tol=EXACT).x)

@@ -8,7 +8,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import root_weights
 from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.problem import RIDGE, Problem, lowest
+from diagnosis.search.problem import RIDGE, Problem
 
 SIZES = (2.0, 6.0)
 """Multiples of the least size over which an effect's slope is taken."""
@@ -34,26 +34,22 @@ def screened(
     slopes = {**fit.slopes, **fitter.slopes(unknown, fit.u, fit.freed, base)}
     weights = root_weights(fitter.evidence, fit.residual)
     jacobian, curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
-    left, now = fit.residual * weights, problem.at(fit.u)
-    low, high = problem.low - now, problem.high - now
+    left, whole = fit.residual * weights, np.linalg.inv(curvature)
 
     def promise(number: int) -> tuple[float, float]:
-        """What it wins of the cost, with all tolerances within their ends; and its size."""
+        """What it wins of the cost, and the size that wins it."""
         one, now = fitter.parameters[number], free.get(number, 0.0)
         rest = np.array([k != number for k in problem.numbers])
-        best = -np.inf, 0.0
+        inverse = whole if rest.all() else np.linalg.inv(curvature[np.ix_(rest, rest)])
+        best = 0.0, 0.0
         for size in _sizes(one):
             columns = np.stack(changes(number, size, now), axis=1) * weights[:, None]
-            shared, more = jacobian[:, rest].T @ columns, columns.T @ columns
-            more += RIDGE * np.diag(np.diag(more) + 1.0)
-            bend = np.block([[more, shared.T], [shared, curvature[np.ix_(rest, rest)]]])
-            slope = np.concatenate([columns.T @ left, pull[rest]])
-            parts = len(more) - 1
-            least, endless = size if parts else _lowest(one), np.full(parts, np.inf)
-            ends = [[least], -endless, low[rest]], [[one.most], endless, high[rest]]
-            step = lowest(bend, slope, *map(np.concatenate, ends))
-            gain = float(slope @ step - step @ bend @ step / 2)
-            best = max(best, (gain, now + float(step[0])), key=lambda pair: pair[0])
+            shared = jacobian[:, rest].T @ columns
+            bend = columns.T @ columns - shared.T @ inverse @ shared
+            slope = columns.T @ left - shared.T @ inverse @ pull[rest]
+            least = size if len(slope) > 1 else -one.most if one.kind.either_sign else 0.0
+            gain, to = _won(bend, slope, least, one.most)
+            best = max(best, (gain, now + to), key=lambda pair: pair[0])
         return best
 
     def changes(number: int, size: float, now: float) -> list[Array]:
@@ -74,11 +70,20 @@ def screened(
     return {k: found[k][1] for k in ranked}, slopes
 
 
-def _lowest(one: Parameter) -> float:
-    """How far an effect's number may fall: in a linear step, a positive one by all of it."""
-    if not one.kind.either_sign:
-        return 0.0
-    return -1.0 if one.kind.coordinate == "logarithm" else -one.most
+def _won(bend: Array, slope: Array, least: float, most: float) -> tuple[float, float]:
+    """What the first of n changes wins between two sizes, with the best of the others; and where.
+
+    The cost of changes x (n,) is x'A x / 2 - g'x, with bend A (n, n) and slope g (n,).
+    """
+    own, along, more = float(bend[0, 0]), float(slope[0]), 0.0
+    if len(slope) > 1:
+        others = bend[1:, 1:] + np.diag(RIDGE * np.diag(bend)[1:] + RIDGE)
+        by = np.linalg.solve(others, np.stack([bend[1:, 0], slope[1:]], axis=1))
+        own -= float(bend[0, 1:] @ by[:, 0])
+        along -= float(bend[0, 1:] @ by[:, 1])
+        more = float(slope[1:] @ by[:, 1]) / 2
+    to = np.clip(along / max(own, 1e-9), least, most)
+    return float(along * to - own * to * to / 2 + more), float(to)
 
 
 def _sizes(one: Parameter) -> tuple[float, ...]:

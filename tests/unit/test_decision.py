@@ -4,7 +4,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.optimize import lsq_linear
 
 from diagnosis.evidence.evidence import excess, squared_gaps
 from diagnosis.evidence.log_faults import absurd
@@ -42,21 +41,6 @@ def test_the_lowest_point_keeps_its_bounds():
     assert free == pytest.approx(np.linalg.solve(curvature, slope))
     held = lowest(curvature, slope, np.array([-1.0, 0.5]), np.array([1.0, 2.0]))
     assert held == pytest.approx([1.0, 0.5])
-
-
-def test_the_lowest_point_of_many_sizes():
-    """Find what SciPy finds where half of the sizes end, some of which do nearly the same."""
-    rng = np.random.default_rng(0)
-    slopes = rng.normal(size=(400, 9)) @ rng.normal(size=(9, 60)) + 0.03 * rng.normal(
-        size=(400, 60)
-    )
-    high = rng.uniform(0.01, 0.5, 60)
-    curvature, slope = slopes.T @ slopes + np.eye(60), slopes.T @ rng.normal(size=400)
-    found = lowest(curvature, slope, -high, high)
-    root = np.linalg.cholesky(curvature)
-    wanted = lsq_linear(root.T, np.linalg.solve(root, slope), (-high, high), tol=1e-12).x
-    assert found == pytest.approx(wanted, abs=1e-6)
-    assert 10 < np.sum(np.abs(found) == high) < 50
 
 
 def test_one_violent_second_does_not_decide():

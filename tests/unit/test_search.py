@@ -14,7 +14,6 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fitter
-from diagnosis.search.screening import screened
 from diagnosis.search.search import Found, Search, rank
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.ordinary import ROBOTS
@@ -33,14 +32,6 @@ def fitter():
 def number(fitter, effect):
     """The number of an effect on the first joint."""
     return next(k for k, p in enumerate(fitter.parameters) if (p.effect, p.joint) == (effect, 0))
-
-
-def test_no_number_falls_below_nothing(fitter):
-    """Promise of a mass, where a linear step would take it thrice, what all of it is worth."""
-    mass, plain = number(fitter, "link-mass"), fitter.fit(steps=0)
-    far = replace(plain, residual=-10.0 * plain.residual)
-    sizes, _ = screened(fitter, far, [mass], {})
-    assert sizes[mass] == pytest.approx(-1.0)
 
 
 def test_a_smaller_set_is_fitted_from_the_larger_one(fitter):
