@@ -11,7 +11,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
-from diagnosis.motion.limb import Limb, block_means
+from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 
 STILL_RAD, MOVES_RAD = 2e-3, 2e-2
@@ -142,8 +142,7 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     far = [np.nansum(((shown - measured) / most) ** 2) for shown in shows]
     limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]
     command = np.concatenate([r.command for r in limb.recordings])
-    pairs = zip(limb.recordings, limb.edges, strict=True)
-    missed = np.concatenate([block_means(r.command - r.measured[:, 0], at) for r, at in pairs])
+    missed = limb.means(lambda recording: recording.command - recording.measured[:, 0])
     dropped, notes = np.zeros((len(CHANNELS), len(limb.joints)), dtype=bool), []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
