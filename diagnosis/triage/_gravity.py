@@ -1,218 +1,22 @@
-"""What gravity says of command and position together: their unit, and who carries the weight.
-
-At rest a PD law holds a link by command - position = weight(position) / kp. Both numbers in another
-unit break that in a way that names the unit; a drive that carries the weight by itself leaves
-no difference at all. Where a joint hardly rests, that holds of what its speed and its friction, and
-the accelerations of all joints, do not make of the difference.
-"""
-
-from collections.abc import Iterator
-from dataclasses import dataclass
+"""Who carries a joint's weight, and whether gravity pulls where the model says, by its sag."""
 
 import numpy as np
 
-from backends.state import Array
-from diagnosis.motion.columns import KP
-from diagnosis.motion.limb import block_means
-from diagnosis.motion.recordings import Recording
-from diagnosis.replay.dynamics import bias_torques
-from diagnosis.triage._lines import ZERO_RAD
-from diagnosis.triage._signals import COUNTS, rms
-from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
-from diagnosis.triage._units import in_unit, scaled
+from diagnosis.triage._sags import Sags
+from diagnosis.triage._signals import rms
+from diagnosis.triage._tracks import BETTER, Fault, Track
 
-REST_S = 0.5
-"""A joint rests at the end of so long a time without a new target."""
-STILL = 0.02
-"""Largest drift in that rest, over the joint's travel."""
-LEAST_RESTS, SEEN_RAD = 5, 2e-3
-"""So many rests, and so much sag, are needed [rad, m]."""
-WRONG, RIGHT = 0.5, 0.25
-"""Relative misfit of the sag from which a unit is wrong, and up to which another is right."""
-COARSEST = 100.0
-"""Counts per radian that encoders have at least."""
-FREE, FINER = np.geomspace(1e-2, 1e4, 400), 1.04
-"""Sizes of a unit that are tried where none with a name fits, and how far about the best again."""
-MEAN_S, MOST_POSES, SLOW = 0.05, 2000, 0.3
-"""In motion means over so long count, so many of them; friction turns below this share of the usual
-speed."""
 ZEROS, FAR_RAD, SURE = np.radians(np.arange(-180, 181, 3)), np.pi / 4, 0.1
 """Zeros that are tried; a nearer one may be a tilt of gravity, which is an effect; the relative
 misfit that names one."""
-OUTSIDE, REACH = 1.5, 1.1
-"""Readings are outside a joint's range, and within it, by these shares of it."""
 CARRIED = 0.2
 """Share of the expected sag up to which the weight is carried by something else."""
 
 
 def weight(track: Track) -> Fault | None:
-    """Both sides in another unit, or a weight that the PD law does not carry."""
-    sags = Sags.at_rest(track)
-    if len(sags.errors) < LEAST_RESTS:
-        sags = Sags.in_motion(track)
-    size = rms(sags.expected())
-    few = len(sags.errors) < LEAST_RESTS or size < SEEN_RAD
-    if few or rms(sags.apart()) < WRONG * size:
-        return None
-    return _unit(track, sags) or _zero(track, sags) or _carried(track, sags)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Sags:
-    """What all joints of a track's limb show of its weight, at R poses."""
-
-    track: Track
-    errors: Array
-    """Command less position of the track's joint, shape (R,)."""
-    positions: Array
-    """Of all joints, shape (R, K)."""
-    beside: Array
-    """What errors follow from beside weight, an orthonormal basis of it (R, C)."""
-
-    @classmethod
-    def at_rest(cls, track: Track) -> "Sags":
-        """Where all joints rest, in all episodes."""
-        every = [pair for r in track.limb.recordings for pair in _rests(r, track.index)]
-        return cls(
-            track=track,
-            errors=np.array([sag for sag, _ in every]),
-            positions=np.array([q for _, q in every]).reshape(-1, len(track.limb.joints)),
-            beside=np.zeros((len(every), 0)),
-        )
-
-    @classmethod
-    def in_motion(cls, track: Track) -> "Sags":
-        """All along the episodes, where no joint is pushed and no torque is given."""
-        every = [_moving(r, track.index) for r in track.limb.recordings]
-        errors, positions, beside = (np.concatenate(some) for some in zip(*every, strict=True))
-        some = slice(None, None, 1 + len(errors) // MOST_POSES)
-        return cls(
-            track=track,
-            errors=errors[some],
-            positions=positions[some],
-            beside=np.linalg.qr(beside[some])[0],
-        )
-
-    def apart(self, per_si: float = 1.0, zero: float = 0.0) -> Array:
-        """Errors less the nominal sag."""
-        return self._own(self.errors / per_si) - self.expected(per_si, zero)
-
-    def left(self, per_si: float = 1.0, zero: float = 0.0, biased: bool = False) -> float:
-        """Share of the errors that weight does not explain; `biased`: nor a sensor's bias."""
-        apart = self.apart(per_si, zero)
-        if biased:
-            one, most = self._own(np.ones_like(apart)), np.inf if self.track.slides else ZERO_RAD
-            apart = apart - one * np.clip((one @ apart) / max(float(one @ one), 1e-12), -most, most)
-        return rms(apart) / max(rms(self._own(self.errors / per_si)), 1e-12)
-
-    def is_better(self, per_si: float = 1.0, zero: float = 0.0) -> bool:
-        """Whether another unit or zero explains far more of them than a sensor's bias does."""
-        return self.left(per_si, zero) * BETTER < self.left(biased=True)
-
-    def _own(self, errors: Array) -> Array:
-        """What of errors does not follow from what is beside weight."""
-        return np.asarray(errors - self.beside @ (self.beside.T @ errors))
-
-    def expected(self, per_si: float = 1.0, zero: float = 0.0) -> Array:
-        """The nominal sag (R,) [rad or m], in a unit of so many per SI's, from another zero."""
-        track = self.track
-        q = self.positions / per_si
-        q[:, track.index] -= zero
-        bias = bias_torques(track.limb.spec, q, np.zeros_like(q)) if len(q) else q
-        return self._own(bias[:, track.index] / track.limb.nominal[track.index, KP])
-
-    def misfit(
-        self,
-        per_si: float = 1.0,
-        zero: float = 0.0,
-        sizes: tuple[float, float] = (1.0, 1.0),
-    ) -> float:
-        """Relative misfit of the sag; infinite where the joint does not reach so far.
-
-        `sizes`: with a gain or mass that makes it so many times as large.
-        """
-        far = np.abs(self.positions[:, self.track.index]).max() / per_si
-        if per_si != 1.0 and far > REACH * self.track.room:
-            return np.inf
-        expected, found = self.expected(per_si, zero), self._own(self.errors / per_si)
-        size = float(found @ expected) / max(float(expected @ expected), 1e-24)
-        expected = np.clip(size, *sizes) * expected
-        return rms(found - expected) / max(rms(expected), 1e-12)
-
-
-def _moving(recording: Recording, j: int) -> tuple[Array, Array, Array]:
-    """Errors of joint j (R,), the poses of all (R, K), and what moves them (R, C), by `MEAN_S`."""
-    joints, step_s = recording.command.shape[1], float(np.median(np.diff(recording.time_s)))
-    size = max(1, round(MEAN_S / step_s))
-    edges = np.arange(0, len(recording.time_s) + 1, size)
-    if step_s > MEAN_S or len(edges) < LEAST_RESTS or len(recording.given):
-        return np.zeros(0), np.zeros((0, joints)), np.zeros((0, joints + 3))
-    position, command = (
-        block_means(x[: edges[-1]], edges) for x in (recording.measured[:, 0], recording.command)
-    )
-    v = np.gradient(position, size * step_s, axis=0)
-    a = np.gradient(v, size * step_s, axis=0)
-    own = v[:, j]
-    sign = np.tanh(own / max(float(np.median(np.abs(own))) * SLOW, 1e-9))
-    beside = np.column_stack([own, sign, own * np.abs(own), a])
-    free = ~block_means(recording.push[: edges[-1]] != 0.0, edges).any(axis=1)
-    known = free & np.isfinite(beside).all(axis=1)
-    return (command - position)[known, j], position[known], beside[known]
-
-
-def _rests(recording: Recording, j: int) -> Iterator[tuple[float, Array]]:
-    """Sags of joint j, and the pose of all.
-
-    Where its own target is the same as before, a joint is held as it was by friction, and tells
-    nothing new.
-    """
-    asked = np.concatenate([recording.asked, recording.push], axis=1)
-    fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
-    travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)
-    before, edges = np.nan, np.append(fresh, len(asked))
-    lasts_s = recording.time_s[edges[1:] - 1] - recording.time_s[edges[:-1]]
-    for begin, end in zip(edges[:-1][lasts_s >= REST_S], edges[1:][lasts_s >= REST_S], strict=True):
-        if (target := recording.command[begin, j]) == before:
-            continue
-        last = recording.measured[end - max(3, (end - begin) // 5) : end, 0]
-        first, second = (half.mean(axis=0) for half in np.array_split(last, 2))
-        still = np.abs(second - first).max() < STILL * travel
-        if still and not recording.push[begin].any():
-            position, before = last.mean(axis=0), target
-            yield float(target - position[j]), position
-
-
-def _unit(track: Track, sags: Sags) -> Fault | None:
-    counts = {} if track.slides else {n: s for n, s in COUNTS.items() if s > COARSEST}
-    named = {n: sags.misfit(s) for n, s in (track.units | counts).items()}
-    best = min(named, key=named.__getitem__)
-    free, size = _free(sags)
-    moves = sags.beside.size > 0  # then `_units` tells a gain from a unit
-    if named[best] >= RIGHT and not moves:  # of a drive or a mass that is another
-        named = {n: sags.misfit(s, sizes=SCALES) for n, s in track.units.items()}
-        best = min(named, key=named.__getitem__)
-        named[best] = np.inf if free * BETTER < named[best] else named[best]
-    why = "so says the sag of the joint under its weight, and its range"
-    if named[best] < RIGHT:
-        unsure = moves and free * BETTER < named[best]
-        return None if unsure else in_unit(track, best, f"both are in {best}: {why}")
-    reach = max(track.reach, *(float(np.abs(p).max()) for p in track.position))
-    load = sags.misfit(sizes=(0.0, np.inf))
-    if free > RIGHT or SCALES[0] < size < SCALES[1]:  # so far off a gain or a sensor may be
-        return None
-    if reach < OUTSIDE * track.room and (free * BETTER > load or not sags.is_better(size)):
-        return None
-    return scaled(track, size, why)
-
-
-def _free(sags: Sags) -> tuple[float, float]:
-    """The least misfit of any unit, and how many of that unit make one of SI's."""
-    sizes = FREE
-    for _ in range(2):
-        found = [sags.misfit(size) for size in sizes]
-        best = float(sizes[int(np.argmin(found))])
-        sizes = np.geomspace(best / FINER, best * FINER, len(FREE) // 8)
-    return min(found), best
+    """Another zero of both sides, or a weight that the PD law does not carry."""
+    sags = Sags.of(track)
+    return (_zero(track, sags) or _carried(track, sags)) if sags.are_wrong else None
 
 
 def _zero(track: Track, sags: Sags) -> Fault | None:
@@ -220,10 +24,11 @@ def _zero(track: Track, sags: Sags) -> Fault | None:
     if track.slides:
         return None
     misfits = [sags.misfit(zero=zero) for zero in ZEROS]
-    best = int(np.argmin(misfits))
-    if misfits[best] > SURE or abs(ZEROS[best]) < FAR_RAD or not sags.is_better(zero=ZEROS[best]):
+    best = ZEROS[int(np.argmin(misfits))]
+    better = sags.left(best) * BETTER < sags.left(biased=True)
+    if min(misfits) > SURE or abs(best) < FAR_RAD or not better:
         return None
-    far = f"{np.degrees(ZEROS[best]):.0f} deg"
+    far = f"{np.degrees(best):.0f} deg"
     return track.fault(
         "zero",
         f"positions and commands both stand {far} from the model's zero: so says the sag "
@@ -235,11 +40,9 @@ def _zero(track: Track, sags: Sags) -> Fault | None:
 def _carried(track: Track, sags: Sags) -> Fault | None:
     """A weight that leaves no sag, where the nominal world moves as logged without weight."""
     sag, expected = rms(sags.errors), rms(sags.expected())
-    if (
-        sags.beside.any()
-        or sag > CARRIED * expected
-        or track.weightless().misfit * BETTER > track.misfit
-    ):
+    if sags.beside.any() or sag > CARRIED * expected:
+        return None
+    if track.weightless().misfit * BETTER > track.misfit:
         return None
     return track.fault(
         "convention",

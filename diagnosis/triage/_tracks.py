@@ -115,17 +115,21 @@ class Track:
         """A fault of this joint's data."""
         return Fault(kind=kind, joints=(self.name,), evidence=evidence, remedy=remedy)
 
-    def varied(self, per_si: float = 1.0, **multiplied: float) -> "Track":
+    def varied(
+        self, per_si: float = 1.0, others: float | None = None, **multiplied: float
+    ) -> "Track":
         """The same track beside another nominal world, see `_replayed`.
 
-        Where both sides are in a unit of so many per radian or metre.
+        Where both sides are in a unit of so many per radian or metre, and those of other joints.
         """
-        units = (1.0, per_si) if self.slides else (per_si, 1.0)
+        units = np.array([per_si if others is None else others] * len(self.limb.joints))
+        units[[b.joint.slides != self.slides for b in self.limb.spec.hand.driven]] = 1.0
+        units[self.index] = per_si
         return replace(
             self,
             command=[c / per_si for c in self.command],
             position=[p / per_si for p in self.position],
-            shown=[s[:, 0, self.index] for s in self.replayed(**multiplied, units=units)],
+            shown=[s[:, 0, self.index] for s in self.replayed(**multiplied, units=tuple(units))],
         )
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
@@ -183,17 +187,17 @@ def _replayed(
     paced: float = 1.0,
     damped: float = 1.0,
     limited: float = 1.0,
-    units: tuple[float, float] = (1.0, 1.0),
+    units: tuple[float, ...] = (),
 ) -> list[Array]:
     """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied.
 
-    `units`: in how many per radian hinges are logged, and per metre slides.
+    `units`: in how many per radian or metre each joint is logged.
     """
     numbers = limb.nominal.copy()
     numbers[:, KD] *= damped
     numbers[:, LIMIT] *= limited
-    if paced != 1.0 or units != (1.0, 1.0):
-        per_si = np.array([units[b.joint.slides] for b in limb.spec.hand.driven])
+    if paced != 1.0 or {*units} - {1.0}:
+        per_si = np.array(units) if units else np.ones(len(limb.joints))
         every = (_converted(r, paced, per_si) for r in limb.recordings)
         limb = replace(limb, recordings=tuple(every))
     return shown_by(limb, numbers)

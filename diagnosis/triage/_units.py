@@ -1,111 +1,242 @@
-"""Command and position both in another unit: in which the nominal world moves as logged.
+"""Command and position both in another unit: by weight, by the range of joints, or by their motion.
+
+A robot has one convention, so hinges are judged together, and slides: by the geometric mean of what
+each leaves, in which no joint that is off for a reason of its own outweighs the others. Where they
+do not agree each is judged by itself.
 
 Where nothing but stiffness and inertia acts, a motion looks the same in every unit. Weight, limits
 of torque and links that turn far tell units apart, and so does the joint's range.
 """
 
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 
-from diagnosis.triage._signals import OPTIONS
-from diagnosis.triage._tracks import BETTER, Fault, Track
+from backends.state import Array
+from diagnosis.triage._sags import WRONG, Sags
+from diagnosis.triage._signals import CLEAR, COUNTS, OPTIONS, line
+from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
 
+RIGHT = 0.25
+"""Relative misfit of the sag up to which a unit is right."""
+COARSEST = 100.0
+"""Counts per radian that encoders have at least."""
+FREE, MOVED, ASIDE = (
+    np.geomspace(*ends) for ends in ((1e-2, 1e4, 400), (1e-2, 1e4, 25), (0.5, 2, 9))
+)
+"""Sizes of a unit that are tried by weight and by motion, and multiples of that of the weight."""
+PASSES, AGAIN = 3, 9
+"""So many times, so many more are tried about the best."""
+NEAR = 0.03
+"""A size is that of an encoder's counts within this share."""
 BEYOND, WITHIN = 3.0, 1.5
 """Commands beyond the first multiple of a joint's range are in another unit if that brings them
 within the second."""
 FINE, SAME = 0.05, 0.2
 """Share of the motion that is left where no unit can be wrong, and up to which another is right."""
-ASIDE = np.array([0.5, 0.6, 0.7, 0.77, 0.84, 1.19, 1.3, 1.43, 1.67, 2.0])
-"""Multiples of a unit that are tried beside it."""
 RIVAL = 2.0
 """A unit must leave less than a weight that is carried, or another limit, by this factor."""
+CLOSER = 1.3
+"""Of two sizes without a name, the one that leaves less by this factor."""
+LEAST = 1e-3
+"""Less than this share says nothing more."""
 
+MOVES = "then the nominal world moves as logged"
 LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
 HELD = "friction holds it beside its targets"
 
 
-def in_unit(track: Track, unit: str, evidence: str) -> Fault:
-    """Commands and positions that are in another unit."""
-    option = f", or read the table with --unit {OPTIONS[unit]}" if unit in OPTIONS else ""
-    return track.fault("unit", evidence, f"convert command and position to {track.si}{option}")
+def both(every: Sequence[Track]) -> Iterator[Fault]:
+    """Commands and positions that are in another unit, not one of them alone."""
+    for kind in (False, True):
+        some = tuple(track for track in every if track.slides == kind and not _one_sided(track))
+        yield from _both(some)
 
 
-def scaled(track: Track, size: float, evidence: str) -> Fault:
-    """Commands and positions in a unit without a name, of which so many make one of SI's."""
-    gear = f"motor-side, {size:.2g} to 1" if size > 1.0 else f"geared, 1 to {1.0 / size:.2g}"
-    return track.fault(
-        "unit",
-        f"both are in a unit of which about {size:.2g} make one {track.si}: {gear}, or of a "
-        f"calibration: {evidence}",
-        f"convert them to {track.si}",
-    )
+def _both(some: Sequence[Track]) -> Iterator[Fault]:
+    """Of all together, or else of each by itself."""
+    said = _unit(joints := Joints(tracks=tuple(some))) if some else None
+    if said:
+        yield said.fault(joints.agree(said.per_si) or some)
+    elif len(some) > 1:
+        yield from (fault for track in some for fault in _both([track]))
 
 
-def both(track: Track) -> Fault | None:
-    """Both sides in another unit, by the joint's range or by how it moves."""
-    tried, reach, room, si = _possible(track), track.reach, track.room, track.si
-    if tried and reach >= BEYOND * room:
-        where = f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}"
-        best = _best(track, tried)[0]
-        return in_unit(track, best, f"{where}: commands and positions are in {best}")
-    said = _moves_as_logged(track)
-    if said is None or _rivals(track, tried[said[0]]):
-        return None
-    near = {size: _left(track.varied(size)) for size in tried[said[0]] * ASIDE}
-    other = min(near, key=near.__getitem__)
-    if near[other] * BETTER < _left(track.varied(tried[said[0]])):
-        why = "then the nominal world moves as logged, and in no named unit"
-        return scaled(track, float(other), why)
-    return in_unit(track, said[0], "both are in {}: {}".format(*said))
-
-
-def perhaps(track: Track) -> str | None:
+def perhaps(every: Sequence[Track]) -> Iterator[str]:
     """What to say where another unit would explain a motion, and so would another limit alone."""
-    said = _moves_as_logged(track)
-    if said is None or _rivals(track, _possible(track)[said[0]]) != [LIMIT]:
+    for track in every:
+        joints = Joints(tracks=(track,))
+        said = joints.moves_as_logged()
+        if said is not None and joints.rivals(said.per_si) == [LIMIT]:
+            unit = said.of(track.si)
+            yield f"commands and positions of {track.name} may be in {unit}; or {LIMIT}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unit:
+    """A unit, of which so many make one of SI's, and what shows it."""
+
+    per_si: float
+    why: str
+    name: str = ""
+    """Of those that people use; else a gear's or a calibration's."""
+
+    def fault(self, tracks: Sequence[Track]) -> Fault:
+        """Commands and positions of joints that are in it."""
+        si, known = tracks[0].si, OPTIONS.get(self.name)
+        return Fault(
+            kind="unit",
+            joints=tuple(track.name for track in tracks),
+            evidence=f"both are in {self.of(si)}",
+            remedy=f"convert command and position to {si}"
+            + (f", or read the table with --unit {known}" if known else ""),
+        )
+
+    def of(self, si: str) -> str:
+        """Its name, or its size, and what shows it."""
+        size = self.per_si
+        gear = f"motor-side, {size:.2g} to 1" if size > 1.0 else f"geared, 1 to {1.0 / size:.2g}"
+        counts = (name for name, per_rad in COUNTS.items() if abs(size / per_rad - 1.0) < NEAR)
+        side = gear if si == "m" else next(counts, gear)
+        free = f"a unit of which about {size:.2g} make one {si}: {side}, or of a calibration"
+        return f"{self.name or free}: {self.why}"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Joints:
+    """Joints that are in one unit, all hinges or all slides."""
+
+    tracks: tuple[Track, ...]
+
+    @cached_property
+    def sags(self) -> list[Sags]:
+        """Of those that show their weight."""
+        return [sags for track in self.tracks if (sags := Sags.of(track)).show_weight]
+
+    def sag(self, per_si: float = 1.0) -> float:
+        """Relative misfit of the sag, see `Sags.misfit`."""
+        return _together(sags.misfit(per_si) for sags in self.sags)
+
+    def left(self, per_si: float = 1.0) -> float:
+        """Share of the motion and of the sag that are left in a unit."""
+        return self._left(lambda track: _left(track.varied(per_si)), per_si)
+
+    def _left(
+        self,
+        moved: Callable[[Track], float],
+        per_si: float = 1.0,
+        sizes: tuple[float, float] = SCALES,
+    ) -> float:
+        """With what is left of a joint's motion, and a sag that is so many times as large."""
+        motions = (moved(track) for track in self.tracks if track.travel)
+        return _together([*motions, *(one.misfit(per_si, sizes=sizes) for one in self.sags)])
+
+    @property
+    def fall(self) -> bool:
+        """Whether the nominal world cannot follow a whole limb."""
+        whole = len(self.tracks) >= max(len(track.limb.joints) for track in self.tracks)
+        return whole and not np.isfinite(self.left())
+
+    def agree(self, per_si: float) -> list[Track]:
+        """Those that move far less as logged where they alone are in SI's unit."""
+
+        def agrees(track: Track) -> bool:
+            alone = _left(track.varied(1.0, others=per_si))
+            return alone * BETTER > _left(track.varied(per_si))
+
+        return [track for track in self.tracks if not track.travel or agrees(track)]
+
+    @cached_property
+    def units(self) -> dict[str, float]:
+        """Units in which the commands are within the joints' ranges: named, or of their weight.
+
+        Which counts of an encoder they are, no motion says.
+        """
+        reach = max(track.reach / track.room for track in self.tracks)
+        known = dict(self.tracks[0].units)
+        if self.sags and self.sag() >= WRONG:
+            _, rough = _free(self.sag, FREE)
+            if not SCALES[0] < rough < SCALES[1]:  # so far off a gain or a sensor may be
+                known[""] = _free(self.left, rough * ASIDE)[1]
+        return {name: size for name, size in known.items() if reach / size <= WITHIN}
+
+    def beyond(self) -> str:
+        """What shows that commands are far outside of a joint's range; else nothing."""
+        widest = max(self.tracks, key=lambda track: track.reach / track.room)
+        reach, room, si = widest.reach, widest.room, widest.si
+        far = reach >= BEYOND * room
+        return f"commands reach {reach:.3g} {si}, the joint only {room:.3g} {si}" if far else ""
+
+    def best(self) -> tuple[str, float]:
+        """The unit that leaves least, or an earlier one that leaves hardly more; what it leaves."""
+        found = {name: self.left(size) for name, size in self.units.items()}
+        best = next(iter(found))
+        for name, left in found.items():
+            best = name if left * BETTER < found[best] else best
+        return best, found[best]
+
+    def moves_as_logged(self) -> Unit | None:
+        """The unit in which the nominal world moves as logged."""
+        if not self.units or (left := self.left()) < FINE:
+            return None
+        best, then = self.best()
+        if then > SAME or then * BETTER > left:
+            return None
+        why = f"{MOVES} (it leaves {then:.2g} of the motion, and as they are {left:.2g})"
+        return Unit(per_si=self.units[best], why=why, name=best)
+
+    def rivals(self, per_si: float) -> list[str]:
+        """What else leaves as little: another limit of torque, a carried weight, friction."""
+        found = {
+            LIMIT: self._left(lambda track: _left(track.varied(limited=per_si))),
+            WEIGHT: self._left(lambda track: _left(track.weightless()), sizes=(0.0, np.inf)),
+            HELD: self._left(lambda track: _left(track, rubs=True)),
+        }
+        most = RIVAL * self.left(per_si)
+        return [text for text, left in found.items() if left < most]
+
+
+def _unit(joints: Joints) -> Unit | None:
+    """The unit that joints are in, where that is not SI's."""
+    said, beyond = joints.moves_as_logged(), joints.beyond()
+    if beyond and joints.units:
+        name, _ = joints.best()
+        said = Unit(per_si=joints.units[name], why=beyond, name=name)
+    elif said is None and joints.fall:
+        said = Unit(per_si=1.0, why=MOVES)
+    elif said is None or joints.rivals(said.per_si):
         return None
-    return f"commands and positions of {track.name} may be in {said[0]}: {said[1]}; or {LIMIT}"
+    left, size = _free(joints.left, MOVED)
+    if left * (BETTER if said.name else CLOSER) < joints.left(said.per_si):
+        said = Unit(per_si=size, why=MOVES)
+    return said if said.per_si != 1.0 and (beyond or left < SAME) else None
 
 
-def _possible(track: Track) -> dict[str, float]:
-    """Units in which the commands are within the joint's range.
-
-    Which counts of an encoder they are, no motion says.
-    """
-    most = WITHIN * track.room
-    return {n: size for n, size in track.units.items() if track.reach / size <= most}
-
-
-def _best(track: Track, tried: dict[str, float]) -> tuple[str, float]:
-    """The unit that leaves least, or the first where that is hardly more; and what it leaves."""
-    found = {name: _left(track.varied(size)) for name, size in tried.items()}
-    first, best = next(iter(found)), min(found, key=found.__getitem__)
-    best = best if found[best] * BETTER < found[first] else first
-    return best, found[best]
+def _free(misfit: Callable[[float], float], sizes: Array) -> tuple[float, float]:
+    """The least misfit of any unit, and how many of that unit make one of SI's."""
+    step = sizes[1] / sizes[0]
+    tried = {float(size): misfit(size) for size in sizes}
+    for _ in range(PASSES):
+        best = min(tried, key=tried.__getitem__)
+        sizes = np.geomspace(best / step, best * step, AGAIN)
+        tried |= {float(size): misfit(size) for size in sizes}
+        step = sizes[1] / sizes[0]
+    best = min(tried, key=tried.__getitem__)
+    return tried[best], best
 
 
-def _moves_as_logged(track: Track) -> tuple[str, str] | None:
-    """The unit in which the nominal world moves as logged, and what shows it."""
-    tried, left = _possible(track), _left(track) if track.travel else 0.0
-    if not tried or left < FINE:
-        return None
-    best, then = _best(track, tried)
-    if then > SAME or then * BETTER > left:
-        return None
-    return best, (
-        f"then the nominal world moves as logged (it leaves {then:.2g} of the motion, and as they "
-        f"are {left:.2g})"
-    )
+def _one_sided(track: Track) -> bool:
+    """Whether positions follow their commands at another scale, so that one side alone is off."""
+    found = line(track.command, track.position)
+    return abs(found.correlation) > CLEAR and not SCALES[0] <= found.slope <= SCALES[1]
 
 
-def _rivals(track: Track, per_si: float) -> list[str]:
-    """What else leaves as little: another limit of the torque, a carried weight, friction."""
-    found = {
-        LIMIT: _left(track.varied(limited=per_si)),
-        WEIGHT: _left(track.weightless()),
-        HELD: _left(track, rubs=True),
-    }
-    most = RIVAL * _left(track.varied(per_si))
-    return [text for text, left in found.items() if left < most]
+def _together(found: Iterable[float]) -> float:
+    """The geometric mean of shares; 0 of none."""
+    every = np.maximum(list(found), LEAST)
+    return float(np.exp(np.log(every).mean())) if every.size else 0.0
 
 
 def _left(track: Track, rubs: bool = False) -> float:

@@ -26,19 +26,17 @@ from diagnosis.triage._signals import CLEAR, UNCLEAR, line
 from diagnosis.triage._tracks import Fault, Track, tracks
 
 KINDS = ("sensor", "order", "sign", "unit", "zero", "convention", "clock")
-TESTS: tuple[Callable[[Track], Fault | None], ...] = (
-    _lines.dead,
-    _lines.convention,
+Test = Callable[[Track], Fault | None]
+TESTS: tuple[Test, ...] = (
     _gravity.weight,
     _lines.scale,
-    _units.both,
     _lines.slips,
     _lines.zero,
-    _lines.sides,
+    _lines.motor,
     _lines.pushed_way,
     _lines.torque,
 )
-"""Tests of one joint, in order; each assumes that the earlier ones passed."""
+"""Tests of one joint that is in SI's units, in order; each assumes that earlier ones passed."""
 LOST = (
     "the nominal world cannot follow this log: its links leave their drives at once; are positions "
     "and commands in the units of their names, and masses and gains those of the robot?"
@@ -69,17 +67,30 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
         raise LogError(LOST)
-    units = [said for track in every if (said := _units.perhaps(track))]
-    remarks = (said for about in (pauses, made_up) for track in every for said in about(track))
+    followed = [t for t in every if all(np.isfinite(shown).all() for shown in t.shown)]
+    units = _units.perhaps(every)
+    remarks = (said for about in (pauses, made_up) for track in followed for said in about(track))
     return (*units, *remarks)
 
 
 def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
-    first = _order(every) or tuple(f for track in every if (f := _lines.push_size(track)))
-    if first:
+    if first := _order(every) or _of_each(every, _lines.push_size):
         return first
-    tested = (next((f for test in TESTS if (f := test(track))), None) for track in every)
-    return tuple(f for f in tested if f) or _clocks.faults(every)
+    said = _of_each(every, _lines.dead, _lines.convention)
+    said += tuple(_units.both(_others(every, said)))
+    return said + _of_each(_others(every, said), *TESTS) or _clocks.faults(every)
+
+
+def _of_each(every: Sequence[Track], *tests: Test) -> tuple[Fault, ...]:
+    """What the first test of each joint says that says anything."""
+    firsts = (next(filter(None, (test(track) for test in tests)), None) for track in every)
+    return tuple(filter(None, firsts))
+
+
+def _others(every: Sequence[Track], said: Sequence[Fault]) -> list[Track]:
+    """Joints of which nothing is said."""
+    known = {joint for fault in said for joint in fault.joints}
+    return [track for track in every if track.name not in known]
 
 
 def _order(every: Sequence[Track]) -> tuple[Fault, ...]:

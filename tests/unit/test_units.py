@@ -88,6 +88,29 @@ def test_a_motor_side_is_said_with_its_ratio(joints, motion):
     assert found and re.search("motor-side, (6.9|7|7.1) to 1", str(found[0]))
 
 
+@pytest.mark.parametrize("motion", [steps, sines])
+@pytest.mark.parametrize(
+    "change", [("", ""), ('kp="30.0', 'kp="18.0'), ("j2", 'j2" frictionloss="1')]
+)
+def test_all_joints_are_in_one_unit(motion, change):
+    """Name the ratio for all joints at once: one that is upright, weak or sticks has no own."""
+    xml = arm(3, limit=40.0).replace('"j0" axis="0 1 0"', '"j0" axis="0 0 1"')
+    one = log(xml, motion(0.3), 7.0, real=xml.replace(*change, 1))
+    (found,) = faults(one, mjcf_world(one))
+    assert found.joints == ("j0", "j1", "j2")
+    assert re.search(r"motor-side, (6\.[5-9]|7(\.1)?) to 1", str(found))
+
+
+@pytest.mark.parametrize("motion", [steps, sines])
+def test_a_joint_in_another_unit_than_others_is_named_alone(motion):
+    """Name the one joint whose both sides are in degrees where the others are in radians."""
+    one = log(arm(2, "0 0 1"), motion(0.3), 1.0)
+    own = [name for name in one.samples if str(name).endswith(".j1")]
+    one = make_log(one.meta, one.samples.assign(**(DEGREES * one.samples[own])), one.mjcf_xml)
+    (found,) = faults(one, mjcf_world(one))
+    assert found.joints == ("j1",) and "degrees" in str(found)
+
+
 @pytest.mark.parametrize(("joints", "motion"), [(1, steps), (1, sines), (2, sines), (3, sines)])
 def test_another_zero_of_both_sides_is_known_by_weight(joints, motion):
     """Say how far the zero of the first joint is off, with rests and without."""

@@ -1,0 +1,169 @@
+"""What gravity says of command and position together, joint by joint.
+
+At rest a PD law holds a link by command - position = weight(position) / kp. Both numbers in another
+unit break that in a way that names the unit; a drive that carries the weight by itself leaves
+no difference at all. Where a joint hardly rests, that holds of what its speed and its friction, and
+the accelerations of all joints, do not make of the difference.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.motion.columns import KP
+from diagnosis.motion.limb import block_means
+from diagnosis.motion.recordings import Recording
+from diagnosis.replay.dynamics import bias_torques
+from diagnosis.triage._lines import ZERO_RAD
+from diagnosis.triage._signals import rms
+from diagnosis.triage._tracks import Track
+
+REST_S = 0.5
+"""A joint rests at the end of so long a time without a new target."""
+STILL = 0.02
+"""Largest drift in that rest, over the joint's travel."""
+LEAST_RESTS, SEEN_RAD = 5, 2e-3
+"""So many rests, and so much sag, are needed [rad, m]."""
+MEAN_S, MOST_POSES, SLOW = 0.05, 2000, 0.3
+"""In motion means over so long count, so many of them; friction turns below this share of the usual
+speed."""
+WRONG = 0.5
+"""Relative misfit of the sag from which it is another's."""
+REACH = 1.1
+"""Readings are within a joint's range up to this share of it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Sags:
+    """What all joints of a track's limb show of its weight, at R poses."""
+
+    track: Track
+    errors: Array
+    """Command less position of the track's joint, shape (R,)."""
+    positions: Array
+    """Of all joints, shape (R, K)."""
+    beside: Array
+    """What errors follow from beside weight, an orthonormal basis of it (R, C)."""
+
+    @classmethod
+    def of(cls, track: Track) -> "Sags":
+        """At rest; in motion where it hardly rests."""
+        resting = cls.at_rest(track)
+        return resting if len(resting.errors) >= LEAST_RESTS else cls.in_motion(track)
+
+    @property
+    def show_weight(self) -> bool:
+        """Whether there are enough, and the nominal ones large enough, to tell."""
+        return len(self.errors) >= LEAST_RESTS and rms(self.expected()) >= SEEN_RAD
+
+    @property
+    def are_wrong(self) -> bool:
+        """Whether they show a weight that is not the nominal one."""
+        return self.show_weight and self.misfit() >= WRONG
+
+    @classmethod
+    def at_rest(cls, track: Track) -> "Sags":
+        """Where all joints rest, in all episodes."""
+        every = [pair for r in track.limb.recordings for pair in _rests(r, track.index)]
+        return cls(
+            track=track,
+            errors=np.array([sag for sag, _ in every]),
+            positions=np.array([q for _, q in every]).reshape(-1, len(track.limb.joints)),
+            beside=np.zeros((len(every), 0)),
+        )
+
+    @classmethod
+    def in_motion(cls, track: Track) -> "Sags":
+        """All along the episodes, where no joint is pushed and no torque is given."""
+        every = [_moving(r, track.index) for r in track.limb.recordings]
+        errors, positions, beside = (np.concatenate(some) for some in zip(*every, strict=True))
+        some = slice(None, None, 1 + len(errors) // MOST_POSES)
+        return cls(
+            track=track,
+            errors=errors[some],
+            positions=positions[some],
+            beside=np.linalg.qr(beside[some])[0],
+        )
+
+    def left(self, zero: float = 0.0, biased: bool = False) -> float:
+        """Share of the errors that weight does not explain; `biased`: nor a sensor's bias."""
+        errors = self._own(self.errors)
+        apart = errors - self.expected(zero=zero)
+        if biased:
+            one, most = self._own(np.ones_like(apart)), np.inf if self.track.slides else ZERO_RAD
+            apart = apart - one * np.clip((one @ apart) / max(float(one @ one), 1e-12), -most, most)
+        return rms(apart) / max(rms(errors), 1e-12)
+
+    def _own(self, errors: Array) -> Array:
+        """What of errors does not follow from what is beside weight."""
+        return np.asarray(errors - self.beside @ (self.beside.T @ errors))
+
+    def expected(self, per_si: float = 1.0, zero: float = 0.0) -> Array:
+        """The nominal sag (R,) [rad or m], in a unit of so many per SI's, from another zero."""
+        track = self.track
+        q = self.positions / per_si
+        q[:, track.index] -= zero
+        bias = bias_torques(track.limb.spec, q, np.zeros_like(q)) if len(q) else q
+        return self._own(bias[:, track.index] / track.limb.nominal[track.index, KP])
+
+    def misfit(
+        self,
+        per_si: float = 1.0,
+        zero: float = 0.0,
+        sizes: tuple[float, float] = (1.0, 1.0),
+    ) -> float:
+        """Relative misfit of the sag; infinite where the joint does not reach so far.
+
+        `sizes`: with a gain or mass that makes it so many times as large.
+        """
+        far = np.abs(self.positions[:, self.track.index]).max() / per_si
+        if per_si != 1.0 and far > REACH * self.track.room:
+            return np.inf
+        expected, found = self.expected(per_si, zero), self._own(self.errors / per_si)
+        size = float(found @ expected) / max(float(expected @ expected), 1e-24)
+        expected = np.clip(size, *sizes) * expected
+        return rms(found - expected) / max(rms(expected), 1e-12)
+
+
+def _moving(recording: Recording, j: int) -> tuple[Array, Array, Array]:
+    """Errors of joint j (R,), the poses of all (R, K), and what moves them (R, C), by `MEAN_S`."""
+    joints, step_s = recording.command.shape[1], float(np.median(np.diff(recording.time_s)))
+    size = max(1, round(MEAN_S / step_s))
+    edges = np.arange(0, len(recording.time_s) + 1, size)
+    if step_s > MEAN_S or len(edges) < LEAST_RESTS or len(recording.given):
+        return np.zeros(0), np.zeros((0, joints)), np.zeros((0, joints + 3))
+    position, command = (
+        block_means(x[: edges[-1]], edges) for x in (recording.measured[:, 0], recording.command)
+    )
+    v = np.gradient(position, size * step_s, axis=0)
+    a = np.gradient(v, size * step_s, axis=0)
+    own = v[:, j]
+    sign = np.tanh(own / max(float(np.median(np.abs(own))) * SLOW, 1e-9))
+    beside = np.column_stack([own, sign, own * np.abs(own), a])
+    free = ~block_means(recording.push[: edges[-1]] != 0.0, edges).any(axis=1)
+    known = free & np.isfinite(beside).all(axis=1)
+    return (command - position)[known, j], position[known], beside[known]
+
+
+def _rests(recording: Recording, j: int) -> Iterator[tuple[float, Array]]:
+    """Sags of joint j, and the pose of all.
+
+    Where its own target is the same as before, a joint is held as it was by friction, and tells
+    nothing new.
+    """
+    asked = np.concatenate([recording.asked, recording.push], axis=1)
+    fresh = np.flatnonzero(np.any(np.diff(asked, axis=0) != 0.0, axis=1)) + 1
+    travel = max(float(np.nanmax(np.ptp(recording.measured[:, 0], axis=0))), 1e-9)
+    before, edges = np.nan, np.append(fresh, len(asked))
+    lasts_s = recording.time_s[edges[1:] - 1] - recording.time_s[edges[:-1]]
+    for begin, end in zip(edges[:-1][lasts_s >= REST_S], edges[1:][lasts_s >= REST_S], strict=True):
+        if (target := recording.command[begin, j]) == before:
+            continue
+        last = recording.measured[end - max(3, (end - begin) // 5) : end, 0]
+        first, second = (half.mean(axis=0) for half in np.array_split(last, 2))
+        still = np.abs(second - first).max() < STILL * travel
+        if still and not recording.push[begin].any():
+            position, before = last.mean(axis=0), target
+            yield float(target - position[j]), position
