@@ -25,7 +25,7 @@ from benchmark.settings.effects import (
 )
 from benchmark.settings.run_spec import ideal
 from diagnosis.calibration import plot
-from diagnosis.calibration.calibrate import TOTAL, Calibration, calibrate
+from diagnosis.calibration.calibrate import ROUNDS, Calibration, calibrate
 from diagnosis.calibration.result import (
     SCHEMA,
     CalibrationError,
@@ -66,7 +66,7 @@ def run(
         ideal = _ideal(log, asked.nominal)
         known = read_effects(_known_effects(log, asked), ideal.hand)
         refuse(known.effects, engine.support, asked.nominal)
-        with Bar(f"calibrate {asked.log.name}", TOTAL) as bar:
+        with Bar(f"calibrate {asked.log.name}", ROUNDS) as bar:
             found = calibrate(
                 start,
                 with_effects(ideal, known.effects),

@@ -7,8 +7,8 @@ friction otherwise share.
 
 Candidates around the gains so far are replayed, each in a slightly different world, and lines are
 fitted to the angles that they show: the least error follows, without samples that are not linear,
-and the next candidates are around that. All joints share the simulations: candidate k of every
-joint is world k. Fingers hardly move each other, and this coupling vanishes as the steps do.
+and the next candidates are around that. The joints of a limb share the replays: candidate k of each
+is world k. They hardly move each other, and this coupling vanishes as the steps do.
 
 q is the motor's angle where it was logged, because the PD law sees that; else the joint's. A joint
 with play floats between its teeth, and a thousandth of a degree decides where. Such samples say
@@ -18,18 +18,26 @@ A block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of
 candidates with replacement and asks for the least error each time.
 """
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from backends.catalogue import catalogue
+from backends.effect import UNITS, NumberEffect
 from backends.effects import kd_scale, kp_scale
 from backends.spec import Spec
 from backends.state import Array
 from diagnosis.calibration.backlash import least_absolute
-from diagnosis.motion.batch import Simulate, replay
-from diagnosis.motion.recordings import Recording
+from diagnosis.calibration.result import Gain, Gains
+from diagnosis.logs.log import Log
+from diagnosis.motion.columns import COLUMNS, KD, KP, PLAY, table
+from diagnosis.motion.excerpt import excerpted
+from diagnosis.motion.limb import Limb
+from diagnosis.replay.parts import limbs
 
+FITTED_S = 400.0
+"""Joint-seconds of a log that gains are fitted to."""
 SCALES = 1 + np.array([kp_scale.Effect.bounds, kd_scale.Effect.bounds])
 """Smallest and largest kp and kd over nominal that are tried: the bounds of the effects."""
 TO_LOG_GAINS = np.array([[2.0, 0.0], [2.0, 1.0]])
@@ -37,161 +45,212 @@ TO_LOG_GAINS = np.array([[2.0, 0.0], [2.0, 1.0]])
 show and which gets double steps, and kd over kp, which decides how fast a joint follows."""
 AROUND, NEAR_STD = 48, 0.02
 """How many candidates are replayed, and their standard deviation in their coordinates."""
+ROUNDS = 15
+"""Rounds at most: twelve steps go from nominal gains to any that is tried."""
 LARGEST_STEP, LAST_STEP = 0.2, 0.01
 """The largest step of a gain's logarithm in a round; after smaller ones no round follows."""
 BLOCK_S, DRAWS = 0.5, 100
 LEAST_MOTION_RAD = np.radians(0.5)
-LEAST_SAMPLES = 200
+LEAST_BLOCKS = 100
+"""Fewer means of readings (`Limb.edges`) tell no gains."""
 JITTER_PLAY, JITTER_START = 0.03, 0.3
 """Slightly different worlds: they differ by shares of the play, in its size and in the start."""
 PREDICTABLE_RAD = 1e-3
 """Samples are left out where the standard deviation of worlds about lines is larger [rad]."""
-_DIVERGED_RAD = 1e3
-"""Error of a candidate whose simulation diverges [rad]."""
-
-Progress = Callable[[int], None]
-"""Called with the number of finished rounds."""
-Terms = tuple[Array, Array, Array, Array]
-"""What `least_error` takes of a joint."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Compared:
-    """The readings by which gains are judged, those of all motions end to end."""
-
-    is_motor: Array
-    """Whether a joint's motor is compared, else its position, shape (J,), bool."""
-    used: Array
-    """Which samples count, shape (T, J), bool."""
-
-    @classmethod
-    def of(cls, motions: Sequence[Recording]) -> "Compared":
-        """All readings, the motor's where it was logged all the time."""
-        is_motor = np.all([np.isfinite(m.measured[:, 1]).all(axis=0) for m in motions], axis=0)
-        shape = sum(len(m.time_s) for m in motions), len(is_motor)
-        return cls(is_motor=is_motor, used=np.ones(shape, dtype=bool))
-
-    def angles(self, readings: Sequence[Array]) -> Array:
-        """What is compared, (..., T, J), of readings (..., T, 2 or more, J) by motion."""
-        whole = np.concatenate(list(readings), axis=-3)
-        return np.where(self.is_motor, whole[..., 1, :], whole[..., 0, :])
-
-    def errors(self, shown: Sequence[Array], motions: Sequence[Recording]) -> Array:
-        """Absolute errors of a replay [rad], 0 of what does not count, shape (W, T, J)."""
-        miss = self.angles(shown) - self.angles([m.measured for m in motions])
-        return np.nan_to_num(np.abs(miss) * self.used, nan=_DIVERGED_RAD, posinf=_DIVERGED_RAD)
+DIVERGED_RAD = 1e3
+"""What a world shows whose replay diverges [rad]."""
+LARGEST_STD = 0.3
+"""A gain with a larger relative standard deviation is not identified."""
+FLOATS = (
+    "not identifiable from this log: it floats between its teeth nearly all the time; log its "
+    "motor's angle, or move it faster"
+)
+STEP, SHARE = 0.05, 0.9
+"""An effect is confounded with gains if changes of these, by slopes over a relative `STEP`, explain
+more than this share of what it does."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Worlds:
+    """What W worlds about the last gains show of a joint, where that is linear."""
+
+    gains: Array
+    """1 and the logarithms of their gains, shape (W, 3)."""
+    shown: Array
+    """Their angles, shape (W, T)."""
+    read: Array
+    """Those of the log, shape (T,)."""
+    block: Array
+    """The half second of each, shape (T,)."""
+
+    def least_error(self, rng: np.random.Generator | None = None) -> Array:
+        """Which gains show the angles read, as logarithms (2,).
+
+        With `rng`, worlds and half seconds are drawn.
+        """
+        rows, times = np.arange(len(self.gains)), np.ones(int(self.block.max()) + 1)
+        if rng is not None:
+            rows = rng.integers(len(rows), size=len(rows))
+            times = rng.multinomial(len(times), np.full(len(times), 1 / len(times))).astype(float)
+        about, *columns = np.linalg.lstsq(self.gains[rows], self.shown[rows])[0]
+        return least_absolute(self.read - about, np.transpose(columns), times[self.block])
+
+
 class GainFit:
-    """kp and kd of one joint: the mean over nominal and the relative standard deviations, (2,)."""
+    """A limb's gains over those of its nominal world, and the readings by which they are judged."""
 
-    scale: Array
-    std: Array
-    correlation: float
+    def __init__(self, limb: Limb, nominal: Spec) -> None:
+        self.limb, self.worlds = limb, dict[int, Worlds]()
+        self.nominal = table(nominal, limb.rigid)
+        now, plain = limb.nominal[:, [KP, KD]], self.nominal[:, [KP, KD]]
+        self.scale = np.divide(now, plain, out=np.ones_like(plain), where=plain > 0.0)
+        self.by_motor = np.isfinite(limb.measured[:, 1]).all(axis=0)
+        self.read = self._compared(limb.measured)
+        self.used = np.zeros(self.read.shape, dtype=bool)
+        """Which readings count, shape (N, K)."""
+
+    def run(self, joints: Sequence[int], rng: np.random.Generator) -> None:
+        """Find the gains of some joints with the least error."""
+        halves = [np.diff(time_s // BLOCK_S, prepend=-1.0) > 0 for time_s in self.limb.time_s]
+        block = np.cumsum(np.concatenate(halves)) - 1
+        for _ in range(ROUNDS):
+            points, shown = self._around(joints, rng)
+            steps = np.zeros_like(self.scale)
+            for j in joints:
+                terms = np.column_stack([np.ones(AROUND), points[:, j]])
+                linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
+                used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
+                self.used[:, j] = used & (used.sum() >= LEAST_BLOCKS)
+                if self.used[:, j].any():
+                    known = {"shown": shown[:, used, j], "read": self.read[used, j]}
+                    self.worlds[j] = Worlds(gains=terms, block=block[used], **known)
+                    step = self.worlds[j].least_error()
+                    steps[j] = np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+            self.scale = np.clip(self.scale * np.exp(steps), *SCALES.T)
+            if np.abs(steps).max(initial=0.0) < LAST_STEP:
+                break
+
+    def numbers(self, scale: Array, play: Array | float = 1.0) -> Array:
+        """The joints' numbers with so many times the nominal gains (K, 2) and the play (K,)."""
+        found = self.limb.nominal.copy()
+        found[:, [KP, KD]] = scale * self.nominal[:, [KP, KD]]
+        found[:, PLAY] *= play
+        return found
+
+    def angles(self, numbers: Array, shift_rad: Array | float = 0.0) -> Array:
+        """What is compared, in a world with these numbers and starts, shape (N, K)."""
+        shown = self.limb.simulate(numbers, shift=shift_rad)
+        return np.nan_to_num(self._compared(shown), nan=DIVERGED_RAD)
+
+    def _compared(self, shown: Array) -> Array:
+        return np.where(self.by_motor, shown[:, 1], shown[:, 0])
+
+    def _around(self, joints: Sequence[int], rng: np.random.Generator) -> tuple[Array, Array]:
+        """Logarithms of gains around the last ones (W, K, 2), and what they show (W, N, K)."""
+        shape = AROUND, len(self.scale)
+        play = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, shape)
+        start = self.limb.nominal[:, PLAY] * rng.uniform(-JITTER_START, JITTER_START, shape)
+        points = np.zeros((*shape, 2))
+        points[:, joints] = (
+            NEAR_STD * rng.standard_normal((AROUND, len(joints), 2)) @ TO_LOG_GAINS.T
+        )
+        rows = zip(points, play, start, strict=True)
+        shown = [self.angles(self.numbers(self.scale * np.exp(g), p), s) for g, p, s in rows]
+        return points, np.stack(shown)
 
 
-def with_gains(spec: Spec, scale: Array, play_rad: Array | None = None) -> Spec:
-    """The world with kp and kd of each joint multiplied by `scale`, shape (J, 2); its play (J,)."""
-    drives = []
-    for j, (drive, (kp, kd)) in enumerate(zip(spec.drives, scale, strict=True)):
-        play = drive.play_rad if play_rad is None else float(play_rad[j])
-        both = drive.kp_nm_rad * float(kp), drive.kd_nms_rad * float(kd)
-        drives.append(replace(drive, kp_nm_rad=both[0], kd_nms_rad=both[1], play_rad=play))
-    return spec.with_drives(drives)
+def gains(nominal: Spec, world: Spec, log: Log, rng: np.random.Generator) -> dict[str, Gains | str]:
+    """The gains of every joint, or why the log does not tell them; raises LogError.
+
+    `world`: the nominal one with the play and the gains that were found so far.
+    """
+    found = dict[str, Gains | str]()
+    for part, plain in zip(limbs(world), limbs(nominal), strict=True):
+        limb = Limb(spec=part, recordings=excerpted(log, part, FITTED_S)[0], rigid=False)
+        reasons = [reason_against(limb, j) for j in range(len(limb.joints))]
+        one = GainFit(limb, plain)
+        one.run([j for j, reason in enumerate(reasons) if not reason], rng)
+        worlds = one.nominal, one.numbers(one.scale)
+        errors = np.stack([np.abs(one.angles(numbers) - one.read) for numbers in worlds])
+        for j, name in enumerate(limb.joints):
+            found[name] = reasons[j] or _result(one, j, errors, rng)
+    return {name: found[name] for name in nominal.hand.joint_names}
 
 
-def reason_against(motions: Sequence[Recording], j: int) -> str | None:
-    """The reason why these motions cannot identify the gains of joint `j`, if there is one."""
-    if not motions:
-        return "not identifiable from this log: it has no steps, multisine, triangle or known push"
-    ends = [np.quantile(m.measured[:, 0, j], (0.01, 0.99)) for m in motions]
+def reason_against(limb: Limb, j: int) -> str:
+    """Why a log cannot identify the gains of joint `j`; empty where it may."""
+    ends = [np.quantile(m.measured[:, 0, j], (0.01, 0.99)) for m in limb.recordings]
     moved = max(float(high - low) for low, high in ends)
     if moved < LEAST_MOTION_RAD:
         return (
             f"not identifiable from this log: it moves by {np.degrees(moved):.2g} deg in free air; "
             f"needed: {np.degrees(LEAST_MOTION_RAD):g} deg"
         )
-    samples = sum(len(m.time_s) for m in motions)
-    if samples < LEAST_SAMPLES:
-        return f"not identifiable from this log: {samples} samples; needed: {LEAST_SAMPLES}"
-    return None
+    if (count := len(limb.measured)) < LEAST_BLOCKS:
+        return f"not identifiable from this log: {count} readings; needed: {LEAST_BLOCKS}"
+    return ""
 
 
-def fit(
-    simulate: Simulate,
-    nominal: Spec,
-    scale: Array,
-    motions: Sequence[Recording],
-    joints: Sequence[int],
-    rng: np.random.Generator,
-    rounds: int,
-    progress: Progress = lambda rounds: None,
-) -> tuple[dict[int, GainFit], Compared]:
-    """The gains of `joints` with the least error, from `scale` over `nominal` (J, 2) on.
-
-    `rounds`: how often candidates are replayed, at most.
-    """
-    for done in range(rounds):
-        given, compared = _around(simulate, with_gains(nominal, scale), motions, joints, rng)
-        steps = np.zeros_like(scale)
-        for j, of_joint in given.items():
-            steps[j] = np.clip(least_error(*of_joint), -LARGEST_STEP, LARGEST_STEP)
-        scale = np.clip(scale * np.exp(steps), *SCALES.T)
-        progress(done + 1)
-        if np.abs(steps).max() < LAST_STEP:
-            break
-    fits = {}
-    for j, of_joint in given.items():
-        draws = np.array([least_error(*of_joint, rng) for _ in range(DRAWS)])
-        both = float(np.corrcoef(draws.T)[0, 1])
-        fits[j] = GainFit(scale=scale[j], std=draws.std(axis=0, ddof=1), correlation=both)
-    return fits, compared
-
-
-def _around(
-    simulate: Simulate,
-    world: Spec,
-    motions: Sequence[Recording],
-    joints: Sequence[int],
-    rng: np.random.Generator,
-) -> tuple[dict[int, Terms], Compared]:
-    """What worlds around one show of joints, as far as it is linear; and what is compared."""
-    play = np.array([drive.play_rad for drive in world.drives])
-    shares = rng.uniform(1 - JITTER_PLAY, 1 + JITTER_PLAY, (AROUND, len(play)))
-    offset_rad = play * rng.uniform(-JITTER_START, JITTER_START, (AROUND, len(play)))
-    points = np.zeros((AROUND, len(play), 2))
-    points[:, joints] = rng.standard_normal((AROUND, len(joints), 2))
-    points = NEAR_STD * points @ TO_LOG_GAINS.T
-    pairs = zip(np.exp(points), play * shares, strict=True)
-    candidates = [with_gains(world, gains, plays) for gains, plays in pairs]
-    compared = Compared.of(motions)
-    shown = compared.angles(replay(simulate, candidates, motions, offset_rad))
-    read = compared.angles([motion.measured for motion in motions])
-    blocks = [motion.time_s // BLOCK_S for motion in motions]
-    block = np.cumsum(np.concatenate([np.diff(one, prepend=-1.0) > 0 for one in blocks])) - 1
-    given = {}
-    for j in joints:
-        terms = np.column_stack([np.ones(AROUND), points[:, j]])
-        linear = terms @ np.linalg.lstsq(terms, shown[..., j])[0]
-        used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
-        compared.used[:, j] = used
-        if used.sum() >= LEAST_SAMPLES:
-            given[j] = terms, shown[:, used, j], read[used, j], block[used]
-    return given, compared
+def _result(one: GainFit, j: int, errors_rad: Array, rng: np.random.Generator) -> Gains | str:
+    """The gains of a joint; errors (2, N, K) are those of the nominal world and with them."""
+    used = one.used[:, j]
+    if not used.any():
+        return FLOATS
+    draws = np.array([one.worlds[j].least_error(rng) for _ in range(DRAWS)])
+    std, means = draws.std(axis=0, ddof=1), one.numbers(one.scale)[j, [KP, KD]]
+    for name, ratio, sd, (low, high) in zip(("kp", "kd"), one.scale[j], std, SCALES, strict=True):
+        if not low < ratio < high:
+            return (
+                f"not identifiable from this log: its {name} runs to the limit of the search, "
+                f"{low:g} to {high:g} times the nominal one"
+            )
+        if not sd < LARGEST_STD:
+            return (
+                f"not identifiable from this log: its motion leaves {name} open by "
+                f"{100 * sd:.0f} %; allowed: {100 * LARGEST_STD:.0f} %"
+            )
+    sizes = zip(means, std, one.scale[j], strict=True)
+    before, after = 1e3 * errors_rad[:, used, j].mean(axis=1)
+    kp, kd = (Gain(mean=mean, std=mean * sd, relative=ratio - 1) for mean, sd, ratio in sizes)
+    return Gains(
+        kp_nm_rad=kp,
+        kd_nms_rad=kd,
+        correlation=float(np.corrcoef(draws.T)[0, 1]),
+        compared="motor" if one.by_motor[j] else "position",
+        samples=int(used.sum()),
+        error_nominal_mrad=before,
+        error_calibrated_mrad=after,
+        confounded=tuple(confusions(one, j)),
+    )
 
 
-def least_error(
-    terms: Array, shown: Array, read: Array, block: Array, rng: np.random.Generator | None = None
-) -> Array:
-    """Which gains show the angles read (T,), as logarithms (2,).
+def confusions(one: GainFit, j: int) -> Iterator[str]:
+    """The effects on a joint, at their smallest levels, that look like other gains, in words."""
+    spec, used, best = one.limb.spec, one.used[:, j], one.numbers(one.scale)
+    here, body, gains = one.angles(best)[used, j], spec.hand.driven[j], best[:, [KP, KD]]
 
-    `terms` (W, 3): 1 and the logarithms of the gains of worlds that show angles (W, T). With `rng`,
-    worlds and blocks (T,) of samples are drawn.
-    """
-    rows, times = np.arange(len(terms)), np.ones(int(block.max()) + 1)
-    if rng is not None:
-        rows = rng.integers(len(terms), size=len(terms))
-        times = rng.multinomial(len(times), np.full(len(times), 1 / len(times))).astype(float)
-    about, *columns = np.linalg.lstsq(terms[rows], shown[rows])[0]
-    return least_absolute(read - about, np.transpose(columns), times[block])
+    def trace(numbers: Array) -> Array:
+        return one.angles(numbers)[used, j] - here
+
+    steps = []
+    for place in (KP, KD):
+        numbers = best.copy()
+        numbers[j, place] *= 1.0 + STEP
+        steps.append(trace(numbers) / STEP)
+    columns = np.stack(steps, axis=1)
+    for name, kind in catalogue().items():
+        number = kind.number if kind.per_joint and issubclass(kind, NumberEffect) else ""
+        if number not in COLUMNS or COLUMNS.index(number) in (KP, KD) or kind.refusal(body):
+            continue
+        size = kind.levels[0] * kind.natural(spec.drives[j])
+        numbers = table(kind(magnitude=size, joint=one.limb.joints[j]).on_spec(spec), rigid=False)
+        numbers[:, [KP, KD]] = gains
+        path = trace(numbers)
+        x, total = np.linalg.lstsq(columns, path)[0], float(path @ path)
+        share = 1 - float(np.sum((path - columns @ x) ** 2)) / total if total > 0 else 0.0
+        if share > SHARE:
+            kp, kd = 100 * x
+            yield (
+                f"{name}: {size / UNITS[kind.unit][1]:g} {kind.unit} would look like "
+                f"kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * share:.1f} % of it)"
+            )

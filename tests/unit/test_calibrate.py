@@ -19,9 +19,9 @@ from benchmark.parts import registry
 from benchmark.settings.effects import PAPER_SPREAD, effect_name, parse_spread, read_effects
 from benchmark.settings.request import requested
 from benchmark.settings.run_spec import RunSpec
-from diagnosis.calibration import backlash, confounded, gains, tactile
+from diagnosis.calibration import backlash, gains, tactile
 from diagnosis.calibration.backlash import least_absolute
-from diagnosis.calibration.calibrate import Calibration, _telling
+from diagnosis.calibration.calibrate import Calibration
 from diagnosis.calibration.result import (
     Backlash,
     CalibrationError,
@@ -34,8 +34,10 @@ from diagnosis.calibration.result import (
 )
 from diagnosis.logs.log import EpisodeMeta, Log, write_log
 from diagnosis.motion.batch import replay
+from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.recording.record import Plan, record
+from diagnosis.replay.parts import limbs
 
 PLAY_DEG = {"J0": 1.3, "J1": 0.0, "J3": 0.8, "J4": 0.3, "J6": 1.1, "J7": 0.0}
 GAINS = {"J0": (1.12, 0.92), "J1": (0.9, 1.15), "J3": (1.05, 1.2)}
@@ -97,10 +99,32 @@ def pushed() -> Log:
 
 
 @pytest.fixture(scope="module")
-def moved() -> list[Recording]:
-    """The first two seconds of steps and multisine of the hidden hand, in Bullet."""
-    log = take("bullet", HIDDEN, "steps", "multisine")
-    return [first(m, 2.0) for m in recordings(log, world())]
+def moved() -> Log:
+    """Steps and multisine of the hidden hand, in Bullet."""
+    return take("bullet", HIDDEN, "steps", "multisine")
+
+
+def moving(log: Log, spec, seconds: float = 2.0) -> list[Limb]:
+    """The limbs of a hand in the first two seconds of a log's episodes."""
+    return [
+        Limb(
+            spec=part,
+            recordings=tuple(first(m, seconds) for m in recordings(log, part)),
+            rigid=False,
+        )
+        for part in limbs(spec)
+    ]
+
+
+def fitted(log: Log, spec, start: float = 1.0) -> dict[str, tuple[gains.GainFit, int]]:
+    """The fit of every joint's gains, and its number there."""
+    found = {}
+    for limb, plain in zip(moving(log, spec), limbs(spec), strict=True):
+        fit = gains.GainFit(limb, plain)
+        fit.scale[:] = start
+        fit.run(range(len(limb.joints)), np.random.default_rng(0))
+        found |= {name: (fit, j) for j, name in enumerate(limb.joints)}
+    return found
 
 
 def plays(log: Log, effects: str = "none") -> dict:
@@ -145,7 +169,7 @@ def test_play_is_not_made_up(pushed, moved):
     """Give a reason and no number: no push, a push one way alone, a sensor on the motor's side."""
     spec = world()
     assert set(backlash.push_test(mujoco, spec, []).values()) == {backlash.NO_PUSH}
-    assert set(backlash.push_test(mujoco, spec, moved).values()) == {backlash.NO_PUSH}
+    assert set(plays(moved).values()) == {backlash.NO_PUSH}
     (push,) = recordings(pushed, world())
     one_way = dataclasses.replace(push, push=np.maximum(push.push, 0))
     assert set(backlash.push_test(mujoco, spec, [one_way]).values()) == {backlash.NO_PUSH}
@@ -172,50 +196,33 @@ def test_pushes_that_break_the_nominal_world_give_a_reason(pushed, tmp_path, mon
     "start", [1.0, *(pytest.param(far, marks=pytest.mark.slow) for far in (0.4, 2.0))]
 )
 def test_a_fit_ends_at_the_least_error(moved, start):
-    """Go from far off to the gains of another engine's hand, with a bootstrap to match."""
-    rng, begin = np.random.default_rng(0), np.full((6, 2), start)
+    """Go from far off to the gains of another engine's hand."""
     spec = world("self-lock=10Nm," + ",".join(f"backlash={d}deg@{j}" for j, d in PLAY_DEG.items()))
-    ends, _ = gains.fit(mujoco, spec, begin, moved, range(6), rng, 12)
-    for j, joint in enumerate(spec.hand.joint_names):
-        assert ends[j].scale == pytest.approx(GAINS[joint], rel=0.01)
-        assert (ends[j].std < GAIN_ERROR).all()
+    for joint, (fit, j) in fitted(moved, spec, start).items():
+        assert fit.scale[j] == pytest.approx(GAINS[joint], rel=0.01)
 
 
 def test_floating_joints_do_not_count(moved):
     """Leave out samples of joints between their teeth, and none of joints without play."""
-    spec = world("backlash=1deg@J0")
-    blind = [dataclasses.replace(m, measured=m.measured * [[1], [np.nan], [1]]) for m in moved]
-    rng, start = np.random.default_rng(0), np.ones((6, 2))
-    _, judged = gains.fit(mujoco, spec, start, blind, range(6), rng, 3)
-    share = judged.used.mean(axis=0)
-    assert not judged.is_motor.any()
-    assert 0.05 < share[0] < 0.9
-    assert (share[2:] == 1.0).all()
-    _, logged = gains.fit(mujoco, spec, start, moved, range(6), rng, 3)
-    assert logged.is_motor.all()
-    assert logged.used[:, 0].mean() > share[0]
-
-
-def test_joints_moved_one_by_one_all_count(moved):
-    """Take an episode for each joint that moves in it, and one push of many."""
-    alone = [
-        dataclasses.replace(moved[0], command=moved[0].command * (np.arange(6) == j))
-        for j in range(6)
-    ]
-    push = dataclasses.replace(moved[0], protocol="push", push=np.ones_like(moved[0].push))
-    *found, last = _telling([push, *alone, *alone, push], 6 * 12.0)
-    assert np.all([np.ptp(m.command, axis=0) for m in found], axis=0).sum() == 0
-    assert np.any([np.ptp(m.command, axis=0) for m in found], axis=0).all()
-    assert last is push
+    spec, blind = world("backlash=1deg@J0"), without_motor(moved)
+    judged, logged = fitted(blind, spec), fitted(moved, spec)
+    share = {joint: fit.used[:, j].mean() for joint, (fit, j) in judged.items()}
+    assert 0.05 < share["J0"] < 0.9
+    assert min(share[joint] for joint in ("J3", "J4", "J6", "J7")) == 1.0
+    assert logged["J0"][0].used[:, 0].mean() > share["J0"]
+    assert all(fit.by_motor[j] for fit, j in logged.values())
+    assert not any(fit.by_motor[j] for fit, j in judged.values())
 
 
 def test_gains_are_not_made_up(moved):
-    """Say that a joint which never moves, or a log without motion, tells no gains."""
-    still = [dataclasses.replace(m, measured=m.measured * (np.arange(6) > 0)) for m in moved]
-    assert "it moves by 0 deg" in (gains.reason_against(still, 0) or "")
-    assert gains.reason_against(still, 1) is None
-    assert "it has no steps" in (gains.reason_against([], 1) or "")
-    assert "samples; needed" in (gains.reason_against([first(moved[0], 0.6)], 0) or "")
+    """Say that a joint which never moves, or a log that is short, tells no gains."""
+    limb = moving(moved, world())[0]
+    still = [dataclasses.replace(m, measured=m.measured * [0, 1]) for m in limb.recordings]
+    limb = dataclasses.replace(limb, recordings=tuple(still))
+    assert "it moves by 0 deg" in gains.reason_against(limb, 0)
+    assert gains.reason_against(limb, 1) == ""
+    short = moving(moved, world(), seconds=0.35)[0]
+    assert "readings; needed" in gains.reason_against(short, 1)
 
 
 def test_least_absolute_errors_ignore_outliers():
@@ -236,10 +243,9 @@ def test_the_bootstrap_gives_the_standard_error():
         columns, noise = rng.normal(size=(samples, 2)), sigma * rng.normal(size=samples)
         points = 0.03 * rng.normal(size=(48, 2))
         terms, block = np.column_stack([np.ones(48), points]), np.arange(samples) // 20
-        given = terms, points @ columns.T, noise, block
-        best = gains.least_error(*given)
-        draws = [gains.least_error(*given, rng) for _ in range(gains.DRAWS)]
-        miss.append([best, np.std(draws, axis=0)])
+        worlds = gains.Worlds(gains=terms, shown=points @ columns.T, read=noise, block=block)
+        draws = [worlds.least_error(rng) for _ in range(gains.DRAWS)]
+        miss.append([worlds.least_error(), np.std(draws, axis=0)])
     best, std = np.swapaxes(miss, 0, 1)
     wanted = sigma * np.sqrt(np.pi / 2 / samples)
     assert np.mean(std) == pytest.approx(wanted, rel=0.15)
@@ -248,12 +254,14 @@ def test_the_bootstrap_gives_the_standard_error():
 
 def test_viscous_friction_reads_as_damping(moved):
     """Say that a log without torque takes viscous friction for derivative gain."""
-    found = confounded.confusions(mujoco, world(), moved, gains.Compared.of(moved), [1])
-    confused = dict(text.split(": ") for text in found[1])
+    fit, j = fitted(moved, world())["J1"]
+    confused = dict(text.split(": ") for text in gains.confusions(fit, j))
     assert "command-delay" not in confused
     kp, kd = (float(x) / 100 for x in re.findall(r"k[pd] (\S+) %", confused["viscous-friction"]))
+    added = 1e-3 * float(confused["viscous-friction"].split()[0])
     # both slow the motor; under the torque limit alone, viscous friction comes on top of it
-    assert kd - kp == pytest.approx(0.1, rel=0.1)
+    whole = fit.scale[j, 1] * fit.limb.spec.drives[j].kd_nms_rad
+    assert kd - kp == pytest.approx(added / whole, rel=0.1)
 
 
 def test_replay_keeps_gaps_and_pushes(pushed):
