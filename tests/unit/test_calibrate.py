@@ -541,7 +541,7 @@ def test_bad_logs_give_one_message_and_exit_code_2(tmp_path, mechanism, rows, wo
 @pytest.mark.parametrize(
     ("kinds", "factor", "words"),
     [
-        (("command_rad", "position_rad"), 180 / np.pi, "commands and positions are in degrees"),
+        (("command_rad", "position_rad"), 180 / np.pi, "both are in degrees"),
         (("push_nm",), 1e3, "its drive gives 1.2 Nm at most: they are in Nmm"),
     ],
 )
