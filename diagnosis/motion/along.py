@@ -82,10 +82,11 @@ class Along:
     @cached_property
     def _point(self) -> Callable[[str, Vec3], tuple[Array, ...]]:
         """Joints that move a place on a joint's link, and what a kilogram there adds of them."""
+        spec, moved = self.spec, (self.angle_rad, self.speed_rad_s)
 
-        @lru_cache(PLACES + 2 * len(self.spec.hand.driven))
+        @lru_cache(PLACES + 2 * len(spec.hand.driven))
         def point(joint: str, at_m: Vec3) -> tuple[Array, ...]:
-            at = of_point(self.spec, joint, at_m, self.angle_rad, self.speed_rad_s)
+            at = of_point(spec, joint, at_m, *moved)
             on = np.flatnonzero(at[0].any(axis=(0, 1)))
             return on, at[0][:, on[:, None], on], at[1][:, on], at[2][:, on]
 

@@ -183,13 +183,18 @@ class Limb:
 
     @cached_property
     def _models(self) -> Callable[[bytes, bytes], dict[Along, Model]]:
-        """The models with loads (K, len(LINK)) and a tilt (2,); few replays change either."""
+        """The models with loads (K, len(LINK)) and a tilt (2,); few replays change either.
+
+        They do not hold the limb, so that both go at once, with all that is large in them.
+        """
+        joints, gravity_m_s2 = len(self.joints), self.spec.gravity_m_s2
+        paths = dict.fromkeys(self.along)
 
         @lru_cache(2)
         def models(load: bytes, tilt: bytes) -> dict[Along, Model]:
-            rows = np.frombuffer(load).reshape(len(self.joints), -1)
-            gravity = turned(self.spec.gravity_m_s2, np.frombuffer(tilt))
-            return {path: path.of(rows, gravity) for path in dict.fromkeys(self.along)}
+            rows = np.frombuffer(load).reshape(joints, -1)
+            gravity = turned(gravity_m_s2, np.frombuffer(tilt))
+            return {path: path.of(rows, gravity) for path in paths}
 
         return models
 

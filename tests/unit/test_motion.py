@@ -1,5 +1,7 @@
 """Replays along a measured motion: against a closed form, MuJoCo, and bad logs."""
 
+import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -195,6 +197,18 @@ def test_torques_are_read_from_their_samples_on_or_until_then(late):
     assert limb.torque_from == (late == 0) and not notes
     exact = replace(limb_of(make_log(log.meta, samples, log.mjcf_xml)), exact=True)
     assert not checked(exact)[0].torque_from  # our simulators' are of the period until then
+
+
+def test_what_a_replay_needed_goes_with_its_limb():
+    """Free a limb and all that was expanded along its motion at once, with no cycle to be found."""
+    limb = limb_of(log_of(Real()))
+    gone = weakref.ref(limb)
+    gc.disable()
+    limb.simulate(limb.nominal)
+    del limb
+    held = gone()
+    gc.enable()
+    assert held is None
 
 
 def test_a_diverging_replay_is_nan_and_no_crash():
