@@ -22,6 +22,8 @@ BEARING = 1e-3
 at the drive's largest torque."""
 TINY = 1e-9
 """Shares that differ by no more are the same."""
+TIGHT = 1e-5
+"""Play of no more than this to either side is none [rad or m]: it would only slow a simulation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,7 +99,7 @@ def written(
         _set_servo(root, model, name, one)
         if one.ends:
             joint.attrib |= _limits(root, model, name, *one.ends)
-        if one.play and len(body.findall("joint")) == 1:
+        if one.play > TIGHT and len(body.findall("joint")) == 1:
             _set_play(root, body, joint, model, one, step_s)
     ElementTree.indent(root)
     return ElementTree.tostring(root, encoding="unicode") + "\n"

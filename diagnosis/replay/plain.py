@@ -78,11 +78,9 @@ def model_text(
     """
     xml, settings = model_of(log)
     every, kept = _in_file(log, spec), () if nominal is None else _kept(xml, spec, nominal)
-    some = {
-        name: replace(one, note=_note(settings.joints.get(name, DriveSettings())))
-        for name, one in every.items()
-        if name not in kept
-    }
+    drives = settings.joints
+    notes = {name: _note(drives.get(name, DriveSettings()), spec, name) for name in every}
+    some = {name: replace(one, note=notes[name]) for name, one in every.items() if name not in kept}
     try:
         turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
         return written(
@@ -115,9 +113,12 @@ def timestep_s(log: Log) -> float:
     return float(plain(log, model_of(log)[0], log.joints).model.opt.timestep)
 
 
-def _note(drive: DriveSettings) -> str:
-    """What a drive does that its position servo does not."""
-    more = ", ".join(f"{name} {value:g}" for name, value in drive.more.items())
+def _note(drive: DriveSettings, world: Spec, joint: str) -> str:
+    """What a joint's drive and signals do that its position servo does not."""
+    own = beside(world).get(joint, {}) | drives(world).get(joint, {})
+    held = [name for name, _, _ in (*BESIDE.values(), *DRIVES.values()) if name != "open"]
+    every = drive.more | {name: own[name] for name in held if own.get(name)}
+    more = ", ".join(f"{name} {value:.4g}" for name, value in every.items())
     return f"the drive of this servo also has, and this file has not: {more}" if more else ""
 
 

@@ -58,7 +58,9 @@ def test_play_is_a_hinge_between_stops(angle):
     firm = [shown(text, still, push)[-1] for push in (0.0, 2 * -weight)]
     apart = np.diff(ends) - np.diff(firm)
     assert abs(apart[0]) == pytest.approx(0.04, rel=0.1)
-    assert written(text, {"a": NUMBERS}).count("_play") == 0
+    for none in (0.0, 1e-7):
+        tight = JointNumbers(**vars(NUMBERS) | {"play": none})
+        assert written(text, {"a": tight}).count("_play") == 0
 
 
 def test_a_written_robot_stands_by_itself():
@@ -142,6 +144,7 @@ def test_a_delay_is_taken_home(tmp_path, capfd):
     (late,) = [one for one in model["changes"] if one["number"] == "delay_s"]
     assert late["after"] == pytest.approx(0.03, abs=0.003)
     assert "delay_s" in (tmp_path / "out" / "corrected.py").read_text()
+    assert "this file has not: delay_s 0.03" in (tmp_path / "out" / "corrected.xml").read_text()
 
 
 @pytest.mark.parametrize(
