@@ -215,10 +215,14 @@ class BatchEnv:
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
 
-        Raises NotFiniteActionError, and SimulationDivergedError when the engine returns a number
-        that is not finite.
+        Raises ValueError for actions of another shape, NotFiniteActionError, and
+        SimulationDivergedError when the engine returns a number that is not finite.
         """
         action = np.asarray(action)
+        if action.shape != self._target.shape:
+            raise ValueError(
+                f"actions have the shape {action.shape}; allowed: {self._target.shape}"
+            )
         self._refuse_not_finite(action)
         self.observation.law.displace(self._target, self.state.measured_rad, action)
         self._state = self.simulator.advance(self._target)

@@ -142,6 +142,8 @@ class StickVectorEnv(VectorEnv[Array, Array, Array]):
         if isinstance(seed, int | np.integer):
             self._env.seed(int(seed))
         elif seed is not None:
+            if len(seed) != self.num_envs:
+                raise ValueError(f"{len(seed)} seeds were given; allowed: {self.num_envs}, or one")
             self._env.seed([_fresh_seed() if one is None else int(one) for one in seed])
         if not mask.all():
             _ = self._env.state  # raises where no world was ever reset

@@ -60,6 +60,20 @@ def test_seeds_are_each_worlds_own(many: VectorEnv) -> None:
     alone.close()
 
 
+def test_counts_of_seeds_and_of_actions_are_the_worlds(many: VectorEnv) -> None:
+    """Refuse another number of seeds, and actions of another shape, with what is allowed."""
+    with pytest.raises(ValueError, match="2 seeds were given; allowed: 3"):
+        many.reset(seed=[1, 2])
+    many.reset(seed=0)
+    with pytest.raises(ValueError, match=r"\(3, 5\); allowed: \(3, 6\)"):
+        many.step(rest(many)[:, :5])
+    one = sb.make("Line")
+    one.reset(seed=0)
+    with pytest.raises(ValueError, match=r"\(1, 5\); allowed: \(1, 6\)"):
+        one.step(np.zeros(5, np.float32))
+    one.close()
+
+
 def test_an_action_that_is_no_number_is_named(many: VectorEnv) -> None:
     """Name the world and the step, not the engine."""
     many.reset(seed=0)
