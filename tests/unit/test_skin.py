@@ -19,8 +19,7 @@ from diagnosis.motion.held import held
 from diagnosis.recording.record import Plan, record
 from diagnosis.skin.forward_model import Faults, Pressed, alone, expected
 from diagnosis.skin.samples import samples
-from diagnosis.skin.search import search
-from diagnosis.skin.skin_faults import identify_skin_faults
+from diagnosis.skin.skin_faults import identify_skin_faults, search
 from diagnosis.skin.taxel_fits import DEAD, DRIFT, Fitting
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.probability import RIGHT, in_hand
@@ -192,7 +191,8 @@ def test_a_lone_fault_explains_what_seems_an_offset():
     data, start, _ = samples(NOMINAL, parts, binary=True)
     fitting = Fitting(data, grid)
     offset = replace(start, threshold_m=-0.03 * MM)
-    assert search(fitting, [offset, start], [DRIFT]).chosen.skin.threshold_m == start.threshold_m
+    _, found = search(fitting, [offset, start], [DRIFT])
+    assert found.skin.threshold_m == start.threshold_m
 
 
 def test_a_further_fault_needs_a_gap_of_its_own():
@@ -200,8 +200,8 @@ def test_a_further_fault_needs_a_gap_of_its_own():
     parts = held(log("taxel-dropout=20%", "contact"), NOMINAL)
     grid = np.stack([taxel_grid(t, NOMINAL.hand.taxels)[0] for t in NOMINAL.hand.fingertips])
     data, skin, _ = samples(NOMINAL, parts, binary=True)
-    found = search(Fitting(data, grid), [skin], [DEAD, DRIFT])
-    assert found.chosen.names == (DEAD,) and found.tied == () and not found.is_unknown
+    _, found = search(Fitting(data, grid), [skin], [DEAD, DRIFT])
+    assert found.names == (DEAD,) and found.tied == () and not found.is_unknown
 
 
 def _answers(depth_mm: float, time_s: float, **faults) -> float:
