@@ -154,11 +154,17 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     differences = {n: Difference(name=n, **row) for n, row in known.to_dict("index").items()}
     group, odd = _group(table, differences), known["odd"].max()
     chance = min(1.0, 2 * float(student.sf(odd, free)) * chances)
+    place = None
+    if group == LOCAL:  # where the effort differs most from its mean
+        steady = table[table["speed"].abs() > STEADY * table["speed"].abs().max()]
+        mean = np.mean(steady["along"] * steady["effort"])
+        worst = (steady["effort"] - mean * steady["along"]).abs().idxmax()
+        place = float(steady["place"][worst])
     return Compared(
         joint=joint,
         group=group,
         confidence=chance if group == NONE else 1.0 - chance,
-        place=_place(table) if group == LOCAL else None,
+        place=place,
         differences=tuple(differences.values()),
     )
 
@@ -305,10 +311,3 @@ def _group(table: pd.DataFrame, by: Mapping[str, Difference]) -> str:
     if rubs:
         return MORE if up & ({"effort"} if "effort" in by else {"drag"}) else LESS
     return SENSOR if "noise" in up else UNKNOWN
-
-
-def _place(table: pd.DataFrame) -> float:
-    """Where the effort differs most from its mean."""
-    steady = table[table["speed"].abs() > STEADY * table["speed"].abs().max()]
-    mean = np.mean(steady["along"] * steady["effort"])
-    return float(steady["place"][(steady["effort"] - mean * steady["along"]).abs().idxmax()])

@@ -174,9 +174,16 @@ class Shape:
             sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
             left_m = float(np.sqrt(np.mean(self.chosen.left_m**2)))
             return Report(missing=missing(sought, MISPLACED.format(1e3 * left_m)), world=nominal)
+        gaps = (
+            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0)).tolist()
+            for fit in (self.nominal, self.chosen)
+        )
         return Report(
             causes=tuple(self._causes(nominal, names, catalogue)),
-            spots=tuple(self._spots(nominal)),
+            spots=tuple(
+                Spot(finger=tip.finger, family=STICK, gap_before=before, gap_after=after)
+                for tip, before, after in zip(nominal.hand.fingertips, *gaps, strict=True)
+            ),
             world=self.on(nominal),
         )
 
@@ -202,15 +209,6 @@ class Shape:
                 sizes = [v / units[k] for v in (self.chosen.sizes[k], low, max(ends) + half)]
                 effect = names.get(number, UNKNOWN)
                 yield cause(effect, sizes, catalogue, share=share, evidence=texts[k])
-
-    def _spots(self, nominal: Spec) -> Iterator[Spot]:
-        """Gaps at every finger before and after."""
-        gaps = (
-            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0)).tolist()
-            for fit in (self.nominal, self.chosen)
-        )
-        for tip, before, after in zip(nominal.hand.fingertips, *gaps, strict=True):
-            yield Spot(finger=tip.finger, family=STICK, gap_before=before, gap_after=after)
 
 
 def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:

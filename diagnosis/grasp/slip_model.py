@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from backends.state import Array, quat_z_axis
@@ -122,10 +121,7 @@ def newton(slips: Sequence[Slip], mass_kg: float) -> tuple[float, float, Array, 
     """
     near, masses = np.linspace(1 - NEAR, 1 + NEAR, FORCES), mass_kg * np.array(MASSES)
     forces = [one.slipped_n * near for one in slips]
-    costs = [
-        _falls(s.time_s, s.pull_n, s.travel_m, s.spread_m, s.weight, masses, force)
-        for s, force in zip(slips, forces, strict=True)
-    ]
+    costs = [_falls(one, masses, force) for one, force in zip(slips, forces, strict=True)]
     total = np.sum([cost.min(axis=1) for cost in costs], axis=0)
     best, half = valley(np.log(MASSES), total)
     k = int(np.argmin(total))
@@ -145,19 +141,15 @@ def valley(places: Array, costs: Array) -> tuple[float, float]:
     return float(places[k] + moved), float(np.sqrt(scale / a))
 
 
-@numba.njit(cache=True)
-def _falls(time, pull, travel, spread, weight, masses, frictions):
-    """Squared deviations of falls by Newton's law, by mass and friction."""
-    costs = np.zeros((len(masses), len(frictions)))
-    for i in range(len(masses)):
-        for j in range(len(frictions)):
-            x, v = 0.0, 0.0
-            for k in range(len(spread)):
-                costs[i, j] += ((x - travel[k]) / spread[k]) ** 2
-                dt = time[k + 1] - time[k] if k + 1 < len(time) else 0.0
-                a = (pull[k] - frictions[j]) / masses[i] + weight
-                if v == 0.0 and a < 0.0:
-                    continue
-                x += v * dt + a * dt * dt / 2
-                v = max(v + a * dt, 0.0)
+def _falls(one: Slip, masses: Array, frictions_n: Array) -> Array:
+    """Squared deviations of falls by Newton's law, by mass and friction (M, F)."""
+    x, v, costs = np.zeros((3, len(masses), len(frictions_n)))
+    steps_s = np.diff(one.time_s, append=one.time_s[-1])
+    rows = zip(one.pull_n, one.travel_m, one.spread_m, steps_s, strict=False)
+    for pull_n, travel_m, spread_m, dt in rows:
+        costs += ((x - travel_m) / spread_m) ** 2
+        a = (pull_n - frictions_n) / masses[:, None] + one.weight
+        slips = (v > 0.0) | (a >= 0.0)
+        x += slips * (v * dt + a * dt * dt / 2)
+        v = slips * np.maximum(v + a * dt, 0.0)
     return costs

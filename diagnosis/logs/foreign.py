@@ -154,7 +154,9 @@ def _listed(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     """The table with a column per entry of lists."""
-    names, beside = _feature_names(path), _names_beside(path)
+    names, beside = _feature_names(path), list[str]()
+    with suppress(FileNotFoundError, FileError):
+        beside = bounded.read_text(path.parent / NAMES).split()
     found: dict[str, np.ndarray] = {}
     for column in frame.columns:
         first = frame[column].iloc[0] if len(frame) else None
@@ -169,14 +171,6 @@ def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
         for name, values in zip(entries, np.stack(rows).T, strict=False):
             found[f"{column}.{name}"] = values
     return pd.DataFrame(found)
-
-
-def _names_beside(path: Path) -> list[str]:
-    """The lines of `NAMES` in the table's folder, where it is there."""
-    try:
-        return bounded.read_text(path.parent / NAMES).split()
-    except (FileNotFoundError, FileError):
-        return []
 
 
 def _feature_names(path: Path) -> dict[str, list[str]]:

@@ -63,7 +63,10 @@ def _chosen(topics: Mapping[str, str]) -> dict[str, str]:
     asked = {
         topic: "command"
         for topic, kind in topics.items()
-        if kind == TRAJECTORY or (kind in (STATE, ARRAY) and COMMAND & _words(topic))
+        if kind == TRAJECTORY
+        or (
+            kind in (STATE, ARRAY) and any({w, w.removesuffix("s")} & COMMAND for w in words(topic))
+        )
     }
     states = [topic for topic, kind in topics.items() if kind == STATE and topic not in asked]
     if len(states) == 1 and len(asked) == 1:
@@ -75,11 +78,6 @@ def _chosen(topics: Mapping[str, str]) -> dict[str, str]:
     )
 
 
-def _words(topic: str) -> set[str]:
-    """The words of a topic, without plurals."""
-    return {word.removesuffix("s") for word in words(topic)} | set(words(topic))
-
-
 def _table(messages: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
     """A row per message, or per point of a trajectory, by time; raises LogError.
 
@@ -88,7 +86,11 @@ def _table(messages: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
     order = next((_names(message) for role, _, message in messages if role != "command"), [])
     rows, due = list[dict[str, float]](), dict[str, tuple[float, float]]()
     for role, bag_s, message in messages:
-        when_s, ramps = _stamp(message) or bag_s, hasattr(message, "points")
+        stamp, ramps = (
+            getattr(getattr(message, "header", None), "stamp", None),
+            hasattr(message, "points"),
+        )
+        when_s = (stamp.sec + 1e-9 * stamp.nanosec if stamp is not None else 0.0) or bag_s
         if ramps:
             rows.append({"time": when_s, **{n: x for n, (at, x) in due.items() if at < when_s}})
         for after_s, said in _said(role, message, _names(message) or order):
@@ -136,9 +138,3 @@ def _names(message: Any) -> list[str]:
 def _part(message: Any, side: int) -> Any:
     """What a controller asks for (0) or reads (1)."""
     return next(getattr(message, pair[side]) for pair in PAIRS if hasattr(message, pair[side]))
-
-
-def _stamp(message: Any) -> float:
-    """The time in a message's header [s]; 0: none."""
-    stamp = getattr(getattr(message, "header", None), "stamp", None)
-    return stamp.sec + 1e-9 * stamp.nanosec if stamp is not None else 0.0

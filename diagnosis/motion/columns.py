@@ -92,14 +92,12 @@ def with_numbers(
     spec: Spec, numbers: Mapping[str, Mapping[str, float]], gravity_m_s2: Vec3 | None = None
 ) -> Spec:
     """A world with other numbers, by joint and name, and with other gravity where some is given."""
-    world = spec.with_driven(_changed(b, numbers.get(b.joint.name, {})) for b in spec.hand.driven)
-    return replace(world, gravity_m_s2=gravity_m_s2 or spec.gravity_m_s2)
-
-
-def _changed(body: Body, numbers: Mapping[str, float]) -> Body:
-    for name in numbers.keys() & set(COLUMNS[:-1]):
-        part, field = name.split(".")
-        other = replace(_part(body, part), **{field: numbers[name]})
-        joint = body.joint
-        body = other if part == "body" else replace(body, joint=replace(joint, **{part: other}))
-    return body
+    driven = []
+    for body in spec.hand.driven:
+        own = numbers.get(body.joint.name, {})
+        for name in own.keys() & set(COLUMNS[:-1]):
+            part, field = name.split(".")
+            other, joint = replace(_part(body, part), **{field: own[name]}), body.joint
+            body = other if part == "body" else replace(body, joint=replace(joint, **{part: other}))
+        driven.append(body)
+    return replace(spec.with_driven(driven), gravity_m_s2=gravity_m_s2 or spec.gravity_m_s2)

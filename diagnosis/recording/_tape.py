@@ -71,8 +71,10 @@ class Tape:
         """The samples of every world, so many or until its stick falls."""
         taken, time_s = self.taken, np.arange(len(self.rows)) * self._dt_s
         if self._held:
-            height = taken["stick"][..., 2]
-            ends = [min(e, _fall(height[:e, n])) for n, e in enumerate(ends)]
+            height_m = taken["stick"][..., 2]
+            fallen = np.vstack([height_m < height_m[0] - DROP_M, np.ones(height_m.shape[1], bool)])
+            # enough for an episode in any case
+            ends = np.minimum(ends, np.maximum(fallen.argmax(axis=0), MIN_SAMPLES)).tolist()
         return [
             frame(self._hand, time_s[:end], {k: taken[k][:end, n] for k in self.channels})
             for n, end in enumerate(ends)
@@ -94,12 +96,6 @@ def frame(hand: Hand, time_s: Array, taken: Mapping[str, Array]) -> pd.DataFrame
             for j, body in enumerate(hand.driven):
                 columns[name_of(kind, body.joint.name, body.joint.slides)] = values[:, j]
     return pd.DataFrame(columns)
-
-
-def _fall(height_m: Array) -> int:
-    """Number of samples before the stick has fallen, but at least enough for an episode."""
-    fallen = height_m < height_m[0] - DROP_M
-    return max(int(np.argmax(fallen)), MIN_SAMPLES) if fallen.any() else len(height_m)
 
 
 class TapedSimulator:

@@ -8,6 +8,8 @@ import dataclasses
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -45,8 +47,7 @@ class Policy:
     """Actions (N, J) in [-1, 1] from observations (N, width)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Episode:
+class Episode(NamedTuple):
     """One episode to be recorded."""
 
     protocol: str
@@ -70,12 +71,8 @@ class Plan:
     @property
     def episodes(self) -> tuple[Episode, ...]:
         """All episodes in the order of the log."""
-        return tuple(
-            Episode(protocol=protocol, variant=variant, repeat=repeat)
-            for protocol in self.protocols
-            for variant in range(self.variants)
-            for repeat in range(self.repeats)
-        )
+        every = product(self.protocols, range(self.variants), range(self.repeats))
+        return tuple(Episode(*one) for one in every)
 
 
 def record(
@@ -94,7 +91,8 @@ def record(
     """
     check(spec, plan, policy)
     frames: dict[int, pd.DataFrame] = {}
-    batches = _batches(plan)
+    kinds = [e.protocol if e.protocol in HELD else "free" for e in plan.episodes]
+    batches = [[k for k, one in enumerate(kinds) if one == kind] for kind in dict.fromkeys(kinds)]
     for done, chosen in enumerate(batches):
 
         def part(share: float, done: int = done) -> None:
@@ -155,12 +153,6 @@ def _known(what: str, given: tuple[str, ...], known: tuple[str, ...]) -> None:
 
 def _whole(number: float) -> bool:
     return abs(number - round(number)) < 1e-9
-
-
-def _batches(plan: Plan) -> list[list[int]]:
-    """Numbers of the episodes that run in one batch: free air, in the grip, by policy."""
-    kinds = [e.protocol if e.protocol in HELD else "free" for e in plan.episodes]
-    return [[k for k, found in enumerate(kinds) if found == kind] for kind in dict.fromkeys(kinds)]
 
 
 def _open_loop(

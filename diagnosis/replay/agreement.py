@@ -11,7 +11,7 @@ import numpy as np
 
 from backends.spec import Body, Spec
 from backends.state import Array
-from diagnosis.logs.log import EpisodeMeta, Log
+from diagnosis.logs.log import Log
 from diagnosis.motion.batch import Simulate, replay
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import (
@@ -52,16 +52,15 @@ def begun(log: Log, spec: Spec) -> list[Recording]:
 
     Of open loops with the torques and speeds that are all that is asked.
     """
-    parts = lasting([_beginning(log, spec, one) for one in episodes_of(log, spec)])
+    every = []
+    for one in episodes_of(log, spec):
+        time_s = log.episode(one.episode)["t_s"].to_numpy(float)
+        rows = int(np.searchsorted(time_s, time_s[0] + HORIZON_S, side="right"))
+        every.append(recording(log, spec, one, slice(0, rows)))
+    parts = lasting(every)
     if any(body.joint.loop.open for body in spec.hand.driven):
         return [dataclasses.replace(one, own=None) for one in parts]
     return [dataclasses.replace(one, speed=None, torque=None, own=None) for one in parts]
-
-
-def _beginning(log: Log, spec: Spec, episode: EpisodeMeta) -> Recording:
-    time_s = log.episode(episode.episode)["t_s"].to_numpy(float)
-    rows = int(np.searchsorted(time_s, time_s[0] + HORIZON_S, side="right"))
-    return recording(log, spec, episode, slice(0, rows))
 
 
 def apart(part: Spec, motion: Recording, position: Array, rigid: bool = False) -> float:

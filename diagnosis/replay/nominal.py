@@ -35,7 +35,14 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
     except MjcfError as error:
         raise LogError(f"{settings.mjcf}: {error}") from None
     for body in spec.hand.driven:
-        _fits(log, body.joint.name, body.joint.slides)
+        joint, slides = body.joint.name, body.joint.slides
+        if log.is_linear(joint) != slides:
+            is_, unit = ("slides", "m") if slides else ("turns", "rad")
+            column = log.column("command", joint)
+            raise LogError(
+                f"joint '{joint}' {is_} in the MJCF, so its columns must be in {unit}; the log has "
+                f"'{column}'; rename and convert them, or mend the joint's type"
+            )
     return spec
 
 
@@ -75,13 +82,3 @@ def _widened(kind: type[Effect], most: float) -> type[Effect]:
         return kind
     wide = (-most if low < 0.0 else low), most
     return type(kind.__name__, (kind,), {"__module__": kind.__module__, "bounds": wide})
-
-
-def _fits(log: Log, joint: str, slides: bool) -> None:
-    """Raise LogError unless a joint is logged in metres where it slides."""
-    if log.is_linear(joint) != slides:
-        is_, unit = ("slides", "m") if slides else ("turns", "rad")
-        raise LogError(
-            f"joint '{joint}' {is_} in the MJCF, so its columns must be in {unit}; the log has "
-            f"'{log.column('command', joint)}'; rename and convert them, or mend the joint's type"
-        )

@@ -2,7 +2,7 @@
 
 import dataclasses
 
-from backends.spec import Hand, Spec
+from backends.spec import Spec
 
 
 def limbs(spec: Spec) -> tuple[Spec, ...]:
@@ -22,10 +22,10 @@ def limbs(spec: Spec) -> tuple[Spec, ...]:
     for body in spec.hand.bodies:
         groups.setdefault(root[body.name], []).append(body)
     moving = [g for g in groups.values() if any(b.joint.drive is not None for b in g)]
-    return tuple(dataclasses.replace(spec, hand=_part(spec.hand, tuple(g))) for g in moving)
-
-
-def _part(hand: Hand, bodies: tuple) -> Hand:
-    names = {body.name for body in bodies}
-    tips = tuple(tip for tip in hand.fingertips if tip.body in names)
-    return dataclasses.replace(hand, bodies=bodies, fingertips=tips)
+    found = []
+    for bodies in moving:
+        names = {body.name for body in bodies}
+        tips = tuple(tip for tip in spec.hand.fingertips if tip.body in names)
+        hand = dataclasses.replace(spec.hand, bodies=tuple(bodies), fingertips=tips)
+        found.append(dataclasses.replace(spec, hand=hand))
+    return tuple(found)

@@ -16,7 +16,7 @@ from backends.mjcf import (
     written,
     written_urdf,
 )
-from backends.spec import Body, Command, Loop, Spec
+from backends.spec import Command, Loop, Spec
 from backends.state import Array
 from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import KD, KP, LEAD, OPEN, by_name, table
@@ -50,11 +50,6 @@ DRIVES = {
 INTEGRATOR = "implicitfast"
 SOFT_FROM = 0.5
 """Dry friction that yields more is written as MuJoCo's own."""
-
-
-def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
-    """The numbers of a world's joints, as an MJCF has them."""
-    return {body.joint.name: _numbers(body) for body in spec.hand.driven}
 
 
 def _in_file(log: Log, spec: Spec) -> dict[str, JointNumbers]:
@@ -188,16 +183,13 @@ def plain_apart(log: Log, spec: Spec) -> float:
 
 def _by_pd_alone(spec: Spec) -> Spec:
     """A world whose drives do what a position actuator does, and no more."""
-    return spec.with_driven(
-        replace(body, joint=replace(body.joint, loop=_given_alone(body), command=Command()))
-        for body in spec.hand.driven
-    )
-
-
-def _given_alone(body: Body) -> Loop:
-    loop = body.joint.loop
-    lead = loop.lead if loop.open else 0.0
-    return Loop(open=loop.open, lead=lead, soft_friction=loop.soft_friction)
+    driven = []
+    for body in spec.hand.driven:
+        loop = body.joint.loop
+        lead = loop.lead if loop.open else 0.0
+        loop = Loop(open=loop.open, lead=lead, soft_friction=loop.soft_friction)
+        driven.append(replace(body, joint=replace(body.joint, loop=loop, command=Command())))
+    return spec.with_driven(driven)
 
 
 def beside(world: Spec) -> dict[str, dict[str, float]]:
@@ -223,7 +215,7 @@ def drives(world: Spec) -> dict[str, dict[str, float]]:
                 "thermal_s": drive.thermal_s or HEAT_S,
                 "presliding_rad": drive.presliding_rad or BRISTLE_RAD,
                 "stribeck_rad_s": STRIBECK_RAD_S,
-                "creeps": float(_creeps(body)),
+                "creeps": float(body.joint.loop.soft_friction > SOFT_FROM),
             }
     return found
 
@@ -249,31 +241,24 @@ def with_own_steps(
     return tuple(found)
 
 
-def _numbers(body: Body) -> JointNumbers:
-    drive, loop = body.joint.drive, body.joint.loop
-    assert drive is not None
-    motor = bool(loop.open and not loop.lead)
-    return JointNumbers(
-        kp=drive.kp_nm_rad if motor or not loop.open else 0.0,
-        kd=drive.kd_nms_rad,
-        open=motor,
-        limit=drive.torque_limit_nm,
-        armature=drive.rotor_inertia_kgm2,
-        damping=drive.viscous_nms_rad,
-        frictionloss=drive.coulomb_nm,
-        creeps=_creeps(body),
-        mass_kg=body.mass_kg,
-        payload=body.payload,
-        play=drive.play_rad,
-        ends=_ends(body, drive.end_stop_rad) if drive.end_stop_rad else None,
-    )
-
-
-def _creeps(body: Body) -> bool:
-    return body.joint.loop.soft_friction > SOFT_FROM
-
-
-def _ends(body: Body, inside: float) -> tuple[float, float]:
-    """The range of a joint with an end stop so far inside of it."""
-    low, high = body.joint.range_rad
-    return (low, high - inside) if inside > 0.0 else (low - inside, high)
+def numbers_of(spec: Spec) -> dict[str, JointNumbers]:
+    """The numbers of a world's joints, as an MJCF has them."""
+    found = {}
+    for body, drive in zip(spec.hand.driven, spec.drives, strict=True):
+        loop, (low, high), inside = body.joint.loop, body.joint.range_rad, drive.end_stop_rad
+        motor = bool(loop.open and not loop.lead)
+        found[body.joint.name] = JointNumbers(
+            kp=drive.kp_nm_rad if motor or not loop.open else 0.0,
+            kd=drive.kd_nms_rad,
+            open=motor,
+            limit=drive.torque_limit_nm,
+            armature=drive.rotor_inertia_kgm2,
+            damping=drive.viscous_nms_rad,
+            frictionloss=drive.coulomb_nm,
+            creeps=loop.soft_friction > SOFT_FROM,
+            mass_kg=body.mass_kg,
+            payload=body.payload,
+            play=drive.play_rad,
+            ends=(low - min(inside, 0.0), high - max(inside, 0.0)) if inside else None,
+        )
+    return found

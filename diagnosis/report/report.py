@@ -8,8 +8,10 @@ from dataclasses import dataclass
 from html import escape
 from itertools import groupby
 
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
+from plotly.subplots import make_subplots
 
 from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
@@ -17,7 +19,7 @@ from diagnosis.logs.log import EpisodeMeta, Log
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
 from diagnosis.report import wording
-from diagnosis.report._figures import overlay
+from diagnosis.signals import Signals
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
 from diagnosis.verdict.sentences import FROM, named
 from diagnosis.where import PHASES, Place
@@ -28,6 +30,20 @@ FAINT = 0.001
 """Shares below this are left blank."""
 QUIET = 1.5
 """A smaller gap is not worth a map [noise floors]."""
+MEASURED = "#1c1c1c"
+COLORS = ("#d9822b", "#7a9e3f", "#2b6cb0")
+"""Of the nominal world, of refitted nominal numbers, and with causes."""
+UNITS = {False: ("deg", float(np.degrees(1.0)), "Nm"), True: ("mm", 1e3, "N")}
+"""Unit of positions and its size, and unit of torques: for hinges (False) and slides (True)."""
+_CONFIG = {"displayModeBar": False, "responsive": True}
+_LAYOUT = {
+    "template": "plotly_white",
+    "paper_bgcolor": "rgba(0,0,0,0)",
+    "plot_bgcolor": "rgba(0,0,0,0)",
+    "font": {"family": "system-ui, sans-serif", "size": 13, "color": MEASURED},
+    "margin": {"l": 60, "r": 16, "t": 46, "b": 44},
+    "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,3 +189,27 @@ def _channels(log: Log) -> list[str]:
     held = {"stick": log.stick, "pull": log.pull}
     seen = [kind for kind, of in held.items() if any(of(n) is not None for n in numbers)]
     return [*found, *["touch"] * bool(log.fingers), *seen]
+
+
+def overlay(one: Signals) -> str:
+    """Measured and simulated signals of one joint, and what is left of each, as HTML."""
+    angle, scale, torque = UNITS[one.slides]
+    unit, scale = (torque, 1.0) if one.channel == "torque" else (angle, scale)
+    time_s, measured = np.array(one.time_s, np.float32), scale * np.array(one.measured)
+    drawn = [(1, "measured", measured, MEASURED)]
+    for (name, shown), color in zip(one.simulated.items(), COLORS, strict=False):
+        line = scale * np.array(shown)
+        drawn += [(1, name, line, color), (2, name, measured - line, color)]
+    figure = make_subplots(2, 1, shared_xaxes=True, row_heights=[0.6, 0.4], vertical_spacing=0.05)
+    for row, name, values, color in drawn:
+        style = {"color": color, "width": 2.4 if name == "measured" else 1.4}
+        about = {"name": name, "line": style, "showlegend": row == 1, "legendgroup": name}
+        figure.add_scatter(x=time_s, y=values.astype(np.float32), row=row, col=1, **about)
+    floor = scale * one.floor
+    band = {"fillcolor": "#999", "opacity": 0.25, "line_width": 0, "row": 2, "col": 1}
+    figure.add_hrect(y0=-2 * floor, y1=2 * floor, **band)
+    figure.update_layout(**_LAYOUT, height=440, hovermode="x unified")
+    figure.update_xaxes(title="time [s]", row=2, col=1)
+    figure.update_yaxes(title=f"{one.channel} [{unit}]", row=1, col=1)
+    figure.update_yaxes(title=f"residual [{unit}]", row=2, col=1)
+    return figure.to_html(full_html=False, include_plotlyjs=False, config=_CONFIG)
