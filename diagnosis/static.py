@@ -20,8 +20,8 @@ from diagnosis.logs._columns import name_of
 from diagnosis.logs._files import read_model
 from diagnosis.logs.foreign import read_table
 from diagnosis.logs.log import DriveSettings, LogError
-from diagnosis.logs.roles import joint_of, words
-from diagnosis.logs.two_files import Asked, drives_of, readings
+from diagnosis.logs.roles import ANGLES, LENGTHS, joint_of, words
+from diagnosis.logs.two_files import Asked, drives_of, named_joints, readings
 from diagnosis.replay.dynamics import bias_torques
 
 TERMS = ("zero", "sag", "band", "scale", "play")
@@ -79,10 +79,12 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
     frame = frame.rename(columns={n: n.replace("load", "push") for n in map(str, frame)})
     if robot is None:
         frame = frame.rename(columns={n: f"joint {n}" for n in frame if joint_of(n) == "joint"})
+        if asked.unit is None and not {*ANGLES, *LENGTHS} & {w for n in frame for w in words(n)}:
+            raise LogError("the columns name no unit; say it with --unit, or give --robot")
     said = [f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"]
     xml = None if robot is None else read_model(robot)
     try:
-        ranges = _ranges(frame, asked) if xml is None else joint_ranges(xml)
+        ranges = named_joints(frame, asked) if xml is None else joint_ranges(xml)
         rows, more = readings(frame, ranges, asked)
         names = [n.partition(".")[2] for n in rows if n.startswith("command")]
         drives, weights = drives_of(asked, names), dict[str, np.ndarray]()
@@ -112,14 +114,6 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
             )
         )
     return found, said + more
-
-
-def _ranges(frame: pd.DataFrame, asked: Asked) -> dict[str, tuple[float, float, bool]]:
-    """The joints that columns name, without a model: what is left of their names; hinges all."""
-    names = dict.fromkeys(joint_of(str(column)) for column in frame.columns)
-    if asked.unit is None and not {"rad", "deg", "turns"} & {w for n in frame for w in words(n)}:
-        raise LogError("the columns name no unit; say it with --unit, or give --robot")
-    return dict.fromkeys(names, (-np.inf, np.inf, False))
 
 
 def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) -> None:

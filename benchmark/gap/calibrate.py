@@ -77,7 +77,7 @@ def run(
             )
             content = _content(found, log, ideal, known, asked, seed)
             folder.mkdir(parents=True, exist_ok=True)
-            pictures = plot.draw(start, found, folder)
+            pictures = plot.draw(found, folder)
         write_calibration(folder / FILE, content)
     except LogError as error:
         raise UsageError(str(error)) from error

@@ -11,14 +11,13 @@ import numpy as np
 
 from backends.spec import Spec
 from diagnosis.calibration.backlash import Play, lock_of, push_test
-from diagnosis.calibration.gains import FITTED_S, gains
+from diagnosis.calibration.gains import GainFit, gains
 from diagnosis.calibration.result import Backlash, Gains, Joint
 from diagnosis.calibration.tactile import TouchSensor, calibrate_touch
 from diagnosis.logs.log import Log, LogError
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.columns import with_numbers
-from diagnosis.motion.excerpt import excerpt
-from diagnosis.motion.recordings import Recording, recordings
+from diagnosis.motion.recordings import recordings
 from diagnosis.triage.triage import triage
 
 ROUNDS = 2
@@ -38,8 +37,8 @@ class Calibration:
     touch: dict[str, TouchSensor] | str
     touch_unit: str
     """Unit of the taxels' readings: m, or 1 for contact or none."""
-    motions: tuple[Recording, ...]
-    """Episodes in free air, or the parts of them that say most."""
+    fits: tuple[GainFit, ...]
+    """The fits of gains, by limb."""
 
 
 def calibrate(
@@ -54,8 +53,7 @@ def calibrate(
 
     `simulate` puts worlds with pushes on the nominal engine; `progress` takes finished `ROUNDS`.
     """
-    names = nominal.hand.joint_names
-    found = recordings(log, nominal)
+    names, found = nominal.hand.joint_names, recordings(log, nominal)
     if strange := [name for name in log.joints if name not in names]:
         raise LogError(
             f"this log has joints that its mechanism lacks: {', '.join(strange)}; known: "
@@ -65,7 +63,7 @@ def calibrate(
     pushes, world = [motion for motion in found if motion.push.any()], nominal
     for done in range(ROUNDS):
         world = _with_plays(world, push_test(simulate, world, pushes))
-        fitted = gains(nominal, world, log, rng)
+        fitted, fits = gains(nominal, world, log, rng)
         world = _with_gains(world, fitted, nominal)
         progress(done + 1)
     plays, taxels = push_test(simulate, world, pushes), nominal.hand.taxels
@@ -81,7 +79,7 @@ def calibrate(
         },
         touch=calibrate_touch(log, (taxels.rows, taxels.columns), threshold),
         touch_unit="1" if log.is_binary else "m",
-        motions=excerpt(found, FITTED_S),
+        fits=fits,
     )
 
 

@@ -159,12 +159,14 @@ class GainFit:
         return points, np.stack(shown)
 
 
-def gains(nominal: Spec, world: Spec, log: Log, rng: np.random.Generator) -> dict[str, Gains | str]:
-    """The gains of every joint, or why the log does not tell them; raises LogError.
+def gains(
+    nominal: Spec, world: Spec, log: Log, rng: np.random.Generator
+) -> tuple[dict[str, Gains | str], tuple[GainFit, ...]]:
+    """The gains of every joint, or why the log does not tell them; and the fits of all limbs.
 
-    `world`: the nominal one with the play and the gains that were found so far.
+    `world`: the nominal one with the play and the gains that were found so far. Raises LogError.
     """
-    found = dict[str, Gains | str]()
+    found, fits = dict[str, Gains | str](), list[GainFit]()
     for part, plain in zip(limbs(world), limbs(nominal), strict=True):
         limb = Limb(spec=part, recordings=excerpted(log, part, FITTED_S)[0], rigid=False)
         reasons = [reason_against(limb, j) for j in range(len(limb.joints))]
@@ -174,7 +176,8 @@ def gains(nominal: Spec, world: Spec, log: Log, rng: np.random.Generator) -> dic
         errors = np.stack([np.abs(one.angles(numbers) - one.read) for numbers in worlds])
         for j, name in enumerate(limb.joints):
             found[name] = reasons[j] or _result(one, j, errors, rng)
-    return {name: found[name] for name in nominal.hand.joint_names}
+        fits.append(one)
+    return {name: found[name] for name in nominal.hand.joint_names}, tuple(fits)
 
 
 def reason_against(limb: Limb, j: int) -> str:

@@ -9,38 +9,34 @@ from matplotlib.figure import Figure
 
 from backends.state import Array
 from diagnosis.calibration.calibrate import Calibration
-from diagnosis.calibration.result import Gains
-from diagnosis.motion.batch import READINGS, Simulate, replay
 
-EXCERPT_S = 0.6
-"""Length of the excerpt, around the largest distance of nominal and recorded motion [s]."""
+EXCERPT_S, MOST = 0.6, 8
+"""Length of the excerpt, around the largest distance of nominal and recorded motion [s]; so many
+episodes are drawn, or parts of them, at most."""
 _COLOURS = {"recorded": "black", "nominal": "tab:orange", "calibrated": "tab:blue"}
 
 
-def draw(simulate: Simulate, found: Calibration, folder: Path) -> list[Path]:
+def draw(found: Calibration, folder: Path) -> list[Path]:
     """Write JOINT.png into a folder for every joint; returns the files."""
-    shown = found.motions
-    if not shown:
-        return []
-    replayed = replay(simulate, [found.nominal, found.calibrated], shown)
     files = []
-    for j, joint in enumerate(found.nominal.hand.joint_names):
-        gains = found.joints[joint].gains
-        figure = Figure(figsize=(11, 2.1 * len(shown)), layout="constrained")
-        axes = figure.subplots(len(shown), 2, squeeze=False)
-        for row, motion, paths in zip(axes, shown, replayed, strict=True):
-            moves = motion.protocol != "push"
-            at = int(moves and isinstance(gains, Gains) and gains.compared == "motor")
-            lines = np.stack([motion.measured[:, at, j], *paths[..., at, j]])
-            _row(row, motion.time_s, np.degrees(lines))
-            row[0].set_ylabel(f"{motion.protocol}\n{READINGS[at]} [deg]")
-            row[1].set_ylabel("error [deg]")
-        axes[0, 1].legend(loc="upper right", fontsize="small")
-        axes[-1, 0].set_xlabel("time [s]")
-        axes[-1, 1].set_xlabel("time [s]")
-        figure.suptitle(joint)
-        files.append(folder / f"{joint}.png")
-        figure.savefig(files[-1], dpi=110)
+    for one in found.fits:
+        worlds = one.read, one.angles(one.nominal), one.angles(one.numbers(one.scale))
+        shown = one.limb.by_episode(np.degrees(np.stack(worlds, axis=1)))[:MOST]
+        for j, joint in enumerate(one.limb.joints):
+            figure = Figure(figsize=(11, 2.1 * len(shown)), layout="constrained")
+            axes = figure.subplots(len(shown), 2, squeeze=False)
+            rows = zip(axes, one.limb.recordings, one.limb.time_s, shown, strict=False)
+            for row, recording, time_s, deg in rows:
+                _row(row, time_s, deg[..., j].T)
+                side = "motor" if one.by_motor[j] else "position"
+                row[0].set_ylabel(f"{recording.protocol}\n{side} [deg]")
+                row[1].set_ylabel("error [deg]")
+            axes[0, 1].legend(loc="upper right", fontsize="small")
+            axes[-1, 0].set_xlabel("time [s]")
+            axes[-1, 1].set_xlabel("time [s]")
+            figure.suptitle(joint)
+            files.append(folder / f"{joint}.png")
+            figure.savefig(files[-1], dpi=110)
     return files
 
 

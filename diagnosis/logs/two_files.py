@@ -75,7 +75,7 @@ def put_together(
     from backends.mjcf import joint_ranges
 
     notes = Notes()
-    ranges = _named_joints(read_tables(tables[:1], (), Notes()), asked) if xml is None else {}
+    ranges = named_joints(read_tables(tables[:1], (), Notes()), asked) if xml is None else {}
     ranges = ranges if xml is None else joint_ranges(xml)
     frame = read_tables(tables, list(ranges), notes)
     if none := [name for name in frame if frame[name].isna().all()]:
@@ -173,7 +173,7 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
-def _named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
+def named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
     """Joints that columns name with commands and positions, without a model; one where none is.
 
     They slide where a column of theirs, or what is asked, is in a unit of lengths.

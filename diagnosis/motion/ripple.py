@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from backends.state import Array
 from diagnosis.motion.columns import ROTOR, VISCOUS
-from diagnosis.motion.limb import BLOCK_S, Limb, block_means
+from diagnosis.motion.limb import BLOCK_S, Limb
 
 PERIODS_RAD = (0.05, 1.0)
 """Shortest and longest period that is looked for: finer ones are a roughness, longer ones a
@@ -61,17 +61,15 @@ def _ripple(limb: Limb, joint: int, left: Array) -> tuple[float, float]:
 
 def _ordinary(limb: Limb, joint: int) -> Array:
     """Torques of what may be off by itself, up to their sizes, shape (N, 8)."""
-    rows = []
-    for recording, edges, time_s in zip(limb.recordings, limb.edges, limb.time_s, strict=True):
-        q, target = (
-            np.nan_to_num(block_means(x, edges)[:, joint])
-            for x in (recording.measured[:, 0], recording.command)
-        )
-        v = np.gradient(q, time_s) if len(q) > 1 else np.zeros_like(q)
-        a = np.gradient(v, time_s) if len(q) > 1 else np.zeros_like(q)
-        one = np.ones_like(q)
-        rows.append(np.stack([one, q, target, v, a, np.sign(v), np.sin(q), np.cos(q)], axis=1))
-    return np.concatenate(rows)
+    q = np.nan_to_num(limb.measured[:, 0, joint])
+    target = np.nan_to_num(limb.means(lambda recording: recording.command)[:, joint])
+    speeds, accels = list[Array](), list[Array]()
+    for x, time_s in zip(limb.by_episode(q), limb.time_s, strict=True):
+        speeds.append(np.gradient(x, time_s) if len(x) > 1 else np.zeros_like(x))
+        accels.append(np.gradient(speeds[-1], time_s) if len(x) > 1 else np.zeros_like(x))
+    v, a = np.concatenate(speeds), np.concatenate(accels)
+    rows = np.ones_like(q), q, target, v, a, np.sign(v), np.sin(q), np.cos(q)
+    return np.stack(rows, axis=1)
 
 
 def _moved(limb: Limb, joint: int, torque: Array) -> Array:

@@ -379,7 +379,7 @@ def made_up() -> Calibration:
         | {"J0": Joint(gains=joint, backlash=Backlash.of(play))},
         touch=tactile.NO_READINGS,
         touch_unit="m",
-        motions=(),
+        fits=(),
     )
 
 
