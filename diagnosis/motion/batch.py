@@ -8,14 +8,12 @@ import numpy as np
 from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState, State
-from diagnosis.motion.recordings import CHANNELS, REST_SAMPLES, Recording
+from diagnosis.motion.recordings import REST_SAMPLES, Recording
 
 Simulate = Callable[[Sequence[Spec]], Simulator]
 """Starts worlds on an engine."""
 ASIDE_M, FOREVER_S = (5.0, 0.0, 0.0), 1e6
 """Where the stick floats while joints move in free air, and how long it has no weight [m, s]."""
-READINGS = CHANNELS[:2]
-"""Outputs of a replay: readings of the position sensor and angles of the motor."""
 
 
 def at_rest(joint_rad: Array) -> InitialState:
@@ -57,16 +55,11 @@ def states(
         simulator.close()
 
 
-def replay(
-    simulate: Simulate,
-    specs: Sequence[Spec],
-    motions: Sequence[Recording],
-    offset_rad: Array | None = None,
-) -> list[Array]:
-    """The readings of every world: per motion, shape (W, T, 2, J) with `READINGS` third.
+def replay(simulate: Simulate, specs: Sequence[Spec], motions: Sequence[Recording]) -> list[Array]:
+    """What every world shows of joints and motors: per motion, shape (W, T, 2, J).
 
-    Joints start at the mean of some readings at rest, of the motor where it was logged, plus
-    `offset_rad` (W, J). The stick is out of the way.
+    Joints start at the mean of some readings at rest, of the motor where it was logged. The stick
+    is out of the way.
     """
     drive_s = specs[0].timing.drive_s
     ticks = [np.round(m.time_s / drive_s).astype(np.int64) for m in motions]
@@ -79,10 +72,9 @@ def replay(
     )
     rests = [m.measured[:REST_SAMPLES, :2].mean(axis=0) for m in motions]
     start = np.stack([np.where(np.isfinite(motor), motor, joint) for joint, motor in rests])
-    offset = np.zeros((len(specs), 1)) if offset_rad is None else offset_rad
     aside = {"policy_s": stride * drive_s, "weightless_s": FOREVER_S}
     worlds = [replace(s, timing=replace(s.timing, **aside)) for s in specs for _ in motions]
-    starts = at_rest(np.concatenate([start + one for one in offset]))
+    starts = at_rest(np.tile(start, (len(specs), 1)))
     every = states(simulate(worlds), starts, target, load)
     shown = np.stack([np.stack([s.measured_rad, s.motor_rad], axis=1) for s in every], axis=1)
     return [shown[k :: len(motions), row] for k, row in enumerate(rows)]

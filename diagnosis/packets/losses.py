@@ -155,19 +155,12 @@ def _cost(left: Array, weight: Array, memory: Array) -> float:
 def responses(world: World, u: Mapping[int, float]) -> Responses:
     """The responses of a limb with parameters at u."""
     evidence, limb = world.evidence, world.evidence.limb
-    size = max(int(np.diff(edges).max()) for edges in limb.edges)
-    per_block = round(float(np.median(np.concatenate([np.diff(e) for e in limb.edges]))))
-    apart = max(per_block * round(WINDOW_S / limb.period_s / per_block), 2 * size)
+    sizes, lengths = np.concatenate(list(map(np.diff, limb.edges))), [e[-1] for e in limb.edges]
+    per_block = round(float(np.median(sizes)))
+    apart = max(per_block * round(WINDOW_S / limb.period_s / per_block), 2 * int(sizes.max()))
     window, joints = apart // per_block, len(limb.joints)
-    lengths = [len(r.time_s) for r in limb.recordings]
-    begins, firsts = np.cumsum([0, *lengths]), np.cumsum([0, *(len(e) - 1 for e in limb.edges)])
-    block = np.concatenate(
-        [
-            first + np.searchsorted(edges, np.arange(count), side="right") - 1
-            for first, edges, count in zip(firsts, limb.edges, lengths, strict=False)
-        ]
-    )
-    row = np.concatenate([np.arange(count) for count in lengths])
+    begins, block = np.cumsum([0, *lengths]), np.repeat(np.arange(len(sizes)), sizes)
+    row = np.concatenate(list(map(np.arange, lengths)))
     template = np.zeros(len(row), dtype=np.int64)
     unit: list[list[Array]] = []
     numbers, tilt = world.numbers(u)

@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from backends.state import Array
 from diagnosis.models.world import World
 from diagnosis.motion.columns import STEP
-from diagnosis.motion.limb import BLOCK_S, Limb, block_means
+from diagnosis.motion.limb import BLOCK_S, Limb
 
 RESPONSE_S = 0.16
 """A response is followed for so long [s]."""
@@ -100,19 +100,16 @@ class _Path:
     def of(cls, limb: Limb, joint: int, shown: Array) -> "_Path":
         """See `_Path`; by least squares of a replay's positions (N,)."""
         lags = max(2, round(RESPONSE_S / max(BLOCK_S, limb.period_s)))
-        begin, rows, sides, edges, samples = 0, list[Array](), list[Array](), list[Array](), 0
-        for recording, own in zip(limb.recordings, limb.edges, strict=True):
-            moved = block_means(recording.command[:, joint] - recording.command[0, joint], own)
-            past = np.concatenate([np.zeros(lags - 1), moved])
+        moved = limb.means(lambda one: one.command[:, joint] - one.command[0, joint])
+        rows, sides = list[Array](), list[Array]()
+        for own, there in zip(limb.by_episode(moved), limb.by_episode(shown), strict=True):
+            past = np.concatenate([np.zeros(lags - 1), own])
             rows.append(np.lib.stride_tricks.sliding_window_view(past, lags)[:, ::-1])
-            sides.append(shown[begin : begin + len(moved)] - shown[begin])
-            edges.append(own[:-1] + samples)
-            begin, samples = begin + len(moved), samples + len(recording.command)
+            sides.append(there - there[0])
         response, *_ = np.linalg.lstsq(np.concatenate(rows), np.concatenate(sides), RIDGE)
         target = np.concatenate([r.command[:, joint] for r in limb.recordings])
-        return cls(
-            target=target, edges=np.append(np.concatenate(edges), samples), response=response
-        )
+        edges = np.cumsum([0, *np.concatenate(list(map(np.diff, limb.edges)))])
+        return cls(target=target, edges=edges, response=response)
 
     def promising(self, off: Array, least: float, most: float, apart: float) -> Array:
         """Steps between ends whose sawtooth's first harmonic is most like `off` (N,).

@@ -9,10 +9,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from backends.spec import Body, Spec
+from backends.spec import Spec
 from backends.state import Array
 from diagnosis.logs.log import Log
 from diagnosis.motion.batch import Simulate, replay
+from diagnosis.motion.columns import with_numbers
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import (
     CHANNELS,
@@ -26,6 +27,11 @@ from diagnosis.replay.parts import limbs
 
 HORIZON_S = 2.0
 """Duration of an episode that is compared [s]."""
+RANDOM = (
+    *("encoder.noise_rad", "encoder.resolution_rad", "command.loss_share", "command.jitter_s"),
+    "drive.play_rad",
+)
+"""Numbers of what a replay leaves out or cannot follow."""
 
 
 def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
@@ -37,7 +43,7 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     in every simulation. Raises LogError if there is no such episode, ValueError if the engine
     refuses a number of the world.
     """
-    spec = spec.with_driven(_sure(body) for body in spec.hand.driven)
+    spec = with_numbers(spec, dict.fromkeys(spec.hand.joint_names, dict.fromkeys(RANDOM, 0.0)))
     shown = replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
     names = spec.hand.joint_names
     return max(
@@ -84,14 +90,6 @@ def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tupl
     off = [s[:, :, 0] - m.measured[:, 0] for s, m in zip(shown, motions, strict=True)]
     squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
     return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())
-
-
-def _sure(body: Body) -> Body:
-    encoder = dataclasses.replace(body.joint.encoder, noise_rad=0.0, resolution_rad=0.0)
-    command = dataclasses.replace(body.joint.command, loss_share=0.0, jitter_s=0.0)
-    drive = body.joint.drive and dataclasses.replace(body.joint.drive, play_rad=0.0)
-    joint = dataclasses.replace(body.joint, encoder=encoder, command=command, drive=drive)
-    return dataclasses.replace(body, joint=joint)
 
 
 def _unread(motion: Recording) -> Recording:
