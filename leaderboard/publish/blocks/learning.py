@@ -16,8 +16,8 @@ from leaderboard.transfer import IDENTITY
 from leaderboard.transfer_text import interval
 
 STEPS, FEWER = 1_000_000, 600_000
-SHORTER = f"{USUAL['algo']} gamma=0.97"
-"""The usual learner with a shorter horizon, which needs fewer steps."""
+QUICK = f"{USUAL['algo']} epochs=8 gamma=0.98 anneal=0.4 critic=state"
+"""The usual learner with what lets it learn in fewer steps."""
 TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("worlds around the nominal one, starts of the paper's Algorithm 1", {}),
     ("the nominal world alone (`--no-randomize`)", {"randomize": False}),
@@ -51,10 +51,10 @@ def learners(kept: Kept) -> str:
 
 @block
 def fewer_steps(kept: Kept) -> str:
-    """The circle with a shorter horizon in fewer steps."""
+    """The circle in fewer steps."""
     rows = []
     for backend in ("mujoco", "bullet"):
-        for algo, steps in ((USUAL["algo"], STEPS), (SHORTER, FEWER)):
+        for algo, steps in ((USUAL["algo"], STEPS), (QUICK, FEWER)):
             cells = kept.line("circle", backend=backend, algo=algo, steps=steps).cells
             rows.append((shown(backend), f"`{algo}`", million(steps), *_with_minutes(cells)))
     return grid(("engine", "learner", "steps", *SCORES, "minutes a seed"), rows)
