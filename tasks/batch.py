@@ -215,8 +215,8 @@ class BatchEnv:
     def step(self, action: Array) -> Step:
         """Displace the targets by `action` (N, J) in [-1, 1] and advance by one policy period.
 
-        Raises ValueError for actions of another shape, NotFiniteActionError, and
-        SimulationDivergedError when the engine returns a number that is not finite.
+        Raises ValueError (shape), NotFiniteActionError, and SimulationDivergedError when the
+        engine returns a number that is not finite.
         """
         action = np.asarray(action)
         if action.shape != self._target.shape:
