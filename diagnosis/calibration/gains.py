@@ -65,9 +65,9 @@ FLOATS = (
     "not identifiable from this log: it floats between its teeth nearly all the time; log its "
     "motor's angle, or move it faster"
 )
-STEP, SHARE = 0.05, 0.9
+STEP, SHARE, LEAST = 0.05, 0.9, 0.01
 """An effect is confounded with gains if changes of these, by slopes over a relative `STEP`, explain
-more than this share of what it does."""
+more than this share of what it does, and one of them is at least so large."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -251,9 +251,9 @@ def confusions(one: GainFit, j: int) -> Iterator[str]:
         path = trace(numbers)
         x, total = np.linalg.lstsq(columns, path)[0], float(path @ path)
         share = 1 - float(np.sum((path - columns @ x) ** 2)) / total if total > 0 else 0.0
-        if share > SHARE:
+        if share > SHARE and np.abs(x).max() > LEAST:
             kp, kd = 100 * x
             yield (
-                f"{name}: {size / UNITS[kind.unit][1]:g} {kind.unit} would look like "
+                f"{name}: {size / UNITS[kind.unit][1]:.3g} {kind.unit} would look like "
                 f"kp {kp:+.1f} %, kd {kd:+.1f} % ({100 * share:.1f} % of it)"
             )

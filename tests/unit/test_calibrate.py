@@ -257,6 +257,8 @@ def test_viscous_friction_reads_as_damping(moved):
     fit, j = fitted(moved, world())["J1"]
     confused = dict(text.split(": ") for text in gains.confusions(fit, j))
     assert "command-delay" not in confused
+    moved = [[float(x) for x in re.findall(r"k[pd] (\S+) %", text)] for text in confused.values()]
+    assert all(np.abs(gains_percent).max() >= 1.0 for gains_percent in moved)
     kp, kd = (float(x) / 100 for x in re.findall(r"k[pd] (\S+) %", confused["viscous-friction"]))
     added = 1e-3 * float(confused["viscous-friction"].split()[0])
     # both slow the motor; under the torque limit alone, viscous friction comes on top of it
