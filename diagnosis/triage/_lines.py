@@ -73,7 +73,7 @@ def _relative(track: Track) -> Fault | None:
 def scale(track: Track) -> Fault | None:
     """Sign and unit, from the change of position per change of command."""
     found, cause = track.line()
-    if abs(found.correlation) < CLEAR or SCALES[0] <= found.slope <= SCALES[1]:
+    if not track.travel or abs(found.correlation) < CLEAR or SCALES[0] <= found.slope <= SCALES[1]:
         return None
     moves = f"the position moves {found.slope:.3g} times as far as {cause}"
     if SCALES[0] < -found.slope < SCALES[1]:

@@ -36,8 +36,6 @@ BEYOND, WITHIN = 3.0, 1.5
 within the second."""
 FINE, SAME = 0.05, 0.2
 """Share of the motion that is left where no unit can be wrong, and up to which another is right."""
-RIVAL = 2.0
-"""A unit must leave less than a weight that is carried, or another limit, by this factor."""
 CLOSER = 1.3
 """Of two sizes without a name, the one that leaves less by this factor."""
 LEAST = 1e-3
@@ -45,7 +43,7 @@ LEAST = 1e-3
 
 MOVES = "then the nominal world moves as logged"
 LIMIT, WEIGHT = "its limit of torque is another", "its drive carries the weight"
-HELD = "friction holds it beside its targets"
+HELD, BIASED = "friction holds it beside its targets", "its sensor is biased"
 
 
 def both(every: Sequence[Track]) -> Iterator[Fault]:
@@ -57,7 +55,8 @@ def both(every: Sequence[Track]) -> Iterator[Fault]:
 
 def _both(some: Sequence[Track]) -> Iterator[Fault]:
     """Of all together, or else of each by itself."""
-    said = _unit(joints := Joints(tracks=tuple(some))) if some else None
+    moves = any(track.travel for track in some)
+    said = _unit(joints := Joints(tracks=tuple(some))) if moves else None
     if said:
         yield said.fault(joints.agree(said.per_si) or some)
     elif len(some) > 1:
@@ -112,8 +111,9 @@ class Joints:
 
     @cached_property
     def sags(self) -> list[Sags]:
-        """Of those that show their weight."""
-        return [sags for track in self.tracks if (sags := Sags.of(track)).show_weight]
+        """Of those that move and show their weight."""
+        every = (Sags.of(track) for track in self.tracks if track.travel)
+        return [sags for sags in every if sags.show_weight]
 
     def sag(self, per_si: float = 1.0) -> float:
         """Relative misfit of the sag, see `Sags.misfit`."""
@@ -121,17 +121,15 @@ class Joints:
 
     def left(self, per_si: float = 1.0) -> float:
         """Share of the motion and of the sag that are left in a unit."""
-        return self._left(lambda track: _left(track.varied(per_si)), per_si)
+        return self._left(
+            lambda track: _left(track.varied(per_si)),
+            lambda sags: sags.misfit(per_si, sizes=SCALES),
+        )
 
-    def _left(
-        self,
-        moved: Callable[[Track], float],
-        per_si: float = 1.0,
-        sizes: tuple[float, float] = SCALES,
-    ) -> float:
-        """With what is left of a joint's motion, and a sag that is so many times as large."""
+    def _left(self, moved: Callable[[Track], float], sagged: Callable[[Sags], float]) -> float:
+        """With what is left of a joint's motion, and of its sag."""
         motions = (moved(track) for track in self.tracks if track.travel)
-        return _together([*motions, *(one.misfit(per_si, sizes=sizes) for one in self.sags)])
+        return _together([*motions, *map(sagged, self.sags)])
 
     @property
     def fall(self) -> bool:
@@ -188,13 +186,25 @@ class Joints:
         return Unit(per_si=self.units[best], why=why, name=best)
 
     def rivals(self, per_si: float) -> list[str]:
-        """What else leaves as little: another limit of torque, a carried weight, friction."""
+        """What else leaves as little: a limit of torque, a carried weight, friction or a bias."""
         found = {
-            LIMIT: self._left(lambda track: _left(track.varied(limited=per_si))),
-            WEIGHT: self._left(lambda track: _left(track.weightless()), sizes=(0.0, np.inf)),
-            HELD: self._left(lambda track: _left(track, rubs=True)),
+            LIMIT: self._left(
+                lambda track: _left(track.varied(limited=per_si)),
+                lambda sags: sags.misfit(sizes=SCALES),
+            ),
+            WEIGHT: self._left(
+                lambda track: _left(track.weightless()),
+                lambda sags: sags.misfit(sizes=(0.0, np.inf)),
+            ),
+            HELD: self._left(
+                lambda track: _left(track, rubs=True), lambda sags: sags.misfit(sizes=SCALES)
+            ),
+            BIASED: self._left(
+                lambda track: _left(_unbiased(track), rubs=True),
+                lambda sags: sags.left(biased=True),
+            ),
         }
-        most = RIVAL * self.left(per_si)
+        most = BETTER * self.left(per_si)
         return [text for text, left in found.items() if left < most]
 
 
@@ -231,6 +241,12 @@ def _one_sided(track: Track) -> bool:
     """Whether positions follow their commands at another scale, so that one side alone is off."""
     found = line(track.command, track.position)
     return abs(found.correlation) > CLEAR and not SCALES[0] <= found.slope <= SCALES[1]
+
+
+def _unbiased(track: Track) -> Track:
+    """The track beside a nominal world that begins as much aside as its sensor seems to be."""
+    offset = float(np.median(np.concatenate(track.missed)))
+    return track.beside(track.limb, started=-offset) if np.isfinite(offset) else track
 
 
 def _together(found: Iterable[float]) -> float:

@@ -145,6 +145,24 @@ def test_radians_are_never_another_unit(joints, motion, change):
     assert not {fault.kind for fault in faults(one, mjcf_world(one))} & {"unit", "zero"}
 
 
+@pytest.mark.parametrize("motion", [steps, sines])
+@pytest.mark.parametrize(("joints", "size"), [(1, 0.1), (1, 0.9), (2, 0.4)])
+def test_a_biased_sensor_is_in_no_other_unit(motion, joints, size):
+    """Name no unit where the readings of a joint are off by 5 degrees."""
+    one, name = log(arm(joints), motion(size), 1.0), f"position_rad.j{joints - 1}"
+    off = one.samples.assign(**{name: one.samples[name] + 0.08})
+    one = make_log(one.meta, off, one.mjcf_xml)
+    assert faults(one, mjcf_world(one)) == ()
+
+
+def test_a_joint_that_stands_is_in_no_other_unit():
+    """Name no unit of a joint that only sinks to where its weight lets it rest."""
+    one = log(arm(1), np.full(len(TIME_S), 0.3), 1.0)
+    read = one.samples["position_rad.j0"] + 0.03
+    one = make_log(one.meta, one.samples.assign(**{"position_rad.j0": read}), one.mjcf_xml)
+    assert faults(one, mjcf_world(one)) == ()
+
+
 def test_a_gain_that_is_off_hides_no_degrees():
     """Name degrees, and no unit of another size, of a drive that is weaker than its file says."""
     xml = arm(2)
