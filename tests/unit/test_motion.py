@@ -21,6 +21,7 @@ from diagnosis.models.world import World
 from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LINK, LOCK, ONE_WAY, STOP, with_load
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
+from diagnosis.replay.agreement import HORIZON_S, begun
 from diagnosis.replay.dynamics import dynamics
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
@@ -209,6 +210,18 @@ def test_what_a_replay_needed_goes_with_its_limb():
     held = gone()
     gc.enable()
     assert held is None
+
+
+def test_the_beginning_of_a_log_lasts_long_enough():
+    """Take all of the horizon of one long episode whose rows come at no even times."""
+    log = log_of(Real())
+    one = log.samples[log.samples["episode"] == 0]
+    late_s = np.where(one["t_s"] > 0.0, 0.3 / HZ, 0.0)
+    samples = one.assign(t_s=one["t_s"] + late_s).reset_index(drop=True)
+    meta = log.meta.model_copy(update={"episodes": [e for e in log.episodes if e.episode == 0]})
+    log = make_log(meta, samples, log.mjcf_xml)
+    (begin,) = begun(log, limbs(mjcf_world(log))[0])
+    assert HORIZON_S <= begin.time_s[-1] < samples["t_s"].max()
 
 
 def test_a_diverging_replay_is_nan_and_no_crash():
