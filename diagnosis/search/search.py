@@ -224,18 +224,18 @@ class Search:
         return [fit for fit in same if is_some(self.parameters, fit)]
 
     def _polished(self, fits: Sequence[Fit]) -> list[Fit]:
-        """Sets by rank; the best are fitted on with all tolerances, by slopes of their own.
+        """Sets by rank; the best are fitted on with the tolerances of all joints.
 
-        And from where these are none, for at their ends they may hold a fit where it is. With
-        slopes from elsewhere, masses and gains may all grow together, which hardly shows.
+        And from where these are none, for at their ends they may hold a fit where it is.
         """
         ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in _near(ranked[:POLISHED]):
-            self._keep(self.fitter.fit(fit.freed, fit.u, steps=5))
+            self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes, steps=5))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
-                self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
+                rough = self._rough(fit.freed, fit.u)
+                self._keep(self.fitter.fit(fit.freed, rough.u, slopes=fit.slopes))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 

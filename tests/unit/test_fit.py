@@ -11,7 +11,6 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fitter
-from diagnosis.search.search import Search
 from diagnosis.verdict.ordinary import ROBOTS
 
 
@@ -50,12 +49,3 @@ def test_a_fit_that_is_done_takes_no_slope_again(fitter):
     held = [k for k in first.slopes if k != gain]
     assert held and all(more.slopes[k] is first.slopes[k] for k in held)
     assert more.excess <= first.excess + 1e-6
-
-
-def test_a_chosen_set_has_slopes_of_its_own(fitter):
-    """End with slopes from near where it is, for all joints."""
-    gain = number(fitter, "kp-scale", 0)
-    chosen = Search(fitter, ROBOTS, lambda text, done: None).run().chosen
-    assert chosen.freed == (gain,)
-    taken = [slope.at.get(gain, 0.0) for slope in chosen.slopes.values()]
-    assert taken == pytest.approx([chosen.u[gain]] * len(taken), abs=0.1)
