@@ -59,7 +59,7 @@ robots."""
 WIDER = 1.25
 """A law leaves so many times less [squared] than the one that it is in a narrow range."""
 NEAR, NEAR_MORE = 4.0, 3.0
-"""Sets are polished and kept whose excess is below so many times the best's, and this."""
+"""The beam keeps sets whose excess is below so many times the best's, and this."""
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 """Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
 times the best's, and this."""
@@ -185,7 +185,7 @@ class Search:
                 break
             self.now = now = with_prediction_spread(self.fitter, fresh[0], self.ordinary)
             width = BEAM if causes < MIXED else 1
-            beam = _near(fresh[:width])
+            beam = [f for f in fresh[:width] if f.excess < NEAR * fresh[0].excess + NEAR_MORE]
 
     def _found(self, now: Fit) -> Found:
         """The best of the sets tried, of as many causes as `now` has."""
@@ -231,7 +231,7 @@ class Search:
         ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
-        for fit in _near(ranked[:POLISHED]):
+        for fit in ranked[:POLISHED]:
             self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes, steps=5))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
                 rough = self._rough(fit.freed, fit.u)
@@ -426,11 +426,6 @@ class Search:
 
 def _first(sizes: Sizes, count: int) -> Sizes:
     return dict(islice(sizes.items(), count))
-
-
-def _near(ranked: Sequence[Fit]) -> list[Fit]:
-    """Sets that may still become the best."""
-    return [fit for fit in ranked if fit.excess < NEAR * ranked[0].excess + NEAR_MORE]
 
 
 def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
