@@ -52,9 +52,7 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
         _, curvature, pull = problem.normal(fit.slopes, seen, fit.residual, fit.u)
         step = lowest(curvature, pull, problem.low - now, problem.high - now)
         moved_by = zip(problem.numbers, step, strict=True)
-        found[unseen] = (fit.residual - sum(fit.slopes[k].column * by for k, by in moved_by))[
-            unseen
-        ]
+        found[unseen] = (fit.residual - sum(fit.slopes[k] * by for k, by in moved_by))[unseen]
     return found
 
 

@@ -22,9 +22,8 @@ from diagnosis.search.fit import Fitter
 
 NEARER = 0.4
 """Commands are a row late where they leave, a row earlier, so much of the squared gap at most."""
-MOST_ROWS, UNDONE = 0.2, 0.5
-"""Commands that are a row late are not found to be delayed by more of a row, of all joints; nor, a
-row earlier, by so much of it."""
+MOST_ROWS = 0.2
+"""Commands that are a row late are not found to be delayed by more of a row, of all joints."""
 FREE = 1.0
 """Standard deviation of the nominal numbers, relative, that are fitted to either: a fault moves no
 command."""
@@ -57,23 +56,18 @@ def _is_late(log: Log, settled: bool = False) -> bool:
 
     `settled`: after fits that close no more, which is sure and takes longer.
     """
-    as_is, earlier, delays = 0.0, 0.0, list[tuple[float, float]]()
+    as_is, earlier, delays = 0.0, 0.0, np.zeros(0)
     for part in limbs(mjcf_world(log)):
         some, _ = excerpted(log, part, ENOUGH_S)
         limb, _ = checked(Limb(spec=part, recordings=some, rigid=True))
         said = evidence(limb)
         fitter = Fitter(said, parameters(catalogue(), said, FREE, 1.0))
         fit = fitter.settled() if settled else fitter.fit()
-        as_is += fit.excess
+        delay_rows = fitter.numbers(fit.u)[0][:, DELAY] / limb.period_s
+        as_is, delays = as_is + fit.excess, np.append(delays, delay_rows)
         if as_is > 0.0:
             sent = [np.concatenate([r.command[1:], r.command[-1:]]) for r in limb.recordings]
             other = fitter.of(limb.with_signals(command=sent))
             near = other.fit(u=fit.u, slopes=fit.slopes, again=False)
-            moved = other.settled() if settled else near
-            earlier += moved.excess
-            rows = (fitter.numbers(one.u)[0][:, DELAY] / limb.period_s for one in (fit, moved))
-            delays += zip(*rows, strict=True)
-    if not earlier < NEARER * as_is:
-        return False
-    before, after = np.mean(delays, axis=0)
-    return bool(before <= MOST_ROWS and after <= UNDONE)
+            earlier += (other.settled() if settled else near).excess
+    return earlier < NEARER * as_is and bool(delays.mean() <= MOST_ROWS)

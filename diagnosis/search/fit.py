@@ -15,14 +15,14 @@ from backends.state import Array
 from diagnosis.evidence.evidence import excess, root_weights, squared_gaps
 from diagnosis.models.parameters import with_parts
 from diagnosis.models.world import World
-from diagnosis.motion.columns import MASS, PAYLOAD, PLAY
+from diagnosis.motion.columns import PLAY
 from diagnosis.motion.limb import Limb
-from diagnosis.search.problem import Problem, Slope, Slopes, lowest
+from diagnosis.search.problem import Problem, lowest
 from diagnosis.verdict.ordinary import Ordinary
 
 STEPS, AGAIN = 7, 2
-"""Steps of a fit; at the step AGAIN, and where steps win little, slopes from elsewhere are taken
-again."""
+"""Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
+by more than they are taken over. Slopes from elsewhere are so there, and where steps win little."""
 DAMPINGS = (1.0, 0.4, 0.12)
 """Shares of a step that are tried."""
 DONE, DONE_SHARE, DONE_EXACT = 0.02, 3e-3, 1e-4
@@ -37,9 +37,8 @@ USUAL = 4.0
 """Tolerances together are a gap beyond so many standard deviations of healthy robots'."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
-WIDEST, HEAVY = 0.1, 3.0
-"""Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples.
-Masses of other joints change slopes where they move by so many times more."""
+WIDEST = 0.1
+"""Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,8 +57,8 @@ class Fit:
     """Squared gap that the tolerances together are worth, see `Usual`; 0 where they are usual."""
     sd: Mapping[int, float] = field(default_factory=dict)
     """Standard deviations of what was fitted."""
-    slopes: Slopes = field(default_factory=dict)
-    """As last taken."""
+    slopes: Mapping[int, Array] = field(default_factory=dict)
+    """How readings follow from each parameter (M,), as last taken."""
 
     @cached_property
     def excess(self) -> float:
@@ -127,15 +126,15 @@ class Fitter(World):
         freed: Sequence[int] = (),
         u: Mapping[int, float] | None = None,
         moving: Collection[int] | None = None,
-        slopes: Slopes | None = None,
+        slopes: Mapping[int, Array] | None = None,
         steps: int = STEPS,
         beat: float = np.inf,
         again: bool = True,
     ) -> Fit:
         """All tolerances and the freed effects, or those of them that are `moving`, from u.
 
-        `slopes`: as known from elsewhere; `again`: whether those from too far away are taken again
-        on the way. A fit that then leaves far more than the excess `beat` ends early.
+        `slopes`: of tolerances, as taken nearby; `again`: whether they are computed again on the
+        way. A fit that then leaves far more than the excess `beat` ends early.
         """
         u, problem = dict(u or {}), Problem.of(self.parameters, freed, moving)
         own = with_parts(self.parameters, freed)
@@ -149,9 +148,8 @@ class Fitter(World):
             infinite = np.full(len(self.evidence.parts), np.inf)
             residual = np.zeros_like(self.evidence.readings)
             return Fit(freed=tuple(freed), u=u, residual=residual, gap2=infinite)
-        curvature = np.diag(problem.sd**-2.0)
-        moved = [k for k in problem.numbers if k in own]
-        held = [k for k in problem.numbers if k not in own]
+        curvature, stale = np.diag(problem.sd**-2.0), again and slopes is not None
+        held, began = np.array([k not in own for k in problem.numbers]), problem.at(u)
         done_share = DONE_EXACT if self.evidence.limb.exact else DONE_SHARE
         for step in range(steps):
             residual = self.evidence.readings - shown
@@ -168,16 +166,17 @@ class Fitter(World):
                 if left < cost:
                     u, shown, won = there, other, cost - left
                     break
-            if step == steps - 1:
+            small = won < DONE + done_share * cost
+            if (small and step > 0 and not stale) or step == steps - 1:
                 break
             if step == AGAIN and self._excess(shown) > HOPELESS * beat:
                 break
-            small, far = won < DONE + done_share * cost, list[int]()
-            if again and (small or step == AGAIN):
-                far = [k for k in held if self._is_far(k, known[k].at, u, freed)]
-            if small and step > 0 and not far:
-                break
-            known |= self.slopes([*far, *moved], u, freed, self.bare(u, freed))
+            moved = np.abs(problem.at(u) - began)[held] > np.minimum(problem.sd[held], WIDEST)
+            far = again and step == AGAIN and (stale or bool(moved.any()))
+            anew = far or (stale and small)
+            stale = stale and not anew
+            fresh = [k for k in problem.numbers if k in own or anew]
+            known |= self.slopes(fresh, u, freed, self.bare(u, freed))
         residual = self.evidence.readings - shown
         sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
         fit = Fit(
@@ -195,7 +194,7 @@ class Fitter(World):
         self,
         u: Mapping[int, float] | None = None,
         again: int = 0,
-        slopes: Slopes | None = None,
+        slopes: Mapping[int, Array] | None = None,
     ) -> Fit:
         """The tolerances alone, fitted on until a fit closes little more.
 
@@ -233,33 +232,16 @@ class Fitter(World):
         """What is shown without the parameters that only add their slope."""
         return self.shown({k: v for k, v in u.items() if not self.is_column(k, freed)})
 
-    def _is_far(
-        self, number: int, at: Mapping[int, float], u: Mapping[int, float], freed: Collection[int]
-    ) -> bool:
-        """Whether a parameter that another's slope depends on is elsewhere than `at`.
-
-        It depends on those of its joint and of all joints, and less on others' masses.
-        """
-        joint = self.parameters[number].joint
-        for k in {**at, **u}:
-            one = self.parameters[k]
-            own = None in (joint, one.joint) or joint == one.joint
-            if (own or one.place in (MASS, PAYLOAD)) and not self.is_column(k, freed):
-                moved = abs(u.get(k, 0.0) - at.get(k, 0.0))
-                if moved > min(one.least, WIDEST) * (1.0 if own else HEAVY):
-                    return True
-        return False
-
     def slopes(
         self, numbers: Iterable[int], u: Mapping[int, float], freed: Collection[int], base: Array
-    ) -> dict[int, Slope]:
+    ) -> dict[int, Array]:
         """How readings follow from parameters at u, where `bare` is `base`; 0 if they diverge."""
         plain = {k: v for k, v in u.items() if not self.is_column(k, freed)}
         found = {}
         for k in numbers:
             step = self.step(k, plain.get(k, 0.0))
             moved = self.shown({**plain, k: plain.get(k, 0.0) + step})
-            found[k] = Slope(column=np.nan_to_num((moved - base) / step), at=u)
+            found[k] = np.nan_to_num((moved - base) / step)
         return found
 
     def step(self, number: int, now: float) -> float:
@@ -270,9 +252,9 @@ class Fitter(World):
         return -step if now < 0.0 else step
 
     def _columns(
-        self, u: Mapping[int, float], freed: Collection[int], known: Slopes
+        self, u: Mapping[int, float], freed: Collection[int], known: Mapping[int, Array]
     ) -> Array | float:
-        return sum(known[k].column * v for k, v in u.items() if v and self.is_column(k, freed))
+        return sum(known[k] * v for k, v in u.items() if v and self.is_column(k, freed))
 
 
 def _cost(residual: Array, weights: Array) -> float:

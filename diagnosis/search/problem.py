@@ -27,18 +27,6 @@ least sizes or this share of what it is."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Slope:
-    """How readings follow from a parameter (M,), and where all parameters were then."""
-
-    column: Array
-    at: Mapping[int, float]
-
-
-Slopes = Mapping[int, Slope]
-"""By number of the parameter."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
     """The parameters of a fit by number, with priors and bounds, all (n,)."""
 
@@ -98,12 +86,12 @@ class Problem:
         return np.where(self.is_free, free, STRIDE * self.sd)
 
     def normal(
-        self, slopes: Slopes, weights: Array, residual: Array, u: Mapping[int, float]
+        self, slopes: Mapping[int, Array], weights: Array, residual: Array, u: Mapping[int, float]
     ) -> tuple[Array, Array, Array]:
         """What a step d from u costs is d'A d / 2 - g'd: the weighted slopes (M, n), A and g."""
         jacobian = np.empty((len(weights), len(self.numbers)))
         for column, k in zip(jacobian.T, self.numbers, strict=True):
-            np.multiply(slopes[k].column, weights, out=column)
+            np.multiply(slopes[k], weights, out=column)
         curvature = jacobian.T @ jacobian + np.diag(self.sd**-2.0)
         curvature += RIDGE * np.diag(np.diag(curvature))
         pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2

@@ -1,6 +1,6 @@
 """Which effects may close a gap: what a linear step of all tolerances and the effect would win."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -8,7 +8,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import root_weights
 from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.problem import RIDGE, Problem, Slopes
+from diagnosis.search.problem import RIDGE, Problem
 
 SIZES = (2.0, 6.0)
 """Multiples of the least size over which an effect's slope is taken."""
@@ -22,7 +22,7 @@ Chords = dict[tuple[int, float], Array]
 
 def screened(
     fitter: Fitter, fit: Fit, effects: Sequence[int], chords: Chords
-) -> tuple[dict[int, float], Slopes]:
+) -> tuple[dict[int, float], Mapping[int, Array]]:
     """Effects by number, with the sizes that promise most, the best first; and all slopes there.
 
     An effect stands in place of its own tolerance. `chords`: as taken nearby, and then those that
@@ -44,7 +44,7 @@ def screened(
         best = 0.0, 0.0
         for size in _sizes(one):
             columns = np.stack(changes(number, size, now), axis=1) * weights[:, None]
-            shared = (jacobian.T @ columns)[rest]
+            shared = jacobian[:, rest].T @ columns
             bend = columns.T @ columns - shared.T @ inverse @ shared
             slope = columns.T @ left - shared.T @ inverse @ pull[rest]
             least = size if len(slope) > 1 else -one.most if one.kind.either_sign else 0.0

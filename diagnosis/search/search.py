@@ -13,12 +13,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from backends.effects.coulomb_friction import Effect as CoulombFriction
+from backends.state import Array
 from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.problem import Slopes
 from diagnosis.search.screening import Chords, screened
 from diagnosis.verdict.exact import TIE_NATS, is_likely
 from diagnosis.verdict.exact import ranked as ranked_by_nats
@@ -65,12 +65,13 @@ TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 times the best's, and this."""
 END = 0.97
 """An effect is as large as is tried from this share of it on."""
-SCANNED, FINE = 11, 0.03
+SCANNED, FINE = 11, 1e-3
 """A kink is sought at so many sizes, then between the neighbours of the best to this share."""
 
 
 Sizes = Mapping[int, float]
 """Of effects by number."""
+Slopes = Mapping[int, Array]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -133,8 +134,7 @@ class Search:
         again = int(self.ordinary.exact)
         fit = self.fitter.settled(begun.u, again, begun.slopes)
         if self.soft and self.rubs:
-            soft = self.fitter.settled({**begun.u, **self.soft}, again, begun.slopes)
-            fit = min(fit, soft, key=self._left)
+            fit = min(fit, self.fitter.settled({**begun.u, **self.soft}, again), key=self._left)
         return self.fitter.strained(fit, self.ordinary)
 
     @cached_property
@@ -232,10 +232,9 @@ class Search:
         if len(self.fitter.evidence.joints) == 1:
             return ranked
         for fit in ranked[:POLISHED]:
-            self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes, steps=5))
+            self._keep(self.fitter.fit(fit.freed, fit.u, steps=5))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
-                rough = self._rough(fit.freed, fit.u)
-                self._keep(self.fitter.fit(fit.freed, rough.u, slopes=fit.slopes))
+                self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 
@@ -292,8 +291,7 @@ class Search:
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
             less = with_parts(self.parameters, [number])
-            u = {a: v for a, v in fit.u.items() if a not in less}
-            self._keep(self.fitter.fit(rest, u, slopes=fit.slopes))
+            self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a not in less}))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit) -> None:
@@ -371,13 +369,13 @@ class Search:
         yield {**fit.u, number: size}, slopes
         if self.rubs or one.kind.family == CoulombFriction.family:
             yield from (({**fit.u, k: soft, number: size}, slopes) for k, soft in self.soft.items())
-        better = self.tried[frozenset(freed)]
+        better = self.tried[frozenset(freed)].u
         alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
-        alone |= {k: better.u.get(k, 0.0) for k in self.soft}
+        alone |= {k: better.get(k, 0.0) for k in self.soft}
         if one.kind.kinked or self.fitter.evidence.rattles:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
-        yield self._rough(freed, there).u if self.guessed else there, better.slopes
+        yield self._rough(freed, there).u if self.guessed else there, self.plain.slopes
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
