@@ -19,10 +19,6 @@ from diagnosis.triage._sags import WRONG, Sags
 from diagnosis.triage._signals import CLEAR, COUNTS, OPTIONS, line
 from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
 
-RIGHT = 0.25
-"""Relative misfit of the sag up to which a unit is right."""
-COARSEST = 100.0
-"""Counts per radian that encoders have at least."""
 FREE, MOVED, ASIDE = (
     np.geomspace(*ends) for ends in ((1e-2, 1e4, 400), (1e-2, 1e4, 25), (0.5, 2, 9))
 )

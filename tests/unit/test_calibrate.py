@@ -53,7 +53,6 @@ HIDDEN = ",".join(
 """The real side: gains within 20 % of nominal, play, worms that lock, sensors with noise."""
 CONSTANT = ((30, 33), (1640, 1642))
 """Samples of the push between which neither command nor push changes."""
-GAIN_ERROR = 0.03
 PLAY_ERROR_DEG = 0.05
 """What a calibration promises."""
 
