@@ -54,7 +54,7 @@ def make(
     real: Real = "all",
     rig: Rig = "finger",
     modes: Annotated[
-        str, Setting(kind=Text("NAMES"), help="all, or some of single,pair,none,unknown.")
+        str, Setting(kind=Text("NAMES"), help="all, or some of single, pair, none, unknown.")
     ] = "all",
     hidden_effects: HiddenEffects = "all",
     protocol: Protocol = "all",

@@ -4,6 +4,7 @@ A command returns its result, alone or with a table; printing it and the exit co
 """
 
 import inspect
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import is_dataclass, replace
 from functools import wraps
@@ -70,6 +71,7 @@ def command(
             _own(function, single, grouped, defaults or {}),
             [_parameter(_word(name), one, name in required) for name, one in run.items()],
         )
+        call.__doc__ = re.sub(r"(?<=\S)\n *(?=\S)", " ", function.__doc__ or "")
         call.__signature__ = signature  # type: ignore[attr-defined]
         call.__annotations__ = {p.name: p.annotation for p in signature.parameters.values()}
         del call.__wrapped__

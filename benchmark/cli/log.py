@@ -39,8 +39,8 @@ def record(
         str,
         Setting(
             kind=Text("NAMES"),
-            help="all, or some of motor,torque,velocity,push,touch,stick, or contact for touch as "
-            "yes or no; command and position are always there.",
+            help="all, or some of motor, torque, velocity, push, touch, stick, or contact for "
+            "touch as yes or no; command and position are always there.",
         ),
     ] = "all",
     rate: Annotated[

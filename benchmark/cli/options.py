@@ -93,8 +93,8 @@ Rig = Annotated[
     str,
     Setting(
         kind=Text("NAMES"),
-        help="What is moved: some of finger,hand,joint; held, with the stick; or arm, drawn "
-        "robots of 2, 3 and 6 joints (arm1, arm2, arm3, arm6 alone).",
+        help="What is moved, between commas: finger, hand, joint; held: the stick in the hand; "
+        "arm: drawn robots of 2, 3 and 6 joints, or arm1, arm2, arm3, arm6.",
     ),
 ]
 

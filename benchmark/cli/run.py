@@ -170,7 +170,7 @@ def view(
     kind: Annotated[
         str | None,
         Setting(
-            kind=Text("figure|joints|touch|hand|curve"),
+            kind=Text("NAME"),
             help="figure: drawn paths; joints: targets and positions over a lap; touch: contact "
             "positions and taxels; hand: the grasp; curve: learning.",
         ),

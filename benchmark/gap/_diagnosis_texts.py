@@ -75,7 +75,7 @@ def summary(found: Diagnosis, result: dict) -> RenderableType:
     lines += [f"Warning: {text}" for text in (*found.notes, *result["warnings"])]
     end = [f"Next: {text}." for text in wording.next_steps(found)]
     end += [f"Next: {command}  ({what})" for command, what in result["next"].items()]
-    end.append(f"Wrote {' and '.join(result['written'])}. CPU time: {found.cpu_s:.0f} s.")
+    end.append(f"Wrote {', '.join(result['written'])}. CPU time: {found.cpu_s:.0f} s.")
     accused = [limb for limb in found.limbs if limb.verdict != (NONE,)]
     table = _candidates(accused, SHOWN) if accused else _candidates(found.limbs, SHOWN_OF_NONE)
     return Group(*map(Text, lines), table, *map(Text, end))

@@ -44,8 +44,7 @@ class Source:
         many=True,
     )
     drives: tuple[str, ...] = setting(
-        "Numbers of a drive that the model lacks, such as '*=kp:60+-20%,kd:1.5,limit:12,ki:5'; "
-        "repeatable.",
+        "Numbers of a drive that the model lacks, such as '*=kp:60+-20%,ki:5'; repeatable.",
         Text("JOINT=NUMBERS"),
         (),
         "drive",
@@ -53,8 +52,7 @@ class Source:
         many=True,
     )
     servos: tuple[str, ...] = setting(
-        "A servo that is known, such as 'sts3215@*' or 'xl330,gain:800,volts:5.1@wrist'; "
-        "repeatable.",
+        "A servo that is known, such as 'sts3215@*' or 'xl330,volts:5.1@wrist'; repeatable.",
         Text("NAME@JOINT"),
         (),
         "servo",

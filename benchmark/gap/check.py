@@ -43,7 +43,7 @@ def run(source: Source, out: Path | None, force: bool) -> tuple[dict, Renderable
         "written": written,
     }
     end = [f"Warning: {text}" for text in remarks]
-    end += [*(f"Fault: {text}" for text in faults), f"Wrote {' and '.join(written)}."]
+    end += [*(f"Fault: {text}" for text in faults), f"Wrote {', '.join(written)}."]
     end.append(f"Next: bench diagnose {found.folder}")
     return result, Group(*map(Text, [*lines, *end]))
 

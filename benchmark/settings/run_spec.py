@@ -62,8 +62,8 @@ class RunSpec:
     """The hand; `bench list hand` names them."""
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference", of=WORLD)
     effects: str = setting(
-        "What the world adds to the ideal hand: 'built', 'none', or effects with sizes such as "
-        "backlash=1.2deg,kp-scale=-10%@J3.",
+        "What the world adds to the ideal hand: 'built', 'none', or effects with sizes, such as "
+        "backlash=1.2deg@J3, between commas.",
         Text("SET"),
         "built",
         of=WORLD,

@@ -239,6 +239,14 @@ def test_every_command_takes_the_shared_options():
     assert not [(name, option.opts) for name, option in declared() if not option.help]
 
 
+def test_help_fits_a_terminal(capfd):
+    """Cut no word in 80 columns, and wrap paragraphs where the terminal ends."""
+    for words, one in below(COMMANDS, ()):
+        assert cli.call([*words, "-h"]) == 0
+        assert "…" not in capfd.readouterr().out, words
+        assert all("\n" not in paragraph for paragraph in one.help.split("\n\n")), words
+
+
 @pytest.mark.parametrize("words", [["--version"], ["-h"], ["run", "-h"], ["blind", "make", "-h"]])
 def test_help_and_version_answer(words, capfd):
     """Answer on standard output, with exit code 0."""
