@@ -37,13 +37,10 @@ RANDOM = (
 def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     """Largest difference of a position at the beginning of free-air episodes [rad].
 
-    Random parts, which a replay leaves out, are switched off: noise, encoder steps, lost and
-    unpunctual targets.
-    So is play: rounding errors of a joint that rattles in it grow tenfold in a quarter of a second,
-    in every simulation. Raises LogError if there is no such episode, ValueError if the engine
-    refuses a number of the world.
+    Raises LogError if there is no such episode, ValueError if the engine refuses a number of the
+    world.
     """
-    spec = with_numbers(spec, dict.fromkeys(spec.hand.joint_names, dict.fromkeys(RANDOM, 0.0)))
+    spec = followed(spec)
     shown = replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
     names = spec.hand.joint_names
     return max(
@@ -51,6 +48,15 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
         for part in limbs(spec)
         for motion, engine in zip(begun(log, part), shown, strict=True)
     )
+
+
+def followed(spec: Spec) -> Spec:
+    """A world without what a replay leaves out or cannot follow.
+
+    Noise, encoder steps, lost and unpunctual targets, and play: rounding errors of a joint that
+    rattles in it grow tenfold in a quarter of a second, in every simulation.
+    """
+    return with_numbers(spec, dict.fromkeys(spec.hand.joint_names, dict.fromkeys(RANDOM, 0.0)))
 
 
 def begun(log: Log, spec: Spec) -> list[Recording]:

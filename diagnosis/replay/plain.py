@@ -22,7 +22,7 @@ from diagnosis.logs.log import DriveSettings, Log, LogError
 from diagnosis.motion.columns import KD, KP, LEAD, OPEN, by_name, table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.replay.agreement import apart, begun
+from diagnosis.replay.agreement import apart, begun, followed
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.robot import model_of
 
@@ -169,8 +169,8 @@ def plain_apart(log: Log, spec: Spec) -> float:
 
     At the beginning of free-air episodes, in the nominal world. Raises LogError without one.
     """
-    text, worst = model_text(log, spec), 0.0
-    spec = _by_pd_alone(spec)
+    spec, worst = followed(_by_pd_alone(spec)), 0.0
+    text = model_text(log, spec)
     for part in limbs(spec):
         names = part.hand.joint_names
         episodes = begun(log, part)

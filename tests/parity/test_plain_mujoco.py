@@ -12,6 +12,7 @@ import pandas as pd
 import pytest
 
 from benchmark.cli import app as cli
+from diagnosis.evidence.evidence import FLOOR_RAD
 from diagnosis.motion.columns import with_numbers
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -145,3 +146,10 @@ def test_what_is_written_moves_as_the_replay(numbers: dict[str, float]) -> None:
     effect_rad = np.abs(np.subtract(*shown_rad)).max()
     assert effect_rad > 3e-3
     assert plain_apart(log, world) < 6e-5 + 0.03 * effect_rad
+
+
+def test_known_play_is_no_difference_of_the_simulators() -> None:
+    """Compare a robot with known play by what a replay can follow: not where it rattles."""
+    log = log_of(Real(joints=2))
+    play = dict.fromkeys(log.joints, {"drive.play_rad": 0.03})
+    assert plain_apart(log, with_numbers(mjcf_world(log), play)) < FLOOR_RAD
