@@ -62,8 +62,8 @@ class RunSpec:
     """The hand; `bench list hand` names them."""
     stick: str = setting("Stick to hold.", Choice("stick", tuple(STICKS)), "reference", of=WORLD)
     effects: str = setting(
-        "What the world adds to the ideal hand: 'built', 'none', or effects with sizes, such as "
-        "backlash=1.2deg@J3, between commas.",
+        "What the world adds to the ideal hand: 'built', 'none', or effects between commas, such "
+        "as backlash=1.2deg@J3.",
         Text("SET"),
         "built",
         of=WORLD,
