@@ -81,7 +81,7 @@ def _close(
 
     def gap(angles: Array) -> Array:
         joint[:, proximal] = angles
-        return _gaps(specs[0], joint, shapes, stick_pos, rotation)
+        return distances_m(specs[0], joint, shapes, stick_pos, rotation)
 
     if (gap(opened) <= 0).any() or (gap(closed) >= 0).any():
         raise ValueError("a finger cannot touch the stick: check the grip, the stick and the hand")
@@ -92,7 +92,13 @@ def _close(
     joint[:, proximal] = opened
 
 
-def _gaps(spec: Spec, joint: Array, shapes: Array, stick_pos: Array, rotation: Array) -> Array:
+def distances_m(
+    spec: Spec, joint: Array, shapes: Array, stick_pos: Array, rotation: Array
+) -> Array:
+    """Distance of every tip's surface to the stick's in N worlds (N, F) [m], negative inside.
+
+    Of joints (N, J), and sticks by `stick_shape` (N, 3), centre (N, 3) and rotation (N, 3, 3).
+    """
     origin, frame = tip_frames(spec.hand, joint)
     tips = np.array([(tip.length_m, tip.radius_m) for tip in spec.hand.fingertips])
     forward = np.ascontiguousarray(frame[..., 0])

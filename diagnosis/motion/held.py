@@ -4,25 +4,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
-import numba
 import numpy as np
 from scipy.signal import savgol_coeffs, savgol_filter
 
 from backends.kinematics import tip_frames
 from backends.spec import Spec
 from backends.state import Array, State, quat_to_matrix
-from backends.touch import Skin, stick_shape, surface_distance
+from backends.touch import Skin, stick_shape
 from diagnosis.logs.log import Log
 from diagnosis.motion.columns import table
 from diagnosis.motion.limb import unread
 from diagnosis.motion.recordings import white_noise
+from tasks.initial_states import distances_m
 
 PROTOCOLS = ("grasp", "policy")
 """Protocols with the stick in the hand, and staying there."""
-POINTS = 64
-"""Points on a tip's axis of which the nearest to the stick is sought: 0.2 mm apart, which is
-0.0002 mm in the distance."""
-
 LOST_M, LEAST_S = 5e-3, 1.0
 """A stick further from all tips is lost; what was before is used if it is as long as this."""
 AWAY_M = 1e-3
@@ -134,11 +130,8 @@ def tip_gaps_m(spec: Spec, joint_rad: Array, stick: Array) -> Array:
 
     Of joints (T, J) and poses (T, 7).
     """
-    origin, rotation = tip_frames(spec.hand, joint_rad)
-    tips = np.array([(tip.length_m, tip.radius_m) for tip in spec.hand.fingertips])
-    forward = np.ascontiguousarray(rotation[..., 0])
-    turned = quat_to_matrix(stick[:, 3:])
-    return _gaps(origin, forward, tips, stick_shape(spec.stick), stick[:, :3], turned)
+    shapes = np.array([stick_shape(spec.stick)] * len(stick))
+    return distances_m(spec, joint_rad, shapes, stick[:, :3], quat_to_matrix(stick[:, 3:]))
 
 
 def blur_m(spec: Spec, part: Held) -> tuple[float, float]:
@@ -158,21 +151,3 @@ def smoothed(part: Held) -> Held:
     joints, stick = (savgol_filter(v, window, CUBIC, axis=0) for v in (part.joint_rad, part.stick))
     stick[:, 3:] /= np.linalg.norm(stick[:, 3:], axis=1, keepdims=True)
     return replace(part, joint_rad=joints, stick=stick)
-
-
-@numba.njit(cache=True)
-def _gaps(origin, forward, tips, shape, position, rotation):
-    out = np.full(origin.shape[:2], np.inf)
-    p = np.zeros(3)
-    for n in range(out.shape[0]):
-        for f in range(out.shape[1]):
-            for s in range(POINTS):
-                back = tips[f, 0] * s / (POINTS - 1.0)
-                p[:] = 0.0
-                for i in range(3):
-                    for k in range(3):
-                        at = origin[n, f, k] - back * forward[n, f, k] - position[n, k]
-                        p[i] += rotation[n, k, i] * at
-                near = surface_distance(p[0], p[1], p[2], shape) - tips[f, 1]
-                out[n, f] = min(out[n, f], near)
-    return out
