@@ -13,6 +13,7 @@ import numpy as np
 import onnxruntime
 
 from backends.state import Array
+from files.atomic import write_atomically
 from files.bounded import FileError, one_line, read_json
 from tasks.observation import Observation
 
@@ -83,9 +84,7 @@ class SavedPolicy:
 def write_contract(folder: Path, observation: Observation) -> None:
     """Write the contract of the policy in this folder."""
     text = json.dumps(observation.contract(), indent=2)
-    temporary = folder / f".{CONTRACT_FILE}.tmp"
-    temporary.write_text(text + "\n")
-    temporary.replace(folder / CONTRACT_FILE)
+    write_atomically(folder / CONTRACT_FILE, text + "\n")
 
 
 def read_contract(folder: Path) -> dict:

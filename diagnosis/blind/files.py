@@ -12,7 +12,6 @@ The answers are a separate file, outside DIR.
 
 import hashlib
 import json
-import os
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,6 +21,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 from diagnosis.blind.draw import Case, Settings
 from files import bounded
+from files.atomic import write_atomically
 from files.bounded import FileError, one_line
 
 SCHEMA = 2
@@ -233,11 +233,9 @@ def dumps(data: Any) -> str:
 
 
 def write_json(path: Path, data: Any) -> None:
-    """Write a JSON file under a temporary name, then rename it."""
+    """Write a JSON file, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(dumps(data))
-    os.replace(temporary, path)
+    write_atomically(path, dumps(data))
 
 
 def read_json(path: Path) -> dict:

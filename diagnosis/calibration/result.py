@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
 from diagnosis.logs._meta import problem
+from files.atomic import write_atomically
 from files.bounded import FileError
 from files.plain_yaml import read_plain_yaml
 
@@ -108,11 +109,10 @@ class CalibrationFile(Part):
 
 
 def write_calibration(path: Path, content: CalibrationFile) -> None:
-    """Write calibration.yaml under a temporary name, then rename it."""
+    """Write calibration.yaml, whole or not at all."""
     data = content.model_dump(mode="json", by_alias=True)
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(yaml.safe_dump(data, sort_keys=False, width=100, default_flow_style=None))
-    temporary.replace(path)
+    text = yaml.safe_dump(data, sort_keys=False, width=100, default_flow_style=None)
+    write_atomically(path, text)
 
 
 def read_calibration(path: Path) -> CalibrationFile:

@@ -14,9 +14,10 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
+from diagnosis.logs._meta import as_log_errors
 from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
 from diagnosis.logs.servos import servo
-from files.bounded import FileError, read_json
+from files.bounded import read_json
 
 UNCERTAINTY = 0.1
 _USED = ("timestamp", "goal_position", "position", "speed", "torque_enable")
@@ -34,10 +35,8 @@ class Importer(importer.Importer):
 
 
 def _load(path: Path) -> dict[str, Any]:
-    try:
+    with as_log_errors():
         data = read_json(path, importer.MOST_BYTES)
-    except FileError as error:
-        raise LogError(str(error)) from None
     missing = [name for name in _SETTINGS if name not in data]
     if missing or not data["entries"]:
         raise LogError(f"{path} has no {', '.join(missing) or 'entries'}; is it a BAM log?")

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
+from diagnosis.logs._meta import as_log_errors
 from diagnosis.logs.log import (
     EpisodeMeta,
     Log,
@@ -25,7 +26,7 @@ from diagnosis.logs.log import (
     make_log,
     name_of,
 )
-from files.bounded import FileError, one_line, read_bytes
+from files.bounded import one_line, read_bytes
 
 MASS_KG = 95.1089
 """Moving mass with motor and screw, as identified by the authors [kg]."""
@@ -87,10 +88,8 @@ def _log(path: Path) -> Log:
 
 def _load(path: Path) -> dict[str, np.ndarray]:
     """The numbers of a file, read in another process: a damaged one ends its reader."""
-    try:
+    with as_log_errors():
         given = read_bytes(path, importer.MOST_BYTES)
-    except FileError as error:
-        raise LogError(str(error)) from None
     command = [sys.executable, "-P", "-c", _READER, *_NAMES]
     done = subprocess.run(command, input=given, capture_output=True)
     if done.returncode != 0:

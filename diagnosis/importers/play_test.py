@@ -11,9 +11,10 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
+from diagnosis.logs._meta import as_log_errors
 from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
 from diagnosis.logs.servos import servo as known_servo
-from files.bounded import FileError, one_line
+from files.bounded import one_line
 from files.tables import read_csv
 
 RAD_PER_COUNT = 2 * np.pi / 4096
@@ -77,8 +78,9 @@ def _log(path: Path) -> Log:
 
 def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
     """The table from the first reading on, its times from zero, and the servos that answered."""
-    try:
+    with as_log_errors():
         table = read_csv(path)
+    try:
         time = pd.to_datetime(table["timestamp"], format="ISO8601")
         named = [c[5:-1] for c in table.columns if c.startswith("pos (")]
         if not named:
@@ -92,8 +94,6 @@ def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:
         return table[known].reset_index(drop=True), servos
     except KeyError as error:
         raise LogError(f"{path} has no column {error}; is it a play test?") from None
-    except FileError as error:
-        raise LogError(str(error)) from None
     except (ValueError, TypeError, OverflowError) as error:
         what = one_line(str(error))
         raise LogError(f"{path} cannot be read as a play test: {what}") from None

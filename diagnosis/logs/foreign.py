@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs._meta import LogError
+from diagnosis.logs._meta import LogError, as_log_errors
 from diagnosis.logs.ros import is_bag, read_bag
 from files import bounded, tables
 from files.bounded import FileError
@@ -54,13 +54,12 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
     if is_bag(path):
         return read_bag(path)
     try:
-        if path.suffix == ".parquet":
-            return _expanded(path, tables.read_parquet(path)), "parquet"
-        return _csv(path, _text(path))
+        with as_log_errors():
+            if path.suffix == ".parquet":
+                return _expanded(path, tables.read_parquet(path)), "parquet"
+            return _csv(path, _text(path))
     except FileNotFoundError:
         raise LogError(f"no file {path}; give the table of the recording") from None
-    except FileError as error:
-        raise LogError(str(error)) from None
 
 
 def _text(path: Path) -> str:
