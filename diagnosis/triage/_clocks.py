@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from backends.state import Array
 from diagnosis.triage._signals import CLEAR, line, rms
@@ -25,8 +26,8 @@ EXACT = 0.02
 RIVAL = 2.0
 """Another pace must fit better by this factor than a delay or other damping, which look alike."""
 SEARCH_S = (-1.0, 3.0)
-COARSE, FINER = 161, 26
-"""Number of lags that are tried first, and of lags around the best of them."""
+COARSE = 161
+"""Number of lags that are tried first; then the best near one is sought."""
 COARSE_S = 0.02
 """Distance of the samples that are used for the first lags [s]."""
 WINDOWS, WINDOW_LAGS = 5, 101
@@ -120,9 +121,9 @@ def _lag_s(track: Track, cause: list[Array]) -> float:
     """Delay of the position against `cause` [s]; 0 if they are not the same motion."""
     coarse, every = np.linspace(*SEARCH_S, COARSE), max(1, round(COARSE_S / track.dt_s))
     best = coarse[np.argmax([_alike(track, cause, lag_s, every) for lag_s in coarse])]
-    fine = best + (coarse[1] - coarse[0]) * np.linspace(-1.0, 1.0, FINER)
-    fits = [_alike(track, cause, lag_s) for lag_s in fine]
-    return float(fine[np.argmax(fits)]) if max(fits) >= CLEAR else 0.0
+    ends = best + np.array([-1.0, 1.0]) * (coarse[1] - coarse[0])
+    near = minimize_scalar(lambda x: -_alike(track, cause, x), bounds=ends, method="bounded")
+    return float(near.x) if -near.fun >= CLEAR else 0.0
 
 
 def _alike(track: Track, cause: list[Array], lag_s: float, every: int = 1) -> float:

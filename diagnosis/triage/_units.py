@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from backends.state import Array
 from diagnosis.triage._sags import WRONG, Sags
@@ -23,8 +24,6 @@ FREE, MOVED, ASIDE = (
     np.geomspace(*ends) for ends in ((1e-2, 1e4, 400), (1e-2, 1e4, 25), (0.5, 2, 9))
 )
 """Sizes of a unit that are tried by weight and by motion, and multiples of that of the weight."""
-PASSES, AGAIN = 3, 9
-"""So many times, so many more are tried about the best."""
 NEAR = 0.03
 """A size is that of an encoder's counts within this share."""
 BEYOND, WITHIN = 3.0, 1.5
@@ -222,15 +221,12 @@ def _unit(joints: Joints) -> Unit | None:
 
 def _free(misfit: Callable[[float], float], sizes: Array) -> tuple[float, float]:
     """The least misfit of any unit, and how many of that unit make one of SI's."""
-    step = sizes[1] / sizes[0]
-    tried = {float(size): misfit(size) for size in sizes}
-    for _ in range(PASSES):
-        best = min(tried, key=tried.__getitem__)
-        sizes = np.geomspace(best / step, best * step, AGAIN)
-        tried |= {float(size): misfit(size) for size in sizes}
-        step = sizes[1] / sizes[0]
-    best = min(tried, key=tried.__getitem__)
-    return tried[best], best
+    logs, step = np.log(sizes), float(np.log(sizes[1] / sizes[0]))
+    tried = [misfit(float(size)) for size in sizes]
+    best = int(np.argmin(tried))
+    ends = logs[best] - step, logs[best] + step
+    near = minimize_scalar(lambda log: misfit(float(np.exp(log))), bounds=ends, method="bounded")
+    return min((tried[best], float(sizes[best])), (float(near.fun), float(np.exp(near.x))))
 
 
 def _one_sided(track: Track) -> bool:
