@@ -132,10 +132,10 @@ def _files(
             raise MjcfError(
                 f"{mass}, and {file} is missing; copy it, or write an inertial"
             ) from None
-        except FileError as error:
-            raise MjcfError(f"{mass}: {error}") from None
         except MjcfError as error:
             raise MjcfError(f"{mass}: {error}, or write an inertial") from None
+        except FileError as error:
+            raise MjcfError(f"{mass}: {error}") from None
     return found
 
 

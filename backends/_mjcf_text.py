@@ -36,7 +36,7 @@ reserve any amount of memory, and some name parts that are left out."""
 NO_NUMBER = re.compile(r"[-+]?(nan|inf|infinity)", re.IGNORECASE)
 
 
-class MjcfError(ValueError):
+class MjcfError(FileError):
     """A mechanism cannot be built; the message says what was given, what is allowed, what to do."""
 
 

@@ -19,7 +19,7 @@ from scipy.stats import t as student
 from diagnosis.logs._columns import name_of
 from diagnosis.logs._files import read_model
 from diagnosis.logs.foreign import read_table
-from diagnosis.logs.log import DriveSettings, LogError
+from diagnosis.logs.log import DriveSettings, LogError, as_log_errors
 from diagnosis.logs.roles import ANGLES, LENGTHS, joint_of, words
 from diagnosis.logs.two_files import Asked, drives_of, named_joints, readings
 from diagnosis.replay.dynamics import bias_torques
@@ -73,7 +73,7 @@ class Rests:
 
 def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], list[str]]:
     """The rows of a table by joint, and what was understood; raises LogError."""
-    from backends.mjcf import MjcfError, joint_ranges
+    from backends.mjcf import joint_ranges
 
     frame, form = read_table(table)
     frame = frame.rename(columns={n: n.replace("load", "push") for n in map(str, frame)})
@@ -83,15 +83,13 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
             raise LogError("the columns name no unit; say it with --unit, or give --robot")
     said = [f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"]
     xml = None if robot is None else read_model(robot)
-    try:
+    with as_log_errors(f"{robot}: "):
         ranges = named_joints(frame, asked) if xml is None else joint_ranges(xml)
         rows, more = readings(frame, ranges, asked)
         names = [n.partition(".")[2] for n in rows if n.startswith("command")]
         drives, weights = drives_of(asked, names), dict[str, np.ndarray]()
         if xml is not None:
             drives, weights = _of_model(xml, rows, names, drives, asked)
-    except MjcfError as error:
-        raise LogError(f"{robot}: {error}") from None
     found = []
     for joint in names:
         slides = ranges[joint][2]

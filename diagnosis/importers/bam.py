@@ -14,8 +14,15 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs._meta import as_log_errors
-from diagnosis.logs.log import EpisodeMeta, Log, LogError, LogMeta, MjcfMechanism, make_log
+from diagnosis.logs.log import (
+    EpisodeMeta,
+    Log,
+    LogError,
+    LogMeta,
+    MjcfMechanism,
+    as_log_errors,
+    make_log,
+)
 from diagnosis.logs.servos import servo
 from files.bounded import read_json
 

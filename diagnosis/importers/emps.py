@@ -15,13 +15,13 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs._meta import as_log_errors
 from diagnosis.logs.log import (
     EpisodeMeta,
     Log,
     LogError,
     LogMeta,
     MjcfMechanism,
+    as_log_errors,
     drive_of,
     make_log,
     name_of,

@@ -116,15 +116,15 @@ def check_target(folder: Path, form: str, force: bool = False) -> None:
 
 def read_model(path: Path) -> str:
     """The text of an MJCF or URDF, with all that matters of other files; raises LogError."""
-    from backends.mjcf import MjcfError, whole
+    from backends.mjcf import whole
 
     try:
         with as_log_errors("the mechanism's file "):
-            return whole(bounded.read_text(path, MOST_MJCF_BYTES), path.parent)
-    except MjcfError as error:
-        raise LogError(f"{path.name}: {error}") from None
+            text = bounded.read_text(path, MOST_MJCF_BYTES)
     except FileNotFoundError:
         raise LogError(f"no model at {path}; give its own path, or copy it there") from None
+    with as_log_errors(f"{path.name}: "):
+        return whole(text, path.parent)
 
 
 def _csv(path: Path, odd: list[str]) -> pd.DataFrame:

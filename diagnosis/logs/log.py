@@ -23,6 +23,7 @@ from diagnosis.logs._meta import DriveSettings as DriveSettings
 from diagnosis.logs._meta import EpisodeMeta, LogError, LogMeta
 from diagnosis.logs._meta import HandMechanism as HandMechanism
 from diagnosis.logs._meta import MjcfMechanism as MjcfMechanism
+from diagnosis.logs._meta import as_log_errors as as_log_errors
 from diagnosis.logs._meta import drive_of as drive_of
 from diagnosis.logs.stamps import Notes
 from diagnosis.logs.whole_rows import without_empty_cells, without_missing_rows

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from backends.effect import Effect
 from backends.spec import Spec
-from diagnosis.logs.log import Log, LogError
+from diagnosis.logs.log import Log, LogError, as_log_errors
 from diagnosis.replay.robot import model_of, servos
 
 OWN_BOUNDS = {
@@ -20,10 +20,10 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
 
     `geared`: its drives are simulated with gears, as engines do.
     """
-    from backends.mjcf import MjcfError, mechanism
+    from backends.mjcf import mechanism
 
     xml, settings = model_of(log)
-    try:
+    with as_log_errors(f"{settings.mjcf}: "):
         spec = mechanism(
             xml,
             servos(log),
@@ -32,8 +32,6 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
             carried=settings.gravity_compensation,
             geared=geared,
         )
-    except MjcfError as error:
-        raise LogError(f"{settings.mjcf}: {error}") from None
     for body in spec.hand.driven:
         joint, slides = body.joint.name, body.joint.slides
         if log.is_linear(joint) != slides:
@@ -48,14 +46,12 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
 
 def left_out(log: Log) -> tuple[str, ...]:
     """What the log's MJCF has and the nominal world lacks, in words; raises LogError."""
-    from backends.mjcf import MjcfError, left_out
+    from backends.mjcf import left_out
 
     xml, settings = model_of(log)
     read = {joint: log.samples[log.column("position", joint)] for joint in log.joints}
-    try:
+    with as_log_errors(f"{settings.mjcf}: "):
         return left_out(xml, {j: (float(q.min()), float(q.max())) for j, q in read.items()})
-    except MjcfError as error:
-        raise LogError(f"{settings.mjcf}: {error}") from None
 
 
 def own_catalogue(catalogue: Mapping[str, type[Effect]], nominal: Spec) -> dict[str, type[Effect]]:

@@ -8,7 +8,6 @@ import numpy as np
 from backends.drive import BRISTLE_RAD, COGGING_RAD, HEAT_S, STRIBECK_RAD_S
 from backends.mjcf import (
     JointNumbers,
-    MjcfError,
     Plain,
     Play,
     file_drives,
@@ -18,7 +17,7 @@ from backends.mjcf import (
 )
 from backends.spec import Command, Loop, Spec
 from backends.state import Array
-from diagnosis.logs.log import DriveSettings, Log, LogError
+from diagnosis.logs.log import DriveSettings, Log, as_log_errors
 from diagnosis.motion.columns import KD, KP, LEAD, OPEN, by_name, table
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
@@ -76,8 +75,8 @@ def model_text(
     drives = settings.joints
     notes = {name: _note(drives.get(name, DriveSettings()), spec, name) for name in every}
     some = {name: replace(one, note=notes[name]) for name, one in every.items() if name not in kept}
-    try:
-        turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
+    turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
+    with as_log_errors(f"{settings.mjcf}: "):
         return written(
             xml,
             some,
@@ -87,8 +86,6 @@ def model_text(
             settings.gravity_compensation,
             step_s,
         )
-    except MjcfError as error:
-        raise LogError(f"{settings.mjcf}: {error}") from None
 
 
 def _kept(xml: str, spec: Spec, nominal: Spec) -> set[str]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from diagnosis.logs.log import DriveSettings, Log, LogError, MjcfMechanism
+from diagnosis.logs.log import DriveSettings, Log, LogError, MjcfMechanism, as_log_errors
 
 FREE_LIMIT = 2.0
 """A drive without a limit gets this multiple of the torque at the log's largest error."""
@@ -61,13 +61,11 @@ def model_of(log: Log) -> tuple[str, MjcfMechanism]:
 
 def known_drives(log: Log) -> dict[str, KnownDrive]:
     """The drives of all logged joints; raises LogError where the model lacks one, or its gain."""
-    from backends.mjcf import MjcfError, file_drives
+    from backends.mjcf import file_drives
 
     xml, settings = model_of(log)
-    try:
+    with as_log_errors(f"{settings.mjcf}: "):
         files = file_drives(xml)
-    except MjcfError as error:
-        raise LogError(f"{settings.mjcf}: {error}") from None
     _require_joints(log, settings.mjcf, list(files))
     found = {
         name: _known(settings, name, files[name], log.has("reference", name)) for name in log.joints
