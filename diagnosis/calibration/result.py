@@ -8,8 +8,8 @@ import yaml
 from pydantic import Field, ValidationError
 
 from diagnosis.calibration.backlash import Play
-from diagnosis.calibration.tactile import Number, Part, Size, TouchSensor
-from diagnosis.logs._meta import problem
+from diagnosis.calibration.tactile import Number, Size, TouchSensor
+from diagnosis.logs._meta import Part, problem
 from files.atomic import write_atomically
 from files.bounded import FileError
 from files.plain_yaml import read_plain_yaml

@@ -10,10 +10,11 @@ from collections.abc import Sequence
 from typing import Annotated
 
 import numpy as np
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, Field, FiniteFloat
 from scipy.ndimage import correlate
 
 from backends.state import Array
+from diagnosis.logs._meta import Part
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import PROTOCOLS
 from diagnosis.motion.recordings import FREE_AIR
@@ -42,12 +43,6 @@ def _rounded(value: float) -> float:
 
 Number = Annotated[FiniteFloat, AfterValidator(_rounded)]
 Size = Annotated[Number, Field(ge=0)]
-
-
-class Part(BaseModel):
-    """A part of calibration.yaml."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
 class TouchSensor(Part):

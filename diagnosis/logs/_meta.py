@@ -46,11 +46,13 @@ def as_log_errors(before: str = "") -> Iterator[None]:
         raise LogError(f"{before}{error}") from None
 
 
-class _Part(BaseModel):
+class Part(BaseModel):
+    """A part of a file that a user may write: no field that is unknown."""
+
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
 
 
-class Channel(_Part):
+class Channel(Part):
     """A recorded quantity, such as 'position_rad': the columns of all joints with that name."""
 
     unit: str
@@ -59,7 +61,7 @@ class Channel(_Part):
     """Samples per second; a channel slower than the rows repeats its last value. None: the rows'"""
 
 
-class EpisodeMeta(_Part):
+class EpisodeMeta(Part):
     """One uninterrupted stretch of samples, from rest."""
 
     episode: NonNegativeInt
@@ -74,7 +76,7 @@ UNSURE = re.compile(r"^\s*([^\s%±]+?)\s*(?:\+-|\+/-|±)\s*([^\s%±]+)\s*(%?)\s*
 """A number and one standard deviation of it, such as '60 +- 20%'."""
 
 
-class DriveSettings(_Part):
+class DriveSettings(Part):
     """Nominal drive of one joint, on the motor side; of a linear joint read m for rad, N for Nm.
 
     What is not given here stands in the MJCF, as do links, friction and gravity; what neither says
@@ -174,7 +176,7 @@ class DriveSettings(_Part):
         }
 
 
-class HandMechanism(_Part):
+class HandMechanism(Part):
     """A hand that Stickbench knows by its name."""
 
     hand: Text
@@ -184,7 +186,7 @@ class HandMechanism(_Part):
     """Effects that are known to be present, as on the command line; part of the nominal world."""
 
 
-class MjcfMechanism(_Part):
+class MjcfMechanism(Part):
     """A user's mechanism: an MJCF or URDF file in the log's folder, and what it does not say."""
 
     mjcf: Text
@@ -205,7 +207,7 @@ class MjcfMechanism(_Part):
         return name
 
 
-class LogMeta(_Part):
+class LogMeta(Part):
     """The contents of log.yaml."""
 
     schema_version: Literal[1] = Field(alias="schema")

@@ -6,19 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from backends.state import Array
+from diagnosis.logs import roles
 
 CLEAR, UNCLEAR = 0.9, 0.5
 """Correlations above and below which two signals certainly are, or are not, the same motion."""
 STILL = 1e-6
 """Share of a motion's size below which a signal counts as still."""
-UNITS = {"degrees": 180 / np.pi, "turns": 1 / (2 * np.pi), "milliradians": 1e3}
-COUNTS = {f"counts of {2**n} per turn": 2**n / (2 * np.pi) for n in range(8, 21)}
-"""Units in which an angle may be given, per radian: those that people use, and encoders'."""
-LENGTHS = {"millimetres": 1e3, "centimetres": 1e2, "micrometres": 1e6, "inches": 1 / 0.0254}
-"""Units in which a length may be given, per metre."""
-OPTIONS = {"degrees": "deg", "turns": "turn", "milliradians": "mrad", "millimetres": "mm"}
-OPTIONS |= {"centimetres": "cm", "micrometres": "um"}
+OPTIONS = {"degrees": "deg", "turns": "turn", "milliradians": "mrad"}
+OPTIONS |= {"millimetres": "mm", "centimetres": "cm", "micrometres": "um"}
 """Units that a table may be said to be in, as `--unit` has them."""
+UNITS = {name: roles.ANGLES[unit] for name, unit in OPTIONS.items() if unit in roles.ANGLES}
+COUNTS = {f"counts of {2**n} per turn": 2**n * UNITS["turns"] for n in range(8, 21)}
+"""Units in which an angle may be given, per radian: those that people use, and encoders'."""
+LENGTHS = {name: roles.LENGTHS[unit] for name, unit in OPTIONS.items() if unit in roles.LENGTHS}
+LENGTHS |= {"inches": 1 / 0.0254}
+"""Units in which a length may be given, per metre."""
 NEAR = 0.12
 """Largest relative distance of a scale from that of a unit."""
 
