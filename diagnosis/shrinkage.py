@@ -49,7 +49,7 @@ def held_out(fitter: Fitter, fit: Fit) -> Array:
     for number in range(HALVES):
         unseen = half == number
         seen = np.where(unseen, 0.0, weights)
-        _, curvature, pull = problem.normal(fit.slopes, seen, fit.residual, fit.u)
+        curvature, pull = problem.normal(fit.slopes, seen, fit.residual, fit.u)
         step = lowest(curvature, pull, problem.low - now, problem.high - now)
         moved_by = zip(problem.numbers, step, strict=True)
         found[unseen] = (fit.residual - sum(fit.slopes[k] * by for k, by in moved_by))[unseen]

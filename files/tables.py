@@ -53,7 +53,7 @@ def give_back() -> None:
 
 def read_csv(path: Path, **options: Any) -> pd.DataFrame:
     """The table in a CSV file; raises FileError, or FileNotFoundError where there is none."""
-    return parse_csv(path, read_text(path, MOST_BYTES), **options)
+    return parse_csv(path, read_text(path, MOST_BYTES).encode(), **options)
 
 
 def _without_huge(frame: pd.DataFrame) -> pd.DataFrame:
@@ -63,15 +63,14 @@ def _without_huge(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.astype(dict.fromkeys(huge, str))
 
 
-def parse_csv(path: Path, text: str, **options: Any) -> pd.DataFrame:
-    """The table in the text of a CSV file; raises FileError."""
-    first = text.split("\n", 1)[0]
-    columns = first.count(",") + 1
-    _refuse_large(path, columns * text.count("\n"), columns)
-    if not text.strip():
+def parse_csv(path: Path, data: bytes, **options: Any) -> pd.DataFrame:
+    """The table in a CSV file's text in UTF-8; raises FileError."""
+    columns = data.count(b",", 0, data.find(b"\n") + 1 or None) + 1
+    _refuse_large(path, columns * data.count(b"\n"), columns)
+    if not data or data.isspace():
         raise FileError(f"{path} is empty; it should hold a table with a header")
     try:
-        return _without_huge(pd.read_csv(io.BytesIO(text.encode()), **options))  # a third of text
+        return _without_huge(pd.read_csv(io.BytesIO(data), **options))
     except (pd.errors.ParserError, ValueError, csv.Error, OverflowError) as error:
         raise FileError(f"{path}: {one_line(str(error))}; correct or remove that line") from None
 

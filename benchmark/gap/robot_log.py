@@ -24,6 +24,7 @@ from diagnosis.logs.two_files import Asked, pair, put_together
 from diagnosis.replay.alignment import with_commands_first
 from diagnosis.replay.nominal import left_out, mjcf_world
 from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
+from files.tables import give_back
 
 FOLDER = "log"
 """Where the log of two files is written, within the folder of the results."""
@@ -71,6 +72,7 @@ def read(source: Source, out: Path, force: bool) -> Read:
         known_drives(made)
         log = with_commands_first(made)
     write_log(log, folder, "csv" if len(log.samples) <= READABLE else "parquet", force=force)
+    give_back()
     return Read(folder=folder, log=log, said=made.said)
 
 

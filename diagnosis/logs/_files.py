@@ -147,7 +147,7 @@ def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
     if not text.endswith("\n"):
         odd.append(f"{path.name} has no newline at its end; its last value may be incomplete")
     touch = {name: str for name in header if name.startswith("touch.")}
-    frame = tables.parse_csv(path, text, names=header, header=0, dtype=touch)
+    frame = tables.parse_csv(path, text.encode(), names=header, header=0, dtype=touch)
     for name in touch:
         frame[name] = [_cell(path, name, row, cell) for row, cell in enumerate(frame[name])]
     return frame

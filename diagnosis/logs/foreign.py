@@ -4,6 +4,7 @@ Reads CSV files, and parquet files such as those of LeRobot, whose lists become 
 names that `meta/info.json` gives them.
 """
 
+import codecs
 import csv
 import io
 import re
@@ -31,11 +32,12 @@ NAMELESS = r"Unnamed: \d+$"
 """What pandas calls a column without a name, such as the numbers of rows."""
 LIST = r"\[[-+\d.eE,\s]+\]"
 """What a list of numbers is, as text."""
+LISTS = list, tuple, np.ndarray
 NAMES = "joint_list.txt"
 """A file beside a table that names the entries of its lists, a line each, as SAGE writes it."""
 MOST_LISTED = 200
 """Longest list in a cell that becomes columns."""
-LINE = re.compile(r"[^\r\n]+")
+LINE = re.compile(rb"[^\r\n]+")
 HEAD = 1000
 """Names and the first numbers stand in so many lines."""
 LOOKED_AT = 50
@@ -57,29 +59,30 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
         with as_log_errors():
             if path.suffix == ".parquet":
                 return _expanded(path, tables.read_parquet(path)), "parquet"
-            return _csv(path, _text(path))
+            return _csv(path, _in_utf8(path))
     except FileNotFoundError:
         raise LogError(f"no file {path}; give the table of the recording") from None
 
 
-def _text(path: Path) -> str:
+def _in_utf8(path: Path) -> bytes:
     """The text of a file in UTF-8, UTF-16, or else in what Windows writes; raises as `bounded`."""
     data = bounded.read_bytes(path, tables.MOST_BYTES)
     for start, said in OTHERS.items():
         if data.startswith(start):
             raise LogError(f"{path} is {said}")
     wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "cp1252"):
+    for encoding in ("utf-16",) if wide else ("utf-8", "cp1252"):
         with suppress(UnicodeDecodeError):
             text = data.decode(encoding)
             if "\0" not in text:
-                return text
+                plain = data if encoding == "utf-8" else text.encode()
+                return plain.removeprefix(codecs.BOM_UTF8)
     raise LogError(f"{path} is no text; give a table as CSV or parquet")
 
 
-def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
-    head = list(islice((line for line in LINE.finditer(text) if line[0].strip()), HEAD))
-    lines = [line[0] for line in head]
+def _csv(path: Path, data: bytes) -> tuple[pd.DataFrame, str]:
+    head = list(islice((line for line in LINE.finditer(data) if line[0].strip()), HEAD))
+    lines = [line[0].decode() for line in head]
     first = next((n for n, line in enumerate(lines) if not COMMENT.match(line)), len(lines))
     if len(lines) < first + 2:
         raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
@@ -88,8 +91,8 @@ def _csv(path: Path, text: str) -> tuple[pd.DataFrame, str]:
     names, begins = _names(path, lines, first, separator)
     cells = [cell for line in lines[begins:][:LOOKED_AT] for cell in _cells(line, separator)]
     decimal = "," if separator != "," and any(COMMA.match(cell) for cell in cells) else "."
-    rows = text[head[begins].start() :] if begins < len(head) else ""
-    body = f"{_line(names, separator)}\n{rows}\n"
+    rows = memoryview(data)[head[begins].start() :] if begins < len(head) else b""
+    body = b"\n".join((_line(names, separator).encode(), rows, b""))
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
     frame = _expanded(path, _listed(frame.loc[:, ~frame.columns.str.match(NAMELESS)]))
@@ -153,13 +156,14 @@ def _listed(frame: pd.DataFrame) -> pd.DataFrame:
 
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     """The table with a column per entry of lists."""
+    if not len(frame) or not any(isinstance(cell, LISTS) for cell in frame.iloc[0]):
+        return frame
     names, beside = _feature_names(path), list[str]()
     with suppress(FileNotFoundError, FileError):
         beside = bounded.read_text(path.parent / NAMES).split()
     found: dict[str, np.ndarray] = {}
     for column in frame.columns:
-        first = frame[column].iloc[0] if len(frame) else None
-        if not isinstance(first, list | tuple | np.ndarray):
+        if not isinstance(frame[column].iloc[0], LISTS):
             found[column] = frame[column].to_numpy()
             continue
         rows = [np.asarray(cell, dtype=float).ravel() for cell in frame[column]]

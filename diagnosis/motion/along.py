@@ -66,13 +66,15 @@ class Along:
         Its slopes are the nominal ones.
         """
         m, h, dq, dv = self.model
-        m, h = m.copy(), h + self._weights @ (gravity_m_s2 - self.spec.gravity_m_s2)
-        for body, row in zip(self.spec.hand.driven, load, strict=True):
-            for at_m, (kg, borne_kg) in _added(body, with_load(body, row)).items():
-                if kg or borne_kg:
-                    on, mass, turning, weight = self._point(body.joint.name, at_m)
-                    m[:, on[:, None], on] += kg * mass
-                    h[:, on] += kg * turning + borne_kg * (weight @ gravity_m_s2)
+        h = h + self._weights @ (gravity_m_s2 - self.spec.gravity_m_s2)
+        rows = zip(self.spec.hand.driven, load, strict=True)
+        every = ((b.joint.name, *one) for b, row in rows for one in _added(b, row).items())
+        if added := [(joint, at_m, *masses) for joint, at_m, masses in every if masses.any()]:
+            m = m.copy()
+        for joint, at_m, kg, borne_kg in added:
+            on, mass, turning, weight = self._point(joint, at_m)
+            m[:, on[:, None], on] += kg * mass
+            h[:, on] += kg * turning + borne_kg * (weight @ gravity_m_s2)
         return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
 
     @cached_property
@@ -93,10 +95,13 @@ class Along:
         return point
 
 
-def _added(before: Body, after: Body) -> dict[Vec3, Array]:
-    """By place, the mass that a link gains, and that whose weight its drives bear [kg], (2,)."""
+def _added(body: Body, row: Array) -> dict[Vec3, Array]:
+    """By place, what a link with another load (len(LINK),) gains [kg], (2,).
+
+    Its mass, and that whose weight its drives bear.
+    """
     found = dict[Vec3, Array]()
-    for sign, one in ((-1.0, before), (1.0, after)):
+    for sign, one in ((-1.0, body), (1.0, with_load(body, row))):
         own, load = one.mass_kg, one.payload * one.mass_kg
         borne = own * (1.0 - one.carried)
         for at_m, masses in ((one.com_m, (own, borne)), (one.payload_m, (load, load))):

@@ -24,6 +24,8 @@ STEP, FINER = 0.4, 20
 less."""
 LEAST_BLOCKS = 50
 """Fewer blocks say nothing."""
+AT_ONCE = 1_000_000
+"""Values of sines that are moved together, of which memory holds a few copies."""
 
 
 def ripples(limb: Limb) -> Array:
@@ -41,8 +43,8 @@ def _ripple(limb: Limb, joint: int, left: Array) -> tuple[float, float]:
     base, _ = np.linalg.qr(_moved(limb, joint, _ordinary(limb, joint))[known])
     left = left[known] - base @ (base.T @ left[known])
 
-    def best(per_rad: Array) -> tuple[float, float]:
-        """The one of these waves per radian (P,) that takes most, and its phase."""
+    def taken(per_rad: Array) -> tuple[Array, Array]:
+        """What each of these waves per radian (P,) takes, and its phase."""
         turns = np.nan_to_num(angle)[:, None] * per_rad
         moved = _moved(limb, joint, np.stack([np.sin(turns), np.cos(turns)]))[:, known]
         moved -= base @ (base.T @ moved)
@@ -50,8 +52,14 @@ def _ripple(limb: Limb, joint: int, left: Array) -> tuple[float, float]:
         s, c = moved.transpose(0, 2, 1) @ left
         det = np.maximum(ss * cc - sc**2, 1e-12 * ss * cc)
         sine, cosine = (cc * s - sc * c) / det, (ss * c - sc * s) / det
-        k = int(np.argmax(sine * s + cosine * c))
-        return float(per_rad[k]), float(np.arctan2(cosine[k], sine[k]))
+        return sine * s + cosine * c, np.arctan2(cosine, sine)
+
+    def best(per_rad: Array) -> tuple[float, float]:
+        """The one that takes most, and its phase."""
+        some = np.array_split(per_rad, -(-len(per_rad) * len(angle) // AT_ONCE))
+        takes, phase = map(np.concatenate, zip(*map(taken, some), strict=True))
+        k = int(np.argmax(takes))
+        return float(per_rad[k]), float(phase[k])
 
     step, longest = 2 * STEP / span, min(PERIODS_RAD[1], span)
     coarse, _ = best(np.arange(2 * np.pi / longest, 2 * np.pi / PERIODS_RAD[0], step))

@@ -104,9 +104,10 @@ def of_point(spec: Spec, joint: str, at_m: Vec3, q: Array, v: Array) -> tuple[Ar
 
 
 def _masses(links: _Links, q: Array) -> Array:
-    still, units = np.zeros_like(q), np.eye(q.shape[1])
-    columns = [_torques(links, np.zeros(3), q, still, still + unit) for unit in units]
-    return np.stack(columns, axis=2)
+    still, found = np.zeros_like(q), np.empty((*q.shape, q.shape[1]))
+    for j, unit in enumerate(np.eye(q.shape[1])):
+        found[:, :, j] = _torques(links, np.zeros(3), q, still, still + unit)
+    return found
 
 
 def _weights(links: _Links, q: Array) -> Array:

@@ -154,7 +154,7 @@ class Fitter(World):
         for step in range(steps):
             residual = self.evidence.readings - shown
             weights = root_weights(self.evidence, residual)
-            now, (_, curvature, pull) = problem.at(u), problem.normal(known, weights, residual, u)
+            now, (curvature, pull) = problem.at(u), problem.normal(known, weights, residual, u)
             move = lowest(curvature, pull, problem.low - now, problem.high - now)
             most = problem.largest_step(now)
             move = np.clip(move, -most, most)

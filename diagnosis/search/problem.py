@@ -21,6 +21,8 @@ RIDGE = 1e-9
 """Relative: keeps normal equations regular where two parameters do the same."""
 EXACT = 1e-12
 """A step wins all but this share of what it can."""
+AT_ONCE = 20_000
+"""So many readings are weighted at a time: all of a long log would take as much as its slopes."""
 STRIDE, GROWTH = 3.0, 0.7
 """A step moves a tolerance by so many standard deviations at most, an effect by so many of its
 least sizes or this share of what it is."""
@@ -85,17 +87,24 @@ class Problem:
         free = np.maximum(GROWTH * np.abs(u), STRIDE * self.least)
         return np.where(self.is_free, free, STRIDE * self.sd)
 
+    def jacobian(self, slopes: Mapping[int, Array], weights: Array) -> Array:
+        """The weighted slopes (M, n)."""
+        found = np.empty((len(weights), len(self.numbers)))
+        for column, k in zip(found.T, self.numbers, strict=True):
+            np.multiply(slopes[k], weights, out=column)
+        return found
+
     def normal(
         self, slopes: Mapping[int, Array], weights: Array, residual: Array, u: Mapping[int, float]
-    ) -> tuple[Array, Array, Array]:
-        """What a step d from u costs is d'A d / 2 - g'd: the weighted slopes (M, n), A and g."""
-        jacobian = np.empty((len(weights), len(self.numbers)))
-        for column, k in zip(jacobian.T, self.numbers, strict=True):
-            np.multiply(slopes[k], weights, out=column)
-        curvature = jacobian.T @ jacobian + np.diag(self.sd**-2.0)
-        curvature += RIDGE * np.diag(np.diag(curvature))
-        pull = jacobian.T @ (residual * weights) - (self.at(u) - self.centre) / self.sd**2
-        return jacobian, curvature, pull
+    ) -> tuple[Array, Array]:
+        """What a step d from u costs is d'A d / 2 - g'd: A (n, n) and g (n,)."""
+        curvature, pull = np.diag(self.sd**-2.0), -(self.at(u) - self.centre) / self.sd**2
+        for begin in range(0, len(weights), AT_ONCE):
+            some = slice(begin, begin + AT_ONCE)
+            jacobian = self.jacobian({k: slopes[k][some] for k in self.numbers}, weights[some])
+            curvature += jacobian.T @ jacobian
+            pull += jacobian.T @ (residual * weights)[some]
+        return curvature + RIDGE * np.diag(np.diag(curvature)), pull
 
 
 def _is_held(number: int, one: Parameter, freed: Sequence[int]) -> bool:

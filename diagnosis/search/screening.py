@@ -33,7 +33,8 @@ def screened(
     unknown = [k for k in problem.numbers if k not in fit.slopes]
     slopes = {**fit.slopes, **fitter.slopes(unknown, fit.u, fit.freed, base)}
     weights = root_weights(fitter.evidence, fit.residual)
-    jacobian, curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
+    jacobian = problem.jacobian(slopes, weights)
+    curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
     left, whole = fit.residual * weights, np.linalg.inv(curvature)
 
     def promise(number: int) -> tuple[float, float]:

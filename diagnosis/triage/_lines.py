@@ -130,9 +130,7 @@ def zero(track: Track) -> Fault | None:
 def motor(track: Track) -> Fault | None:
     """Sign of the motor's angle; torques that cannot be are left out, see `log_faults`."""
     row = CHANNELS.index("motor")
-    pairs = zip(track.replayed(), track.limb.recordings, strict=True)
-    both = [(s[:, row, track.index], r.measured[:, row, track.index]) for s, r in pairs]
-    found = line(*zip(*both, strict=True))
+    found = line(track.motor, [r.measured[:, row, track.index] for r in track.limb.recordings])
     if found.correlation > -CLEAR:
         return None
     return track.fault(

@@ -57,6 +57,8 @@ class Track:
     position: list[Array]
     shown: list[Array]
     """Readings of the position sensor in the nominal world."""
+    motor: list[Array]
+    """The same of the motor."""
 
     @property
     def si(self) -> str:
@@ -129,7 +131,7 @@ class Track:
             self,
             command=[c / per_si for c in self.command],
             position=[p / per_si for p in self.position],
-            shown=[s[:, 0, self.index] for s in self.replayed(**multiplied, units=tuple(units))],
+            shown=[s[:, self.index] for s in self.replayed(**multiplied, units=tuple(units))],
         )
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
@@ -154,6 +156,7 @@ def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
     for limb in limbs:
         near = replace(limb, recordings=tuple(_within_reach(r, limb.open) for r in limb.recordings))
         replayed = cache(partial(_replayed, near))
+        nominal = shown_by(near, near.nominal)
         for j, joint in enumerate(body.joint for body in limb.spec.hand.driven):
             yield Track(
                 limb=near,
@@ -166,7 +169,8 @@ def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
                 time_s=[r.time_s for r in limb.recordings],
                 command=[r.command[:, j] for r in limb.recordings],
                 position=[r.measured[:, 0, j] for r in limb.recordings],
-                shown=[s[:, 0, j] for s in replayed()],
+                shown=[s[:, 0, j] for s in nominal],
+                motor=[s[:, 1, j] for s in nominal],
             )
 
 
@@ -189,7 +193,7 @@ def _replayed(
     limited: float = 1.0,
     units: tuple[float, ...] = (),
 ) -> list[Array]:
-    """Readings (T, 3, K) by episode, with time, derivative gains or limits multiplied.
+    """Positions (T, K) by episode, with time, derivative gains or limits multiplied.
 
     `units`: in how many per radian or metre each joint is logged.
     """
@@ -200,7 +204,7 @@ def _replayed(
         per_si = np.array(units) if units else np.ones(len(limb.joints))
         every = (_converted(r, paced, per_si) for r in limb.recordings)
         limb = replace(limb, recordings=tuple(every))
-    return shown_by(limb, numbers)
+    return [shown[:, 0].copy() for shown in shown_by(limb, numbers)]  # what is kept
 
 
 def _converted(recording: Recording, paced: float, per_si: Array) -> Recording:

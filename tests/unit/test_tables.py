@@ -1,6 +1,7 @@
 """Tables in every form that people write: long, in several files, with empty cells, odd headers."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pandas as pd
@@ -8,6 +9,7 @@ import pytest
 
 from benchmark.cli import app as cli
 from diagnosis import read_log
+from diagnosis.logs.foreign import read_table
 from diagnosis.logs.log import Log, LogError
 from diagnosis.logs.two_files import Asked, pair, put_together
 from tests.unit.test_two_files import ARM, COMMAND, NAMES, POSITION, T, table
@@ -364,3 +366,18 @@ def test_a_name_with_a_star_that_the_shell_has_replaced(folder, capfd):
     words = ["check", "--robot", str(folder / "arm.xml"), "--log", str(folder / "a.csv")]
     assert cli.call([*words, str(folder / "b.csv")]) == 2
     assert "say --log before each" in capfd.readouterr().err
+
+
+def test_a_table_is_read_with_few_copies(tmp_path):
+    """Hold the text of a table twice at most, beside its numbers."""
+    file = tmp_path / "run.csv"
+    values = np.random.default_rng(0).normal(size=(20_000, 5))
+    np.savetxt(file, values, delimiter=",", header="t,a,b,c,d", comments="", fmt="%.7g")
+    read_table(file)
+    tracemalloc.start()
+    try:
+        read_table(file)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 2 * file.stat().st_size + 1.5 * values.nbytes
