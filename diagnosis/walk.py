@@ -26,6 +26,7 @@ from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
+from diagnosis.verdict.decide import said_of
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, decisive, named, verdict
@@ -144,9 +145,8 @@ def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]
         if one.result.rested is not None:
             yield from one.result.rested.items()
             continue
-        numbers, _ = one.fitter.numbers(
-            (one.found.chosen if one.result.causes else one.found.nominal).u
-        )
+        fit = one.found.chosen if one.result.causes else one.found.nominal
+        numbers, _ = one.fitter.numbers(said_of(one.fitter, fit))
         rows = zip(one.evidence.joints, numbers, one.evidence.limb.nominal, strict=True)
         for joint, row, nominal in rows:
             yield joint, dict(by_name(row).items() - by_name(nominal).items())

@@ -89,12 +89,14 @@ def model_text(
 
 
 def _kept(xml: str, spec: Spec, nominal: Spec) -> set[str]:
-    """Joints whose numbers are the nominal ones, and whose servos the file has."""
+    """Joints whose numbers and signals are the nominal ones, and whose servos the file has."""
     files, before = file_drives(xml), numbers_of(nominal)
+    more, known = ((beside(world), drives(world)) for world in (spec, nominal))
     return {
         name
         for name, one in numbers_of(spec).items()
         if one == before[name]
+        and all(own.get(name) == other.get(name) for own, other in zip(more, known, strict=True))
         and not one.open
         and np.allclose([files[name].kp or 0.0, files[name].kd], [one.kp, one.kd])
     }

@@ -165,6 +165,26 @@ def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd)
     assert text in (tmp_path / "out" / file).read_text()
 
 
+def test_what_is_written_is_said(tmp_path, capfd):
+    """Change no number of the file that the table of changes leaves out."""
+    assert diagnosed(tmp_path, ARM.replace("damping", 'frictionloss="0.5" damping')) == 0
+    found = json.loads(capfd.readouterr().out)
+    assert found["verdict"] == ["coulomb-friction"]
+    texts = ARM, (tmp_path / "out" / "corrected.xml").read_text()
+    before, after = map(mujoco.MjModel.from_xml_string, texts)
+    kept = {
+        "kp": np.array_equal(before.actuator_gainprm, after.actuator_gainprm),
+        "kv": before.actuator_biasprm[0, 2] == after.actuator_biasprm[0, 2],
+        "forcerange": np.array_equal(before.actuator_forcerange, after.actuator_forcerange),
+        "armature": before.dof_armature[0] == after.dof_armature[0],
+        "damping": before.dof_damping[0] == after.dof_damping[0],
+        "frictionloss": before.dof_frictionloss[0] == after.dof_frictionloss[0],
+        "mass": np.array_equal(before.body_mass, after.body_mass),
+    }
+    said = {one["number"] for one in found["model"]["changes"]}
+    assert {number for number, same in kept.items() if not same} == said & {*kept}
+
+
 def test_a_urdf_stays_one():
     """Write masses, limits and friction into a URDF, and none into an MJCF."""
     text = """<robot name="u"><!-- mine --><link name="w"/><link name="l"><inertial>
