@@ -31,7 +31,15 @@ from diagnosis.search.whole import on_whole
 from diagnosis.verdict.decide import decide
 from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
-from diagnosis.verdict.ordinary import FURTHER, ROBOTS, SIMULATORS, Ordinary, of_healthy, share_of
+from diagnosis.verdict.ordinary import (
+    FURTHER,
+    ROBOTS,
+    SIMULATORS,
+    Ordinary,
+    doubts,
+    of_healthy,
+    share_of,
+)
 from diagnosis.verdict.result import LimbResult
 from diagnosis.verdict.sensors import LOSS, STEP, sensor_cause, sensor_causes
 from diagnosis.verdict.sentences import sentences
@@ -121,7 +129,9 @@ def judged(
             names = ", ".join(part.hand.joint_names)
             notes.append(f"this log shows nothing of {names}: their targets stand still")
             continue
-        sound = [_evidence(part, h, asked)[0] for h in healthy]
+        fine = [_part(_evidence(part, h, asked)[0]) for h in healthy]
+        sound = [Fitter(one, asked.parameters(one)).settled() for one in fine]
+        more = (*more, *doubts([fit.worst for fit in sound], asked.origin))
         try:
             found.append(_limb(said, sound, asked, share))
         except Stop:
@@ -137,10 +147,10 @@ def judged(
     return found, notes
 
 
-def _limb(said: Evidence, healthy: Sequence[Evidence], asked: Asked, progress: Progress) -> Judged:
+def _limb(said: Evidence, sound: Sequence[Fit], asked: Asked, progress: Progress) -> Judged:
+    """What is said of a limb; `sound`: fits of healthy logs."""
     known, ordinary = asked.parameters(said), asked.origin
-    if healthy:
-        sound = [Fitter(_part(one), asked.parameters(one)).settled() for one in healthy]
+    if sound:
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
         known = _centred(known, sound)
     fitter, found = _searched(said, known, ordinary, progress)

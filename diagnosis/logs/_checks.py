@@ -174,7 +174,7 @@ def _gaps(episode: str, part: pd.DataFrame) -> Iterator[str]:
         "after it a new episode number",
     )
     if gaps:
-        yield f"{episode} has {gaps} gaps; the longest has {longest:.1f} periods"
+        yield f"{episode} has {gaps} gap{'s' * (gaps > 1)}; the longest has {longest:.1f} periods"
 
 
 def _check_values(episode: str, part: pd.DataFrame) -> None:

@@ -3,6 +3,7 @@
 All gaps are in floors; a share is of the squared gap beyond one floor (`Fit.excess`).
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -62,10 +63,24 @@ SIMULATORS = Ordinary(
 )
 
 
-def of_healthy(gaps: list[float], origin: Ordinary) -> Ordinary:
+def of_healthy(gaps: Sequence[float], origin: Ordinary) -> Ordinary:
     """What is ordinary by the gaps that logs of the healthy robot leave."""
     floors = max(HEALTHY_MORE * max(gaps), HEALTHY_LEAST)
     return replace(origin, floors=floors, source="healthy logs")
+
+
+def doubts(gaps: Sequence[float], origin: Ordinary) -> Iterator[str]:
+    """Which healthy logs leave more beside another than a law's own error, in words."""
+    if not gaps:
+        return
+    most = max(origin.floors, LAW_MOST * of_healthy([min(gaps)], origin).floors)
+    for number, gap in enumerate(gaps, 1):
+        if gap > most:
+            yield (
+                f"healthy log {number} of {len(gaps)} leaves {gap:.1f} times the noise floor, and "
+                f"another {min(gaps):.1f}: leave it out if something was wrong then, for it hides "
+                "as much now"
+            )
 
 
 LOSSES = 0.3

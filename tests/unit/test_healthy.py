@@ -24,6 +24,19 @@ def test_healthy_logs_say_what_is_ordinary(tmp_path, capfd):
     )
 
 
+def test_a_healthy_log_that_is_not_is_doubted(tmp_path, capfd):
+    """Warn of a log that leaves far more than another of the same healthy robot."""
+    logs = {"today": "none", "fine": "none", "worn": "coulomb-friction=100mNm@elbow"}
+    for name, effects in logs.items():
+        write_log(arm_log(effects), tmp_path / name, "csv")
+    today, *healthy = (str(tmp_path / name) for name in logs)
+    beside = [word for path in healthy for word in ("--healthy", path)]
+    words = ["diagnose", today, *beside, "--out", str(tmp_path / "out"), "--json"]
+    assert cli.call(words) == 0
+    (note,) = [n for n in json.loads(capfd.readouterr().out)["notes"] if "healthy" in n]
+    assert note.startswith("healthy log 2 of 2 leaves") and "leave it out" in note
+
+
 def test_healthy_logs_that_cannot_be_compared_are_refused(tmp_path, capfd):
     """Say in one line why a log is no measure: itself, of other joints, or moved otherwise."""
     log, short, hand = tmp_path / "log", tmp_path / "short", tmp_path / "hand"

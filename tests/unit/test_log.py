@@ -303,7 +303,7 @@ def test_slow_channels_repeat_their_last_value(write):
 @pytest.mark.parametrize(
     ("samples", "words"),
     [
-        (table().drop(index=range(100, 105)), "1 gaps; the longest has 6.0 periods"),
+        (table().drop(index=range(100, 105)), "1 gap; the longest has 6.0 periods"),
         (table().to_csv(index=False).rstrip("\n"), "no newline at its end"),
     ],
 )
