@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import excess, root_weights, squared_gaps
 from diagnosis.models.parameters import with_parts
 from diagnosis.models.world import World
-from diagnosis.motion.columns import PLAY
+from diagnosis.motion.columns import PLAY, SOFT
 from diagnosis.motion.limb import Limb
 from diagnosis.search.problem import Problem, lowest
 from diagnosis.verdict.ordinary import Ordinary
@@ -39,6 +39,11 @@ SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
 WIDEST = 0.1
 """Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples."""
+SIMULATED = 1.25
+"""Dry friction that yields as a simulator's leaves so many times less [squared]: most logs are of
+robots."""
+ALIKE = 0.1
+"""Fits that differ by less leave the same [squared floors]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -206,10 +211,26 @@ class Fitter(World):
             is_more = number < again or fit.worst > FAR
             more = self.fit(u=fit.u, slopes=fit.slopes) if is_more else fit
             closed = fit.excess - more.excess
-            fit = more if more.excess <= fit.excess else fit
+            fit = self.better(more, fit)
             if number >= again and closed < CLOSED * fit.excess:
                 break
         return fit
+
+    def better(self, one: Fit, other: Fit) -> Fit:
+        """Of two fits of the same effects the one that leaves less; where both are alike, what a
+        fit minimises decides: tolerances near their centres count as well.
+        """
+        less = self._left(one) - self._left(other)
+        if abs(less) > ALIKE:
+            return one if less < 0.0 else other
+        nearer = min(one, other, key=lambda fit: float(fit.residual @ fit.residual))
+        weights = root_weights(self.evidence, nearer.residual)
+        return min(one, other, key=lambda fit: _cost(fit.residual, weights) + fit.prior)
+
+    def _left(self, fit: Fit) -> float:
+        """What a fit leaves [squared]; that of a simulator stands back behind that of a robot."""
+        yields = any(self.parameters[k].place == SOFT for k, size in fit.u.items() if size)
+        return fit.excess * (SIMULATED if yields else 1.0)
 
     def excess_at(self, u: Mapping[int, float]) -> float:
         """What parameters at u leave as they stand; infinite where there is no motion."""

@@ -53,9 +53,6 @@ OWN = 1.25
 """An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
-SIMULATED = 1.25
-"""Dry friction that yields as a simulator's leaves so many times less [squared]: most logs are of
-robots."""
 WIDER = 1.25
 """A law leaves so many times less [squared] than the one that it is in a narrow range."""
 NEAR, NEAR_MORE = 4.0, 3.0
@@ -134,7 +131,7 @@ class Search:
         again = int(self.ordinary.exact)
         fit = self.fitter.settled(begun.u, again, begun.slopes)
         if self.soft and self.rubs:
-            fit = min(fit, self.fitter.settled({**begun.u, **self.soft}, again), key=self._left)
+            fit = self.fitter.better(fit, self.fitter.settled({**begun.u, **self.soft}, again))
         return self.fitter.strained(fit, self.ordinary)
 
     @cached_property
@@ -146,10 +143,6 @@ class Search:
     def soft(self) -> Sizes:
         """Dry friction that yields, as that of a model's own simulator; a robot's holds."""
         return {k: 1.0 for k, one in enumerate(self.parameters) if one.place == SOFT}
-
-    def _left(self, fit: Fit) -> float:
-        """What a fit leaves [squared]; that of a simulator stands back behind that of a robot."""
-        return fit.excess * (SIMULATED if any(fit.u.get(k) for k in self.soft) else 1.0)
 
     def run(self) -> Found:
         """From the tolerances to the smallest convincing set.
@@ -255,9 +248,7 @@ class Search:
 
     def _keep(self, fit: Fit) -> None:
         name = frozenset(fit.freed)
-        old = self.tried.get(name)
-        if old is None or (self._left(fit), _squares(fit)) < (self._left(old), _squares(old)):
-            self.tried[name] = fit
+        self.tried[name] = self.fitter.better(fit, self.tried.get(name, fit))
 
     def _is_worth(self, fit: Fit, now: Fit) -> bool:
         """Whether a set is worth more than the best with one effect less, and needs all of its own.
@@ -447,7 +438,3 @@ def rank(parameters: Sequence[Parameter], fit: Fit) -> tuple[float, int, float]:
 def _wider(parameters: Sequence[Parameter]) -> int:
     """How many effects are others' laws beyond a narrow range."""
     return sum(one.kind.narrow_as is not None for one in parameters)
-
-
-def _squares(fit: Fit) -> float:
-    return float(fit.residual @ fit.residual) / 2 + fit.prior

@@ -44,6 +44,21 @@ def test_a_smaller_set_is_fitted_from_the_larger_one(fitter):
     assert search._without(both, bias).excess < 0.1 * astray.excess
 
 
+def test_of_fits_that_leave_the_same_the_likelier_is_kept(fitter):
+    """Keep tolerances near their centres, unless those far off leave clearly less."""
+    gain = number(fitter, "kp-scale")
+    fit = fitter.fit((gain,), {gain: -0.5})
+    floors = 2.0 / fit.gap
+    near = replace(fit, gap2=floors**2 * fit.gap2)
+    far = replace(near, gap2=0.999 * near.gap2, prior=near.prior + 20.0)
+    better = replace(far, gap2=far.gap2 / 2)
+    for fits, kept in (((near, far), near), ((far, near), near), ((near, better), better)):
+        search = Search(fitter, ROBOTS, lambda text, done: None)
+        for one in fits:
+            search._keep(one)
+        assert search.tried[frozenset({gain})] is kept
+
+
 def test_a_set_that_diverges_explains_nothing(fitter):
     """Rank no effect whose replay diverges, here a load of less than nothing."""
     gain, load = number(fitter, "kp-scale"), number(fitter, "payload")
