@@ -221,7 +221,8 @@ def root_weights(evidence: Evidence, residual: Array) -> Array:
 
     A joint's residuals count as many samples as they are independent, with the variance that they
     have: one weight for all channels of a joint, since a channel that fits badly would else count
-    less and then fit worse.
+    less and then fit worse. What they fall short of a floor is the model's own error, which repeats
+    with the motion: else a thousand samples would move all numbers to follow it.
     """
     weights = np.zeros_like(residual)
     for part in evidence.parts:
@@ -230,10 +231,16 @@ def root_weights(evidence: Evidence, residual: Array) -> Array:
             continue
         size = np.abs(r)
         variance = np.mean(np.minimum(size, TYPICAL * np.median(size) + 1e-9) ** 2)
-        variance = np.clip(variance, 1.0, MOST_VARIANCE)
         correlation = (r[1:] @ r[:-1]) / (r @ r + 1e-9)
         correlation = np.clip(correlation, 0.0, MOST_CORRELATION)
         outlying = (r / (OUTLYING * np.sqrt(np.mean(r * r) + 1.0))) ** 2
-        share = (1 - correlation) / (1 + correlation) / variance
-        weights[part] = np.sqrt(share / np.sqrt(1.0 + outlying))
+        own = correlation if evidence.limb.exact else MOST_CORRELATION
+        whole = min(variance, MOST_VARIANCE) * _times(correlation)
+        whole += max(1.0 - variance, 0.0) * _times(own)
+        weights[part] = 1.0 / np.sqrt(whole * np.sqrt(1.0 + outlying))
     return weights
+
+
+def _times(correlation: float) -> float:
+    """So many samples that are so correlated say as much as one."""
+    return (1 + correlation) / (1 - correlation)

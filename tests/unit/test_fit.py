@@ -1,0 +1,31 @@
+"""Fits of a limb: what its residuals say."""
+
+import numpy as np
+import pytest
+from arms import Real, log_of
+
+from backends.catalogue import catalogue
+from diagnosis.evidence.evidence import evidence, root_weights
+from diagnosis.models.parameters import parameters
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.nominal import mjcf_world
+from diagnosis.replay.parts import limbs
+from diagnosis.search.fit import Fitter
+from diagnosis.verdict.ordinary import ROBOTS
+
+
+@pytest.fixture(scope="module")
+def fitter():
+    """Fits of two joints, of which the first has a gain 30 % too low."""
+    log = log_of(Real(joints=2, kp={0: 0.7}))
+    (part,) = limbs(mjcf_world(log))
+    said = evidence(Limb(spec=part, recordings=recordings(log, part), rigid=True))
+    return Fitter(said, parameters(catalogue(), said, 0.05, ROBOTS.everyday))
+
+
+def test_residuals_below_a_floor_say_less(fitter):
+    """Count noise of half a floor less than noise of a floor: the rest is the model's own error."""
+    white = np.random.default_rng(0).normal(size=fitter.evidence.readings.shape)
+    half, whole = (root_weights(fitter.evidence, size * white) for size in (0.5, 1.0))
+    assert (half**2).sum() < 0.2 * (whole**2).sum()
