@@ -217,8 +217,9 @@ class Fitter(World):
         return fit
 
     def better(self, one: Fit, other: Fit) -> Fit:
-        """Of two fits of the same effects the one that leaves less; where both are alike, what a
-        fit minimises decides: tolerances near their centres count as well.
+        """Of two fits of the same effects, the one that leaves less.
+
+        Where they leave the same, what a fit minimises decides: there tolerances count as well.
         """
         less = self._left(one) - self._left(other)
         if abs(less) > ALIKE:

@@ -298,10 +298,13 @@ class Search:
             )
             if size and frozenset(freed) not in self.tried:
                 near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]
-                for u, known in self._starts(number, size, fit, slopes):
-                    moving = None if joint is None else near
+                moving = None if joint is None else near
+                for u, known, again in self._starts(number, size, fit, slopes):
                     beat = self._to_beat(freed)
-                    self._keep(self.fitter.fit(freed, u, moving, known, beat=beat))
+                    new = self.fitter.fit(freed, u, moving, known, beat=beat, again=again)
+                    self._keep(new)
+                    if not again and self.tried[frozenset(freed)] is new:
+                        self._keep(self.fitter.fit(freed, new.u, moving, new.slopes))
 
     def _to_beat(self, freed: Sequence[int]) -> float:
         """The excess of another fit of a set, or what the beam would keep of as many effects."""
@@ -349,24 +352,27 @@ class Search:
 
     def _starts(
         self, number: int, to: float, fit: Fit, slopes: Slopes
-    ) -> Iterator[tuple[Sizes, Slopes]]:
+    ) -> Iterator[tuple[Sizes, Slopes, bool]]:
         """Where to start from: from where the tolerances are and from where they are none.
 
-        With dry friction that holds and that yields, and then with the better of them.
+        With dry friction that holds and that yields, and then with the better of them. With slopes,
+        and whether these are taken again on the way: a second start is tried roughly.
         """
         one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
         size = float(np.sign(to) * np.clip(abs(to), low, high))
-        yield {**fit.u, number: size}, slopes
+        yield {**fit.u, number: size}, slopes, True
         if self.rubs or one.kind.family == CoulombFriction.family:
-            yield from (({**fit.u, k: soft, number: size}, slopes) for k, soft in self.soft.items())
+            more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())
+            yield from ((u, slopes, True) for u in more)
         better = self.tried[frozenset(freed)].u
         alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
         alone |= {k: better.get(k, 0.0) for k in self.soft}
         if one.kind.kinked or self.fitter.evidence.rattles:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
-        yield self._rough(freed, there).u if self.guessed else there, self.plain.slopes
+        is_far = bool(self.guessed)
+        yield self._rough(freed, there).u if is_far else there, self.plain.slopes, is_far
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""

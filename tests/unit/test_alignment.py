@@ -104,3 +104,27 @@ def test_an_inertia_that_no_file_has_moves_no_command():
     sent = {"command_rad.pan": pan, "command_rad.tilt": tilt}
     log = logged(CAMERA.format(0.002), CAMERA.format(0.0), time_s, sent)
     assert with_commands_first(log) is log
+
+
+SCARA = """<mujoco><option timestep="{0}"/><worldbody><body pos="0 0 .3"><inertial mass="2.1"
+pos=".1 0 0" diaginertia=".004 .012 .014"/><joint name="a" axis="0 0 1" damping=".4" armature=".08"
+range="-130 130"/><body pos=".22 0 .02"><inertial mass="1.4" pos=".08 0 0" diaginertia=".002 .006
+.007"/><joint name="b" axis="0 0 1" damping=".3" armature=".05" range="-140 140"/><body
+pos=".18 0 0"><inertial mass=".6" pos="0 0 -.05" diaginertia=".001 .001 .0003"/><joint name="z"
+type="slide" axis="0 0 1" damping="20" armature="1.5" range="-.15 .05"/></body></body></body>
+</worldbody><actuator><position joint="a" kp="150" kv="6" forcerange="-25 25"/><position joint="b"
+kp="{1}" kv="4" forcerange="-15 15"/><position joint="z" kp="9000" kv="260" forcerange="-150 150"/>
+</actuator></mujoco>"""
+
+
+def test_what_a_delay_undoes_is_no_late_row():
+    """Leave commands that, a row earlier, other numbers would delay again."""
+    time_s = np.arange(0.0, 16.0, 0.004)
+    rng, smooth, sent = np.random.default_rng(7), np.ones(30) / 30, {}
+    for name, low, high in (("rad.a", -0.5, 0.5), ("rad.b", -0.5, 0.5), ("m.z", -0.1, 0.0)):
+        levels = rng.uniform(low, high, 16)[(time_s / rng.uniform(1.0, 2.0)).astype(int)]
+        padded = np.append(np.full(29, levels[0]), levels)
+        ramp = np.minimum(time_s, 1.0)
+        sent[f"command_{name}"] = ramp * np.convolve(padded, smooth, "valid")
+    log = logged(SCARA.format(0.0005, 63), SCARA.format(0.002, 90), time_s, sent)
+    assert with_commands_first(log) is log

@@ -1,4 +1,4 @@
-"""Fits of a limb: what its residuals say."""
+"""Fits of a limb: what its residuals say, and fits with slopes from elsewhere."""
 
 import numpy as np
 import pytest
@@ -24,8 +24,25 @@ def fitter():
     return Fitter(said, parameters(catalogue(), said, 0.05, ROBOTS.everyday))
 
 
+@pytest.fixture(scope="module")
+def gain(fitter):
+    """The number of the gain that is too low."""
+    known = enumerate(fitter.parameters)
+    return next(k for k, p in known if (p.effect, p.joint) == ("kp-scale", 0))
+
+
 def test_residuals_below_a_floor_say_less(fitter):
     """Count noise of half a floor less than noise of a floor: the rest is the model's own error."""
     white = np.random.default_rng(0).normal(size=fitter.evidence.readings.shape)
     half, whole = (root_weights(fitter.evidence, size * white) for size in (0.5, 1.0))
     assert (half**2).sum() < 0.2 * (whole**2).sum()
+
+
+def test_a_rough_fit_is_near_and_a_fit_from_there_is_right(fitter, gain):
+    """Begin with slopes of the nominal numbers, then find the gain and its interval."""
+    plain = fitter.fit(steps=0)
+    rough = fitter.fit((gain,), {gain: -0.1}, slopes=plain.slopes, again=False)
+    fit = fitter.fit((gain,), rough.u)
+    assert rough.gap < 0.1 * plain.gap and fit.gap < 1.0
+    assert fit.u[gain] == pytest.approx(np.log(0.7), abs=0.03)
+    assert abs(fit.u[gain] - np.log(0.7)) < 2.0 * fit.sd[gain]
