@@ -428,17 +428,18 @@ def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
     return all(abs(fit.u[k]) >= parameters[k].least for k in fit.freed)
 
 
-def rank(parameters: Sequence[Parameter], fit: Fit) -> tuple[float, int, float]:
+def rank(parameters: Sequence[Parameter], fit: Fit) -> tuple[float, int, float, float]:
     """What sets of causes are sorted by: what they leave beyond a floor, then all that they leave.
 
-    Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried.
+    Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried; of
+    sets that leave the same, those whose tolerances are near their centres.
     """
     chosen = [parameters[k] for k in fit.freed]
     exact = sum(p.kind.exact for p in chosen)
     shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
     times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
     ended = sum(abs(fit.u.get(k, 0.0)) > END * parameters[k].most for k in fit.freed)
-    return times * fit.excess, ended, times * float(fit.gap2.sum())
+    return times * fit.excess, ended, round(times * float(fit.gap2.sum()), 2), fit.prior
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:

@@ -94,6 +94,14 @@ def test_of_two_laws_alike_the_plain_one_leads(fitter, name):
         assert [id(one) for one in sets] == [id(one) for one in (better, alike, wave)]
 
 
+def test_of_sets_that_leave_the_same_the_likelier_leads(fitter):
+    """Put the set first whose tolerances are near their centres."""
+    gain = number(fitter, "kp-scale")
+    near = fitter.fit((gain,), {gain: -0.5})
+    far = replace(near, gap2=(1.0 - 1e-5) * near.gap2, prior=near.prior + 1.0)
+    assert min([far, near], key=lambda fit: rank(fitter.parameters, fit)) is near
+
+
 def test_the_whole_log_may_choose_otherwise_than_a_part(fitter):
     """Name what leaves least on all of a log, not what a search on its part came to."""
     gain, friction = number(fitter, "kp-scale"), number(fitter, "coulomb-friction")
