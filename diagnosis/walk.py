@@ -69,6 +69,7 @@ def diagnose(
     give_back()
     part = within(tell, CHECKED, JUDGED)
     limbs, notes = judged(log, healthy, world, known, origin, part)
+    give_back()
     stopped = limbs[-1].stopped
     try:
         tell("touch and stick" if log.fingers else "the gap, by place and time", JUDGED)
