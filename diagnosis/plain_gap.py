@@ -17,8 +17,7 @@ from diagnosis.replay.plain import model_text, plain, shown, timestep_s
 from diagnosis.verdict.lost_motion import WHEN, rests
 
 SHORTER = 0.9
-"""A time step is too long while half of it leaves no more than this share of a gap beyond a
-floor."""
+"""A time step is too long while half of it leaves no more than this share of the gap."""
 MOST_STEPS = 2e5
 """A log is not tried in more steps: where drives need Python, one takes 20 microseconds."""
 
@@ -61,10 +60,7 @@ def plain_gap(
     before, own_s = off(nominal), timestep_s(log)
     after, step_s = off(corrected), own_s
     lasts_s = sum(float(r.time_s[-1]) for one in every for r in one.limb.recordings)
-    floors = [x for one in every for x in one.floor[0]]
     while corrected != nominal and 2.0 * lasts_s / step_s <= MOST_STEPS:
-        if all(_rms({j: x}) <= floor for (j, x), floor in zip(after.items(), floors, strict=True)):
-            break
         finer = off(corrected, step_s / 2)
         if not _rms(finer) <= SHORTER * _rms(after):
             break
