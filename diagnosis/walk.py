@@ -26,7 +26,6 @@ from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
-from diagnosis.verdict.decide import said_of
 from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
 from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, decisive, named, verdict
@@ -147,7 +146,7 @@ def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]
             yield from one.result.rested.items()
             continue
         fit = one.found.chosen if one.result.causes else one.found.nominal
-        numbers, _ = one.fitter.numbers(said_of(one.fitter, fit))
+        numbers, _ = one.fitter.numbers(fit.u)
         rows = zip(one.evidence.joints, numbers, one.evidence.limb.nominal, strict=True)
         for joint, row, nominal in rows:
             yield joint, dict(by_name(row).items() - by_name(nominal).items())

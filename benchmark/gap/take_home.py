@@ -75,6 +75,8 @@ class TakeHome:
     robot: str | None
     """A Python file with what an MJCF cannot hold, where there is something."""
     changes: tuple[Change, ...]
+    more: int
+    """So many other numbers move as well, by less than half of their uncertainty."""
     beside: tuple[str, ...]
     """Effects that were named, which an MJCF cannot hold."""
     gap: PlainGap
@@ -92,6 +94,11 @@ class TakeHome:
         gravity = " ".join(f"{g:.4g}" for g in self.gravity_m_s2 or ())
         return [
             *(one.words for one in self.changes),
+            *(
+                [f"{self.more} more change by less than half of their uncertainty"]
+                if self.more
+                else []
+            ),
             *([f"change gravity to {gravity} m/s²"] if gravity else []),
             *self._step_words(),
             *(f"not in an MJCF: {text}" for text in self.beside),
@@ -120,6 +127,7 @@ class TakeHome:
         """As JSON has it."""
         return {
             "changes": [asdict(one) for one in self.changes],
+            "more": self.more,
             "gravity_m_s2": self.gravity_m_s2,
             "not_in_mjcf": list(self.beside),
             "before_rad": self.gap.before_rad,
@@ -148,12 +156,15 @@ def take_home(
     others = [f"{one.effect} of {size(one)}" for one in named]
     if found.in_mujoco is None or not (changes or found.gravity_m_s2):
         return None
+    said = {(one.joint, one.field) for one in changes}
+    moved = {(j, field) for j, row in found.corrected.items() for field in row.keys() & HELD.keys()}
     signals, acts = beside(world), drives(world)
     return TakeHome(
         text=model_text(log, world, nominal, _other_step(found.in_mujoco)),
         urdf=urdf_text(log, world, nominal),
         robot=robot_file(signals, acts) if signals or acts else None,
         changes=tuple(changes),
+        more=len(moved - said),
         beside=tuple(others),
         gap=found.in_mujoco,
         less=_less(found, found.in_mujoco, others),

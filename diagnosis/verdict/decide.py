@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from backends.effect import UNITS
-from diagnosis.models.parameters import Parameter, magnitude, with_parts
+from diagnosis.models.parameters import Parameter, magnitude
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
@@ -153,18 +153,12 @@ def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
         yield Ranked(causes=causes, share=found.share(fit), left=fit.gap)
 
 
-def said_of(fitter: Fitter, fit: Fit) -> dict[int, float]:
-    """The sizes that a fit's answer holds: effects with their laws, and tolerances that moved."""
-    own = with_parts(fitter.parameters, fit.freed)
-    tolerances = {k: fitter.parameters[k].tolerance for k in fit.u if k not in own}
-    return {k: u for k, u in fit.u.items() if u and abs(u) >= MOVED * tolerances.get(k, 0.0)}
-
-
 def _nominal(fitter: Fitter, fit: Fit) -> Iterator[Nominal]:
     """Numbers of the mechanism's file that took part of the gap."""
-    for k, u in sorted(said_of(fitter, fit).items()):
-        one = fitter.parameters[k]
-        if k not in fit.freed and one.part_of is None:
+    for k, one in enumerate(fitter.parameters):
+        u = fit.u.get(k, 0.0)
+        is_own = k in fit.freed or one.part_of is not None
+        if u and not is_own and abs(u) >= MOVED * one.tolerance:
             ends = (u, u + fit.sd.get(k, one.tolerance))
             if one.kind.coordinate == "logarithm":
                 (value, end), unit = (float(np.expm1(x)) for x in ends), "%"

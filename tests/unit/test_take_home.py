@@ -166,7 +166,7 @@ def test_a_torque_is_taken_home(name, real, drives, file, text, tmp_path, capfd)
 
 
 def test_what_is_written_is_said(tmp_path, capfd):
-    """Change no number of the file that the table of changes leaves out."""
+    """Count the numbers that the file changes and the table of changes leaves out."""
     assert diagnosed(tmp_path, ARM.replace("damping", 'frictionloss="0.5" damping')) == 0
     found = json.loads(capfd.readouterr().out)
     assert found["verdict"] == ["coulomb-friction"]
@@ -182,7 +182,8 @@ def test_what_is_written_is_said(tmp_path, capfd):
         "mass": np.array_equal(before.body_mass, after.body_mass),
     }
     said = {one["number"] for one in found["model"]["changes"]}
-    assert {number for number, same in kept.items() if not same} == said & {*kept}
+    unsaid = {number for number, same in kept.items() if not same} - said
+    assert "frictionloss" in said and 0 < len(unsaid) <= found["model"]["more"]
 
 
 def test_a_urdf_stays_one():
