@@ -21,8 +21,8 @@ from diagnosis.verdict.ordinary import Ordinary
 NUDGES_RAD = (-1e-5, -3e-6, 3e-6, 1e-5)
 """Shifts of the start that no sensor shows [rad; of a slide a share of its travel]."""
 NEARBY = (-3e-3, -1e-3, 1e-3, 3e-3)
-"""A play that rattles is not known more closely: one of 1.5 deg, at 43 floors, leaves 10 floors at
-1.48 deg, 8 at 1.49, 1.4 at 1.50 and 12 at 1.51."""
+"""A play that rattles is not known more closely than these shares of it: one that is a thousandth
+off leaves 12 floors (`tests/unit/test_rattle.py`)."""
 BY_STEP = 0.02
 """A replay in half the steps may differ by this share of a joint's motion: the loop of its drive
 then ticks twice as often."""
