@@ -164,8 +164,8 @@ def search(kept: Kept) -> str:
 
 
 def _is_in_table(cells: Scores) -> bool:
-    made = (COLUMNS[cells["observation"]].algo, STEPS.get(cells["task"]))
-    return made == (cells["algo"], cells["steps"])
+    column, steps = COLUMNS.get(cells["observation"]), STEPS.get(cells["task"])
+    return column is not None and (column.algo, steps) == (cells["algo"], cells["steps"])
 
 
 def _tried(cells: Scores) -> tuple[str, ...]:
