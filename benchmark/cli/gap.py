@@ -10,6 +10,8 @@ from benchmark.gap.asked import Calibration, Diagnosis, Source
 from benchmark.settings.kinds import File, Setting, Text
 
 CAUSE, UNKNOWN = "cause", "unknown"
+TABLES = ("static", "locked", "moved")
+"""Options that name a table in the place of a log."""
 
 
 @command(defaults={"out": "calibrations/LOG"})
@@ -31,7 +33,7 @@ def calibrate(
     return calibrations.run(asked, seed, out, force, workers)
 
 
-@command(defaults={"out": "diagnoses/LOG", "fail_on": "nothing", "static": "none"})
+@command(defaults={"out": "diagnoses/LOG", "fail_on": "nothing", **dict.fromkeys(TABLES, "none")})
 def diagnose(
     asked: Diagnosis,
     static: Annotated[
@@ -39,6 +41,20 @@ def diagnose(
         Setting(
             kind=File("TABLE"),
             help="Instead of a log: targets and readings at rest, and loads where known.",
+        ),
+    ] = None,
+    locked: Annotated[
+        Path | None,
+        Setting(
+            kind=File("TABLE"),
+            help="Instead of a log: torque and position while the output is locked.",
+        ),
+    ] = None,
+    moved: Annotated[
+        Path | None,
+        Setting(
+            kind=File("TABLE"),
+            help="Instead of a log: torque and position while the joint is moved slowly.",
         ),
     ] = None,
     fail_on: Annotated[
@@ -65,13 +81,19 @@ def diagnose(
     A robot that was fine: [bold]bench diagnose logs/today --healthy logs/may[/bold]
 
     A few rows at rest: [bold]bench diagnose --robot arm.xml --static rests.csv[/bold]
+
+    A gear with its output locked: [bold]bench diagnose --locked presses.csv[/bold]
     """
     from benchmark.gap import diagnose as diagnoses
 
-    if static is not None:
-        from benchmark.gap import static as statics
+    given = dict(zip(TABLES, (static, locked, moved), strict=True))
+    tables_given = {kind: table for kind, table in given.items() if table is not None}
+    if len(tables_given) > 1:
+        raise UsageError(f"give one of {', '.join(f'--{kind}' for kind in tables_given)}")
+    for kind, table in tables_given.items():
+        from benchmark.gap import tables
 
-        return statics.run(asked, static)
+        return tables.run(asked, kind, table)
     failing = _failing(fail_on)
     result, summary = diagnoses.run(asked, out, force)
     if failing:

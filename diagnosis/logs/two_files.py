@@ -39,6 +39,8 @@ BEYOND = 1.1
 """A joint's reading may be so many times its range."""
 ASKED = ("command", "feedforward", "reference")
 """Kinds of which one says what is asked of a joint."""
+ON_BENCH = ("torque", "feedforward", "effort")
+"""Kinds of which one says what presses on a joint of a test bench."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,14 +110,18 @@ def put_together(
 
 
 def readings(
-    frame: pd.DataFrame, ranges: Ranges, asked: Asked, draws: bool = False
+    frame: pd.DataFrame,
+    ranges: Ranges,
+    asked: Asked,
+    draws: bool = False,
+    asks: Sequence[str] = ASKED,
 ) -> tuple[pd.DataFrame, list[str]]:
     """The columns of joints under the names and in the units of a log; and what was understood.
 
-    `draws`: currents and the like stand for torques, as where only their changes count. Raises
-    LogError.
+    `draws`: currents and the like stand for torques, as where only their changes count. `asks`:
+    kinds of which a joint needs one. Raises LogError.
     """
-    columns, samples, said = _columns(frame, list(ranges), asked, draws), {}, []
+    columns, samples, said = _columns(frame, list(ranges), asked, draws, asks), {}, []
     unused = [n for n in frame if n not in {role.column for role in columns}]
     numbers = {r.column: pd.to_numeric(frame[r.column], errors="coerce") for r in columns}
     guessed = {
@@ -173,10 +179,11 @@ def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
     return every | {name: one for name, one in asked.drives.items() if name != "*"}
 
 
-def named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
-    """Joints that columns name with commands and positions, without a model; one where none is.
+def named_joints(frame: pd.DataFrame, asked: Asked, asks: Sequence[str] = ("command",)) -> Ranges:
+    """Joints that columns name, without a model; one where none is.
 
-    They slide where a column of theirs, or what is asked, is in a unit of lengths.
+    They have a position, and a column of the kinds `asks`. They slide where a column of theirs, or
+    what is asked, is in a unit of lengths.
     """
     names = dict.fromkeys(joint_of(str(column)) for column in frame)
     every = {
@@ -184,7 +191,7 @@ def named_joints(frame: pd.DataFrame, asked: Asked) -> Ranges:
     }
     kinds = {joint: {role.kind for role in some} for joint, some in every.items()}
     read = {"position", "bare", "error"}
-    found = [j for j, have in kinds.items() if "command" in have and read & have]
+    found = [j for j, have in kinds.items() if have & {*asks} and read & have]
     counted = COUNTED.fullmatch(asked.unit or "")
     long = (counted[2] if counted else asked.unit) in LENGTHS
     lengths = {j: long or any(role.unit in LENGTHS for role in every[j]) for j in found}
@@ -220,7 +227,9 @@ def _refuse_dead(empty: Sequence[str], frame: pd.DataFrame, joints: Sequence[str
             )
 
 
-def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked, draws: bool) -> list[Role]:
+def _columns(
+    frame: pd.DataFrame, joints: Sequence[str], asked: Asked, draws: bool, asks: Sequence[str]
+) -> list[Role]:
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
     for role in roles(list(frame.columns), joints):
@@ -241,40 +250,45 @@ def _columns(frame: pd.DataFrame, joints: Sequence[str], asked: Asked, draws: bo
         )
         if draw and draws and (joint, "torque") not in found:
             found[joint, "torque"] = [replace(role, kind="torque") for role in draw]
-        if effort and not any((joint, kind) in found for kind in ASKED):
+        if effort and not any((joint, kind) in found for kind in asks):
             found[joint, "feedforward"] = [replace(role, kind="feedforward") for role in effort]
         if bare and (joint, "position") not in found:
             found[joint, "position"] = [replace(role, kind="position") for role in bare]
-        elif bare and not any((joint, kind) in found for kind in ASKED):
+        elif bare and not any((joint, kind) in found for kind in asks):
             found[joint, "command"] = [replace(role, kind="command") for role in bare]
         if error and (joint, "command") in found and (joint, "position") not in found:
             found[joint, "position"] = [replace(r, kind="position", missed=True) for r in error]
     for (joint, kind), some in found.items():
+        if kind == "position":  # 'q_current' is a position or a current
+            some[:] = [r for r in some if "current" not in words(r.column)] or some
         if len(some) > 1:
             names = " or ".join(f"'{role.column}'" for role in some)
             raise LogError(
                 f"which column is the {kind} of {joint}: {names}? Say it with "
                 f"--column '{joint}.{kind}={some[0].column}'"
             )
-    asked_of = {joint for joint, kind in found if kind in ASKED}
+    asked_of = {joint for joint, kind in found if kind in asks}
     both = {joint for joint in asked_of if (joint, "position") in found}
     if not both:
-        _refuse_unasked(frame, found, joints)
+        _refuse_unasked(frame, found, joints, asks)
     return [some[0] for (joint, _), some in found.items() if joint in both]
 
 
 def _refuse_unasked(
-    frame: pd.DataFrame, found: Mapping[tuple[str, str], object], joints: Sequence[str]
+    frame: pd.DataFrame,
+    found: Mapping[tuple[str, str], object],
+    joints: Sequence[str],
+    asks: Sequence[str],
 ) -> None:
     """Raise LogError: no joint is asked for something and has a position."""
     has = f"the table has {', '.join(map(str, frame.columns))}; say which"
     if not found:
         raise LogError(
             f"no column names a joint of the model, which has {', '.join(joints)}; {has} is which "
-            f"with --column '{joints[0] if joints else 'JOINT'}.command=COLUMN', and so on"
+            f"with --column '{joints[0] if joints else 'JOINT'}.{asks[0]}=COLUMN', and so on"
         )
     first = min(joint for joint, _ in found)
-    lacks = "command" if (first, "command") not in found else "position"
+    lacks = asks[0] if (first, asks[0]) not in found else "position"
     raise LogError(
         f"no column is the {lacks} of {first}; {has} with --column '{first}.{lacks}=COLUMN'"
     )

@@ -3,18 +3,16 @@
     reading - target = zero + scale target + sag tau + band d + play s
 
 with tau the torque that the drive holds (weight less a known load), d the side that the joint came
-from and s the side that the torque presses on. Terms that do not show are taken out, the least
-first; what another term would say as well is said.
+from and s the side that the torque presses on. Zero, half band and half play are in rad, sag in
+rad/Nm; of slides in m and m/N.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.stats import t as student
 
 from diagnosis.logs._columns import name_of
 from diagnosis.logs._files import read_model
@@ -23,36 +21,12 @@ from diagnosis.logs.log import DriveSettings, LogError, as_log_errors
 from diagnosis.logs.roles import ANGLES, LENGTHS, joint_of, words
 from diagnosis.logs.two_files import Asked, drives_of, named_joints, readings
 from diagnosis.replay.dynamics import bias_torques
+from diagnosis.tables.terms import SPARE, Term, regress
 
-TERMS = ("zero", "sag", "band", "scale", "play")
-"""In the order in which a short table loses them, the last first."""
-SPARE = 2
-"""A table needs so many rows more than terms."""
-SURE, LEAST_RAD = 0.999, 1e-3
-"""A term shows that is other than zero with this one-sided probability and moves readings by so
-much at the most [rad; m]; 90 % intervals are said."""
-FLOOR_RAD = 1e-4
-"""No reading at rest is surer than this [rad; m]."""
+LEAST_RAD, FLOOR_RAD = 1e-3, 1e-4
+"""A term that moves readings by less is none; no reading at rest is surer [rad; m]."""
 FAR = 3.0
 """Targets so many times beyond a joint's range are in another unit."""
-ALIKE = 1.5
-"""Another term says the same where it leaves no more than so many times the rest."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Term:
-    """What one joint's readings show of one of `TERMS`."""
-
-    joint: str
-    term: str
-    value: float
-    """Zero, half band and half play [rad], scale [1], sag [rad/Nm]; of slides with m and N."""
-    low: float
-    high: float
-    shows: bool
-    """Whether it is some; else the interval bounds it."""
-    alike: tuple[str, ...] = ()
-    """Terms that would say the same."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -89,7 +63,7 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
         names = [n.partition(".")[2] for n in rows if n.startswith("command")]
         drives, weights = drives_of(asked, names), dict[str, np.ndarray]()
         if xml is not None:
-            drives, weights = _of_model(xml, rows, names, drives, asked)
+            drives, weights = of_model(xml, rows, names, drives, asked)
     found = []
     for joint in names:
         slides = ranges[joint][2]
@@ -127,7 +101,7 @@ def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) 
         )
 
 
-def _of_model(
+def of_model(
     xml: str,
     rows: pd.DataFrame,
     names: Sequence[str],
@@ -159,48 +133,20 @@ def _of_model(
     return drives, dict(zip(order, weight.T, strict=True))
 
 
-def regress(one: Rests) -> tuple[list[Term], list[str]]:
-    """The terms of a joint, those that show first; and what the table cannot tell."""
-    columns, lacking = dict[str, np.ndarray](), list[str]()
-    for term, column in _columns(one):
-        if isinstance(column, str):
-            lacking.append(column)
-        elif len(columns) + SPARE < len(one.target):
-            columns[term] = column
-        else:
-            lacking.append(f"{term}: there are {len(one.target)} rows; it takes more")
-    if not columns:
+def regressed(one: Rests) -> tuple[list[Term], list[str]]:
+    """The terms of a joint, and what the table cannot tell; raises LogError for too few rows."""
+    terms, lacking = regress(
+        one.joint, one.reading - one.target, _columns(one), LEAST_RAD, FLOOR_RAD
+    )
+    if not terms:
         raise LogError(
             f"{one.joint} has {len(one.target)} rows at rest; needed: {SPARE + 1} or more"
         )
-    error, x, kept = one.reading - one.target, pd.DataFrame(columns), list(columns)
-    whole, _ = fit, rest = _fit(error, x)
-    while kept:
-        fit, rest = _fit(error, x[kept])
-        sure = fit["size"] / fit["sd"]
-        faint = fit["size"] * x[kept].abs().max() < LEAST_RAD
-        least = (sure[faint] if faint.any() else sure).idxmin()
-        if not faint.any() and sure[least] > student.ppf(SURE, len(error) - len(kept)):
-            break
-        kept.remove(least)
-    others = [term for term in columns if term not in kept]
-    alike = {
-        term: tuple(k for k in others if _leaves(error, x, kept, term, k) < ALIKE * rest)
-        for term in kept
-    }
-    terms = list[Term]()
-    for some, known in ((kept, fit), (others, whole)):
-        wide = known["sd"] * student.ppf(0.95, len(error) - len(known))
-        known = known.assign(low=known["value"] - wide, high=known["value"] + wide)
-        rows = known.loc[some, ["value", "low", "high"]].rename_axis("term").reset_index()
-        about = partial(Term, joint=one.joint, shows=some is kept)
-        every = rows.to_dict("records")
-        terms += [about(**row, alike=alike.get(row["term"], ())) for row in every]
     return terms, lacking
 
 
 def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
-    """What multiplies each of `TERMS` (T,), or why the table does not show it."""
+    """What multiplies each term (T,), or why the table does not show it."""
     yield "zero", np.ones(len(one.target))
     tau, side = one.torque, _sides(one.target)
     if tau is None:
@@ -228,25 +174,3 @@ def _sides(target: np.ndarray) -> np.ndarray:
     moves = np.diff(target, prepend=target[:1])
     sides = pd.Series(np.where(np.abs(moves) > 1e-9, np.sign(moves), np.nan))
     return sides.ffill().fillna(0.0).to_numpy()
-
-
-def _fit(error: np.ndarray, x: pd.DataFrame) -> tuple[pd.DataFrame, float]:
-    """Least squares: value, standard deviation and size of each term, and that of the rest."""
-    inverse = np.linalg.pinv(x.T @ x)
-    value = inverse @ x.T.to_numpy() @ error
-    free = len(error) - x.shape[1]
-    rest = float(np.sqrt(max(((error - x @ value) ** 2).sum() / free, FLOOR_RAD**2)))
-    sd = rest * np.sqrt(np.maximum(np.diag(inverse), 1e-30))
-    size = [abs(v) if term in ("zero", "scale") else v for term, v in zip(x, value, strict=True)]
-    return pd.DataFrame({"value": value, "sd": sd, "size": size}, index=x.columns), rest
-
-
-def _leaves(
-    error: np.ndarray, x: pd.DataFrame, kept: Sequence[str], term: str, other: str
-) -> float:
-    """What is left with another term in the place of one; infinite where it would be negative.
-
-    Sag, band and play are never negative.
-    """
-    fit, rest = _fit(error, x[[*(k for k in kept if k != term), other]])
-    return rest if fit["size"][other] > 0.0 else np.inf

@@ -1,19 +1,12 @@
-"""`bench diagnose --static`: what a few rows at rest say of each joint, in words."""
+"""What a few rows at rest say of a joint, in words."""
 
 from collections.abc import Iterator
-from dataclasses import asdict
-from pathlib import Path
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
-from benchmark.errors import UsageError
-from benchmark.gap.asked import Source
-from benchmark.gap.robot_log import asked_of
 from diagnosis.logs._meta import NOMINAL_UNCERTAINTY
-from diagnosis.logs.log import LogError
-from diagnosis.static import Rests, Term, regress, rests
+from diagnosis.tables.rests import Rests
+from diagnosis.tables.terms import Term
 
 MEANS = {
     "zero": "the zero of the sensor, or that of the model",
@@ -24,30 +17,7 @@ MEANS = {
 }
 
 
-def run(source: Source, table: Path) -> tuple[dict, RenderableType]:
-    """The result of a table and its lines; raises UsageError for one that cannot be used.
-
-    `source`: the robot, and what is said of it.
-    """
-    if source.folder or source.tables:
-        raise UsageError("--static is a table by itself; leave LOG and --log out")
-    try:
-        found, said = rests(table, source.robot, asked_of(source))
-        answers = [(one, *regress(one)) for one in found]
-    except LogError as error:
-        raise UsageError(str(error)) from error
-    lines, rows = list(said), list[dict]()
-    for one, terms, lacking in answers:
-        words = [text for term in terms if (text := _words(one, term))]
-        lines += [f"{one.joint}: {text}" for text in words or ["nothing shows"]]
-        lines += [f"{one.joint}: the table does not show {text}" for text in lacking]
-        rows += [asdict(term) for term in terms]
-    joints = [one.joint for one, _, _ in answers]
-    result = {"status": "done", "joints": joints, "terms": rows, "said": lines}
-    return result, Group(*map(Text, lines))
-
-
-def _words(one: Rests, term: Term) -> str:
+def words(one: Rests, term: Term) -> str:
     """A term that shows, or the sag that does not though a gain is known; else nothing."""
     if not term.shows:
         return _no_sag(one, term) if term.term == "sag" else ""

@@ -1,0 +1,70 @@
+"""The torque that it takes to move a joint slowly to and fro: friction and weight.
+
+    torque = offset + coulomb sign(v) + viscous v + (1 + weight) w(q)
+
+with w what holds the links in the model. The drive may move it, or the bench.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+
+from diagnosis.logs.log import LogError
+from diagnosis.tables.bench import Bench
+from diagnosis.tables.terms import SPARE, Term, regress
+
+BLOCK_S = 0.2
+"""Rows are averaged over so long a time, longer than what makes them alike."""
+SLOW = 0.1
+"""Below so large a share of the fastest a joint rests or turns: its friction may be anything."""
+FLOOR = 1e-3
+"""No block is surer than so large a share of the largest torque."""
+
+
+def friction(one: Bench) -> tuple[list[Term], list[str]]:
+    """The terms of a joint, and what the rows cannot tell; raises LogError for too few."""
+    blocks = _blocks(one)
+    speed, torque = blocks["speed"].to_numpy(), blocks["torque"].to_numpy()
+    if (speed * torque).sum() < 0.0:  # the reaction was measured
+        torque = -torque
+    known = 0.0 if one.weight is None else blocks["weight"].to_numpy()
+    floor = FLOOR * float(np.abs(torque).max())
+    columns = _columns(one, blocks)
+    terms, lacking = regress(one.joint, torque - known, columns, floor, floor)
+    if not terms:
+        raise LogError(
+            f"{one.joint} moves in {len(blocks)} stretches of {BLOCK_S:g} s; needed: {SPARE + 1} "
+            "or more"
+        )
+    return terms, lacking
+
+
+def _blocks(one: Bench) -> pd.DataFrame:
+    """Means over `BLOCK_S` while it moves: speed, torque and weight."""
+    rows = pd.DataFrame({"time": one.time_s, "position": one.position, "torque": one.torque})
+    rows["weight"] = 0.0 if one.weight is None else one.weight
+    some = rows.groupby((one.time_s - one.time_s[0]) // BLOCK_S)
+    ends = some[["time", "position"]].agg(lambda x: x.iloc[-1] - x.iloc[0])
+    blocks = some[["torque", "weight"]].mean().assign(speed=ends["position"] / ends["time"])
+    blocks = blocks[np.isfinite(blocks["speed"])]
+    return blocks[blocks["speed"].abs() > SLOW * blocks["speed"].abs().max()]
+
+
+def _columns(one: Bench, blocks: pd.DataFrame) -> Iterator[tuple[str, np.ndarray | str]]:
+    """What multiplies each term (T,), or why the rows do not show it."""
+    speed = blocks["speed"].to_numpy()
+    yield "offset", np.ones(len(speed))
+    both = speed.min() < 0.0 < speed.max()
+    yield (
+        "coulomb",
+        np.sign(speed) if both else "friction: it moves to one side alone; move it to and fro",
+    )
+    wide = np.ptp(np.abs(speed)) > 0.5 * np.abs(speed).max()
+    yield "viscous", speed if wide else "viscous friction: it moves at one speed; add another"
+    if one.weight is None:
+        yield "weight", "weight: give --robot"
+    elif np.ptp(blocks["weight"]) < 1e-3:
+        yield "weight", "weight: it is the same everywhere; move it farther"
+    else:
+        yield "weight", blocks["weight"].to_numpy()
