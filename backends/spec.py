@@ -114,6 +114,8 @@ class Loop:
     jumps."""
     lag_s: float = 0.0
     """Time constant by which the torque follows what is asked of it [s]."""
+    hold_s: float = 0.0
+    """Period in which the law acts once, and its torque holds [s]; 0: no slower than its engine."""
     unlimited: float = 0.0
     """Share of the derivative gain that the torque limit does not hold, as a motor's back-EMF
     [1]."""

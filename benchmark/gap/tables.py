@@ -95,11 +95,8 @@ def _curve(one: Bench) -> tuple[str, list[Term], list[str]]:
     more["lost motion"] = f" at {at:.2g} {torque} to either side"
     if {"stiffness", "lost motion"} <= by.keys():
         gives, lost = 2 * at / by["stiffness"].value, by["lost motion"].value
-        shows = ": no play shows" if gives > lost else ""
-        more["stiffness"] = (
-            f" beyond; by it {at:.2g} {torque} move the gear {size * gives:.2g} {unit}"
-        )
-        more["stiffness"] += shows
+        moved = f"±{at:.2g} {torque} move the gear {size * gives:.2g} {unit}"
+        more["stiffness"] = f" beyond; by it {moved}{': no play shows' if gives > lost else ''}"
     if "friction" in by and at < by["friction"].value:
         more["friction"] = ", more than presses there: press harder in the smallest sweep"
     lines = []

@@ -116,6 +116,8 @@ class DriveSettings(Part):
     """The acceleration of that [rad/s^2]; 0: any."""
     lag: Amount = 0.0
     """Time constant by which the torque follows what is asked [s]."""
+    rate: Amount = 0.0
+    """Rate at which its loop acts, and its torque holds in between [Hz]; 0: as fast as may be."""
     back_emf: Amount = 0.0
     """Damping beside kd that the limit does not hold: kt^2 / R of a driven voltage [Nms/rad]."""
     open_loop: bool = False
@@ -171,6 +173,7 @@ class DriveSettings(Part):
             "lead": self.lead or 0.0,
             "profile_rad_s2": self.acceleration,
             "lag_s": self.lag,
+            "hold_s": 1.0 / self.rate if self.rate else 0.0,
             "unlimited": self.back_emf / self.kd if self.kd else 0.0,
             "open": float(self.open_loop),
         }

@@ -49,7 +49,7 @@ PLAY, STIFFNESS, TEETH, LOCK = _at(
 )
 DELAY, SLOWNESS, STEP = _at("command", "delay_s", "slowness_s_rad", "resolution_rad")
 INTEGRAL, FULL, CASCADE = _at("loop", "integral_hz", "integral_limit_nm", "speed_integral_hz")
-FILTER, LAG, LEAD = _at("loop", "filter_s", "lag_s", "lead")
+FILTER, LAG, LEAD, HOLD = _at("loop", "filter_s", "lag_s", "lead", "hold_s")
 UNLIMITED, PROFILE, OPEN, SOFT = _at("loop", "unlimited", "profile_rad_s2", "open", "soft_friction")
 BIAS, SCALE, LATE = _at("encoder", "bias_rad", "scale_error", "delay_s")
 ONCE, ACROSS = _at("encoder", "eccentricity_rad", "eccentricity_sine_rad")

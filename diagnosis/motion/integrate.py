@@ -15,7 +15,8 @@ gear (`backends/drive.py`). Its law is
 
 with the target that its profile makes of the command, and a torque that is given beside it. I
 begins where the drive carries the weight at the start. An open loop feeds no position back: e = 0,
-and kp is the gain of the given torque. G and C then hold the joint to the measured motion as well.
+and kp is the gain of the given torque. A loop slower than the ticks holds what it has clipped
+until it acts again. G and C then hold the joint to the measured motion as well.
 """
 
 import numba
@@ -31,6 +32,8 @@ SWEEPS = 3
 YIELD_S = 9.5e-3
 """Time constant by which MuJoCo's dry friction stops a joint: d_max t / 2 of its default solref and
 solimp, see "Solver parameters" in its documentation."""
+EVEN = 1e-9
+"""Ticks that are off by less than such a share of a loop's period are on time."""
 FAR_RAD = 1e4
 """A joint beyond this has diverged."""
 
@@ -62,13 +65,23 @@ def _profiled(wanted, last, rate, slowness, most, dt):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
-def _pd(error, slip, more, speed, kp, kd, limit, dead_zone, unlimited, fall):
+def _pd(error, slip, more, speed, kp, kd, limit, dead_zone, fall):
     """The torque of the PD law and of `more`, and whether it is at its limit."""
-    wanted = kp * _shrink(error, dead_zone) + (1.0 - unlimited) * kd * slip + more
+    wanted = kp * _shrink(error, dead_zone) + kd * slip + more
     lost = fall * speed
     high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
     pd = min(max(wanted, low), high)
-    return pd + unlimited * kd * slip, pd != wanted
+    return pd, pd != wanted
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _acts(t, period, dt):
+    """Whether a loop acts at a tick: at the first one in each of its periods."""
+    return (
+        period <= dt
+        or t == 0
+        or np.floor(t * dt / period + EVEN) > np.floor((t - 1) * dt / period + EVEN)
+    )
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
@@ -143,7 +156,8 @@ def integrate(
         if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
             total[j] = lagged[j] - (1.0 - p[j, c.OPEN]) * p[j, c.KP] * (command[0, j] - q[j])
     inverse = np.zeros((joints, joints))
-    held, at_limit, stopped = np.zeros(joints, np.bool_), False, np.any(ends[:, 1])
+    held, at_limit = np.zeros(joints, np.bool_), np.zeros(joints, np.bool_)
+    asked_nm, stopped = np.zeros(joints), np.any(ends[:, 1])
     out[0], out[0, 2] = start[0], 0.0
     for t in range(len(row)):
         i, k, changed = min(t // stride, end), row[t], exact or t % stride == 0
@@ -172,27 +186,32 @@ def integrate(
                 slip += p[j, c.LEAD] * (given[n, j, 0] if known else own)
             if len(given) > 0:
                 more = given[n, j, 1] * (p[j, c.KP] if p[j, c.OPEN] > 0.0 else 1.0)
-            if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
-                full = p[j, c.FULL] if p[j, c.FULL] > 0.0 else p[j, c.LIMIT]
-                total[j] += (p[j, c.INTEGRAL] + p[j, c.CASCADE]) * p[j, c.KP] * dt * error
-                total[j] += p[j, c.CASCADE] * p[j, c.KD] * dt * slip
-                total[j] = min(max(total[j], -full), full)
-                more += total[j]
-            law = p[j, c.KP], p[j, c.KD], p[j, c.LIMIT], p[j, c.DEAD_ZONE], p[j, c.UNLIMITED]
-            pd, at_limit = _pd(error, slip, more, speed[j], *law, p[j, c.FALL])
+            lossy = p[j, c.UNLIMITED] * p[j, c.KD]
+            if _acts(t, p[j, c.HOLD], dt):
+                if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
+                    full = p[j, c.FULL] if p[j, c.FULL] > 0.0 else p[j, c.LIMIT]
+                    for_s = max(p[j, c.HOLD], dt)
+                    total[j] += (p[j, c.INTEGRAL] + p[j, c.CASCADE]) * p[j, c.KP] * for_s * error
+                    total[j] += p[j, c.CASCADE] * p[j, c.KD] * for_s * slip
+                    total[j] = min(max(total[j], -full), full)
+                    more += total[j]
+                law = p[j, c.KP], p[j, c.KD] - lossy, p[j, c.LIMIT], p[j, c.DEAD_ZONE]
+                asked_nm[j], at_limit[j] = _pd(error, slip, more, speed[j], *law, p[j, c.FALL])
+            pd = asked_nm[j] + lossy * slip
             pd = lagged[j] = lagged[j] + quick[j] * (pd - lagged[j])
             out[t + 1, 2, j] = pd
             if t == 0 and p[j, c.TWO_MASSES] == 0.0:
                 out[0, 2, j] = pd
             cog = cogged(motor[j], p[j, c.COGGING], p[j, c.PERIOD], p[j, c.PHASE])
             if p[j, c.FADE] > 0.0 or p[j, c.SLIDING] > 0.0:
-                law = p[j, c.LIMIT], p[j, c.FADE], p[j, c.WARM], p[j, c.SLIDING], p[j, c.BRISTLE]
-                memory = last_pd[j], dt, *law, heat[j], bend[j]
+                kept = p[j, c.LIMIT], p[j, c.FADE], p[j, c.WARM], p[j, c.SLIDING], p[j, c.BRISTLE]
+                memory = last_pd[j], dt, *kept, heat[j], bend[j]
                 more, heat[j], bend[j] = remembered(speed[j], *memory)
                 cog, last_pd[j] = cog + more, pd
             rub[j] = p[j, c.COULOMB] + rubbing(speed[j], p[j, c.STICTION])
-            loss = share[j] * quick[j] * p[j, c.KD] * (p[j, c.UNLIMITED] if at_limit else 1.0)
-            loss += p[j, c.VISCOUS] + (p[j, c.FALL] if at_limit else 0.0)
+            explicit = at_limit[j] or p[j, c.HOLD] > dt
+            loss = share[j] * quick[j] * (lossy if explicit else p[j, c.KD])
+            loss += p[j, c.VISCOUS] + (p[j, c.FALL] if at_limit[j] else 0.0)
             if p[j, c.TWO_MASSES] > 0.0:
                 gap, slip, r = motor[j] - q[j], speed[j] - v[j], dt / p[j, c.ROTOR]
                 gear[j] = _gear(gap, slip, p[j, c.PLAY], p[j, c.STIFFNESS], p[j, c.TEETH])
@@ -203,8 +222,8 @@ def integrate(
                 motor[j] += dt * speed[j]
                 force[j], rub[j] = gear[j], 0.0
             else:
-                changed |= at_limit != held[j]
-                held[j], damped[j] = at_limit, dt * loss
+                changed |= at_limit[j] != held[j]
+                held[j], damped[j] = at_limit[j], dt * loss
                 force[j] = pd + cog - p[j, c.VISCOUS] * v[j]
                 rub[j] += p[j, c.LOAD] * abs(gear[j])
         for j in range(joints if stopped else 0):

@@ -78,6 +78,14 @@ def lagging(state: dict, q: float, v: float, k: int) -> float:
     return state["i"]
 
 
+def slow(state: dict, q: float, v: float, k: int) -> float:
+    """A loop of 100 Hz, whose torque holds for 10 ms, and the back-EMF beside it."""
+    state["tick"] = state.get("tick", -1) + 1
+    if state["tick"] % 100 == 0:
+        state["asked"] = np.clip(KP * (STEPS[k] - q) - 0.5 * v, -LIMIT, LIMIT)
+    return state["asked"] - 0.7 * v
+
+
 def profiled(state: dict, q: float, v: float, k: int) -> float:
     """A target that moves to each command by a trapezoid of 10 rad/s^2 and 1 rad/s."""
     at, rate = state.get("p", (STEPS[0], 0.0))
@@ -142,6 +150,7 @@ def off(log: Log) -> float:
         (braked, STEPS, {"kd": 0.2, "back_emf": 0.7, "limit": 3}, {}),
         (lagging, STEPS, {"lag": 0.005}, {}),
         (profiled, STEPS, {"acceleration": 10, "speed": 1}, {}),
+        (slow, STEPS, {"kd": 0.5, "back_emf": 0.7, "rate": 100}, {}),
     ],
     ids=[
         "pid",
@@ -153,6 +162,7 @@ def off(log: Log) -> float:
         "back-emf",
         "lag",
         "profile",
+        "rate",
     ],
 )
 def test_a_law_is_replayed_as_it_is(law, command, drive, more):
