@@ -68,7 +68,8 @@ def sentences(result: LimbResult) -> Iterator[str]:
         everywhere = {name: f"{name} on all joints" for name in result.verdict}
         sets = ([everywhere.get(k, k.replace("@", " on ")) for k in names] for names in result.tied)
         others = " or ".join(map(" with ".join, sets))
-        yield f"This log cannot distinguish it from {others}; to do so, {result.experiment}."
+        it = "it" if len(result.causes) == 1 else "them"
+        yield f"This log cannot distinguish {it} from {others}; to do so, {result.experiment}."
 
 
 def _takes(result: LimbResult, limit: str) -> str:

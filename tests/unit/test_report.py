@@ -96,7 +96,9 @@ def test_a_tie_is_said_in_words(found):
     assert "kp-scale on J1 with backlash on J0" in [*sentences(limb)][-1]
     (effect,) = limb.verdict
     shared = dataclasses.replace(limb, tied=((effect,),))
-    assert f"from {effect} on all joints" in [*sentences(shared)][-1]
+    assert f"distinguish it from {effect} on all joints" in [*sentences(shared)][-1]
+    two = dataclasses.replace(limb, causes=2 * limb.causes)
+    assert "distinguish them from kp-scale on J1" in [*sentences(two)][-1]
 
 
 def test_a_size_has_its_interval(found):
