@@ -7,6 +7,7 @@ This file is written beside a corrected model, with its numbers.
 """
 
 from collections.abc import Mapping
+from math import exp, pi, sin
 from pathlib import Path
 
 import mujoco
@@ -72,18 +73,18 @@ class Drive:
         """Set its torque and its dry friction for the next step."""
         own, dt, dof = self.own, self.model.opt.timestep, self.dof
         speed, servo = float(data.qvel[dof]), float(data.qfrc_actuator[dof])
-        link = data.qfrc_damper[dof] + data.qfrc_constraint[dof] - self.armature * data.qacc[dof]
-        gear = abs(servo + self.torque + link)
+        held = float(data.qfrc_damper[dof]) + float(data.qfrc_constraint[dof])
+        gear = abs(servo + self.torque + held - self.armature * float(data.qacc[dof]))
         way = own["one_way_friction_nm"] / 2.0  # half of it is a torque, half friction both ways
-        rub = own["stiction_nm"] * np.exp(-abs(speed) / own["stribeck_rad_s"])
+        rub = own["stiction_nm"] * exp(-abs(speed) / own["stribeck_rad_s"])
         loss = self.friction + rub + own["load_friction"] * gear + abs(way)
         self.model.dof_frictionloss[dof] = loss
-        turn = 2.0 * np.pi * data.qpos[self.at] / own["cogging_period_rad"]
+        turn = 2.0 * pi * float(data.qpos[self.at]) / own["cogging_period_rad"]
         load = servo / own["torque_limit_nm"]
         self.heat += dt / own["thermal_s"] * (load**2 - self.heat)
         slid = dt * speed / own["presliding_rad"]
         self.bend = (self.bend + slid) / (1.0 + abs(slid))
-        self.torque = own["cogging_nm"] * np.sin(turn + own["cogging_phase_rad"]) - way
+        self.torque = own["cogging_nm"] * sin(turn + own["cogging_phase_rad"]) - way
         self.torque -= min(own["thermal_fade"] * self.heat, 0.9) * servo
         self.torque -= own["presliding_nm"] * self.bend
         data.qfrc_applied[dof] += self.torque

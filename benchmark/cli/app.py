@@ -3,6 +3,7 @@
 Nothing heavy is imported up here: `bench --help` and `bench list` load no engine and no learner.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -92,10 +93,14 @@ def _bench(
 
 
 app = _assembled()
+RARELY = 20_000, 10, 10
+"""When garbage is looked for: libraries make half a million objects that stay, and to go through
+them as often as Python does by itself takes a twentieth of a short command."""
 
 
 def main() -> None:
     """Entry point: run a command and turn every failure into one message and an exit code."""
+    gc.set_threshold(*RARELY)
     console.open_closed_streams()
     signal.signal(signal.SIGTERM, console.stop)
     if signal.getsignal(signal.SIGINT) is signal.default_int_handler:

@@ -76,11 +76,13 @@ def simulate_grasps(
 ) -> list[list[GraspReplay]]:
     """What every world shows in every episode: a list per world of one per episode.
 
-    Joints and stick start where the log has them; all episodes have one rate.
+    Joints and stick start where the log has them; all episodes have one rate. A world that is asked
+    for more than once is simulated once.
     """
     dt_s = float(np.median(np.diff(parts[0].time_s)))
-    timed = [replace(w, timing=replace(w.timing, policy_s=dt_s)) for w in worlds]
-    every = list(parts) * len(worlds)
+    unlike = dict.fromkeys(worlds)
+    timed = [replace(w, timing=replace(w.timing, policy_s=dt_s)) for w in unlike]
+    every = list(parts) * len(timed)
     stick = np.stack([part.stick[0] for part in every])
     start = InitialState(
         joint_rad=np.stack([part.joint_rad[0] for part in every]),
@@ -106,4 +108,6 @@ def simulate_grasps(
         GraspReplay(**{name: values[n, : len(part.time_s)] for name, values in taken.items()})
         for n, part in enumerate(every)
     ]
-    return [shown[k : k + len(parts)] for k in range(0, len(shown), len(parts))]
+    begins = range(0, len(shown), len(parts))
+    by_world = {w: shown[k : k + len(parts)] for w, k in zip(unlike, begins, strict=True)}
+    return [by_world[world] for world in worlds]

@@ -66,14 +66,15 @@ class Along:
         Its slopes are the nominal ones.
         """
         m, h, dq, dv = self.model
-        h = h + self._weights @ (gravity_m_s2 - self.spec.gravity_m_s2)
+        fall = gravity_m_s2 - self.spec.gravity_m_s2
+        h = h + self._weights @ fall if fall.any() else h.copy()
         rows = zip(self.spec.hand.driven, load, strict=True)
         every = ((b.joint.name, *one) for b, row in rows for one in _added(b, row).items())
         if added := [(joint, at_m, *masses) for joint, at_m, masses in every if masses.any()]:
             m = m.copy()
         for joint, at_m, kg, borne_kg in added:
             on, mass, turning, weight = self._point(joint, at_m)
-            m[:, on[:, None], on] += kg * mass
+            m[:, on, on] += kg * mass
             h[:, on] += kg * turning + borne_kg * (weight @ gravity_m_s2)
         return m, h, dq, dv, coefficients(m, h) if self.closed else OPEN
 
@@ -82,15 +83,16 @@ class Along:
         return weights(self.spec, self.angle_rad)
 
     @cached_property
-    def _point(self) -> Callable[[str, Vec3], tuple[Array, ...]]:
-        """Joints that move a place on a joint's link, and what a kilogram there adds of them."""
+    def _point(self) -> Callable[[str, Vec3], tuple[slice, Array, Array, Array]]:
+        """The first joints, which move a place on a link, and what a kilogram there adds."""
         spec, moved = self.spec, (self.angle_rad, self.speed_rad_s)
 
         @lru_cache(PLACES + 2 * len(spec.hand.driven))
-        def point(joint: str, at_m: Vec3) -> tuple[Array, ...]:
-            at = of_point(spec, joint, at_m, *moved)
-            on = np.flatnonzero(at[0].any(axis=(0, 1)))
-            return on, at[0][:, on[:, None], on], at[1][:, on], at[2][:, on]
+        def point(joint: str, at_m: Vec3) -> tuple[slice, Array, Array, Array]:
+            mass, turning, weight = of_point(spec, joint, at_m, *moved)
+            last = np.flatnonzero(mass.any(axis=(0, 1))).max(initial=-1)
+            on = slice(0, int(last) + 1)
+            return on, mass[:, on, on].copy(), turning[:, on].copy(), weight[:, on].copy()
 
         return point
 

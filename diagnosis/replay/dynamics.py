@@ -100,7 +100,8 @@ def of_point(spec: Spec, joint: str, at_m: Vec3, q: Array, v: Array) -> tuple[Ar
     none = np.zeros_like(links.inertia_kgm2)
     alone = links._replace(mass_kg=mass, at_m=at, inertia_kgm2=none, weight=np.ones_like(mass))
     turning = _torques(alone, np.zeros(3), q, v, np.zeros_like(q))
-    return _masses(alone, q), turning, _weights(alone, q)
+    weight = _weights(alone, q)  # the point's Jacobian, transposed, against gravity
+    return weight @ weight.transpose(0, 2, 1), turning, weight
 
 
 def _masses(links: _Links, q: Array) -> Array:

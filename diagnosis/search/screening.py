@@ -45,7 +45,7 @@ def screened(
         best = 0.0, 0.0
         for size in _sizes(one):
             columns = np.stack(changes(number, size, now), axis=1) * weights[:, None]
-            shared = jacobian[:, rest].T @ columns
+            shared = (jacobian.T @ columns)[rest]
             bend = columns.T @ columns - shared.T @ inverse @ shared
             slope = columns.T @ left - shared.T @ inverse @ pull[rest]
             least = size if len(slope) > 1 else -one.most if one.kind.either_sign else 0.0

@@ -172,7 +172,7 @@ class Joints:
 
     def moves_as_logged(self) -> Unit | None:
         """The unit in which the nominal world moves as logged."""
-        if not self.units or (left := self.left()) < FINE:
+        if (left := self.left()) < FINE or not self.units:  # the second takes long
             return None
         best, then = self.best()
         if then > SAME or then * BETTER > left:
