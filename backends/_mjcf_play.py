@@ -34,6 +34,8 @@ class Play:
     """Targets [rad or m], shape (T, K)."""
     push: Array
     """External torques [Nm or N], shape (T, K)."""
+    sent_s: Array | None = None
+    """When each target begins to act [s], shape (T,); None: with its sample."""
     start: Array
     """Positions at the start [rad or m], shape (K,)."""
     rate: Array | None = None
@@ -90,6 +92,10 @@ class Plain:
         ticks = np.round(play.time_s / self.model.opt.timestep).astype(int)
         steps = np.maximum(np.diff(ticks, append=ticks[-1] + 1), 1)
         command, push = (np.repeat(x, steps, axis=0) for x in (play.command, play.push))
+        if play.sent_s is not None:
+            sent = np.maximum.accumulate(np.round(play.sent_s / self.model.opt.timestep))
+            row = np.searchsorted(sent, np.arange(len(command)), side="right") - 1
+            command = play.command[np.maximum(row, 0)]
         control = np.zeros((len(command), self.model.nu))
         applied = np.zeros((len(command), self.model.nv))
         passed = [Signals(self.model, name, self._beside.get(name, {})) for name in self._joints]

@@ -25,7 +25,7 @@ def read_log(
     if robot is None:
         raise logs.LogError("several files are given and no robot; give its MJCF or URDF, too")
     from diagnosis.logs.two_files import Asked, pair
-    from diagnosis.replay.alignment import with_commands_first
+    from diagnosis.replay.alignment import with_moments
 
     asked = Asked(unit=unit, columns=columns or {})
-    return with_commands_first(pair(Path(robot), [Path(one) for one in several], asked))
+    return with_moments(pair(Path(robot), [Path(one) for one in several], asked))

@@ -21,7 +21,7 @@ from diagnosis.logs.log import (
 from diagnosis.logs.ros import is_bag
 from diagnosis.logs.servos import servo
 from diagnosis.logs.two_files import Asked, pair, put_together
-from diagnosis.replay.alignment import with_commands_first
+from diagnosis.replay.alignment import with_moments
 from diagnosis.replay.nominal import left_out, mjcf_world
 from diagnosis.replay.robot import NUMBERS, contradictions, known_drives
 from files.tables import give_back
@@ -70,7 +70,7 @@ def read(source: Source, out: Path, force: bool) -> Read:
     else:
         made = pair(source.robot, tables, asked)
         known_drives(made)
-        log = with_commands_first(made)
+        log = with_moments(made)
     write_log(log, folder, "csv" if len(log.samples) <= READABLE else "parquet", force=force)
     give_back()
     return Read(folder=folder, log=log, said=made.said)
@@ -87,7 +87,7 @@ def read_beside(path: Path, source: Source, today: Log) -> Log:
         return read_log(path)
     _require_reader([path])
     made = put_together(today.mjcf_xml, mechanism, [path], asked_of(source))
-    return with_commands_first(made)
+    return with_moments(made)
 
 
 def _require_reader(tables: Sequence[Path]) -> None:

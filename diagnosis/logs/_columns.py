@@ -26,12 +26,14 @@ STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"
 """Centre of the stick [m] and its orientation, world frame."""
 PULL = "pull_n"
 """Known force on the stick along its axis, towards its lower end [N]."""
+SENT = "sent_s"
+"""When the command of a row begins to act [s], where that is not with its row."""
 UNITS: dict[str, tuple[str, ...]] = {
     f"{kind}_{u[of][0]}": (u[of][1],) for u in (HINGE, SLIDE) for kind, of in KINDS.items()
 }
-UNITS |= {"touch": ("m", "1"), "stick": ("m",), PULL: ("N",)}
+UNITS |= {"touch": ("m", "1"), "stick": ("m",), PULL: ("N",), SENT: ("s",)}
 """Channels and the units in which they may be declared."""
-WHOLE = ("stick", PULL)
+WHOLE = ("stick", PULL, SENT)
 """Channels that belong to no joint or finger."""
 
 
@@ -44,13 +46,13 @@ def channel_of(column: str) -> str:
     """The channel that a column belongs to; raises LogError for an unknown name."""
     if column in STICK:
         return "stick"
-    if column == PULL:
-        return PULL
+    if column in (PULL, SENT):
+        return column
     channel, dot, what = column.partition(".")
     if channel in UNITS and channel not in WHOLE and dot and what:
         return channel
     joints = [f"{c}.{what or 'JOINT'}" for c in UNITS if c not in WHOLE]
-    names = ["episode", "t_s", *STICK, PULL, *joints]
+    names = ["episode", "t_s", *STICK, PULL, SENT, *joints]
     near = difflib.get_close_matches(column, names, n=1, cutoff=0.5)
     hint = f" Did you mean '{near[0]}'?" if near else ""
     raise LogError(

@@ -18,7 +18,7 @@ RATIO, FIRM_RATIO = 0.15, 0.6
 """Damping ratio of such a gear, and of one that is as stiff as it may be."""
 REMEMBERED = 32
 """So many of the last replays are remembered: fits come back to where they were."""
-POSITIVE = (c.COULOMB, c.VISCOUS, c.DELAY, c.PLAY)
+POSITIVE = (c.COULOMB, c.VISCOUS, c.PLAY)
 """Numbers that tolerances may not take below zero."""
 
 

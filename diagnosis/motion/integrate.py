@@ -44,6 +44,13 @@ def _shrink(x, by):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _sent(command, k, split, j):
+    """The target [rad] that row k sends in a tick, for a share of which the one before is kept."""
+    asked = command[k, j]
+    return asked if split == 0.0 else asked + split * (command[k - 1, j] - asked)
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _limited(wanted, last, slowness, dt):
     """The target [rad] of a drive that moves it by a radian in no less than `slowness` [s]."""
     if slowness == 0.0:
@@ -122,14 +129,15 @@ def _invert(a):
 
 @numba.njit(cache=True, error_model="numpy")
 def integrate(
-    dt, stride, q_m, v_m, model, command, given, push, row, start, p, ends, soft, implicit, out
+    dt, stride, q_m, v_m, model, command, given, push, acts, start, p, ends, soft, implicit, out
 ):
     """Write joint, motor and PD torque of K joints into `out` (n + 1, 3, K).
 
     At the start, where two masses have no torque yet, as in an engine, and after every tick.
 
     Points q_m, v_m (P, K), one every `stride` ticks, with their `Along.changed` model; commands and
-    pushes (T, K) and the row of them that acts at every tick (n,); `given` (T, K, 2): the target's
+    pushes (T, K), and what `acts` at every tick: the row of a command, the share of the tick for
+    which the one before it does, and the row of a push, each (n,); `given` (T, K, 2): the target's
     speed, NaN where the drive makes it, and a torque, or (0, K, 2); start (2, K): positions and
     speeds; numbers p (K, len(COLUMNS)), end stops as `backends.drive.stops` has them (K, 2), and
     `Limb.soft` (K,).
@@ -139,13 +147,14 @@ def integrate(
     One function holds the arrays: to hand them on costs more than the tick itself.
     """
     mass, bias, dq, dv, closed = model
+    row, split, pushed = acts
     joints, exact = start.shape[1], len(closed) > 0
     q, v, motor, speed = start[0].copy(), start[1].copy(), start[0].copy(), start[1].copy()
     if exact:
         q_m, v_m, bias = np.zeros((3, 1, joints))
         mass, dq, dv = np.zeros((3, 1, joints, joints))
         closed_form(closed, q, v, mass[0], bias[0])
-    end = len(mass) - 1
+    end, last_tick = len(mass) - 1, len(row) - 1
     target, gear, force = command[0].copy(), np.zeros(joints), np.zeros(joints)
     accel, after, rub, impulse, damped, firm, pressed = np.zeros((7, joints))
     rate, slow, total, lagged, heat, bend, last_pd = np.zeros((7, joints))
@@ -161,16 +170,18 @@ def integrate(
     out[0], out[0, 2] = start[0], 0.0
     for t in range(len(row)):
         i, k, changed = min(t // stride, end), row[t], exact or t % stride == 0
+        m = pushed[t]
         if exact:
             closed_form(closed, q, v, mass[0], bias[0])
         for j in range(joints):
-            asked, n = command[k, j], k
-            if p[j, c.DELAY] > 0.0:
+            asked, n = _sent(command, k, split[t], j), k
+            if p[j, c.DELAY] != 0.0:
                 then = t - p[j, c.DELAY] / dt
                 before = int(np.floor(then))
-                n = row[max(before, 0)]
-                asked = command[row[min(max(before + 1, 0), t)], j] * (then - before)
-                asked += command[n, j] * (1.0 - then + before)
+                low, high = min(max(before, 0), last_tick), min(max(before + 1, 0), last_tick)
+                n = row[low]
+                asked = _sent(command, row[high], split[high], j) * (then - before)
+                asked += _sent(command, n, split[low], j) * (1.0 - then + before)
             last = target[j]
             if p[j, c.PROFILE] > 0.0:
                 moves = p[j, c.SLOWNESS], p[j, c.PROFILE], dt
@@ -241,7 +252,7 @@ def integrate(
             _invert(inverse)
         rubs = False
         for j in range(joints):
-            force[j] += push[k, j] - bias[i, j] - pressed[j]
+            force[j] += push[m, j] - bias[i, j] - pressed[j]
             for n in range(0 if exact else joints):
                 force[j] -= dq[i, j, n] * (q[n] - q_m[i, n]) + dv[i, j, n] * (v[n] - v_m[i, n])
             rubs |= rub[j] > 0.0 or (p[j, c.ONE_WAY] != 0.0 and p[j, c.TWO_MASSES] == 0.0)
@@ -278,7 +289,7 @@ def integrate(
             q[j] += dt * v[j]
         for j in range(joints):
             if p[j, c.TWO_MASSES] == 0.0:
-                gear[j] = bias[i, j] + pressed[j] - push[k, j]
+                gear[j] = bias[i, j] + pressed[j] - push[m, j]
                 for n in range(joints if p[j, c.LOAD] > 0.0 or p[j, c.LOCK] > 0.0 else 0):
                     gear[j] += mass[i, j, n] * accel[n] + dq[i, j, n] * (q[n] - q_m[i, n])
                 motor[j], speed[j] = q[j], v[j]

@@ -39,6 +39,11 @@ STABLE, FINE = 1.0, 0.05
 may have to be put behind, and this share of all that the drive moves."""
 
 
+Acts = tuple[Array, Array, Array]
+"""At every tick (n,) the sample whose command acts, the share of it for which the one before does,
+and the sample whose push acts."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Limb:
     """K joints that move together, and their episodes."""
@@ -67,6 +72,12 @@ class Limb:
     def period_s(self) -> float:
         """Time between samples [s]: the median over all episodes."""
         return float(np.median(np.concatenate([np.diff(r.time_s) for r in self.recordings])))
+
+    @cached_property
+    def unsure_s(self) -> float:
+        """How much earlier than they are taken to be commands may be sent, and then delayed [s]."""
+        between = any(recording.sent_s is not None for recording in self.recordings)
+        return self.period_s if between else 0.0
 
     @cached_property
     def dt(self) -> float:
@@ -176,7 +187,7 @@ class Limb:
             q = np.ascontiguousarray(POSES[:, : len(self.joints)])
             poses = Along(spec=self.spec, angle_rad=q, speed_rad_s=0.0 * q, closed=True)
             return (poses,) * len(self.recordings)
-        for number, (row, _) in enumerate(self._ticks):
+        for number, ((row, *_), _) in enumerate(self._ticks):
             q, v = self._moved(number, self.nominal, len(row) // self.stride + 1)
             found.append(Along(spec=self.spec, angle_rad=q, speed_rad_s=v))
         return tuple(found)
@@ -212,7 +223,7 @@ class Limb:
         return tuple(smoothed(_filled(r), self.period_s) for r in self.recordings)
 
     @cached_property
-    def _ticks(self) -> tuple[tuple[Array, Array], ...]:
+    def _ticks(self) -> tuple[tuple[Acts, Array], ...]:
         return tuple(_ticks(recording, self.dt) for recording in self.recordings)
 
     def held(self, recording: Recording) -> tuple[Array, Array, Array] | None:
@@ -227,6 +238,13 @@ class Limb:
         each = (dict(zip(signals, own, strict=True)) for own in zip(*signals.values(), strict=True))
         pairs = zip(self.recordings, each, strict=True)
         return self.alike(recordings=tuple(replace(r, **own) for r, own in pairs))
+
+    def with_sent(self, sent_s: Sequence[Array]) -> "Limb":
+        """The same limb and motion under commands that act at other moments, by episode (T,)."""
+        pairs = zip(self.recordings, sent_s, strict=True)
+        recordings = tuple(replace(r, sent_s=own) for r, own in pairs)
+        ticks = tuple(_ticks(recording, self.dt) for recording in recordings)
+        return self.alike({"_ticks": ticks}, recordings=recordings)
 
     def with_steps(self, joint: int, step: float) -> "Limb":
         """The same limb and motion, a joint's targets rounded to a step on their way."""
@@ -290,14 +308,14 @@ class Limb:
         ranges = np.array([body.joint.range_rad for body in self.spec.hand.driven])
         ends = stops(numbers[:, [c.STOP, c.FIRM, c.STIFFNESS]], ranges)
         episodes = enumerate(zip(self.recordings, self.along, self._ticks, starts, strict=True))
-        for number, (recording, path, (row, _), start) in episodes:
+        for number, (recording, path, (acts, _), start) in episodes:
             model = models[path]
             if self.open.any():
                 model, start[1] = self._tracked(number, numbers, path, model)
             motion = path.angle_rad, path.speed_rad_s, model
             sent = rounded(recording.command, numbers[:, c.STEP])
-            asked = sent, recording.given, recording.push, row
-            out = np.empty((len(row) + 1, len(CHANNELS), len(self.joints)))
+            asked = sent, recording.given, recording.push, acts
+            out = np.empty((len(acts[0]) + 1, len(CHANNELS), len(self.joints)))
             own = start, numbers, ends, self.soft, self.rigid
             given = self.dt, self.stride, *motion, *asked, *own
             yield out if integrate(*given, out) else None
@@ -335,10 +353,18 @@ def block_means(samples: Array, edges: Array) -> Array:
     return np.add.reduceat(samples, edges[:-1], axis=0) / counts
 
 
-def _ticks(recording: Recording, dt: float) -> tuple[Array, Array]:
-    """The sample that acts at every tick (n,), and the broken tick of every sample (T,)."""
-    first = np.round(recording.time_s / dt).astype(np.int64)
+def _ticks(recording: Recording, dt: float) -> tuple[Acts, Array]:
+    """What acts at every tick, and the broken tick of every sample (T,)."""
+    at = recording.time_s / dt
+    first = np.round(at).astype(np.int64)
     if first[-1] > MOST_TICKS:
         raise LogError(f"an episode lasts {recording.time_s[-1]:.0f} s; split it")
-    row = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
-    return row, recording.time_s / dt
+    row = now = np.searchsorted(first, np.arange(first[-1] + 1), side="right") - 1
+    kept = np.zeros(len(now))
+    if recording.sent_s is not None:
+        sent = np.clip(np.maximum.accumulate(recording.sent_s) / dt, 0.0, first[-1])
+        sent[0] = 0.0
+        first = np.floor(sent).astype(np.int64)
+        kept[first] = sent - first
+        row = np.searchsorted(first, np.arange(len(now)), side="right") - 1
+    return (row, kept, now), at

@@ -9,6 +9,7 @@ import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array
+from diagnosis.logs._columns import SENT
 from diagnosis.logs.log import EpisodeMeta, Log, LogError, signal
 
 FREE_AIR = ("steps", "triangle", "multisine", "push", "free")
@@ -48,16 +49,20 @@ class Recording:
     """Speed of the target that is given beside it [rad/s], shape (T, K); NaN: none is."""
     torque: Array | None = None
     """Torque that is given beside it [Nm], shape (T, K); NaN: none is."""
+    sent_s: Array | None = None
+    """When the command of each sample begins to act [s], shape (T,); None: with its sample."""
     own: Array | None = None
     """How much further the model's own simulator moves the joints, with its step, integrator and
     soft friction, than small steps with firm friction do [rad], shape (T, K); None: not known."""
 
     def part(self, begin: int, end: int) -> "Recording":
         """Its samples from `begin` to before `end`."""
-        names = ("command", "push", "measured", "speed", "torque", "own")
+        names = ("command", "push", "measured", "speed", "torque", "sent_s", "own")
         every = {name: getattr(self, name) for name in names}
         rows: dict[str, Any] = {k: None if v is None else v[begin:end] for k, v in every.items()}
         at_s = float(self.time_s[begin])
+        if self.sent_s is not None:
+            rows["sent_s"] = rows["sent_s"] - at_s
         return replace(
             self, time_s=self.time_s[begin:end] - at_s, began_s=self.began_s + at_s, **rows
         )
@@ -145,6 +150,7 @@ def recording(log: Log, limb: Spec, episode: EpisodeMeta, some: slice = slice(No
     measured = np.empty((len(command), len(CHANNELS), len(names)))
     for row, kind in enumerate(CHANNELS):
         measured[:, row] = read(kind)
+    sent_s = np.asarray(frame.get(SENT, np.nan * whole_s[some]), dtype=float)[rows] - time_s[0]
     given = bool(np.isfinite(speed).any() or np.isfinite(torque).any())
     return Recording(
         protocol=episode.protocol,
@@ -156,6 +162,7 @@ def recording(log: Log, limb: Spec, episode: EpisodeMeta, some: slice = slice(No
         episode=number,
         began_s=float(time_s[0] - whole_s[0]),
         speed=speed if given else None,
+        sent_s=sent_s if np.isfinite(sent_s).all() else None,
         torque=torque if given else None,
     )
 

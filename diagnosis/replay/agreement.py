@@ -68,7 +68,8 @@ def begun(log: Log, spec: Spec) -> list[Recording]:
     for one in episodes_of(log, spec):
         time_s = log.episode(one.episode)["t_s"].to_numpy(float)
         rows = int(np.searchsorted(time_s, time_s[0] + HORIZON_S)) + 1
-        every.append(recording(log, spec, one, slice(0, rows)))
+        part = recording(log, spec, one, slice(0, rows))
+        every.append(dataclasses.replace(part, sent_s=None))
     parts = lasting(every)
     if any(body.joint.loop.open for body in spec.hand.driven):
         return [dataclasses.replace(one, own=None) for one in parts]

@@ -156,6 +156,7 @@ def shown(world: Plain, recording: Recording, part: Spec, held: Limb | None = No
             time_s=recording.time_s,
             command=command,
             push=push,
+            sent_s=recording.sent_s,
             start=recording.start,
             rate=recording.rate,
             held=None if held is None else held.held(recording),
@@ -234,7 +235,8 @@ def with_own_steps(
     worlds = plain(log, text, names), plain(log, text, names, step_s)
     found = []
     for recording in recordings:
-        own, small = (shown(world, recording, part) for world in worlds)
+        punctual = replace(recording, sent_s=None)
+        own, small = (shown(world, punctual, part) for world in worlds)
         known = np.isfinite(own - small).all()
         found.append(replace(recording, own=own - small if known else None))
     return tuple(found)

@@ -7,6 +7,7 @@ import numpy as np
 
 from backends.effect import UNITS
 from diagnosis.models.parameters import Parameter, magnitude
+from diagnosis.motion.columns import DELAY, LATE
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
@@ -105,6 +106,8 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
     least = -one.most if one.kind.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
+    if one.place in (DELAY, LATE):
+        ends = ends[0], ends[1] + fitter.evidence.limb.unsure_s
     low, high = sorted(_magnitude(fitter, one, x) for x in ends)
     sizes = [_magnitude(fitter, one, u), low, high]
     effect, joint = _spot(fitter, number)

@@ -1,4 +1,4 @@
-"""Recordings whose rows are read after their command has acted are logs like others."""
+"""Recordings whose commands act before their rows are logs like others."""
 
 from dataclasses import replace
 
@@ -9,7 +9,11 @@ from arms import Real, log_of
 
 from backends.mjcf import Plain, Play
 from diagnosis.logs.log import Log, LogMeta, make_log
-from diagnosis.replay.alignment import SAID, with_commands_first
+from diagnosis.motion.columns import DELAY
+from diagnosis.motion.limb import Limb
+from diagnosis.motion.recordings import recordings
+from diagnosis.replay.alignment import with_moments
+from diagnosis.replay.nominal import mjcf_world
 from diagnosis.walk import diagnose
 
 
@@ -24,10 +28,10 @@ def read_late(log: Log) -> Log:
 
 @pytest.mark.parametrize(("kp", "verdict"), [({}, "none"), ({0: 0.6}, "kp-scale")])
 def test_a_row_that_is_read_after_its_command_acted(kp, verdict):
-    """Take commands a row earlier, say so, and name what is wrong beside it."""
+    """Take commands earlier, say so, and name what is wrong beside it."""
     late = read_late(log_of(Real(joints=2, kp=kp)))
-    log = with_commands_first(late)
-    assert log.warnings[-1] == SAID
+    log = with_moments(late)
+    assert "before their rows" in log.warnings[-1]
     assert diagnose(log).verdict == (verdict,)
 
 
@@ -46,7 +50,7 @@ def test_a_row_that_is_read_after_its_command_acted(kp, verdict):
 def test_no_fault_moves_a_command(real):
     """Leave logs as they are whose commands act from their rows on."""
     log = log_of(real)
-    assert with_commands_first(log) is log
+    assert with_moments(log) is log
 
 
 PORTAL = """<mujoco><option timestep="0.001"/><worldbody><body><inertial mass="3" pos="0 0 0"
@@ -91,7 +95,7 @@ def test_a_weak_drive_is_no_late_row():
     )
     sent = {"command_m.x": 0.12 * command, "command_rad.a": 0.6 * command}
     log = logged(PORTAL.format(19), PORTAL.format(30), time_s, sent)
-    assert with_commands_first(log) is log
+    assert with_moments(log) is log
 
 
 def test_an_inertia_that_no_file_has_moves_no_command():
@@ -103,7 +107,7 @@ def test_an_inertia_that_no_file_has_moves_no_command():
     )
     sent = {"command_rad.pan": pan, "command_rad.tilt": tilt}
     log = logged(CAMERA.format(0.002), CAMERA.format(0.0), time_s, sent)
-    assert with_commands_first(log) is log
+    assert with_moments(log) is log
 
 
 SCARA = """<mujoco><option timestep="{0}"/><worldbody><body pos="0 0 .3"><inertial mass="2.1"
@@ -127,4 +131,62 @@ def test_what_a_delay_undoes_is_no_late_row():
         ramp = np.minimum(time_s, 1.0)
         sent[f"command_{name}"] = ramp * np.convolve(padded, smooth, "valid")
     log = logged(SCARA.format(0.0005, 63), SCARA.format(0.002, 90), time_s, sent)
-    assert with_commands_first(log) is log
+    assert with_moments(log) is log
+
+
+def sent_between(kp: float, ticks_late: int = 0) -> Log:
+    """Commands every 10 ms, of which every 20 ms a row has the last, the joints 3 ms after it."""
+    time_s, rng = np.arange(0.0, 24.0, 0.001), np.random.default_rng(3)
+    sent_s = np.arange(0.0, 24.0, 0.01)
+    sent = []
+    for size, fast in ((0.6, 5.3), (0.4, 7.1)):
+        levels = rng.uniform(-size, size, 16)[(sent_s / rng.uniform(0.7, 0.8)).astype(int) % 16]
+        since_s = np.maximum(sent_s - 12.0, 0.0)
+        waves = size * np.minimum(since_s, 1.0) * (np.sin(fast * since_s) + np.sin(2.0 * since_s))
+        sent.append(np.where(sent_s < 12.0, levels * (sent_s > 0.5), 0.5 * waves))
+    held = np.stack(sent, axis=1)[(time_s / 0.01 + 1e-9).astype(int)]
+    late = np.concatenate([np.repeat(held[:1], ticks_late, axis=0), held])[: len(held)]
+    names = ("command_rad.pan", "command_rad.tilt")
+    arm = CAMERA.format(0.004)
+    log = logged(
+        arm.replace('tilt" kp="6"', f'tilt" kp="{kp}"'),
+        arm,
+        time_s,
+        dict(zip(names, late.T, strict=True)),
+    )
+    samples = log.samples.assign(**dict(zip(names, held.T, strict=True)))[3::20].reset_index(
+        drop=True
+    )
+    return replace(log, samples=samples.assign(t_s=samples["t_s"] - 0.003))
+
+
+def test_commands_that_are_sent_between_rows():
+    """Find when they act, and name a weak drive and no other."""
+    healthy, weak = (with_moments(sent_between(kp)) for kp in (6.0, 4.2))
+    early_s = (weak.samples["t_s"] - weak.samples["sent_s"]).to_numpy()
+    assert 0.005 < np.median(early_s) < 0.011 and 0.003 < np.ptp(early_s) < 0.016
+    assert diagnose(healthy).verdict == ("none",)
+    found = diagnose(weak)
+    assert found.verdict == ("kp-scale",) and found.joints == ("tilt",)
+    (cause,) = found.magnitudes
+    assert cause.low < -30.0 < cause.high
+    assert diagnose(sent_between(4.2)).verdict != ("kp-scale",)
+
+
+def test_a_delay_between_rows_is_known_to_a_row():
+    """Give an interval that holds the delay from when its command was sent."""
+    found = diagnose(with_moments(sent_between(6.0, ticks_late=20)))
+    assert found.verdict == ("command-delay",)
+    (cause,) = found.magnitudes
+    assert cause.low < 20.0 < cause.high < 40.0
+
+
+def test_a_command_acts_when_it_is_sent():
+    """Replay commands that are sent in the midst of ticks as the same commands with a delay."""
+    log = sent_between(6.0)
+    limb = Limb(spec=mjcf_world(log), recordings=recordings(log, mjcf_world(log)), rigid=True)
+    late = limb.with_sent([r.time_s + 0.0064 for r in limb.recordings])
+    numbers = limb.nominal.copy()
+    numbers[:, DELAY] = 0.0064
+    assert np.ptp(limb.simulate(numbers) - limb.simulate(limb.nominal), axis=None) > 0.01
+    assert np.abs(np.nan_to_num(late.simulate(limb.nominal) - limb.simulate(numbers))).max() < 1e-9
