@@ -39,8 +39,8 @@ fits find less where there is none, and of commands twice as frequent as rows it
 FREE, EVERYDAY = 1.0, 10.0
 """Standard deviation of the nominal numbers, relative, and how many times everyday play and
 friction, that are fitted to either: a fault moves no command."""
-TURNS, ON = 2, 2
-"""Fits of jumps, each with fits of the numbers after it; fits on."""
+TURNS, ON = 4, 2
+"""Fits of jumps, each with fits of the numbers after it, while something is left; fits on."""
 SCANNED, CLOSER = np.array([-1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 4.0, 8.0]), 8
 """Rows that all commands may be late by alone, and so many trials between."""
 ENOUGH_S = 60.0
