@@ -55,7 +55,7 @@ FAST := architecture bad_files docs log plain_yaml rows statistics words
 test-fast: install
 	timeout --kill-after=1m 80m $(VENV)/bin/python -m pytest -n 2 $(FAST:%=tests/unit/test_%.py) $(ARGS)
 
-FIELD := drives field_cases importers real_logs ros static two_files
+FIELD := drives field_cases importers joint_tables real_logs ros static two_files
 test-slow: install
 	timeout --kill-after=1m 8h $(VENV)/bin/python -m pytest -n 2 --dist worksteal -m slow $(ARGS)
 
