@@ -1,5 +1,6 @@
 """Recordings of ROS as they come: states and commands on topics, in bags of either storage."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -129,3 +130,14 @@ def test_what_a_bag_lacks_is_said(robot, tmp_path, capfd):
     words = ["check", "--robot", str(robot), "--log", str(tmp_path / "bad.mcap")]
     assert cli.call(words) == 2
     assert "bad.mcap cannot be read" in capfd.readouterr().err
+
+
+def test_the_page_on_own_robots_reads_a_bag(robot, tmp_path, monkeypatch, capfd):
+    """Check a bag with the command that the page shows."""
+    page = (Path(__file__).resolve().parents[2] / "docs/guide/own-robot.md").read_text()
+    (line,) = (line for line in page.splitlines() if "--log bag_folder" in line)
+    bag(tmp_path / "bag_folder", state, "/joint_command", StoragePlugin.MCAP)
+    monkeypatch.chdir(tmp_path)
+    words = [*line.split()[1:], "--drive", "*=kp:40,kd:1", "--json"]
+    assert cli.call(words) in (0, 1)
+    assert set(json.loads(capfd.readouterr().out)["joints"]) == set(NAMES)
