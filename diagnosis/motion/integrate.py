@@ -15,8 +15,8 @@ gear (`backends/drive.py`). Its law is
 
 with the target that its profile makes of the command, and a torque that is given beside it. I
 begins where the drive carries the weight at the start. An open loop feeds no position back: e = 0,
-and kp is the gain of the given torque. A loop slower than the ticks holds what it has clipped
-until it acts again. G and C then hold the joint to the measured motion as well.
+and kp is the gain of the given torque. G and C then hold the joint to the measured motion as well.
+A loop that is slower than the ticks holds what it has clipped until it acts again.
 """
 
 import numba
