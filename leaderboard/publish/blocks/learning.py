@@ -51,13 +51,14 @@ def learners(kept: Kept) -> str:
 
 @block
 def fewer_steps(kept: Kept) -> str:
-    """The circle in fewer steps."""
+    """Tasks in fewer steps."""
     rows = []
-    for backend in ("mujoco", "bullet"):
+    for task, backend in (("circle", "mujoco"), ("circle", "bullet"), ("eight", "bullet")):
         for algo, steps in ((USUAL["algo"], STEPS), (QUICK, FEWER)):
-            cells = kept.line("circle", backend=backend, algo=algo, steps=steps).cells
-            rows.append((shown(backend), f"`{algo}`", million(steps), *_with_minutes(cells)))
-    return grid(("engine", "learner", "steps", *SCORES, "minutes a seed"), rows)
+            cells = kept.line(task, backend=backend, algo=algo, steps=steps).cells
+            scores = _with_minutes(cells)
+            rows.append((task, shown(backend), f"`{algo}`", million(steps), *scores))
+    return grid(("task", "engine", "learner", "steps", *SCORES, "minutes a seed"), rows)
 
 
 @block
@@ -91,7 +92,7 @@ def learners_elsewhere(kept: Kept) -> str:
                 for task in ("line", "eight")
             ]
             tracked = [with_interval(line, "tracked", 3) for line in cells]
-            count = str(cells[0]["seeds"])
+            count = " and ".join(dict.fromkeys(str(line["seeds"]) for line in cells))
             rows.append((shown(backend), f"`{algo}`", million(steps), count, *tracked))
     return grid(head, rows)
 
