@@ -146,7 +146,7 @@ def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]
             yield from one.result.rested.items()
             continue
         fit = one.found.chosen if one.result.causes else one.found.nominal
-        numbers, _ = one.fitter.numbers(fit.u)
+        numbers, _ = one.fitter.numbers(one.fitter.seen(fit))
         rows = zip(one.evidence.joints, numbers, one.evidence.limb.nominal, strict=True)
         for joint, row, nominal in rows:
             yield joint, dict(by_name(row).items() - by_name(nominal).items())

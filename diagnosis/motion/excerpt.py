@@ -25,7 +25,7 @@ from diagnosis.motion.recordings import (
     stood_s,
 )
 
-SEARCHED_S, FITTED_S = 120.0, 600.0
+SEARCHED_S, FITTED_S = 80.0, 600.0
 """Joint-seconds that a search is made on, and that all is fitted to."""
 LEAST = 1 / 6
 """An excerpt has at least this share of its joint-seconds as seconds; no piece is longer."""

@@ -44,6 +44,8 @@ SIMULATED = 1.25
 robots."""
 ALIKE = 0.1
 """Fits that differ by less leave the same [squared floors]."""
+SEEN = 0.05
+"""A tolerance shows that moves some joint's readings by so much, root mean square [floors]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -227,6 +229,12 @@ class Fitter(World):
         nearer = min(one, other, key=lambda fit: float(fit.residual @ fit.residual))
         weights = root_weights(self.evidence, nearer.residual)
         return min(one, other, key=lambda fit: _cost(fit.residual, weights) + fit.prior)
+
+    def seen(self, fit: Fit) -> dict[int, float]:
+        """The parameters of a fit, without tolerances that hardly show: no model needs them."""
+        moved = {k: fit.slopes[k] * v for k, v in fit.u.items() if k in fit.slopes}
+        sizes = {k: np.sqrt(squared_gaps(self.evidence, x).max()) for k, x in moved.items()}
+        return {k: v for k, v in fit.u.items() if k in fit.freed or sizes.get(k, SEEN) >= SEEN}
 
     def _left(self, fit: Fit) -> float:
         """What a fit leaves [squared]; that of a simulator stands back behind that of a robot."""

@@ -11,13 +11,14 @@ world. The limits are beyond what any effect of the catalogue causes in a workin
 """
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from backends.spec import Spec
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
-from diagnosis.motion.excerpt import FITTED_S, excerpted
+from diagnosis.motion.excerpt import FITTED_S, excerpt, excerpted
 from diagnosis.motion.limb import Limb
 from diagnosis.replay.parts import limbs
 from diagnosis.triage import _clocks, _gravity, _lines, _units
@@ -37,6 +38,8 @@ TESTS: tuple[Test, ...] = (
     _lines.torque,
 )
 """Tests of one joint that is in SI's units, in order; each assumes that earlier ones passed."""
+UNITS_S = 60.0
+"""Joint-seconds on which another unit of both sides is judged, which takes many replays."""
 LOST = (
     "the nominal world cannot follow this log: its links leave their drives at once; are positions "
     "and commands in the units of their names, and masses and gains those of the robot?"
@@ -59,25 +62,33 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     Raises FaultError if the data is faulty, LogError where nothing can be compared.
     """
     rigid = isinstance(log.meta.mechanism, MjcfMechanism)
-    some = (
+    some = [
         Limb(spec=p, recordings=excerpted(log, p, FITTED_S)[0], rigid=rigid) for p in limbs(nominal)
-    )
-    every = list(tracks(list(some)))
-    if found := _faults(every):
+    ]
+    every = list(tracks(some))
+    parts = [_brief(one) for one in some]
+    brief = list(tracks(parts)) if parts != some else every
+    if found := _faults(every, brief):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
         raise LogError(LOST)
     followed = [t for t in every if all(np.isfinite(shown).all() for shown in t.shown)]
-    units = _units.perhaps(every)
+    units = _units.perhaps(brief)
     remarks = (said for about in (pauses, made_up) for track in followed for said in about(track))
     return (*units, *remarks)
 
 
-def _faults(every: Sequence[Track]) -> tuple[Fault, ...]:
+def _brief(limb: Limb) -> Limb:
+    """The limb, or with a part of a long log."""
+    some = excerpt(limb.recordings, UNITS_S)
+    return limb if some == limb.recordings else replace(limb, recordings=some)
+
+
+def _faults(every: Sequence[Track], brief: Sequence[Track]) -> tuple[Fault, ...]:
     if first := _order(every) or _of_each(every, _lines.push_size):
         return first
     said = _of_each(every, _lines.dead, _lines.convention)
-    said += tuple(_units.both(_others(every, said)))
+    said += tuple(_units.both(_others(brief, said)))
     return said + _of_each(_others(every, said), *TESTS) or _clocks.faults(every)
 
 

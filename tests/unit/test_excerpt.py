@@ -52,9 +52,9 @@ def test_a_short_log_stays_whole():
 
 
 def test_a_part_of_a_long_log_moves_every_joint():
-    """Take a minute of ten, from both of two episodes that move one joint each."""
+    """Take less than a minute of ten, from both of two episodes that move one joint each."""
     part = excerpt((recording(400.0, [1, 0]), recording(200.0, [0, 1])), SEARCHED_S)
-    assert 55.0 < lasts_s(part) < 80.0
+    assert 0.45 < lasts_s(part) / SEARCHED_S < 0.67
     moved = sum(np.abs(np.diff(r.command, axis=0)).sum(axis=0) for r in part)
     assert moved.min() > 0.3 * moved.max()
 
@@ -71,7 +71,7 @@ def test_a_joint_that_is_held_rests():
     """Cut a log in which one joint only scatters about its target."""
     held = recording(600.0, [1, 0])
     held.measured[:, 0, 1] += np.random.default_rng(0).normal(0.0, 4e-4, len(held.time_s))
-    assert 55.0 < lasts_s(excerpt((held,), SEARCHED_S)) < 80.0
+    assert 0.45 < lasts_s(excerpt((held,), SEARCHED_S)) / SEARCHED_S < 0.67
 
 
 def test_fits_take_more_than_a_search():
@@ -128,7 +128,10 @@ def test_a_log_is_thinned_as_its_recordings_are():
         ARM,
     )
     world = mjcf_world(log)
-    (part, lasts), again = excerpted(log, world, SEARCHED_S), excerpt(recordings(log, world), 120.0)
+    (part, lasts), again = (
+        excerpted(log, world, SEARCHED_S),
+        excerpt(recordings(log, world), SEARCHED_S),
+    )
     assert lasts == pytest.approx(whole.time_s[-1]) and len(part) == len(again)
     for one, other in zip(part, again, strict=True):
         assert one.began_s == pytest.approx(other.began_s)

@@ -46,3 +46,12 @@ def test_a_rough_fit_is_near_and_a_fit_from_there_is_right(fitter, gain):
     assert rough.gap < 0.1 * plain.gap and fit.gap < 1.0
     assert fit.u[gain] == pytest.approx(np.log(0.7), abs=0.03)
     assert abs(fit.u[gain] - np.log(0.7)) < 2.0 * fit.sd[gain]
+
+
+def test_no_model_needs_what_hardly_shows(fitter, gain):
+    """Leave out tolerances that change nothing together, and no effect."""
+    fit = fitter.fit((gain,), {gain: -0.3})
+    seen = fitter.seen(fit)
+    apart = fitter.shown(fit.u) - fitter.shown(seen)
+    assert gain in seen and len(seen) < len([size for size in fit.u.values() if size])
+    assert 0.0 < np.sqrt(np.mean(apart**2)) < 0.2

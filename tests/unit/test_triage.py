@@ -304,6 +304,20 @@ def test_a_bug_stops_the_diagnosis(ideal):
     assert raised.value.faults[0].kind == "sign"
 
 
+def test_another_unit_is_found_on_a_part_of_a_long_log(monkeypatch):
+    """Name degrees on both sides of an arm in a log of over a minute."""
+    monkeypatch.setattr(arms, "SECONDS", 24.0)
+    long = log_of(Real(joints=2, kp={0: 0.8}))
+
+    def in_degrees(samples: Samples) -> None:
+        columns = [name for name in samples.columns if "_rad." in name]
+        samples[columns] = np.degrees(samples[columns])
+
+    (finding,) = faults(changed(long, in_degrees), mjcf_world(long))
+    assert (finding.kind, finding.joints) == ("unit", ("J0", "J1"))
+    assert "degrees" in finding.evidence
+
+
 def test_joints_that_move_alike_are_not_swapped(ideal):
     """Leave the order alone where two joints are commanded alike: nothing can tell them apart."""
 
