@@ -48,7 +48,8 @@ class Problem:
         moving: Collection[int] | None = None,
     ) -> "Problem":
         """All tolerances and freed effects, or those with the numbers `moving`."""
-        held = [k for k, p in enumerate(parameters) if _is_held(k, p, freed)]
+        shared = {parameters[k].effect for k in freed if parameters[k].joint is None}
+        held = [k for k, p in enumerate(parameters) if _is_held(k, p, freed, shared)]
         some = None if moving is None else with_parts(parameters, moving)
         numbers = [k for k in (*held, *freed) if some is None or k in some]
         chosen = [parameters[k] for k in numbers]
@@ -107,10 +108,14 @@ class Problem:
         return curvature + RIDGE * np.diag(np.diag(curvature)), pull
 
 
-def _is_held(number: int, one: Parameter, freed: Sequence[int]) -> bool:
-    """Whether it is a tolerance, or belongs to the law of a freed effect."""
+def _is_held(number: int, one: Parameter, freed: Sequence[int], shared: Collection[str]) -> bool:
+    """Whether it is a tolerance, or belongs to the law of a freed effect.
+
+    A little of what all joints share is no joint's own: no fit tells these apart.
+    """
     acts = one.part_of is None or one.part_of in freed
-    return one.tolerance > 0.0 and number not in freed and acts
+    own = one.effect not in shared or one.kind.nominal
+    return one.tolerance > 0.0 and number not in freed and acts and own
 
 
 def lowest(curvature: Array, slope: Array, low: Array, high: Array) -> Array:

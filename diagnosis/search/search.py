@@ -356,11 +356,14 @@ class Search:
         """Where to start from: from where the tolerances are and from where they are none.
 
         With dry friction that holds and that yields, and then with the better of them. With slopes,
-        and whether these are taken again on the way: a second start is tried roughly.
+        and whether these are taken again on the way: a second start is tried roughly. What all
+        joints share stands in place of what each has of it: no fit tells these apart.
         """
         one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
         size = float(np.sign(to) * np.clip(abs(to), low, high))
+        others = {k: v for k, v in fit.u.items() if self.parameters[k].effect != one.effect}
+        fit = replace(fit, u=others if one.joint is None else fit.u)
         yield {**fit.u, number: size}, slopes, True
         if self.rubs or one.kind.family == CoulombFriction.family:
             more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())

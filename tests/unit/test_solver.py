@@ -268,3 +268,12 @@ def test_the_same_gears_on_all_joints_are_one_cause():
     (found,) = result.limbs[0].causes
     assert (found.effect, found.joint) == ("load-friction", None)
     assert found.low < 40.0 < found.high
+
+
+def test_a_delay_that_all_joints_share_is_no_joints_own():
+    """Say all of it, and leave none to the littles that each joint may have."""
+    found = diagnose(log_of(Real(joints=3, delay_s=0.012)))
+    (delay,) = found.magnitudes
+    assert delay.effect == "command-delay" and delay.value == pytest.approx(12.0, abs=0.2)
+    late_s = [numbers["command.delay_s"] for numbers in found.corrected.values()]
+    assert late_s == pytest.approx([delay.value / 1e3] * 3)
