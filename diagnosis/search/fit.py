@@ -45,7 +45,7 @@ robots."""
 ALIKE = 0.1
 """Fits that differ by less leave the same [squared floors]."""
 SEEN = 0.05
-"""A tolerance shows that moves some joint's readings by so much, root mean square [floors]."""
+"""A tolerance shows that is worth such a gap of some joint, see `squared_gaps` [floors]."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
