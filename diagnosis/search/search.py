@@ -56,7 +56,7 @@ SENSOR = 1.5
 WIDER = 1.25
 """A law leaves so many times less [squared] than the one that it is in a narrow range."""
 NEAR, NEAR_MORE = 4.0, 3.0
-"""The beam keeps sets whose excess is below so many times the best's, and this."""
+"""Sets are polished, and added to, whose excess is below so many times the best's, and this."""
 TIE_SHARE, TIE, TIE_MORE = 0.05, 1.5, 1.0
 """Sets are tied whose share of the gap is less than this behind, and whose excess is below so many
 times the best's, and this."""
@@ -178,7 +178,7 @@ class Search:
                 break
             self.now = now = with_prediction_spread(self.fitter, fresh[0], self.ordinary)
             width = BEAM if causes < MIXED else 1
-            beam = [f for f in fresh[:width] if f.excess < NEAR * fresh[0].excess + NEAR_MORE]
+            beam = _near(fresh[:width])
 
     def _found(self, now: Fit) -> Found:
         """The best of the sets tried, of as many causes as `now` has."""
@@ -224,10 +224,11 @@ class Search:
         ranked = self._ranked(fits)
         if len(self.fitter.evidence.joints) == 1:
             return ranked
-        for fit in ranked[:POLISHED]:
-            self._keep(self.fitter.fit(fit.freed, fit.u, steps=5))
+        for fit in _near(ranked[:POLISHED]):
+            self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
-                self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
+                rough = self._rough(fit.freed, fit.u)
+                self._keep(self.fitter.fit(fit.freed, rough.u, slopes=self.plain.slopes))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 
@@ -282,7 +283,8 @@ class Search:
         if (fit.freed, rest) not in self.thinned:
             self.thinned.add((fit.freed, rest))
             less = with_parts(self.parameters, [number])
-            self._keep(self.fitter.fit(rest, {a: v for a, v in fit.u.items() if a not in less}))
+            u = {a: v for a, v in fit.u.items() if a not in less}
+            self._keep(self.fitter.fit(rest, u, slopes=fit.slopes))
         return self.tried[frozenset(rest)]
 
     def _add(self, fit: Fit) -> None:
@@ -420,6 +422,11 @@ class Search:
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
         is_all = self.ordinary.exact or fit.strain2 > 0.0
         return is_all or own >= CONCERNED * fit.excess
+
+
+def _near(ranked: Sequence[Fit]) -> list[Fit]:
+    """Those that leave little more than the first."""
+    return [fit for fit in ranked if fit.excess < NEAR * ranked[0].excess + NEAR_MORE]
 
 
 def _first(sizes: Sizes, count: int) -> Sizes:

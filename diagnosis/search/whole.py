@@ -9,27 +9,26 @@ from diagnosis.verdict.ordinary import Ordinary
 SINGLES = 3
 """So many single effects are fitted on."""
 STEPS = 4
-"""Steps of each such fit: it begins where the part's ended."""
+"""Steps of each such fit: it begins where the part's ended, with slopes from where the chosen set's
+did."""
 
 
 def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progress) -> Found:
     """What was found on a part, on the log of `fitter`: of sets of one size, which leaves least."""
     fits = 2 + len(found.tied) + len(found.singles[:SINGLES])
-    progress("the nominal numbers, fitted to the whole log", 0.0)
-    nominal = fitter.strained(fitter.fit(u=found.nominal.u), ordinary)
-    known = {found.nominal.freed: nominal}
+    progress("how the whole log follows from each number", 0.0)
+    slopes = fitter.fit(found.chosen.freed, found.chosen.u, steps=0).slopes
+    known = dict[tuple[int, ...], Fit]()
 
-    def again(fit: Fit, anew: bool = True) -> Fit:
+    def again(fit: Fit) -> Fit:
         if fit.freed not in known:
             progress(f"fit {len(known) + 1} of {fits} to the whole log", len(known) / fits)
-            known[fit.freed] = fitter.fit(
-                fit.freed, fit.u, slopes=nominal.slopes, steps=STEPS, again=anew
-            )
+            more = fitter.fit(fit.freed, fit.u, slopes=slopes, steps=STEPS, again=False)
+            known[fit.freed] = more if fit.freed else fitter.strained(more, ordinary)
         return known[fit.freed]
 
-    first, *tied = map(again, (found.chosen, *found.tied))
-    fitted = (again(fit, anew=False) for fit in found.singles[:SINGLES])
-    singles = sorted(fitted, key=lambda fit: fit.excess)
+    nominal, first, *tied = map(again, (found.nominal, found.chosen, *found.tied))
+    singles = sorted(map(again, found.singles[:SINGLES]), key=lambda fit: fit.excess)
     alike = [fit for fit in (first, *tied, *singles) if len(fit.freed) == len(first.freed)]
     some = (fit for fit in alike if is_some(fitter.parameters, fit))
     best = min(some, key=lambda fit: rank(fitter.parameters, fit), default=nominal)
