@@ -36,6 +36,8 @@ floor, and of numbers that are far off. So it is with jumps that act by themselv
 APART = 0.1
 """Jumps act by themselves where their moments differ by this share of a row (root mean square):
 fits find less where there is none, and of commands twice as frequent as rows it is 0.25."""
+LOST = 0.4
+"""A jump that acts so many rows late at least waited for the next packet."""
 FREE, EVERYDAY = 1.0, 10.0
 """Standard deviation of the nominal numbers, relative, and how many times everyday play and
 friction, that are fitted to either: a fault moves no command."""
@@ -85,10 +87,14 @@ class Moments:
         own = [self.jumps.get((episode, row), 0.0) for row in rows.tolist()]
         return self.lead_s + np.array(own)
 
-    @property
-    def apart_s(self) -> float:
-        """How far jumps are apart, root mean square [s]."""
-        return float(np.std(list(self.jumps.values()))) if self.jumps else 0.0
+    def apart(self, row_s: float) -> float:
+        """How far jumps are apart, root mean square [rows], without those that a lost packet made.
+
+        These are late by all that a jump may be.
+        """
+        rows = np.array(list(self.jumps.values())) / row_s
+        some = rows[rows > -LOST]
+        return float(np.std(some)) if len(some) else 0.0
 
 
 def with_moments(log: Log) -> Log:
@@ -198,7 +204,7 @@ def _jumped(log: Log, fits: Fits, found: Moments) -> tuple[Fits, Moments]:
         if not _leaves(fits) or not np.isfinite(_cost(fits)):
             break
         jumps = _with_jumps(log, fits, found)
-        if jumps.apart_s < APART * fits[0][0].evidence.limb.period_s:
+        if jumps.apart(fits[0][0].evidence.limb.period_s) < APART:
             break
         found = jumps
         fits = _moved(log, fits, found)

@@ -43,7 +43,9 @@ def test_a_row_that_is_read_after_its_command_acted(kp, verdict):
         Real(kp={0: 2.0}),
         Real(coulomb_nm={0: 2.0}),
         Real(delay_s=0.02),
+        Real(lost_share=0.2),
         Real(lost_share=0.3),
+        Real(joints=2, lost_share=0.25, alone=True),
         Real(spring_nm_rad3=400.0),
     ],
 )
