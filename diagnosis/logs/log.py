@@ -112,20 +112,27 @@ class Log:
 
     def stick(self, episode: int) -> Array | None:
         """Stick pose x y z [m], qw qx qy qz, shape (T, 7); None if the episode has none."""
-        pose = self.episode(episode).reindex(columns=STICK).to_numpy(dtype=float)
-        return None if np.isnan(pose).any() else pose
+        return self._whole(episode, STICK)
 
     def pull(self, episode: int) -> Array | None:
         """Known force on the stick along its axis, towards its lower end [N], shape (T,).
 
         None if the episode has none.
         """
-        force = self.episode(episode).reindex(columns=[PULL]).to_numpy(dtype=float)[:, 0]
-        return None if np.isnan(force).any() else force
+        force = self._whole(episode, [PULL])
+        return None if force is None else force[:, 0]
 
     def dt_s(self, episode: int) -> float:
         """Sample period: the median of an episode's time steps [s]."""
         return float(np.median(np.diff(self.episode(episode)["t_s"])))
+
+    def _whole(self, episode: int, columns: Sequence[str]) -> Array | None:
+        """Columns of an episode, shape (T, C); None if any of it is missing."""
+        frame = self.episode(episode)
+        if not set(columns) <= set(frame):
+            return None
+        values = frame[list(columns)].to_numpy(dtype=float)
+        return None if np.isnan(values).any() else values
 
     @cached_property
     def _parts(self) -> dict[int, pd.DataFrame]:

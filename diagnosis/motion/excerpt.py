@@ -137,7 +137,18 @@ class _Coarse:
             if self.row[end] - self.row[begin] >= LEAST_SAMPLES:
                 yield begin, end
 
-    @cached_property
+    @property
+    def error(self) -> Array:
+        """How far the joints are from what is asked, (B, K)."""
+        return np.nan_to_num(self.command - self.position)
+
+    @property
+    def normal(self) -> tuple[Array, Array]:
+        """The normal equations of errors by `laws`, (3 + 2K, 3 + 2K) and (3 + 2K, K)."""
+        laws = self.laws
+        return laws.T @ laws, laws.T @ self.error
+
+    @property
     def laws(self) -> Array:
         """What errors follow from where nothing changes: pose, speed and its sign, (B, 3 + 2K)."""
         q = np.nan_to_num(self.position)
@@ -152,10 +163,9 @@ def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[tuple[int, in
     Shown are targets that move, and errors beside `laws` of the whole log, squared.
     """
     pieces = [(k, *ends) for k, one in enumerate(every) for ends in one.pieces(LEAST * enough_s)]
-    laws = np.concatenate([one.laws for one in every])
-    error = np.nan_to_num(np.concatenate([one.command - one.position for one in every]))
-    left = error - laws @ np.linalg.lstsq(laws, error)[0]
-    odd = np.split(left**2, np.cumsum([len(one.time_s) for one in every])[:-1])
+    squares, shared = (sum(x) for x in zip(*(one.normal for one in every), strict=True))
+    by = np.linalg.lstsq(squares, shared)[0]
+    odd = [(one.error - one.laws @ by) ** 2 for one in every]
     moves = [np.abs(np.diff(every[k].asked[a:b], axis=0)).sum(axis=0) for k, a, b in pieces]
     strange = [odd[k][a:b].sum(axis=0) for k, a, b in pieces]
     shows = np.concatenate([moves, strange], axis=1)
