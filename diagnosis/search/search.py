@@ -227,8 +227,7 @@ class Search:
         for fit in _near(ranked[:POLISHED]):
             self._keep(self.fitter.fit(fit.freed, fit.u, slopes=fit.slopes))
             if self.tried[frozenset(fit.freed)].worst > self.ordinary.floors:
-                rough = self._rough(fit.freed, fit.u)
-                self._keep(self.fitter.fit(fit.freed, rough.u, slopes=self.plain.slopes))
+                self._keep(self.fitter.fit(fit.freed, self._rough(fit.freed, fit.u).u))
         polished = [self.tried[frozenset(fit.freed)] for fit in ranked]
         return self._ranked([fit for fit in polished if is_some(self.parameters, fit)])
 
