@@ -19,7 +19,7 @@ from diagnosis.motion.integrate import integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.replay.dynamics import POSES, dynamics, is_closed, link_inertia
 
-POINT_S = 8e-3
+POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
 BLOCK_S = 8e-3
 """Samples are compared as means over this: slower than any joint, as white, and far fewer [s]."""

@@ -10,9 +10,9 @@ from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.problem import RIDGE, Problem
 
-SIZES = (3.0,)
+SIZES = (2.0, 6.0)
 """Multiples of the least size over which an effect's slope is taken."""
-KINKS = (4.0, 25.0)
+KINKS = (3.0, 12.0, 40.0)
 """The same of an effect whose law has a kink."""
 
 
@@ -89,6 +89,6 @@ def _won(bend: Array, slope: Array, least: float, most: float) -> tuple[float, f
 
 def _sizes(one: Parameter) -> tuple[float, ...]:
     """Sizes over which an effect's slope is taken."""
-    multiples = KINKS if one.kind.kinked else SIZES
     ways = (1.0, -1.0) if one.kind.either_sign else (1.0,)
+    multiples = KINKS if one.kind.kinked else SIZES[: 1 if one.kind.spot else 3 - len(ways)]
     return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)
