@@ -88,10 +88,7 @@ class Moments:
         return self.lead_s + np.array(own)
 
     def apart(self, row_s: float) -> float:
-        """How far jumps are apart, root mean square [rows], without those that a lost packet made.
-
-        These are late by all that a jump may be.
-        """
+        """How far jumps are apart, root mean square [rows], but for those after a lost packet."""
         rows = np.array(list(self.jumps.values())) / row_s
         some = rows[rows > -LOST]
         return float(np.std(some)) if len(some) else 0.0

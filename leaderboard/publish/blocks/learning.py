@@ -18,8 +18,8 @@ from leaderboard.transfer_text import interval
 STEPS = 1_000_000
 QUICK = f"{USUAL['algo']} epochs=8 gamma=0.98 anneal=0.4 critic=state"
 """The usual learner with what lets it learn in fewer steps."""
-FEWER = {("circle", "mujoco"): 600_000, ("circle", "bullet"): 600_000, ("eight", "bullet"): 560_000}
-"""By task and engine, how many that takes."""
+FEWER = ("circle", "mujoco"), ("circle", "bullet"), ("eight", "bullet")
+"""Tasks and engines where it was tried."""
 TRAINING: tuple[tuple[str, dict[str, Any]], ...] = (
     ("worlds around the nominal one, starts of the paper's Algorithm 1", {}),
     ("the nominal world alone (`--no-randomize`)", {"randomize": False}),
@@ -55,11 +55,12 @@ def learners(kept: Kept) -> str:
 def fewer_steps(kept: Kept) -> str:
     """Tasks in fewer steps."""
     rows = []
-    for (task, backend), fewer in FEWER.items():
-        for algo, steps in ((USUAL["algo"], STEPS), (QUICK, fewer)):
-            cells = kept.line(task, backend=backend, algo=algo, steps=steps).cells
-            scores = _with_minutes(cells)
-            rows.append((task, shown(backend), f"`{algo}`", million(steps), *scores))
+    for task, backend in FEWER:
+        tried = [line.cells for line in kept.lines(task, backend=backend, algo=QUICK, steps=...)]
+        fewest = min(tried, key=lambda cells: cells["steps"])
+        for cells in (kept.line(task, backend=backend, steps=STEPS).cells, fewest):
+            said = shown(backend), f"`{cells['algo']}`", million(cells["steps"])
+            rows.append((task, *said, *_with_minutes(cells)))
     return grid(("task", "engine", "learner", "steps", *SCORES, "minutes a seed"), rows)
 
 
