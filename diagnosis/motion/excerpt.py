@@ -2,7 +2,7 @@
 
 Pieces are taken by what a second of them adds: motion, and error that is unlike that of the rest of
 the log, most of joints that have shown least so far. They begin at rests, or where none comes for
-long, in motion.
+long, in motion. The last ends where enough is taken.
 """
 
 from collections.abc import Iterator, Sequence
@@ -180,8 +180,12 @@ def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[tuple[int, in
         best = int(np.argmax(gain))
         taken.append(best)
         seen = seen + shows[best]
+    over_s = max(lasts_s[taken].sum() - budget_s, 0.0)
     for n in sorted(taken):
         k, a, b = pieces[n]
+        if n == taken[-1]:
+            ends_s = every[k].time_s[a] + max(lasts_s[n] - over_s, PIECE_S)
+            b = min(int(np.searchsorted(every[k].time_s, ends_s)) + 1, b)
         yield k, int(every[k].row[a]), int(every[k].row[b]), bool(every[k].rests[a])
 
 
