@@ -29,7 +29,6 @@ from diagnosis.verdict.result import NONE, UNKNOWN
 
 MORE, LESS = "more friction", "less friction"
 PLAY, LOCAL, DELAY, GAIN, SENSOR = "play", "local defect", "delay or clock", "gain", "sensor"
-GROUPS = (MORE, LESS, PLAY, DELAY, GAIN, LOCAL, SENSOR)
 SIGNATURES = ("delay", "gain", "drag", "offset")
 LEAST = 0.25
 """Spreads of signatures are at least this share of what healthy logs differ by among themselves."""
@@ -83,7 +82,7 @@ class Compared:
 
     joint: str
     group: str
-    """One of `GROUPS`, or none, or unknown."""
+    """One of those above, or none, or unknown."""
     confidence: float
     """That it differs at all; of none, how often healthy logs have a statistic that is as odd."""
     place: float | None

@@ -6,13 +6,11 @@ from pathlib import Path
 import numpy as np
 
 from diagnosis.logs._columns import name_of
-from diagnosis.logs._files import read_model
 from diagnosis.logs.foreign import read_table
-from diagnosis.logs.log import LogError, as_log_errors
-from diagnosis.logs.roles import UNITS, words
+from diagnosis.logs.log import LogError
 from diagnosis.logs.stamps import Notes, timed
-from diagnosis.logs.two_files import ON_BENCH, Asked, named_joints, readings
-from diagnosis.tables.rests import of_model
+from diagnosis.logs.two_files import ON_BENCH, Asked
+from diagnosis.tables.joints import joints_of
 
 LEAST = 100
 """A sweep on a bench has more rows."""
@@ -32,29 +30,15 @@ class Bench:
     weight: np.ndarray | None
     """What holds the links there [Nm]; None: no model says it."""
 
-    @property
-    def units(self) -> tuple[float, str, str]:
-        """What a position is times, to be said; its unit, and that of torques."""
-        return (1e3, "mm", "N") if self.slides else (180 / np.pi, "deg", "Nm")
-
 
 def benches(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Bench], list[str]]:
     """The rows of a table by joint, and what was understood; raises LogError."""
-    from backends.mjcf import joint_ranges
-
     frame, form = read_table(table)
-    if robot is None and asked.unit is None and not any(UNITS & {*words(n)} for n in frame):
-        raise LogError("the columns name no unit; say it with --unit, or give --robot")
-    notes, xml = Notes(), None if robot is None else read_model(robot)
+    notes = Notes()
     clock = timed(frame, notes)
-    with as_log_errors(f"{robot}: "):
-        ranges = named_joints(clock.frame, asked, ON_BENCH) if xml is None else joint_ranges(xml)
-        rows, columns = readings(clock.frame, ranges, asked, asks=ON_BENCH)
-    names = [n.partition(".")[2] for n in rows if n.startswith("position")]
-    weights = {} if xml is None else of_model(xml, rows, names, {}, asked)[1]
+    ranges, rows, weights, columns = joints_of(clock.frame, robot, asked, ON_BENCH)
     found = []
-    for joint in names:
-        slides = ranges[joint][2]
+    for joint, (_, _, slides) in ranges.items():
         position = rows[name_of("position", joint, slides)]
         measured, wanted = (name_of(kind, joint, slides) for kind in ("torque", "feedforward"))
         torque = rows[measured if measured in rows else wanted]

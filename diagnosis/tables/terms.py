@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 from scipy.stats import t as student
 
+from diagnosis.logs.log import LogError
+
 SPARE = 2
 """A table needs so many rows more than terms."""
 SURE = 0.999
@@ -38,13 +40,17 @@ def regress(
     columns: Iterable[tuple[str, np.ndarray | str]],
     least: float,
     floor: float,
+    shown: str,
 ) -> tuple[list[Term], list[str]]:
     """The terms of a joint, those that show first; and what the table cannot tell.
 
     `wanted` (T,) is a sum of `columns` (T,), which a short table loses from the last; for those
     that it does not show, it is said why. A term that moves it by less than `least` is none, and
-    no row is surer than `floor`, both in its unit.
+    no row is surer than `floor`, both in its unit. Raises LogError for too few rows, in words
+    `shown`.
     """
+    if len(wanted) <= SPARE:
+        raise LogError(f"{shown}; needed: {SPARE + 1} or more")
     there, lacking = dict[str, np.ndarray](), list[str]()
     for term, column in columns:
         if isinstance(column, str):
@@ -53,8 +59,6 @@ def regress(
             there[term] = column
         else:
             lacking.append(f"{term}: there are {len(wanted)} rows; it takes more")
-    if not there:
-        return [], lacking
     x, kept = pd.DataFrame(there), list(there)
     whole, _ = fit, rest = _fit(wanted, x, floor)
     while kept:
