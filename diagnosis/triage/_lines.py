@@ -91,7 +91,7 @@ def scale(track: Track) -> Fault | None:
 
 def slips(track: Track) -> Fault | None:
     """Jumps that no joint can make."""
-    least = np.inf if track.slides else max(SLIP_RAD, SLIP_RAD_S * track.dt_s)
+    least = np.inf if track.slides else max(SLIP_RAD, SLIP_RAD_S * track.limb.period_s)
     jumps, asked = (
         np.abs(np.concatenate([np.diff(v) for v in side]))
         for side in (track.position, track.command)

@@ -91,7 +91,7 @@ def made_up(track: Track) -> Iterator[str]:
     and not where it rests.
     """
     steps = np.concatenate([np.diff(t) for t in track.time_s])
-    if track.dt_s < BLOCK_S or np.ptp(steps) > REGULAR * track.dt_s:
+    if track.limb.period_s < BLOCK_S or np.ptp(steps) > REGULAR * track.limb.period_s:
         return
     resting, moving, late = list[Array](), list[Array](), list[Array]()
     signals = zip(track.time_s, track.command, track.missed, track.shown, strict=True)
@@ -111,7 +111,7 @@ def made_up(track: Track) -> Iterator[str]:
     )
     step = quantisation_step(np.concatenate(track.position))
     rest = float(np.hypot(rest, step / np.sqrt(12.0)))  # rounding is no noise where a joint rests
-    if not (motion < MORE * rest or late_s < LATE * track.dt_s):
+    if not (motion < MORE * rest or late_s < LATE * track.limb.period_s):
         yield (
             f"{track.name} scatters in motion as if stamps were off by {1e3 * late_s:.0f} ms, and "
             "not at rest: stamps are too regular; were they made from a row number?"
