@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
+import pandas as pd
 
 from diagnosis.logs._columns import name_of
 from diagnosis.logs.foreign import read_table
@@ -18,17 +18,13 @@ LEAST = 100
 
 @dataclass(frozen=True, kw_only=True)
 class Bench:
-    """One joint's rows: T of them."""
+    """One joint's rows."""
 
     joint: str
     slides: bool
-    time_s: np.ndarray
-    position: np.ndarray
-    """In rad; of slides in m."""
-    torque: np.ndarray
-    """In Nm; of slides in N."""
-    weight: np.ndarray | None
-    """What holds the links there [Nm]; None: no model says it."""
+    rows: pd.DataFrame
+    """Columns `time_s`, `position` [rad], `torque` [Nm], of slides [m, N]; and `weight`, what holds
+    the links there, where a model says it."""
 
 
 def benches(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Bench], list[str]]:
@@ -39,23 +35,12 @@ def benches(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Bench],
     ranges, rows, weights, columns = joints_of(clock.frame, robot, asked, ON_BENCH)
     found = []
     for joint, (_, _, slides) in ranges.items():
-        position = rows[name_of("position", joint, slides)]
         measured, wanted = (name_of(kind, joint, slides) for kind in ("torque", "feedforward"))
-        torque = rows[measured if measured in rows else wanted]
-        keep = (position.notna() & torque.notna()).to_numpy()
-        if keep.sum() < LEAST:
-            raise LogError(
-                f"{joint} has {keep.sum()} rows with torque and position; needed: {LEAST}"
-            )
-        found.append(
-            Bench(
-                joint=joint,
-                slides=slides,
-                time_s=clock.time_s[keep],
-                position=position[keep].to_numpy(),
-                torque=torque[keep].to_numpy(),
-                weight=weights[joint][keep] if joint in weights else None,
-            )
-        )
+        own = rows[[name_of("position", joint, slides), measured if measured in rows else wanted]]
+        own = own.set_axis(["position", "torque"], axis=1).assign(time_s=clock.time_s)
+        own = (own.assign(weight=weights[joint]) if joint in weights else own).dropna()
+        if len(own) < LEAST:
+            raise LogError(f"{joint} has {len(own)} rows with torque and position; needed: {LEAST}")
+        found.append(Bench(joint=joint, slides=slides, rows=own))
     said = [f"{table.name}: {form}, {len(frame)} rows", *notes.said, *notes.warnings, *columns]
     return found, said

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from scipy.signal import find_peaks
 from scipy.stats import t as student
 
@@ -88,14 +87,16 @@ def hysteresis(one: Bench) -> tuple[list[Term], float]:
 
 def _ways(one: Bench) -> Iterator[Way]:
     """The rows between reversals of the torque."""
-    rows = max(int(SMOOTH_S * len(one.torque) / np.ptp(one.time_s)), 1)
-    torque = pd.Series(one.torque).rolling(rows, center=True, min_periods=1).median().to_numpy()
+    position, count = one.rows["position"].to_numpy(), len(one.rows)
+    rows = max(int(SMOOTH_S * count / np.ptp(one.rows["time_s"])), 1)
+    smooth = one.rows["torque"].rolling(rows, center=True, min_periods=1).median()
+    torque = smooth.to_numpy()
     least = REVERSAL * np.ptp(torque)
     turns = [k for side in (1, -1) for k in find_peaks(side * torque, prominence=least)[0]]
     for first, last in zip([0, *sorted(turns)], [*sorted(turns), len(torque) - 1], strict=True):
         if abs(torque[last] - torque[first]) > least:
             part = slice(first, last + 1)
-            yield Way(torque=torque[part], position=one.position[part])
+            yield Way(torque=torque[part], position=position[part])
 
 
 def _chord(way: Way, at: float) -> float:

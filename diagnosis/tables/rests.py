@@ -31,14 +31,13 @@ FAR = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Rests:
-    """One joint's rows: T of them."""
+    """One joint's rows."""
 
     joint: str
     slides: bool
-    target: np.ndarray
-    reading: np.ndarray
-    torque: np.ndarray | None
-    """What the drive holds [Nm]; None: neither a model nor a load says it."""
+    rows: pd.DataFrame
+    """Columns `target` and `reading` [rad]; and `torque`, what the drive holds [Nm], where a model
+    or a load says it; of slides [m, N]."""
     drive: DriveSettings
     """What is known of its drive."""
     carried: bool = False
@@ -60,20 +59,19 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
     found = []
     for joint, ends in ranges.items():
         slides = ends[2]
-        target, reading = (rows[name_of(k, joint, slides)] for k in ("command", "position"))
-        push = rows.get(name_of("push", joint, slides))
-        known = weights.get(joint, None if push is None else np.zeros(len(rows)))
-        torque = known if push is None else known - np.nan_to_num(push)
-        keep = np.isfinite(target) & np.isfinite(reading)
+        target, reading, push = (name_of(k, joint, slides) for k in ("command", "position", "push"))
+        own = pd.DataFrame({"target": rows[target], "reading": rows[reading]})
+        there = np.isfinite(own).all(axis=1)
+        if joint in weights or push in rows:
+            own["torque"] = weights.get(joint, 0.0) - np.nan_to_num(rows.get(push, 0.0))
+        own = own[there]
         if robot is not None:
-            _refuse_far(joint, target[keep], ends)
+            _refuse_far(joint, own["target"], ends)
         found.append(
             Rests(
                 joint=joint,
                 slides=slides,
-                target=target[keep].to_numpy(),
-                reading=reading[keep].to_numpy(),
-                torque=None if torque is None else np.asarray(torque)[keep],
+                rows=own,
                 drive=drives.get(joint, DriveSettings()),
                 carried=asked.gravity_compensation,
             )
@@ -97,14 +95,16 @@ def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) 
 
 def regressed(one: Rests) -> tuple[list[Term], list[str]]:
     """The terms of a joint, and what the table cannot tell; raises LogError for too few rows."""
-    off, shown = one.reading - one.target, f"{one.joint} has {len(one.target)} rows at rest"
-    return regress(one.joint, off, _columns(one), LEAST_RAD, FLOOR_RAD, shown)
+    off, shown = one.rows["reading"] - one.rows["target"], f"has {len(one.rows)} rows at rest"
+    columns = _columns(one.rows)
+    return regress(one.joint, off.to_numpy(), columns, LEAST_RAD, FLOOR_RAD, shown)
 
 
-def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
+def _columns(rows: pd.DataFrame) -> Iterator[tuple[str, np.ndarray | str]]:
     """What multiplies each term (T,), or why the table does not show it."""
-    yield "zero", np.ones(len(one.target))
-    tau, side = one.torque, _sides(one.target)
+    target = rows["target"].to_numpy()
+    tau, side = rows["torque"].to_numpy() if "torque" in rows else None, _sides(target)
+    yield "zero", np.ones(len(rows))
     if tau is None:
         yield "sag", "sag: no load is known; give --robot, or a column 'load [Nm]'"
     elif np.ptp(tau) < 1e-9:
@@ -116,8 +116,7 @@ def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
         "band",
         -side if both else "friction and play: all targets are reached from one side; add both",
     )
-    moved = np.ptp(one.target) > 1e-6
-    yield "scale", one.target if moved else "scale: there is one target; add others"
+    yield "scale", target if np.ptp(target) > 1e-6 else "scale: there is one target; add others"
     if tau is not None and tau.min() < 0.0 < tau.max():
         yield "play", -np.sign(tau)
     elif tau is not None:
