@@ -41,12 +41,11 @@ def pauses(track: Track) -> Iterator[str]:
         seen_s = float(np.diff(time_s)[np.diff(time_s) < LEAST_S].sum())
         paused_s = sum(end - begin for begin, end in times)
         every[number] = times if len(times) <= COUNT and paused_s <= MOST * seen_s else []
-    found = list(every.values())
-    first = np.array(next((times for times in found if times), []))
     said = {f"episode {number}": times for number, times in every.items()}
-    several = len(found) > 1 and len(first) and {np.shape(one) for one in found} == {first.shape}
-    if several and np.abs(np.array(found) - first).max() < ALIKE_S:
-        said = {"every episode": np.mean(found, axis=0).tolist()}
+    first, *rest = map(np.array, every.values())
+    near = (len(one) == len(first) and np.abs(one - first).max() < ALIKE_S for one in rest)
+    if rest and len(first) and all(near):
+        said = {"every episode": np.mean([first, *rest], axis=0).tolist()}
     for where, times in said.items():
         for begin, end in times:
             yield f"{track.name} did not follow from {begin:.1f} to {end:.1f} s of {where}"
