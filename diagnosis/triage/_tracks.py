@@ -10,7 +10,7 @@ from backends.state import Array
 from diagnosis.motion.columns import KD, LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.triage._signals import CLEAR, LENGTHS, UNITS, Regression, line, rms
+from diagnosis.triage._signals import CLEAR, Regression, line, rms
 
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
@@ -64,11 +64,6 @@ class Track:
         return "m" if self.slides else "rad"
 
     @property
-    def units(self) -> dict[str, float]:
-        """Other units that people use, per radian or metre."""
-        return LENGTHS if self.slides else UNITS
-
-    @property
     def reach(self) -> float:
         """The farthest command from zero [rad or m]."""
         return max(float(np.abs(c).max()) for c in self.command)
@@ -77,11 +72,6 @@ class Track:
     def travel(self) -> float:
         """Largest range of the commands in one episode [rad or m]."""
         return max(float(np.ptp(c)) for c in self.command)
-
-    @property
-    def moves(self) -> float:
-        """Largest range of the nominal world's readings in one episode [rad or m]."""
-        return max(float(np.ptp(s)) for s in self.shown)
 
     @property
     def most_push(self) -> float:
