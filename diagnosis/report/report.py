@@ -18,7 +18,7 @@ from diagnosis.answer import Diagnosis
 from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import EpisodeMeta, Log
 from diagnosis.motion.held import PROTOCOLS as HELD
-from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
+from diagnosis.motion.recordings import CHANNELS, FREE_AIR
 from diagnosis.report import wording
 from diagnosis.signals import Signals
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
@@ -170,11 +170,7 @@ def _use(log: Log, one: EpisodeMeta) -> str:
         if seen and log.pull(one.episode) is not None:
             return "used for friction and mass"
         return "left out: the stick's pose or the pull is missing"
-    if one.protocol not in FREE_AIR:
-        return "left out: not in free air"
-    if len(log.episode(one.episode)) < LEAST_SAMPLES:
-        return f"left out: fewer than {LEAST_SAMPLES} samples"
-    return "used"
+    return "used" if one.protocol in FREE_AIR else "left out: not in free air"
 
 
 def _channels(log: Log) -> list[str]:

@@ -127,7 +127,5 @@ def _order(every: Sequence[Track]) -> tuple[Fault, ...]:
 
 def _alike(position: Track, command: Track) -> float:
     """Correlation of the position of one track with the command of another."""
-    if len(position.position) != len(command.command):
-        return 0.0
     both = (line(cause, position.position) for cause in (command.shown, command.command))
     return max(one.correlation for one in both)
