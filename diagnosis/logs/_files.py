@@ -64,7 +64,7 @@ def write(
     mjcf_xml: str | None,
     form: str,
     provenance: dict | None,
-    force: bool = False,
+    force: bool,
 ) -> None:
     """Write a folder under a temporary name, then rename it; raises LogError if it is taken.
 
@@ -92,7 +92,7 @@ def write(
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def check_target(folder: Path, form: str, force: bool = False) -> None:
+def check_target(folder: Path, form: str, force: bool) -> None:
     """Raise LogError unless a log may be written to `folder` in a form.
 
     The folder must be new or empty, or with `force` hold a log and nothing else.

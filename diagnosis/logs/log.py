@@ -160,9 +160,9 @@ def read_log(path: Path | str) -> Log:
     notes = Notes()
     meta, samples, mjcf_xml = _files.read(Path(path), notes)
     log = make_log(meta, without_empty_cells(samples, notes), mjcf_xml)
-    log = dataclasses.replace(log, samples=without_missing_rows(log.samples, notes))
-    _checks.check_loads(log.meta, log.samples)
-    return dataclasses.replace(log, warnings=(*notes.warnings, *log.warnings))
+    samples = without_missing_rows(log.samples, notes)
+    _checks.check_loads(log.meta, samples)
+    return dataclasses.replace(log, samples=samples, warnings=(*notes.warnings, *log.warnings))
 
 
 def is_log(path: Path) -> bool:
