@@ -29,7 +29,6 @@ from diagnosis.verdict.result import NONE, UNKNOWN
 
 MORE, LESS = "more friction", "less friction"
 PLAY, LOCAL, DELAY, GAIN, SENSOR = "play", "local defect", "delay or clock", "gain", "sensor"
-GROUPS = (MORE, LESS, PLAY, DELAY, GAIN, LOCAL, SENSOR)
 SIGNATURES = ("delay", "gain", "drag", "offset")
 LEAST = 0.25
 """Spreads of signatures are at least this share of what healthy logs differ by among themselves."""
@@ -83,7 +82,7 @@ class Compared:
 
     joint: str
     group: str
-    """One of `GROUPS`, or none, or unknown."""
+    """One of those above, or none, or unknown."""
     confidence: float
     """That it differs at all; of none, how often healthy logs have a statistic that is as odd."""
     place: float | None
@@ -137,9 +136,8 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     sound = [list(_motions(joint, one)) for one in healthy]
     today = _matched(list(_motions(joint, log)), sound[0], joint)
     sound = [_matched(one, sound[0], joint) for one in sound]
-    others = [[one for one in sound if one is not left] for left in sound]
-    tables = (_beside(one, rest) for one, rest in zip(sound, others, strict=True))
-    about = pd.DataFrame([_statistics(table) for table in tables])
+    others = ([other for other in sound if other is not one] for one in sound)
+    about = pd.DataFrame([_statistics(_beside(*pair)) for pair in zip(sound, others, strict=True)])
     table = _beside(today, sound)
     found = pd.Series(_statistics(table)).drop("gap")
     gap = float(np.sqrt(np.mean(about["gap"] ** 2)))

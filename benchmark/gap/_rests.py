@@ -4,6 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from diagnosis.logs._columns import SHOWN
 from diagnosis.logs._meta import NOMINAL_UNCERTAINTY
 from diagnosis.tables.rests import Rests
 from diagnosis.tables.terms import Term
@@ -21,7 +22,7 @@ def words(one: Rests, term: Term) -> str:
     """A term that shows, or the sag that does not though a gain is known; else nothing."""
     if not term.shows:
         return _no_sag(one, term) if term.term == "sag" else ""
-    size, unit = (1e3, "mm") if one.slides else (180 / np.pi, "deg")
+    size, unit, _ = SHOWN[one.slides]
     value, low, high = (abs(x) for x in (term.value, term.low, term.high))
     low, high = sorted((low, high))
     if term.term == "scale":

@@ -27,7 +27,6 @@ from benchmark.settings.run_spec import ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import ROUNDS, Calibration, calibrate
 from diagnosis.calibration.result import (
-    SCHEMA,
     CalibrationError,
     CalibrationFile,
     read_calibration,
@@ -138,7 +137,7 @@ def _content(
     found: Calibration, log: Log, ideal: Spec, known: EffectSet, asked: Asked, seed: int
 ) -> CalibrationFile:
     content = CalibrationFile(
-        schema=SCHEMA,
+        schema=1,
         log=str(asked.log),
         source=log.meta.source,
         backend=asked.nominal,

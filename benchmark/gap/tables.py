@@ -13,6 +13,7 @@ from benchmark.errors import UsageError
 from benchmark.gap import _rests
 from benchmark.gap.asked import Source
 from benchmark.gap.robot_log import asked_of
+from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import LogError
 from diagnosis.logs.two_files import Asked
 from diagnosis.tables.bench import Bench, benches
@@ -69,7 +70,7 @@ def _answer(
 
 def _friction(one: Bench, term: Term) -> str:
     """A term of a joint that is moved, if it shows."""
-    _, _, torque = one.units
+    _, _, torque = SHOWN[one.slides]
     unit = {"viscous": f"{torque} s/{'m' if one.slides else 'rad'}", "weight": "%"}
     size = np.copysign(100 if term.term == "weight" else 1, term.value)
     low, high = sorted((size * term.low, size * term.high))
@@ -88,7 +89,7 @@ def _friction(one: Bench, term: Term) -> str:
 def _curve(one: Bench) -> tuple[str, list[Term], list[str]]:
     """The hysteresis curve of a joint whose output is locked."""
     terms, at = hysteresis(one)
-    size, unit, torque = one.units
+    size, unit, torque = SHOWN[one.slides]
     scales = {"lost motion": (size, unit), "friction": (1.0, torque)}
     scales["stiffness"] = (1 / size, f"{torque}/{unit}")
     more, by = dict.fromkeys(scales, ""), {term.term: term for term in terms}

@@ -6,7 +6,6 @@ from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -14,6 +13,7 @@ from rich.text import Text
 
 from benchmark.provenance import provenance
 from diagnosis.compare import LOCAL, NONE, Compared, Difference, compare
+from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import Log
 from files.atomic import write_atomically
 
@@ -65,7 +65,7 @@ def _sentence(one: Compared, log: Log, count: int) -> str:
     )
     place = ""
     if one.group == LOCAL and one.place is not None:
-        size, unit = (1e3, "mm") if log.is_linear(one.joint) else (180 / np.pi, "deg")
+        size, unit, _ = SHOWN[log.is_linear(one.joint)]
         place = f", most at {size * one.place:.1f} {unit}"
     return (
         f"{one.group} at {one.joint}{place}: it differs from {count} healthy logs with "
@@ -93,7 +93,6 @@ def _draw(log: Log, healthy: Sequence[Log], found: Sequence[Compared], file: Pat
     joints = [one.joint for one in sorted(found, key=lambda one: -one.oddest)][:MOST_JOINTS]
     kinds = ["position", *(["torque"] if all(log.has("torque", j) for j in joints) else [])]
     figure = Figure(figsize=(11, 1.0 + 2.0 * len(joints)), layout="constrained")
-    FigureCanvasAgg(figure)
     axes = figure.subplots(len(joints), len(kinds), squeeze=False, sharex=True)
     number = log.episodes[0].episode
     for row, joint in zip(axes, joints, strict=True):

@@ -8,6 +8,7 @@ from backends.kinematics import body_frames
 from backends.state import Array
 from benchmark.gap.overlay import CORRECTED, NOMINAL, Overlay
 from benchmark.pictures._live_browser import Browser
+from diagnosis.logs._columns import SHOWN
 
 MEASURED = "measured"
 COLORS = {MEASURED: (60, 63, 68), NOMINAL: (230, 120, 30), CORRECTED: (25, 76, 217)}
@@ -64,8 +65,7 @@ class LiveLog(Browser):
             return
         self._drawn = number, joint
         rows, j = over.episode == number, over.spec.hand.joint_names.index(joint)
-        slides = over.spec.hand.driven[j].joint.slides
-        size = 1e3 if slides else np.degrees(1.0)
+        size, unit, _ = SHOWN[over.spec.hand.driven[j].joint.slides]
         off = [size * (over.measured[rows, j] - w[rows, j]) for w in over.worlds.values()]
         data = (over.time_s[rows], *off)
         if self.residuals is not None:
@@ -79,7 +79,7 @@ class LiveLog(Browser):
             data,
             (uplot.Series(label="s"), *lines),
             scales={"x": uplot.Scale(time=False)},
-            title=f"measured - simulated [{'mm' if slides else 'deg'}]",
+            title=f"measured - simulated [{unit}]",
             aspect=2.2,
         )
 

@@ -30,7 +30,6 @@ YES = 0.5
 class Calibration:
     """The calibration that a log gives; where it gives none, a reason instead of a number."""
 
-    nominal: Spec
     calibrated: Spec
     """The nominal world with the identified gains, play and locks."""
     joints: dict[str, Joint]
@@ -69,7 +68,6 @@ def calibrate(
     plays, taxels = push_test(simulate, world, pushes), nominal.hand.taxels
     threshold = YES if log.is_binary else threshold_m
     return Calibration(
-        nominal=nominal,
         calibrated=_with_plays(world, plays),
         joints={
             name: Joint(

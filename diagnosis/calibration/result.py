@@ -14,8 +14,6 @@ from files.atomic import write_atomically
 from files.bounded import FileError
 from files.plain_yaml import read_plain_yaml
 
-SCHEMA: Literal[1] = 1
-
 
 class CalibrationError(ValueError):
     """A calibration file cannot be used; the message names field, value and what is allowed."""

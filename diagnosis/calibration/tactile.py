@@ -74,12 +74,12 @@ def binarise(reading: Array, offset: Array, threshold: float) -> Array:
 
 
 def calibrate_touch(
-    log: Log, grid: tuple[int, int] | None, threshold: float | None = None
+    log: Log, grid: tuple[int, int], threshold: float | None = None
 ) -> dict[str, TouchSensor] | str:
     """The touch sensor of every finger, or why it is not identifiable from this log.
 
-    `grid` holds the rows and columns of the taxels; without it no dead taxel is found. `threshold`
-    replaces the one computed from the noise.
+    `grid` holds the rows and columns of the taxels. `threshold` replaces the one computed from the
+    noise.
     """
     quiet, pressed = (
         [
@@ -134,12 +134,12 @@ def _drift(rest: Sequence[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
     return slope, np.sqrt(left / squares), np.concatenate(level).std(axis=0)
 
 
-def _dead(active: Sequence[Array], grid: tuple[int, int] | None) -> tuple[tuple[int, ...], int]:
+def _dead(active: Sequence[Array], grid: tuple[int, int]) -> tuple[tuple[int, ...], int]:
     """Dead taxels, and the number of taxels that could be judged.
 
     Of a taxel's neighbours, up to eight, a share is in contact.
     """
-    if not active or grid is None or active[0].shape[1] != grid[0] * grid[1]:
+    if not active or active[0].shape[1] != grid[0] * grid[1]:
         return (), 0
     contact = np.concatenate(active)
     ring = np.array([[[1.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]])

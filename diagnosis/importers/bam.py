@@ -27,7 +27,12 @@ from diagnosis.logs.servos import servo
 from files.bounded import read_json
 
 UNCERTAINTY = 0.1
-_USED = ("timestamp", "goal_position", "position", "speed", "torque_enable")
+_COLUMNS = {
+    "timestamp": "t_s",
+    "goal_position": "command_rad.servo",
+    "position": "position_rad.servo",
+    "speed": "velocity_rad_s.servo",
+}
 _SETTINGS = ("kp", "mass", "length", "vin", "trajectory", "entries")
 
 
@@ -72,7 +77,8 @@ def _log(recordings: Sequence[dict[str, Any]]) -> Log:
     xml = _mjcf(first["mass"], first["length"])
     log = make_log(meta, pd.concat(parts, ignore_index=True), xml)
     every = (name for r in recordings for entry in r["entries"] for name in entry)
-    return importer.with_unused(log, (name for name in every if name not in _USED))
+    used = {*_COLUMNS, "torque_enable"}
+    return importer.with_unused(log, (name for name in every if name not in used))
 
 
 def _samples(recording: dict[str, Any]) -> pd.DataFrame:
@@ -80,14 +86,7 @@ def _samples(recording: dict[str, Any]) -> pd.DataFrame:
         rows = pd.DataFrame(recording["entries"])
         off = np.flatnonzero(~rows["torque_enable"].to_numpy(dtype=bool))
         rows = rows.iloc[: off[0]] if len(off) else rows
-        return pd.DataFrame(
-            {
-                "t_s": rows["timestamp"],
-                "command_rad.servo": rows["goal_position"],
-                "position_rad.servo": rows["position"],
-                "velocity_rad_s.servo": rows["speed"],
-            }
-        )
+        return pd.DataFrame({name: rows[given] for given, name in _COLUMNS.items()})
     except (KeyError, ValueError, TypeError) as error:
         raise LogError(f"entries of a BAM log lack {error}, or it is invalid") from None
 

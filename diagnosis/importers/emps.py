@@ -16,7 +16,6 @@ import pandas as pd
 
 from diagnosis.logs import importer
 from diagnosis.logs.log import (
-    EpisodeMeta,
     Log,
     LogError,
     LogMeta,
@@ -24,7 +23,6 @@ from diagnosis.logs.log import (
     as_log_errors,
     drive_of,
     make_log,
-    name_of,
 )
 from files.bounded import one_line, read_bytes
 
@@ -72,16 +70,15 @@ def _log(path: Path) -> Log:
     samples = pd.DataFrame(
         {
             "t_s": data["t"],
-            name_of("command", "axis", linear=True): data["qg"],
-            name_of("position", "axis", linear=True): data["qm"],
-            name_of("torque", "axis", linear=True): gtau * data["vir"],
+            "command_m.axis": data["qg"],
+            "position_m.axis": data["qm"],
+            "torque_n.axis": gtau * data["vir"],
         }
     )
     meta = LogMeta(
         schema=1,
         source="EMPS (Janot, Gautier, Brunot 2019)",
         mechanism=MjcfMechanism(mjcf="emps.xml", joints={"axis": drive}),
-        episodes=(EpisodeMeta(episode=0),),
     )
     return importer.with_unused(make_log(meta, samples, _MJCF), map(str, data["unused"]))
 

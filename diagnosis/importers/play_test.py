@@ -12,7 +12,6 @@ import pandas as pd
 
 from diagnosis.logs import importer
 from diagnosis.logs.log import (
-    EpisodeMeta,
     Log,
     LogError,
     LogMeta,
@@ -59,7 +58,7 @@ def _log(path: Path) -> Log:
             f"has at least 1, within {APART} counts of {HOME}, and 2 that rest farther from it"
         )
     pull_nm = sum(side * _stretch(table, servo) for servo, side in pullers.items()) * PULL_NM
-    columns = {"t_s": table["t_s"]}
+    columns = {"t_s": table["t_s"], "protocol": "push"}
     for servo in tested:
         joint, target = f"servo{servo}", table[f"target pos ({servo})"]
         along = np.dot(target - HOME, table[f"target pos ({tested[0]})"] - HOME)
@@ -74,7 +73,6 @@ def _log(path: Path) -> Log:
         schema=1,
         source=f"Robonine play test, {path.stem}",
         mechanism=MjcfMechanism(mjcf="levers.xml", joints=dict.fromkeys(names, drive)),
-        episodes=(EpisodeMeta(episode=0, protocol="push"),),
         nominal_uncertainty=UNCERTAINTY,
     )
     log = make_log(meta, pd.DataFrame(columns), _mjcf(names))

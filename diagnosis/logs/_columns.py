@@ -2,6 +2,8 @@
 
 import difflib
 
+import numpy as np
+
 from diagnosis.logs._meta import LogError
 from files.bounded import one_line
 
@@ -22,6 +24,8 @@ KINDS = {
 HINGE = {"angle": ("rad", "rad"), "torque": ("nm", "Nm"), "speed": ("rad_s", "rad/s")}
 SLIDE = {"angle": ("m", "m"), "torque": ("n", "N"), "speed": ("m_s", "m/s")}
 """The unit in a column's name and the unit itself; the torque of a slide is a force."""
+SHOWN = {False: (180 / np.pi, "deg", "Nm"), True: (1e3, "mm", "N")}
+"""How a hinge (False) or slide (True) is shown: what positions are times, their unit, torques'."""
 STICK = tuple(f"stick_{c}" for c in ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz"))
 """Centre of the stick [m] and its orientation, world frame."""
 PULL = "pull_n"

@@ -14,6 +14,7 @@ import pandas as pd
 import yaml
 
 from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, as_log_errors, parse_meta
+from diagnosis.logs.stamps import Notes
 from files import bounded, tables
 from files.plain_yaml import read_plain_yaml
 
@@ -27,8 +28,8 @@ MOST_MJCF_BYTES = 1_000_000
 
 
 @as_log_errors()
-def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ...]]:
-    """Meta, samples, the MJCF's text and warnings; raises LogError."""
+def read(folder: Path, notes: Notes) -> tuple[LogMeta, pd.DataFrame, str | None]:
+    """Meta, samples and the MJCF's text; raises LogError."""
     if folder.is_file():
         raise LogError(
             f"{folder} is a file; give its folder, which holds {META_FILE}, too, or "
@@ -50,11 +51,10 @@ def read(folder: Path) -> tuple[LogMeta, pd.DataFrame, str | None, tuple[str, ..
         names = "both {} and {}" if found else "neither {} nor {}"
         has = names.format(PARQUET_FILE, CSV_FILE)
         raise LogError(f"{folder} has {has}; allowed: exactly one of them")
-    odd: list[str] = []
     is_csv = found[0].name == CSV_FILE
-    samples = _csv(found[0], odd) if is_csv else tables.read_parquet(found[0])
+    samples = _csv(found[0], notes) if is_csv else tables.read_parquet(found[0])
     mjcf = meta.mechanism.mjcf if isinstance(meta.mechanism, MjcfMechanism) else None
-    return meta, samples, read_model(folder / mjcf) if mjcf else None, tuple(odd)
+    return meta, samples, read_model(folder / mjcf) if mjcf else None
 
 
 def write(
@@ -64,7 +64,7 @@ def write(
     mjcf_xml: str | None,
     form: str,
     provenance: dict | None,
-    force: bool = False,
+    force: bool,
 ) -> None:
     """Write a folder under a temporary name, then rename it; raises LogError if it is taken.
 
@@ -92,7 +92,7 @@ def write(
         shutil.rmtree(temporary, ignore_errors=True)
 
 
-def check_target(folder: Path, form: str, force: bool = False) -> None:
+def check_target(folder: Path, form: str, force: bool) -> None:
     """Raise LogError unless a log may be written to `folder` in a form.
 
     The folder must be new or empty, or with `force` hold a log and nothing else.
@@ -127,8 +127,8 @@ def read_model(path: Path) -> str:
         return whole(text, path.parent)
 
 
-def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
-    """The samples in a CSV file, and what is odd of it; touch cells are numbers between spaces."""
+def _csv(path: Path, notes: Notes) -> pd.DataFrame:
+    """The samples in a CSV file; touch cells are numbers between spaces."""
     text = bounded.read_text(path, tables.MOST_BYTES)
     first, last = text.split("\n", 1)[0], text.rstrip("\n").rsplit("\n", 1)[-1]
     header, given = ([c.strip() for c in next(csv.reader([line]), [])] for line in (first, last))
@@ -145,7 +145,8 @@ def _csv(path: Path, odd: list[str]) -> pd.DataFrame:
             "remove that line or record it again"
         )
     if not text.endswith("\n"):
-        odd.append(f"{path.name} has no newline at its end; its last value may be incomplete")
+        said = f"{path.name} has no newline at its end; its last value may be incomplete"
+        notes.warnings.append(said)
     touch = {name: str for name in header if name.startswith("touch.")}
     frame = tables.parse_csv(path, text.encode(), names=header, header=0, dtype=touch)
     for name in touch:

@@ -30,7 +30,7 @@ VALUE = re.compile(r"^(?:[-+.]?\d|nan$|inf$|-inf$)", re.IGNORECASE)
 """How a cell begins that is no name and no unit."""
 NAMELESS = r"Unnamed: \d+$"
 """What pandas calls a column without a name, such as the numbers of rows."""
-LIST = r"\[[-+\d.eE,\s]+\]"
+LIST = re.compile(r"\[[-+\d.eE,\s]+\]")
 """What a list of numbers is, as text."""
 LISTS = list, tuple, np.ndarray
 NAMES = "joint_list.txt"
@@ -58,10 +58,14 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
     try:
         with as_log_errors():
             if path.suffix == ".parquet":
-                return _expanded(path, tables.read_parquet(path)), "parquet"
-            return _csv(path, _in_utf8(path))
+                frame, form = tables.read_parquet(path), "parquet"
+            else:
+                frame, form = _csv(path, _in_utf8(path))
     except FileNotFoundError:
         raise LogError(f"no file {path}; give the table of the recording") from None
+    if not len(frame):
+        raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
+    return _expanded(path, _listed(frame)), form
 
 
 def _in_utf8(path: Path) -> bytes:
@@ -85,7 +89,7 @@ def _csv(path: Path, data: bytes) -> tuple[pd.DataFrame, str]:
     lines = [line[0].decode() for line in head]
     first = next((n for n, line in enumerate(lines) if not COMMENT.match(line)), len(lines))
     if len(lines) < first + 2:
-        raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
+        return pd.DataFrame(), "CSV"
     separator = max(SEPARATORS, key=lines[first].count)
     separator = separator if separator in lines[first] else BLANKS
     names, begins = _names(path, lines, first, separator)
@@ -95,9 +99,9 @@ def _csv(path: Path, data: bytes) -> tuple[pd.DataFrame, str]:
     body = b"\n".join((_line(names, separator).encode(), rows, b""))
     frame = tables.parse_csv(path, body, sep=separator, decimal=decimal, skipinitialspace=True)
     frame.columns = [str(name).strip() for name in frame.columns]
-    frame = _expanded(path, _listed(frame.loc[:, ~frame.columns.str.match(NAMELESS)]))
     said = f"CSV between {SEPARATORS[separator]}"
-    return frame, said + (", with decimal commas" if decimal == "," else "")
+    named = frame.loc[:, ~frame.columns.str.match(NAMELESS)]
+    return named, said + (", with decimal commas" if decimal == "," else "")
 
 
 def _names(path: Path, lines: Sequence[str], first: int, separator: str) -> tuple[list[str], int]:
@@ -146,17 +150,17 @@ def _line(cells: Sequence[str], separator: str) -> str:
 
 def _listed(frame: pd.DataFrame) -> pd.DataFrame:
     """The table with texts such as '[0.1, 0.2]' as lists."""
-    first = frame.iloc[0].astype(str) if len(frame) else pd.Series(dtype=str)
     found = {
         name: frame[name].map(lambda cell: np.fromstring(str(cell).strip("[]"), sep=","))
-        for name in first.index[first.str.fullmatch(LIST)]
+        for name, cell in frame.iloc[0].items()
+        if isinstance(cell, str) and LIST.fullmatch(cell)
     }
-    return frame.assign(**found)
+    return frame.assign(**found) if found else frame
 
 
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
     """The table with a column per entry of lists."""
-    if not len(frame) or not any(isinstance(cell, LISTS) for cell in frame.iloc[0]):
+    if not any(isinstance(cell, LISTS) for cell in frame.iloc[0]):
         return frame
     names, beside = _feature_names(path), list[str]()
     with suppress(FileNotFoundError, FileError):

@@ -157,12 +157,12 @@ def make_log(meta: LogMeta, samples: pd.DataFrame, mjcf_xml: str | None = None) 
 
 def read_log(path: Path | str) -> Log:
     """Read and check the log in a folder; raises LogError with the fault and what to do."""
-    meta, samples, mjcf_xml, odd = _files.read(Path(path))
     notes = Notes()
+    meta, samples, mjcf_xml = _files.read(Path(path), notes)
     log = make_log(meta, without_empty_cells(samples, notes), mjcf_xml)
-    log = dataclasses.replace(log, samples=without_missing_rows(log.samples, notes))
-    _checks.check_loads(log.meta, log.samples)
-    return dataclasses.replace(log, warnings=(*odd, *notes.warnings, *log.warnings))
+    samples = without_missing_rows(log.samples, notes)
+    _checks.check_loads(log.meta, samples)
+    return dataclasses.replace(log, samples=samples, warnings=(*notes.warnings, *log.warnings))
 
 
 def is_log(path: Path) -> bool:

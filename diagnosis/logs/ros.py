@@ -86,10 +86,8 @@ def _table(messages: Sequence[tuple[str, float, Any]]) -> pd.DataFrame:
     order = next((_names(message) for role, _, message in messages if role != "command"), [])
     rows, due = list[dict[str, float]](), dict[str, tuple[float, float]]()
     for role, bag_s, message in messages:
-        stamp, ramps = (
-            getattr(getattr(message, "header", None), "stamp", None),
-            hasattr(message, "points"),
-        )
+        stamp = getattr(getattr(message, "header", None), "stamp", None)
+        ramps = hasattr(message, "points")
         when_s = (stamp.sec + 1e-9 * stamp.nanosec if stamp is not None else 0.0) or bag_s
         if ramps:
             rows.append({"time": when_s, **{n: x for n, (at, x) in due.items() if at < when_s}})

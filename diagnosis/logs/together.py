@@ -40,8 +40,6 @@ def read_tables(paths: Sequence[Path], joints: Sequence[str], notes: Notes) -> p
     ]
     if len(read) > NAMED:
         notes.said.append(f"and {len(read) - NAMED} more files")
-    if bare := [file for file, frame, _ in read if not len(frame)]:
-        raise LogError(f"{bare[0]} has no rows; it should hold a header and a row per sample")
     parts = zip(_stems(files), (frame for _, frame, _ in read), strict=True)
     frames = {name: _wide(frame, joints, notes) for name, frame in parts}
     if len(frames) == 1:

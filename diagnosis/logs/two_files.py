@@ -124,15 +124,12 @@ def readings(
     columns, samples, said = _columns(frame, list(ranges), asked, draws, asks), {}, []
     unused = [n for n in frame if n not in {role.column for role in columns}]
     numbers = {r.column: pd.to_numeric(frame[r.column], errors="coerce") for r in columns}
-    guessed = {
-        slides: _guess(numbers, [r for r in columns if ranges[r.joint][2] == slides], ranges)
-        if not asked.unit
-        else None
-        for slides in {ranges[role.joint][2] for role in columns}
-    }
+    kinds = {s: [role for role in columns if ranges[role.joint][2] == s] for s in (False, True)}
+    some = {} if asked.unit else {slides: own for slides, own in kinds.items() if own}
+    guessed = {slides: _guess(numbers, own, ranges) for slides, own in some.items()}
     for role in columns:
         slides = ranges[role.joint][2]
-        unit, zero = asked.unit or role.unit or guessed[slides] or "", 0.0
+        unit, zero = asked.unit or role.unit or guessed[slides], 0.0
         name, of = name_of(role.kind, role.joint, slides), "N" if slides else "Nm"
         if KINDS[role.kind] == "torque" and draws:
             scale, of = EFFORTS.get(role.unit or "", 1.0), f"{of}, or in its own unit"

@@ -15,9 +15,10 @@ from plotly.subplots import make_subplots
 
 from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
+from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import EpisodeMeta, Log
 from diagnosis.motion.held import PROTOCOLS as HELD
-from diagnosis.motion.recordings import CHANNELS, FREE_AIR, LEAST_SAMPLES
+from diagnosis.motion.recordings import CHANNELS, FREE_AIR
 from diagnosis.report import wording
 from diagnosis.signals import Signals
 from diagnosis.verdict.result import NONE, UNKNOWN, Ranked
@@ -33,8 +34,6 @@ QUIET = 1.5
 MEASURED = "#1c1c1c"
 COLORS = ("#d9822b", "#7a9e3f", "#2b6cb0")
 """Of the nominal world, of refitted nominal numbers, and with causes."""
-UNITS = {False: ("deg", float(np.degrees(1.0)), "Nm"), True: ("mm", 1e3, "N")}
-"""Unit of positions and its size, and unit of torques: for hinges (False) and slides (True)."""
 _CONFIG = {"displayModeBar": False, "responsive": True}
 _LAYOUT = {
     "template": "plotly_white",
@@ -171,11 +170,7 @@ def _use(log: Log, one: EpisodeMeta) -> str:
         if seen and log.pull(one.episode) is not None:
             return "used for friction and mass"
         return "left out: the stick's pose or the pull is missing"
-    if one.protocol not in FREE_AIR:
-        return "left out: not in free air"
-    if len(log.episode(one.episode)) < LEAST_SAMPLES:
-        return f"left out: fewer than {LEAST_SAMPLES} samples"
-    return "used"
+    return "used" if one.protocol in FREE_AIR else "left out: not in free air"
 
 
 def _channels(log: Log) -> list[str]:
@@ -193,7 +188,7 @@ def _channels(log: Log) -> list[str]:
 
 def overlay(one: Signals) -> str:
     """Measured and simulated signals of one joint, and what is left of each, as HTML."""
-    angle, scale, torque = UNITS[one.slides]
+    scale, angle, torque = SHOWN[one.slides]
     unit, scale = (torque, 1.0) if one.channel == "torque" else (angle, scale)
     time_s, measured = np.array(one.time_s, np.float32), scale * np.array(one.measured)
     drawn = [(1, "measured", measured, MEASURED)]

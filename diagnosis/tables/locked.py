@@ -5,11 +5,10 @@ between the ways up and down. Friction is half of what the torques of the two wa
 the position is in the middle. The stiffness is a chord: from the small torque to the largest.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from scipy.signal import find_peaks
 from scipy.stats import t as student
 
@@ -83,20 +82,21 @@ def hysteresis(one: Bench) -> tuple[list[Term], float]:
         "friction": [side * way.torque_at(float(middle)) for way, side in sides],
         "stiffness": [_chord(way, at) for way in through if way.ends[0] > 2 * at],
     }
-    terms = [_term(one.joint, name, np.array(some)) for name, some in found.items() if some]
-    return [term for term in terms if term is not None], at
+    return list(_terms(one.joint, found)), at
 
 
 def _ways(one: Bench) -> Iterator[Way]:
     """The rows between reversals of the torque."""
-    rows = max(int(SMOOTH_S * len(one.torque) / np.ptp(one.time_s)), 1)
-    torque = pd.Series(one.torque).rolling(rows, center=True, min_periods=1).median().to_numpy()
+    position, count = one.rows["position"].to_numpy(), len(one.rows)
+    rows = max(int(SMOOTH_S * count / np.ptp(one.rows["time_s"])), 1)
+    smooth = one.rows["torque"].rolling(rows, center=True, min_periods=1).median()
+    torque = smooth.to_numpy()
     least = REVERSAL * np.ptp(torque)
     turns = [k for side in (1, -1) for k in find_peaks(side * torque, prominence=least)[0]]
     for first, last in zip([0, *sorted(turns)], [*sorted(turns), len(torque) - 1], strict=True):
         if abs(torque[last] - torque[first]) > least:
             part = slice(first, last + 1)
-            yield Way(torque=torque[part], position=one.position[part])
+            yield Way(torque=torque[part], position=position[part])
 
 
 def _chord(way: Way, at: float) -> float:
@@ -106,11 +106,11 @@ def _chord(way: Way, at: float) -> float:
     return float((way.torque[-1] - side * at) / moved) if moved else np.nan
 
 
-def _term(joint: str, name: str, values: np.ndarray) -> Term | None:
-    """The mean over ways, and its 90 % interval; None for less than two ways."""
-    known = values[np.isfinite(values)]
-    if len(known) < 2:
-        return None
-    wide = student.ppf(0.95, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
-    mean = float(known.mean())
-    return Term(joint=joint, term=name, value=mean, low=mean - wide, high=mean + wide)
+def _terms(joint: str, found: Mapping[str, Sequence[float]]) -> Iterator[Term]:
+    """The means over ways, and their 90 % intervals, of what two ways or more show."""
+    for name, values in found.items():
+        known = np.array([value for value in values if np.isfinite(value)])
+        if len(known) > 1:
+            wide = student.ppf(0.95, len(known) - 1) * known.std(ddof=1) / np.sqrt(len(known))
+            mean = float(known.mean())
+            yield Term(joint=joint, term=name, value=mean, low=mean - wide, high=mean + wide)

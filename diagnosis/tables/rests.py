@@ -7,7 +7,7 @@ from and s the side that the torque presses on. Zero, half band and half play ar
 rad/Nm; of slides in m and m/N.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,11 +17,11 @@ import pandas as pd
 from diagnosis.logs._columns import name_of
 from diagnosis.logs._files import read_model
 from diagnosis.logs.foreign import read_table
-from diagnosis.logs.log import DriveSettings, LogError, as_log_errors
-from diagnosis.logs.roles import ANGLES, LENGTHS, joint_of, words
-from diagnosis.logs.two_files import Asked, drives_of, named_joints, readings
-from diagnosis.replay.dynamics import bias_torques
-from diagnosis.tables.terms import SPARE, Term, regress
+from diagnosis.logs.log import DriveSettings, LogError
+from diagnosis.logs.roles import joint_of
+from diagnosis.logs.two_files import Asked, drives_of
+from diagnosis.tables.joints import joints_of
+from diagnosis.tables.terms import Term, regress
 
 LEAST_RAD, FLOOR_RAD = 1e-3, 1e-4
 """A term that moves readings by less is none; no reading at rest is surer [rad; m]."""
@@ -31,14 +31,13 @@ FAR = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class Rests:
-    """One joint's rows: T of them."""
+    """One joint's rows."""
 
     joint: str
     slides: bool
-    target: np.ndarray
-    reading: np.ndarray
-    torque: np.ndarray | None
-    """What the drive holds [Nm]; None: neither a model nor a load says it."""
+    rows: pd.DataFrame
+    """Columns `target` and `reading` [rad]; and `torque`, what the drive holds [Nm], where a model
+    or a load says it; of slides [m, N]."""
     drive: DriveSettings
     """What is known of its drive."""
     carried: bool = False
@@ -47,45 +46,38 @@ class Rests:
 
 def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], list[str]]:
     """The rows of a table by joint, and what was understood; raises LogError."""
-    from backends.mjcf import joint_ranges
+    from backends.mjcf import file_drives
 
     frame, form = read_table(table)
     frame = frame.rename(columns={n: n.replace("load", "push") for n in map(str, frame)})
     if robot is None:
         frame = frame.rename(columns={n: f"joint {n}" for n in frame if joint_of(n) == "joint"})
-        if asked.unit is None and not {*ANGLES, *LENGTHS} & {w for n in frame for w in words(n)}:
-            raise LogError("the columns name no unit; say it with --unit, or give --robot")
-    said = [f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"]
-    xml = None if robot is None else read_model(robot)
-    with as_log_errors(f"{robot}: "):
-        ranges = named_joints(frame, asked) if xml is None else joint_ranges(xml)
-        rows, more = readings(frame, ranges, asked)
-        names = [n.partition(".")[2] for n in rows if n.startswith("command")]
-        drives, weights = drives_of(asked, names), dict[str, np.ndarray]()
-        if xml is not None:
-            drives, weights = of_model(xml, rows, names, drives, asked)
+    ranges, rows, weights, columns = joints_of(frame, robot, asked, ("command",))
+    files = {} if robot is None else file_drives(read_model(robot))
+    drives = {n: DriveSettings().model_copy(update={"kp": one.kp}) for n, one in files.items()}
+    drives |= drives_of(asked, list(ranges))
     found = []
-    for joint in names:
-        slides = ranges[joint][2]
-        target, reading = (rows[name_of(k, joint, slides)] for k in ("command", "position"))
-        push = rows.get(name_of("push", joint, slides))
-        known = weights.get(joint, None if push is None else np.zeros(len(rows)))
-        torque = known if push is None else known - np.nan_to_num(push)
-        keep = np.isfinite(target) & np.isfinite(reading)
-        if xml is not None:
-            _refuse_far(joint, target[keep], ranges[joint])
+    for joint, ends in ranges.items():
+        slides = ends[2]
+        target, reading, push = (name_of(k, joint, slides) for k in ("command", "position", "push"))
+        own = pd.DataFrame({"target": rows[target], "reading": rows[reading]})
+        there = np.isfinite(own).all(axis=1)
+        if joint in weights or push in rows:
+            own["torque"] = weights.get(joint, 0.0) - np.nan_to_num(rows.get(push, 0.0))
+        own = own[there]
+        if robot is not None:
+            _refuse_far(joint, own["target"], ends)
         found.append(
             Rests(
                 joint=joint,
                 slides=slides,
-                target=target[keep].to_numpy(),
-                reading=reading[keep].to_numpy(),
-                torque=None if torque is None else np.asarray(torque)[keep],
+                rows=own,
                 drive=drives.get(joint, DriveSettings()),
                 carried=asked.gravity_compensation,
             )
         )
-    return found, said + more
+    said = f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"
+    return found, [said, *columns]
 
 
 def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) -> None:
@@ -101,54 +93,18 @@ def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) 
         )
 
 
-def of_model(
-    xml: str,
-    rows: pd.DataFrame,
-    names: Sequence[str],
-    said: Mapping[str, DriveSettings],
-    asked: Asked,
-) -> tuple[dict[str, DriveSettings], dict[str, np.ndarray]]:
-    """Drives by the file and the user, and the torques that hold the links (T,), by joint."""
-    from backends.mjcf import file_drives, mechanism
-
-    files = file_drives(xml)
-    drives = {
-        name: said.get(name, DriveSettings()).model_copy(
-            update={"kp": said[name].kp if name in said else files[name].kp}
-        )
-        for name in names
-    }
-    stand_in = DriveSettings(kp=1.0, limit=1.0)
-    spec = mechanism(
-        xml,
-        dict.fromkeys(names, stand_in),
-        held=asked.hold,
-        fix_base=asked.fix_base,
-        geared=False,
-    )
-    order = spec.hand.joint_names
-    slides = {body.joint.name: body.joint.slides for body in spec.hand.driven}
-    q = np.stack([rows[name_of("position", n, slides[n])] for n in order], axis=1)
-    weight = bias_torques(spec, np.nan_to_num(q), np.zeros_like(q))
-    return drives, dict(zip(order, weight.T, strict=True))
-
-
 def regressed(one: Rests) -> tuple[list[Term], list[str]]:
     """The terms of a joint, and what the table cannot tell; raises LogError for too few rows."""
-    terms, lacking = regress(
-        one.joint, one.reading - one.target, _columns(one), LEAST_RAD, FLOOR_RAD
-    )
-    if not terms:
-        raise LogError(
-            f"{one.joint} has {len(one.target)} rows at rest; needed: {SPARE + 1} or more"
-        )
-    return terms, lacking
+    off, shown = one.rows["reading"] - one.rows["target"], f"has {len(one.rows)} rows at rest"
+    columns = _columns(one.rows)
+    return regress(one.joint, off.to_numpy(), columns, LEAST_RAD, FLOOR_RAD, shown)
 
 
-def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
+def _columns(rows: pd.DataFrame) -> Iterator[tuple[str, np.ndarray | str]]:
     """What multiplies each term (T,), or why the table does not show it."""
-    yield "zero", np.ones(len(one.target))
-    tau, side = one.torque, _sides(one.target)
+    target = rows["target"].to_numpy()
+    tau, side = rows["torque"].to_numpy() if "torque" in rows else None, _sides(target)
+    yield "zero", np.ones(len(rows))
     if tau is None:
         yield "sag", "sag: no load is known; give --robot, or a column 'load [Nm]'"
     elif np.ptp(tau) < 1e-9:
@@ -160,8 +116,7 @@ def _columns(one: Rests) -> Iterator[tuple[str, np.ndarray | str]]:
         "band",
         -side if both else "friction and play: all targets are reached from one side; add both",
     )
-    moved = np.ptp(one.target) > 1e-6
-    yield "scale", one.target if moved else "scale: there is one target; add others"
+    yield "scale", target if np.ptp(target) > 1e-6 else "scale: there is one target; add others"
     if tau is not None and tau.min() < 0.0 < tau.max():
         yield "play", -np.sign(tau)
     elif tau is not None:

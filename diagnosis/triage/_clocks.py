@@ -54,7 +54,7 @@ def faults(every: Sequence[Track]) -> tuple[Fault, ...]:
 def _shifted(track: Track) -> tuple[str, str] | None:
     """A position that leads its command, or that follows later than any mechanism does."""
     ahead_s = -_lag_s(track, track.command)
-    if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.dt_s):
+    if ahead_s > max(EARLY_S, EARLY_SAMPLES * track.limb.period_s):
         return (
             f"the position is {1e3 * ahead_s:.0f} ms ahead of its command",
             f"{ONE_CLOCK}; a row holds the command that acts from its time on",
@@ -119,7 +119,7 @@ def _paced(track: Track) -> tuple[str, str] | None:
 
 def _lag_s(track: Track, cause: list[Array]) -> float:
     """Delay of the position against `cause` [s]; 0 if they are not the same motion."""
-    coarse, every = np.linspace(*SEARCH_S, COARSE), max(1, round(COARSE_S / track.dt_s))
+    coarse, every = np.linspace(*SEARCH_S, COARSE), max(1, round(COARSE_S / track.limb.period_s))
     best = coarse[np.argmax([_alike(track, cause, lag_s, every) for lag_s in coarse])]
     ends = best + np.array([-1.0, 1.0]) * (coarse[1] - coarse[0])
     near = minimize_scalar(lambda x: -_alike(track, cause, x), bounds=ends, method="bounded")

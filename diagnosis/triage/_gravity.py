@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from diagnosis.triage._sags import Sags
+from diagnosis.triage._sags import WRONG, Sags
 from diagnosis.triage._signals import rms
 from diagnosis.triage._tracks import BETTER, Fault, Track
 
@@ -16,7 +16,8 @@ CARRIED = 0.2
 def weight(track: Track) -> Fault | None:
     """Another zero of both sides, or a weight that the PD law does not carry."""
     sags = Sags.of(track)
-    return (_zero(track, sags) or _carried(track, sags)) if sags.are_wrong else None
+    wrong = sags.show_weight and sags.misfit() >= WRONG
+    return (_zero(track, sags) or _carried(track, sags)) if wrong else None
 
 
 def _zero(track: Track, sags: Sags) -> Fault | None:

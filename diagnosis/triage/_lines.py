@@ -28,12 +28,13 @@ def dead(track: Track) -> Fault | None:
     """A reading that is the same throughout while its drive should move the joint."""
     values = np.unique(np.concatenate(track.position))
     least = MOVES_RAD * track.travel if track.slides else MOVES_RAD
-    if len(values) >= ALIVE or not min(track.moves, track.travel) > least:
+    moves = max(float(np.ptp(shown)) for shown in track.shown)
+    if len(values) >= ALIVE or not min(moves, track.travel) > least:
         return None
     return track.fault(
         "sensor",
         f"its position reads {values[0]:.4g} {track.si} throughout, where its drive "
-        f"should move it by {track.moves:.3g} {track.si}: a dead sensor, or a joint that is stuck "
+        f"should move it by {moves:.3g} {track.si}: a dead sensor, or a joint that is stuck "
         "or off",
         "mend it, or give the table without its columns and --hold it where it stood",
     )
@@ -91,7 +92,7 @@ def scale(track: Track) -> Fault | None:
 
 def slips(track: Track) -> Fault | None:
     """Jumps that no joint can make."""
-    least = np.inf if track.slides else max(SLIP_RAD, SLIP_RAD_S * track.dt_s)
+    least = np.inf if track.slides else max(SLIP_RAD, SLIP_RAD_S * track.limb.period_s)
     jumps, asked = (
         np.abs(np.concatenate([np.diff(v) for v in side]))
         for side in (track.position, track.command)

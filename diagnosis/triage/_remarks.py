@@ -41,12 +41,11 @@ def pauses(track: Track) -> Iterator[str]:
         seen_s = float(np.diff(time_s)[np.diff(time_s) < LEAST_S].sum())
         paused_s = sum(end - begin for begin, end in times)
         every[number] = times if len(times) <= COUNT and paused_s <= MOST * seen_s else []
-    found = list(every.values())
-    first = np.array(next((times for times in found if times), []))
     said = {f"episode {number}": times for number, times in every.items()}
-    several = len(found) > 1 and len(first) and {np.shape(one) for one in found} == {first.shape}
-    if several and np.abs(np.array(found) - first).max() < ALIKE_S:
-        said = {"every episode": np.mean(found, axis=0).tolist()}
+    first, *rest = map(np.array, every.values())
+    near = (len(one) == len(first) and np.abs(one - first).max() < ALIKE_S for one in rest)
+    if rest and len(first) and all(near):
+        said = {"every episode": np.mean([first, *rest], axis=0).tolist()}
     for where, times in said.items():
         for begin, end in times:
             yield f"{track.name} did not follow from {begin:.1f} to {end:.1f} s of {where}"
@@ -91,7 +90,7 @@ def made_up(track: Track) -> Iterator[str]:
     and not where it rests.
     """
     steps = np.concatenate([np.diff(t) for t in track.time_s])
-    if track.dt_s < BLOCK_S or np.ptp(steps) > REGULAR * track.dt_s:
+    if track.limb.period_s < BLOCK_S or np.ptp(steps) > REGULAR * track.limb.period_s:
         return
     resting, moving, late = list[Array](), list[Array](), list[Array]()
     signals = zip(track.time_s, track.command, track.missed, track.shown, strict=True)
@@ -111,7 +110,7 @@ def made_up(track: Track) -> Iterator[str]:
     )
     step = quantisation_step(np.concatenate(track.position))
     rest = float(np.hypot(rest, step / np.sqrt(12.0)))  # rounding is no noise where a joint rests
-    if not (motion < MORE * rest or late_s < LATE * track.dt_s):
+    if not (motion < MORE * rest or late_s < LATE * track.limb.period_s):
         yield (
             f"{track.name} scatters in motion as if stamps were off by {1e3 * late_s:.0f} ms, and "
             "not at rest: stamps are too regular; were they made from a row number?"

@@ -49,43 +49,23 @@ class Sags:
 
     @classmethod
     def of(cls, track: Track) -> "Sags":
-        """At rest; in motion where it hardly rests."""
-        resting = cls.at_rest(track)
-        return resting if len(resting.errors) >= LEAST_RESTS else cls.in_motion(track)
+        """At rest; where it hardly rests, in motion without pushes and given torques."""
+        recordings, j = track.limb.recordings, track.index
+        rests = [rest for one in recordings for rest in _rests(one, j)]
+        if len(rests) >= LEAST_RESTS:
+            errors, positions = (np.array(some) for some in zip(*rests, strict=True))
+            beside = np.zeros((len(errors), 0))
+            return cls(track=track, errors=errors, positions=positions, beside=beside)
+        every = [_moving(one, j) for one in recordings]
+        errors, positions, beside = (np.concatenate(some) for some in zip(*every, strict=True))
+        some = slice(None, None, 1 + len(errors) // MOST_POSES)
+        basis = np.linalg.qr(beside[some])[0]
+        return cls(track=track, errors=errors[some], positions=positions[some], beside=basis)
 
     @property
     def show_weight(self) -> bool:
         """Whether there are enough, and the nominal ones large enough, to tell."""
         return len(self.errors) >= LEAST_RESTS and rms(self.expected()) >= SEEN_RAD
-
-    @property
-    def are_wrong(self) -> bool:
-        """Whether they show a weight that is not the nominal one."""
-        return self.show_weight and self.misfit() >= WRONG
-
-    @classmethod
-    def at_rest(cls, track: Track) -> "Sags":
-        """Where all joints rest, in all episodes."""
-        every = [pair for r in track.limb.recordings for pair in _rests(r, track.index)]
-        return cls(
-            track=track,
-            errors=np.array([sag for sag, _ in every]),
-            positions=np.array([q for _, q in every]).reshape(-1, len(track.limb.joints)),
-            beside=np.zeros((len(every), 0)),
-        )
-
-    @classmethod
-    def in_motion(cls, track: Track) -> "Sags":
-        """All along the episodes, where no joint is pushed and no torque is given."""
-        every = [_moving(r, track.index) for r in track.limb.recordings]
-        errors, positions, beside = (np.concatenate(some) for some in zip(*every, strict=True))
-        some = slice(None, None, 1 + len(errors) // MOST_POSES)
-        return cls(
-            track=track,
-            errors=errors[some],
-            positions=positions[some],
-            beside=np.linalg.qr(beside[some])[0],
-        )
 
     def left(self, zero: float = 0.0, biased: bool = False) -> float:
         """Share of the errors that weight does not explain; `biased`: nor a sensor's bias."""

@@ -50,8 +50,11 @@ class Regression:
 def line(cause: Sequence[Array], effect: Sequence[Array]) -> Regression:
     """The regression of `effect` on `cause`, each episode about its mean: offsets do not count.
 
-    Both numbers are 0 where either stands still, or is not finite.
+    Both numbers are 0 where either stands still, or is not finite, and where they are of other
+    pieces of a log.
     """
+    if list(map(len, cause)) != list(map(len, effect)):
+        return Regression()
     x, y = (np.concatenate([v - v.mean() for v in signal]) for signal in (cause, effect))
     most = max(float(np.abs(v).max()) for v in cause)
     xx, yy, xy = float(x @ x), float(y @ y), float(x @ y)

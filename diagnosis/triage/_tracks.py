@@ -10,7 +10,7 @@ from backends.state import Array
 from diagnosis.motion.columns import KD, LIMIT
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording
-from diagnosis.triage._signals import CLEAR, LENGTHS, UNITS, Regression, line
+from diagnosis.triage._signals import CLEAR, Regression, line, rms
 
 FARTHEST, LEAST = 5.0, 1.0
 """No joint moves by so many times its command's range, where that is at least a radian or metre."""
@@ -50,8 +50,6 @@ class Track:
     slides: bool
     room: float
     """The farthest end of its range from zero [rad or m]."""
-    dt_s: float
-    """Sample period."""
     time_s: list[Array]
     command: list[Array]
     position: list[Array]
@@ -66,11 +64,6 @@ class Track:
         return "m" if self.slides else "rad"
 
     @property
-    def units(self) -> dict[str, float]:
-        """Other units that people use, per radian or metre."""
-        return LENGTHS if self.slides else UNITS
-
-    @property
     def reach(self) -> float:
         """The farthest command from zero [rad or m]."""
         return max(float(np.abs(c).max()) for c in self.command)
@@ -79,11 +72,6 @@ class Track:
     def travel(self) -> float:
         """Largest range of the commands in one episode [rad or m]."""
         return max(float(np.ptp(c)) for c in self.command)
-
-    @property
-    def moves(self) -> float:
-        """Largest range of the nominal world's readings in one episode [rad or m]."""
-        return max(float(np.ptp(s)) for s in self.shown)
 
     @property
     def most_push(self) -> float:
@@ -103,7 +91,7 @@ class Track:
     def share(self, missed: Array) -> float:
         """A distance of positions (N,), over the size of the motion."""
         moved = np.concatenate([c - c.mean() for c in self.command])
-        found = float(np.sqrt(np.mean(missed**2) / max(np.mean(moved**2), 1e-18)))
+        found = rms(missed) / max(rms(moved), 1e-9)
         return found if np.isfinite(found) else np.inf
 
     def line(self) -> tuple[Regression, str]:
@@ -131,7 +119,7 @@ class Track:
             self,
             command=[c / per_si for c in self.command],
             position=[p / per_si for p in self.position],
-            shown=[s[:, self.index] for s in self.replayed(**multiplied, units=tuple(units))],
+            shown=[s[:, self.index] for s in self.replayed(tuple(units), **multiplied)],
         )
 
     def beside(self, limb: Limb, started: float = 0.0) -> "Track":
@@ -165,7 +153,6 @@ def tracks(limbs: Sequence[Limb]) -> Iterator[Track]:
                 name=joint.name,
                 slides=joint.slides,
                 room=max(map(abs, joint.range_rad)),
-                dt_s=limb.period_s,
                 time_s=[r.time_s for r in limb.recordings],
                 command=[r.command[:, j] for r in limb.recordings],
                 position=[r.measured[:, 0, j] for r in limb.recordings],
@@ -188,10 +175,10 @@ def _within_reach(recording: Recording, is_open: Array) -> Recording:
 
 def _replayed(
     limb: Limb,
+    units: tuple[float, ...],
     paced: float = 1.0,
     damped: float = 1.0,
     limited: float = 1.0,
-    units: tuple[float, ...] = (),
 ) -> list[Array]:
     """Positions (T, K) by episode, with time, derivative gains or limits multiplied.
 
@@ -200,9 +187,8 @@ def _replayed(
     numbers = limb.nominal.copy()
     numbers[:, KD] *= damped
     numbers[:, LIMIT] *= limited
-    if paced != 1.0 or {*units} - {1.0}:
-        per_si = np.array(units) if units else np.ones(len(limb.joints))
-        every = (_converted(r, paced, per_si) for r in limb.recordings)
+    if {paced, *units} != {1.0}:
+        every = (_converted(r, paced, np.array(units)) for r in limb.recordings)
         limb = replace(limb, recordings=tuple(every))
     return [shown[:, 0].copy() for shown in shown_by(limb, numbers)]  # what is kept
 

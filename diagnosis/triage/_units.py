@@ -17,7 +17,7 @@ from scipy.optimize import minimize_scalar
 
 from backends.state import Array
 from diagnosis.triage._sags import WRONG, Sags
-from diagnosis.triage._signals import CLEAR, COUNTS, OPTIONS, line
+from diagnosis.triage._signals import CLEAR, COUNTS, LENGTHS, OPTIONS, UNITS, line
 from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
 
 FREE, MOVED, ASIDE = (
@@ -148,7 +148,7 @@ class Joints:
         Which counts of an encoder they are, no motion says.
         """
         reach = max(track.reach / track.room for track in self.tracks)
-        known = dict(self.tracks[0].units)
+        known = dict(LENGTHS if self.tracks[0].slides else UNITS)
         if self.sags and self.sag() >= WRONG:
             _, rough = _free(self.sag, FREE)
             if not SCALES[0] < rough < SCALES[1]:  # so far off a gain or a sensor may be

@@ -40,11 +40,6 @@ TESTS: tuple[Test, ...] = (
 """Tests of one joint that is in SI's units, in order; each assumes that earlier ones passed."""
 UNITS_S = 60.0
 """Joint-seconds on which another unit of both sides is judged, which takes many replays."""
-LOST = (
-    "the nominal world cannot follow this log: its links leave their drives at once; are positions "
-    "and commands in the units of their names, and masses and gains those of the robot?"
-)
-"""Where nothing can be compared."""
 
 
 class FaultError(LogError):
@@ -71,7 +66,11 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     if found := _faults(every, brief):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
-        raise LogError(LOST)
+        raise LogError(
+            "the nominal world cannot follow this log: its links leave their drives at once; are "
+            "positions and commands in the units of their names, and masses and gains those of the "
+            "robot?"
+        )
     followed = [t for t in every if all(np.isfinite(shown).all() for shown in t.shown)]
     units = _units.perhaps(brief)
     remarks = (said for about in (pauses, made_up) for track in followed for said in about(track))
@@ -128,7 +127,5 @@ def _order(every: Sequence[Track]) -> tuple[Fault, ...]:
 
 def _alike(position: Track, command: Track) -> float:
     """Correlation of the position of one track with the command of another."""
-    if len(position.position) != len(command.command):
-        return 0.0
     both = (line(cause, position.position) for cause in (command.shown, command.command))
     return max(one.correlation for one in both)

@@ -374,7 +374,6 @@ def made_up() -> Calibration:
         locks=True,
     )
     return Calibration(
-        nominal=nominal,
         calibrated=nominal.with_drives((first, *nominal.drives[1:])),
         joints=dict.fromkeys(names, Joint(gains="not identifiable", backlash=backlash.NO_PUSH))
         | {"J0": Joint(gains=joint, backlash=Backlash.of(play))},

@@ -97,6 +97,14 @@ def test_a_moved_joint_shows_its_friction(tmp_path, capfd, reaction):
         assert terms[term]["value"] == pytest.approx(value, abs=0.03)
 
 
+def test_a_joint_that_never_moves_is_refused(tmp_path, capfd):
+    """Say that there is nothing to regress on."""
+    frame = pd.DataFrame({"time": TIME, "position_rad": 0.0, "torque": to_and_fro(10.0)})
+    frame.to_csv(tmp_path / "table.csv", index=False)
+    assert cli.call(["diagnose", "--moved", str(tmp_path / "table.csv")]) == 2
+    assert "moves in 0 stretches of 0.2 s; needed: 3 or more" in capfd.readouterr().err
+
+
 @pytest.mark.skipif(not CYCLOID.is_dir(), reason="recordings of real robots are not there")
 @pytest.mark.parametrize(
     ("name", "least", "most"), [("base_runin1", 2.0, 3.2), ("conic_4pre1", 0.35, 0.6)]

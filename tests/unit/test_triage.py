@@ -373,12 +373,14 @@ def test_joints_that_stand_still_have_no_bugs(ideal):
 
 
 def test_lines_are_about_the_means_of_episodes():
-    """Take the slope and the correlation about each episode's mean; none where one stands still."""
+    """Take slope and correlation about means; none where one stands still, or of other pieces."""
     rng = np.random.default_rng(0)
     cause = [rng.normal(size=50), rng.normal(size=30)]
     effect = [5.0 - 2.0 * cause[0], 9.0 - 2.0 * cause[1]]
     assert line(cause, effect).slope == pytest.approx(-2.0)
     assert line(cause, effect).correlation == pytest.approx(-1.0)
     still, lost = [np.ones(50), np.ones(30)], [cause[0], np.full(30, np.nan)]
-    for pair in ((still, effect), (cause, still), (lost, effect), (cause, lost)):
+    none = [(still, effect), (cause, still), (lost, effect), (cause, lost)]
+    other = [cause[0][:40], cause[1]]
+    for pair in (*none, (other, effect), (cause[:1], effect)):
         assert line(*pair).correlation == 0.0
