@@ -54,9 +54,7 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
         frame = frame.rename(columns={n: f"joint {n}" for n in frame if joint_of(n) == "joint"})
     ranges, rows, weights, columns = joints_of(frame, robot, asked, ("command",))
     files = {} if robot is None else file_drives(read_model(robot))
-    drives = {n: DriveSettings().model_copy(update={"kp": one.kp}) for n, one in files.items()}
-    drives |= drives_of(asked, list(ranges))
-    found = []
+    drives, found = drives_of(asked, list(ranges)), []
     for joint, ends in ranges.items():
         slides = ends[2]
         target, reading, push = (name_of(k, joint, slides) for k in ("command", "position", "push"))
@@ -65,14 +63,17 @@ def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], l
         if joint in weights or push in rows:
             own["torque"] = weights.get(joint, 0.0) - np.nan_to_num(rows.get(push, 0.0))
         own = own[there]
-        if robot is not None:
+        drive = drives.get(joint, DriveSettings())
+        if joint in files:
+            own_kp = files[joint].kp if drive.kp is None else drive.kp
+            drive = drive.model_copy(update={"kp": own_kp})
             _refuse_far(joint, own["target"], ends)
         found.append(
             Rests(
                 joint=joint,
                 slides=slides,
                 rows=own,
-                drive=drives.get(joint, DriveSettings()),
+                drive=drive,
                 carried=asked.gravity_compensation,
             )
         )

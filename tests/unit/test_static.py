@@ -64,6 +64,12 @@ def test_what_is_wrong_is_named(tmp_path, capfd, real, term, value, said):
     assert pd.Series([found["said"]]).str.contains(said).all()
 
 
+def test_a_gain_stands_where_another_number_is_said(tmp_path, capfd):
+    """Hold the sag against the file's gain where the user says something else of the drive."""
+    found = answer(tmp_path, capfd, rows(kp=25.0), "--drive", "a=kd:1")
+    assert "its drive says 40, which is another" in found["said"]
+
+
 def test_weight_that_does_not_show_is_carried(tmp_path, capfd):
     """Say so where an arm does not sag, and where it sags though its weight is to be carried."""
     found = answer(tmp_path, capfd, rows(carried=True))
