@@ -5,7 +5,7 @@ the log, most of joints that have shown least so far. They begin at rests, or wh
 long, in motion.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,8 +20,8 @@ from diagnosis.motion.recordings import (
     LEAST_SAMPLES,
     Recording,
     episodes_of,
-    lasting,
     recording,
+    recordings,
     stood_s,
 )
 
@@ -58,7 +58,7 @@ def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, .
     lasts_s = [float(np.ptp(log.episode(one.episode)["t_s"])) for one in every]
     first = recording(log, limb, every[0], slice(0, LEAST_SAMPLES))
     if not _is_long(lasts_s, first, enough_s):
-        return lasting([recording(log, limb, one) for one in every]), sum(lasts_s)
+        return recordings(log, limb), sum(lasts_s)
     coarse = []
     for one in every:
         chunks = (slice(k, k + CHUNK) for k in range(0, len(log.episode(one.episode)), CHUNK))
@@ -93,7 +93,7 @@ class _Coarse:
     """Means of the readings, shape (B, K)."""
 
     @classmethod
-    def of(cls, parts: Iterator[Recording] | Sequence[Recording]) -> "_Coarse":
+    def of(cls, parts: Iterable[Recording]) -> "_Coarse":
         """An episode that comes in parts."""
         found, end = list[tuple[Array, ...]](), 0
         for one in parts:
@@ -143,12 +143,6 @@ class _Coarse:
         return np.nan_to_num(self.command - self.position)
 
     @property
-    def normal(self) -> tuple[Array, Array]:
-        """The normal equations of errors by `laws`, (3 + 2K, 3 + 2K) and (3 + 2K, K)."""
-        laws = self.laws
-        return laws.T @ laws, laws.T @ self.error
-
-    @property
     def laws(self) -> Array:
         """What errors follow from where nothing changes: pose, speed and its sign, (B, 3 + 2K)."""
         q = np.nan_to_num(self.position)
@@ -163,8 +157,9 @@ def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[tuple[int, in
     Shown are targets that move, and errors beside `laws` of the whole log, squared.
     """
     pieces = [(k, *ends) for k, one in enumerate(every) for ends in one.pieces(LEAST * enough_s)]
-    squares, shared = (sum(x) for x in zip(*(one.normal for one in every), strict=True))
-    by = np.linalg.lstsq(squares, shared)[0]
+    pairs = ((one.laws, one.error) for one in every)
+    normal = ((laws.T @ laws, laws.T @ error) for laws, error in pairs)
+    by = np.linalg.lstsq(*(sum(x) for x in zip(*normal, strict=True)))[0]
     odd = [(one.error - one.laws @ by) ** 2 for one in every]
     moves = [np.abs(np.diff(every[k].asked[a:b], axis=0)).sum(axis=0) for k, a, b in pieces]
     strange = [odd[k][a:b].sum(axis=0) for k, a, b in pieces]
