@@ -238,13 +238,11 @@ def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     ]
     found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
-        heavy = [replace(f, sizes=f.sizes + (0.0, 0.0, PROBE)) for f in found if MASS in f.numbers]
+        steps = ((0.0, 0.0, PROBE * (MASS in fit.numbers)) for fit in found)
+        heavy = [replace(f, sizes=f.sizes + step) for f, step in zip(found, steps, strict=True)]
         shown = simulate_grasps(simulate, [fit.on(nominal) for fit in (*found, *heavy)], parts)
-        heavier = iter(shown[len(found) :])
-        found = [
-            fit.closer(nominal, parts, s, next(heavier) if MASS in fit.numbers else s)
-            for fit, s in zip(found, shown, strict=False)
-        ]
+        pairs = zip(found, shown, shown[len(found) :], strict=False)
+        found = [fit.closer(nominal, parts, *pair) for fit, *pair in pairs]
     return found
 
 
