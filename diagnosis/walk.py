@@ -78,7 +78,11 @@ def diagnose(
     numbers = dict(_corrected(limbs))
     gravity = _gravity(limbs, world)
     corrected = with_numbers(world, numbers, gravity)
-    held = Report() if stopped else _in_hand(log, corrected, known, simulate)
+    held = Report()
+    if world.hand.fingertips and not stopped:
+        from diagnosis.grasp.in_hand import in_hand  # takes its time to load
+
+        held = in_hand(log, corrected, known, simulate)
     causes = (*named(said), *(one for one in held.causes if one.effect != UNKNOWN))
     accused = {joint for cause in causes for joint in cause.joints}
     if verdict(said) == (UNKNOWN,):
@@ -123,15 +127,6 @@ def diagnose(
         signals=tuple(_signals(limbs, accused or {places[0].joint})),
         cpu_s=_cpu_s() - began_s,
     )
-
-
-def _in_hand(log: Log, world: Spec, known: Catalogue, simulate: Simulate | None) -> Report:
-    """See `grasp.in_hand`; nothing of a mechanism without fingertips."""
-    if not world.hand.fingertips:
-        return Report()
-    from diagnosis.grasp.in_hand import in_hand  # takes its time to load
-
-    return in_hand(log, world, known, simulate)
 
 
 def _cpu_s() -> float:

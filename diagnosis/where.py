@@ -1,5 +1,6 @@
 """Where the gap lies: squared residuals by joint, channel, protocol and phase of the motion."""
 
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -68,11 +69,10 @@ def locate(limbs: Sequence[World]) -> list[Place]:
 
 def largest(places: Sequence[Place], joints: Sequence[str]) -> str:
     """At which of some joints, and in which phase of its motion, most of their gap lies."""
-    shares: dict[tuple[str, str], float] = {}
+    shares = defaultdict[tuple[str, str], float](float)
     for place in places:
         if place.joint in joints:
-            spot = place.joint, place.phase
-            shares[spot] = shares.get(spot, 0.0) + place.share
+            shares[place.joint, place.phase] += place.share
     joint, phase = max(shares, key=shares.__getitem__)
     part = 100 * shares[joint, phase] / max(sum(shares.values()), 1e-300)
     return f"The largest part of the gap, {part:.0f} %, lies {DURING[phase]} of {joint}."
@@ -104,7 +104,7 @@ def _table(number: int, world: World) -> pd.DataFrame:
             "joint": np.array(evidence.joints)[j],
             "channel": np.array(CHANNELS)[c],
             "protocol": protocol[n],
-            "phase": np.array(PHASES)[phase[n, j]],
+            "phase": phase[n, j],
             "residual": (evidence.measured - shown)[n, c, j],
             "noise": evidence.floor[c, j],
         }
@@ -112,20 +112,17 @@ def _table(number: int, world: World) -> pd.DataFrame:
 
 
 def phases(time_s: Array, angle: Array, pushed: Array) -> Array:
-    """Indices of PHASES (T, K) from the angles of a motion (T, K) and where joints are pushed."""
+    """Names of phases (T, K) from the angles of a motion (T, K) and where joints are pushed."""
     if len(time_s) < 3:
-        return np.full(angle.shape, PHASES.index("hold"))
+        return np.full(angle.shape, "hold")
     speed = np.gradient(angle, time_s, axis=0)
     acceleration = np.gradient(speed, time_s, axis=0)
     fastest = np.maximum(np.abs(speed).max(axis=0), 1e-9)
     strongest = np.maximum(np.abs(acceleration).max(axis=0), 1e-9)
-    phase = np.full(speed.shape, PHASES.index("acceleration"))
-    phase[np.abs(acceleration) < STEADY * strongest] = PHASES.index("constant speed")
     turns = np.diff(np.sign(speed), axis=0, prepend=np.sign(speed[:1])) != 0
-    moving = np.abs(acceleration) > STEADY * strongest
     reach = max(1, round(REVERSAL_S / float(np.median(np.diff(time_s)))))
     near = binary_dilation(turns, np.ones((2 * reach + 1, 1)))
-    phase[near & moving] = PHASES.index("reversal")
-    phase[(np.abs(speed) < SLOW * fastest) & ~near] = PHASES.index("hold")
-    phase[pushed] = PHASES.index("external load")
-    return phase
+    still = (np.abs(speed) < SLOW * fastest) & ~near
+    steady = np.abs(acceleration) < STEADY * strongest
+    every = {"external load": pushed, "hold": still, "constant speed": steady, "reversal": near}
+    return np.select(list(every.values()), list(every), "acceleration")

@@ -5,14 +5,14 @@ follow from a replay: how tips and stick touch, how the stick moves, and how har
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_z_axis
 from diagnosis.motion.batch import Simulate, states, together
-from diagnosis.motion.held import Held, tip_gaps_m
+from diagnosis.motion.held import Held, gaps_m
 from diagnosis.motion.recordings import white_noise
 
 RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
@@ -26,33 +26,20 @@ ENGINES = (2e-3, 4e-3, 12e-3)
 """Nominal worlds on Bullet and SAPIEN differ by this from their replay on MuJoCo [m, rad, Nm]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class GraspReplay:
-    """One world in one episode, a row per sample of the log."""
-
-    joint_rad: Array
-    """Joint angles, shape (T, J)."""
-    torque_nm: Array
-    """PD torques, shape (T, J)."""
-    stick: Array
-    """Pose x y z [m], qw qx qy qz, shape (T, 7)."""
-    force_n: Array
-    """Normal force on every tip, shape (T, F)."""
-
-    def motion_gap(self, part: Held, length_m: float) -> float:
-        """How it moves otherwise than a log: the mean square of the gaps over `ENGINES`."""
-        pairs = (
-            (ends_m(self.stick, length_m), ends_m(part.stick, length_m)),
-            (self.joint_rad, part.joint_rad),
-            (self.torque_nm, part.torque_nm),
-        )
-        ratios = []
-        for (model, real), far in zip(pairs, ENGINES, strict=True):
-            if np.isfinite(real).all():
-                square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
-                noise = float(np.mean(white_noise(real) ** 2))
-                ratios.append(max(square - noise, 0.0) / far**2)
-        return float(np.mean(ratios))
+def motion_gap(part: Held, shown: Held, length_m: float) -> float:
+    """How a replay moves otherwise than a log: the mean square of the gaps over `ENGINES`."""
+    pairs = (
+        (ends_m(shown.stick, length_m), ends_m(part.stick, length_m)),
+        (shown.joint_rad, part.joint_rad),
+        (shown.torque_nm, part.torque_nm),
+    )
+    ratios = []
+    for (model, real), far in zip(pairs, ENGINES, strict=True):
+        if np.isfinite(real).all():
+            square = np.mean(np.nan_to_num(model - real, nan=1e3) ** 2)
+            noise = float(np.mean(white_noise(real) ** 2))
+            ratios.append(max(square - noise, 0.0) / far**2)
+    return float(np.mean(ratios))
 
 
 def ends_m(stick: Array, length_m: float) -> Array:
@@ -61,9 +48,9 @@ def ends_m(stick: Array, length_m: float) -> Array:
     return np.concatenate([stick[..., :3] - half, stick[..., :3] + half], axis=-1)
 
 
-def touch_m(nominal: Spec, part: Held, seen: Held | GraspReplay) -> Array:
+def touch_m(nominal: Spec, part: Held) -> Array:
     """How far tips are from the nominal stick's surface once the grip has settled, shape (F,)."""
-    return settled(part, tip_gaps_m(nominal, seen.joint_rad, seen.stick))
+    return settled(part, gaps_m(nominal, part))
 
 
 def settled(part: Held, values: Array) -> Array:
@@ -73,7 +60,7 @@ def settled(part: Held, values: Array) -> Array:
 
 def simulate_grasps(
     simulate: Simulate, worlds: Sequence[Spec], parts: Sequence[Held]
-) -> list[list[GraspReplay]]:
+) -> list[list[Held]]:
     """What every world shows in every episode: a list per world of one per episode.
 
     Joints and stick start where the log has them; all episodes have one rate. A world that is asked
@@ -93,21 +80,24 @@ def simulate_grasps(
         together([getattr(part, name) for part in every])
         for name in ("command_rad", "push_nm", "pull_n")
     )
-    rows = list[tuple[Array, ...]]()
+    rows = list[dict[str, Array]]()
     engine = simulate([world for world in timed for _ in parts])
     for state in states(engine, start, target, load, pull):
-        pose = np.hstack([state.stick_pos_m, state.stick_quat_wxyz])
-        force_n = np.linalg.norm(state.contact_force_n, axis=-1)
-        rows.append((state.joint_rad.copy(), state.drive_torque_nm.copy(), pose, force_n))
-        if (pose[:, 2] < stick[:, 2] - GONE_M).all():
+        now = {
+            "joint_rad": state.joint_rad.copy(),
+            "torque_nm": state.drive_torque_nm.copy(),
+            "stick": np.hstack([state.stick_pos_m, state.stick_quat_wxyz]),
+            "force_n": np.linalg.norm(state.contact_force_n, axis=-1),
+        }
+        rows.append(now)
+        if (now["stick"][:, 2] < stick[:, 2] - GONE_M).all():
             break
     rows += rows[-1:] * (len(target) - len(rows))
-    names = ("joint_rad", "torque_nm", "stick", "force_n")
-    taken = dict(zip(names, (np.stack(c, axis=1) for c in zip(*rows, strict=True)), strict=True))
-    shown = [
-        GraspReplay(**{name: values[n, : len(part.time_s)] for name, values in taken.items()})
-        for n, part in enumerate(every)
-    ]
-    begins = range(0, len(shown), len(parts))
-    by_world = {w: shown[k : k + len(parts)] for w, k in zip(unlike, begins, strict=True)}
+    taken = {name: np.stack([row[name] for row in rows], axis=1) for name in rows[0]}
+    shown = []
+    for n, part in enumerate(every):
+        own = {name: values[n, : len(part.time_s)] for name, values in taken.items()}
+        shown.append(replace(part, touch=None, **own))
+    count = len(parts)
+    by_world = {world: shown[k * count : (k + 1) * count] for k, world in enumerate(unlike)}
     return [by_world[world] for world in worlds]

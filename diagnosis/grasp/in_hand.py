@@ -50,7 +50,7 @@ def stick_report(
     if not names or simulate is None:
         return report + Report(missing=missing(names.values(), NEEDS))
     slips = missing([names[k] for k in (FRICTION, MASS) if k in names], PULLS)
-    parts = [part for part in held(log, nominal) if part.protocol == "grasp"]
+    parts = held(log, nominal, ("grasp",))
     if not parts:
         still = missing([names[k] for k in (RADIUS, SOFTNESS) if k in names], NEEDS)
         return report + Report(missing=(*still, *slips))

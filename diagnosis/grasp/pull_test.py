@@ -125,13 +125,12 @@ def pull_fit(
     yield along the stick as well: they tell a mass where Newton's law holds, and friction less.
     """
     slips = [slip(part, world.gravity_m_s2) for part in parts]
-    pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slipping < len(s.time_s)]
+    pairs = [(p, s) for p, s in zip(parts, slips, strict=True) if s and s.slips]
     if not pairs:
         return None
     kept, seen = [p for p, _ in pairs], [s for _, s in pairs]
     (shown,) = _replays(world, kept, simulate, (1.0,))
-    seen_slip = all(one.slipping < len(one.time_s) for one in shown)
-    if rigid and seen_slip:
+    if rigid and all(one.slips for one in shown):
         fit = replace(_by_newton(seen, shown, world), gives_way=not soft)
     else:
         fit = _by_replays(world, kept, seen, simulate)
@@ -165,12 +164,9 @@ def _replays(
     """Slips on the nominal engine by mass over the nominal one, read every `FINE_S`."""
     fine = [_finely(part) for part in parts]
     worlds = [changed(world, mass=float(np.log(m))) for m in masses]
-    rows = []
-    for shown in simulate_grasps(simulate, worlds, fine):
-        played = [(replace(p, stick=s.stick), s.force_n) for p, s in zip(fine, shown, strict=True)]
-        slips = [slip(p, world.gravity_m_s2, force_n) for p, force_n in played]
-        rows.append([one for one in slips if one is not None])
-    return rows
+    every = simulate_grasps(simulate, worlds, fine)
+    rows = [[slip(part, world.gravity_m_s2) for part in shown] for shown in every]
+    return [[one for one in slips if one is not None] for slips in rows]
 
 
 def _finely(part: Held) -> Held:
@@ -209,7 +205,7 @@ def _shifted(
         for e, (real, model) in enumerate(zip(seen, slips, strict=True)):
             cost, later_s = _best_shift(real, model)
             costs[m] += cost
-            pull_n = model.slipped_n if model.slipping < len(model.time_s) else model.pull_n[-1]
+            pull_n = model.slipped_n if model.slips else model.pull_n[-1]
             friction_n = pull_n + masses[m] * mass_kg * model.weight
             ratios[m, e] = np.log(max(1 + real.rises_n_s * later_s / friction_n, 1e-3))
     mass, half = valley(np.log(masses), costs)
@@ -225,8 +221,7 @@ def _shifted(
 
 def _best_shift(real: Slip, model: Slip) -> tuple[float, float]:
     """Least cost of a replay that slips later than it does, and by how much [s]."""
-    slips_s = model.time_s[min(model.slipping, len(model.time_s) - 1)]
-    later_s = real.time_s[real.slipping] - slips_s + SHIFTS_S
+    later_s = real.slips_s - model.slips_s + SHIFTS_S
     known = slice(0, real.end)
     at = real.time_s[known, None] - later_s
     moved = np.interp(at, model.time_s, np.minimum(model.travel_m, 2 * GONE_M))

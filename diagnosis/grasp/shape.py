@@ -24,7 +24,7 @@ from diagnosis.grasp.forward_model import (
     MASS,
     RADIUS,
     SOFTNESS,
-    GraspReplay,
+    motion_gap,
     settled,
     simulate_grasps,
     touch_m,
@@ -110,16 +110,14 @@ class Fit:
         self,
         nominal: Spec,
         parts: Sequence[Held],
-        shown: Sequence[GraspReplay],
-        heavier: Sequence[GraspReplay],
+        shown: Sequence[Held],
+        heavier: Sequence[Held],
     ) -> "Fit":
         """The next least-squares step, from replays of its world and of one with more mass."""
-        seen: tuple[Sequence[Held | GraspReplay], ...] = (parts, shown, heavier)
         real, model, other = (
-            np.array([touch_m(nominal, p, one) for p, one in zip(parts, some, strict=True)])
-            for some in seen
+            np.array([touch_m(nominal, one) for one in some]) for some in (parts, shown, heavier)
         )
-        force = np.array([settled(p, s.force_n) for p, s in zip(parts, shown, strict=True)])
+        force = np.array([settled(one, one.force_n) for one in shown])
         by_mass = (other - model) / PROBE
         slopes = np.stack([np.ones(force.size), -force.ravel(), by_mass.ravel()], axis=1)
         left = (real - model).ravel()
@@ -130,7 +128,8 @@ class Fit:
         step = inverse @ left
         left = left - slopes @ step
         scatter = np.sqrt(left @ left / max(left.size - sum(free), 1))
-        gaps = [s.motion_gap(p, nominal.stick.length_m) for s, p in zip(shown, parts, strict=True)]
+        pairs = zip(parts, shown, strict=True)
+        gaps = [motion_gap(*pair, nominal.stick.length_m) for pair in pairs]
         return replace(
             self,
             left_m=left.reshape(real.shape),
@@ -172,8 +171,8 @@ class Shape:
         names = of_part(catalogue, "stick", "contact")
         if self.is_misplaced:
             sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
-            left_m = float(np.sqrt(np.mean(self.chosen.left_m**2)))
-            return Report(missing=missing(sought, MISPLACED.format(1e3 * left_m)), world=nominal)
+            left_mm = 1e3 * FLOOR_M * self.chosen.worst
+            return Report(missing=missing(sought, MISPLACED.format(left_mm)), world=nominal)
         gaps = (
             np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0)).tolist()
             for fit in (self.nominal, self.chosen)
@@ -231,7 +230,7 @@ def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
 
 def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     """All subsets with both kinds of contacts, and a mass beside the nominal engine's."""
-    gaps = np.array([touch_m(nominal, part, part) for part in parts])
+    gaps = np.array([touch_m(nominal, part) for part in parts])
     found = [
         Fit(numbers=some, rigid=rigid, left_m=gaps, sizes=GIVEN * (SOFTNESS in some))
         for some in SUBSETS
@@ -239,13 +238,11 @@ def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     ]
     found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
-        heavy = [replace(f, sizes=f.sizes + (0.0, 0.0, PROBE)) for f in found if MASS in f.numbers]
+        steps = ((0.0, 0.0, PROBE * (MASS in fit.numbers)) for fit in found)
+        heavy = [replace(f, sizes=f.sizes + step) for f, step in zip(found, steps, strict=True)]
         shown = simulate_grasps(simulate, [fit.on(nominal) for fit in (*found, *heavy)], parts)
-        heavier = iter(shown[len(found) :])
-        found = [
-            fit.closer(nominal, parts, s, next(heavier) if MASS in fit.numbers else s)
-            for fit, s in zip(found, shown, strict=False)
-        ]
+        pairs = zip(found, shown, shown[len(found) :], strict=False)
+        found = [fit.closer(nominal, parts, *pair) for fit, *pair in pairs]
     return found
 
 

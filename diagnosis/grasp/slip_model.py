@@ -43,13 +43,23 @@ class Slip:
     """Gravity along its way [m/s^2]."""
     noise_m: float
     """Standard deviation of its travel as it is tracked."""
-    pressed_n: Array | None = None
-    """Sum of the normal forces on it, shape (T,), of a replay."""
+    pressed_n: Array
+    """Sum of the normal forces on it, shape (T,), of a replay; NaN of a log."""
 
     @property
     def slipping(self) -> int:
         """Number of the first sample by which it has slipped; T if it never has."""
         return int(np.argmax(np.append(self.travel_m, np.inf) > SLIPPED_M))
+
+    @property
+    def slips(self) -> bool:
+        """Whether it has slipped at all."""
+        return self.slipping < len(self.time_s)
+
+    @property
+    def slips_s(self) -> float:
+        """When it has slipped; the end if it never has [s]."""
+        return float(self.time_s[min(self.slipping, len(self.time_s) - 1)])
 
     @property
     def end(self) -> int:
@@ -66,9 +76,7 @@ class Slip:
     @property
     def held_n(self) -> float:
         """The sum of normal forces on a replay just before it slips."""
-        assert self.pressed_n is not None
-        slips_s = self.time_s[min(self.slipping, len(self.time_s) - 1)]
-        first, last = np.searchsorted(self.time_s, slips_s - BEFORE_S)
+        first, last = np.searchsorted(self.time_s, self.slips_s - BEFORE_S)
         return float(self.pressed_n[first : max(last, first + 1)].mean())
 
     @property
@@ -89,11 +97,8 @@ class Slip:
         return np.hypot(self.noise_m, MODEL * np.maximum(known, 0.0))
 
 
-def slip(part: Held, gravity_m_s2: Sequence[float], force_n: Array | None = None) -> Slip | None:
-    """An episode as one slip; None where the stick was not held still before it was pulled.
-
-    `force_n`: normal force on every tip, shape (T, F), of a replay.
-    """
+def slip(part: Held, gravity_m_s2: Sequence[float]) -> Slip | None:
+    """An episode as one slip; None where the stick was not held still before it was pulled."""
     pulled = part.pull_n > 0
     first = int(np.argmax(pulled))
     before = (np.arange(len(pulled)) < first) & (part.time_s > part.time_s[first] - LEAST_S)
@@ -109,7 +114,7 @@ def slip(part: Held, gravity_m_s2: Sequence[float], force_n: Array | None = None
         travel_m=travel[first:],
         weight=float(-np.dot(gravity_m_s2, axis)),
         noise_m=max(float(white_noise(part.stick[:first, :3]).mean()), CREEP_M),
-        pressed_n=None if force_n is None else force_n[first:].sum(axis=1),
+        pressed_n=part.force_n[first:].sum(axis=1),
     )
 
 

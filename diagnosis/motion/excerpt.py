@@ -5,7 +5,7 @@ the log, most of joints that have shown least so far. They begin at rests, or wh
 long, in motion. The last ends where enough is taken.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,8 +20,8 @@ from diagnosis.motion.recordings import (
     LEAST_SAMPLES,
     Recording,
     episodes_of,
-    lasting,
     recording,
+    recordings,
     stood_s,
 )
 
@@ -43,7 +43,8 @@ CHUNK = 50_000
 
 def excerpt(recordings: Sequence[Recording], enough_s: float) -> tuple[Recording, ...]:
     """The recordings, or pieces of them where they are longer than `enough_s` joint-seconds."""
-    if not _is_long([one.time_s[-1] for one in recordings], recordings[0], enough_s):
+    lasts_s = sum(one.time_s[-1] for one in recordings)
+    if not _is_long(lasts_s, recordings[0].command.shape[1], enough_s):
         return tuple(recordings)
     chosen = _chosen([_Coarse.of([one]) for one in recordings], enough_s)
     return tuple(_piece(recordings[k], begin, end, rests) for k, begin, end, rests in chosen)
@@ -55,10 +56,9 @@ def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, .
     Without all of a long log in memory. Raises LogError where there are none.
     """
     every = episodes_of(log, limb)
-    lasts_s = [float(np.ptp(log.episode(one.episode)["t_s"])) for one in every]
-    first = recording(log, limb, every[0], slice(0, LEAST_SAMPLES))
-    if not _is_long(lasts_s, first, enough_s):
-        return lasting([recording(log, limb, one) for one in every]), sum(lasts_s)
+    lasts_s = sum(float(np.ptp(log.episode(one.episode)["t_s"])) for one in every)
+    if not _is_long(lasts_s, len(limb.hand.joint_names), enough_s):
+        return recordings(log, limb), lasts_s
     coarse = []
     for one in every:
         chunks = (slice(k, k + CHUNK) for k in range(0, len(log.episode(one.episode)), CHUNK))
@@ -68,11 +68,11 @@ def excerpted(log: Log, limb: Spec, enough_s: float) -> tuple[tuple[Recording, .
         before = max(2 * begin - end, 0)
         near = recording(log, limb, every[number], slice(before, end))
         found.append(_piece(near, begin - before, end - before, rests))
-    return tuple(found), sum(lasts_s)
+    return tuple(found), lasts_s
 
 
-def _is_long(lasts_s: Sequence[float], one: Recording, enough_s: float) -> bool:
-    return sum(lasts_s) > 1.5 * _budget_s(one.command.shape[1], enough_s)
+def _is_long(lasts_s: float, joints: int, enough_s: float) -> bool:
+    return lasts_s > 1.5 * _budget_s(joints, enough_s)
 
 
 def _budget_s(joints: int, enough_s: float) -> float:
@@ -93,7 +93,7 @@ class _Coarse:
     """Means of the readings, shape (B, K)."""
 
     @classmethod
-    def of(cls, parts: Iterator[Recording] | Sequence[Recording]) -> "_Coarse":
+    def of(cls, parts: Iterable[Recording]) -> "_Coarse":
         """An episode that comes in parts."""
         found, end = list[tuple[Array, ...]](), 0
         for one in parts:
@@ -112,8 +112,8 @@ class _Coarse:
     def rests(self) -> Array:
         """Where all joints have rested, (B,)."""
         window = int(np.searchsorted(self.time_s, REST_S)) + 1
-        position, travel = self.position, np.nanmax(self.position, axis=0)
-        travel = travel - np.nanmin(position, axis=0)
+        position = self.position
+        travel = np.nanmax(position, axis=0) - np.nanmin(position, axis=0)
         moves = np.ptp(self.command, axis=0) > 0.0
         still = np.minimum(STILL_RAD, np.where(moves, 0.02 * travel, np.inf))
         steady = stood_s(np.arange(len(self.asked)), self.asked) >= window
@@ -143,12 +143,6 @@ class _Coarse:
         return np.nan_to_num(self.command - self.position)
 
     @property
-    def normal(self) -> tuple[Array, Array]:
-        """The normal equations of errors by `laws`, (3 + 2K, 3 + 2K) and (3 + 2K, K)."""
-        laws = self.laws
-        return laws.T @ laws, laws.T @ self.error
-
-    @property
     def laws(self) -> Array:
         """What errors follow from where nothing changes: pose, speed and its sign, (B, 3 + 2K)."""
         q = np.nan_to_num(self.position)
@@ -163,8 +157,9 @@ def _chosen(every: Sequence[_Coarse], enough_s: float) -> Iterator[tuple[int, in
     Shown are targets that move, and errors beside `laws` of the whole log, squared.
     """
     pieces = [(k, *ends) for k, one in enumerate(every) for ends in one.pieces(LEAST * enough_s)]
-    squares, shared = (sum(x) for x in zip(*(one.normal for one in every), strict=True))
-    by = np.linalg.lstsq(squares, shared)[0]
+    pairs = ((one.laws, one.error) for one in every)
+    normal = ((laws.T @ laws, laws.T @ error) for laws, error in pairs)
+    by = np.linalg.lstsq(*(sum(x) for x in zip(*normal, strict=True)))[0]
     odd = [(one.error - one.laws @ by) ** 2 for one in every]
     moves = [np.abs(np.diff(every[k].asked[a:b], axis=0)).sum(axis=0) for k, a, b in pieces]
     strange = [odd[k][a:b].sum(axis=0) for k, a, b in pieces]

@@ -35,10 +35,8 @@ STEP_RAD = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Held:
-    """One episode with the stick's pose."""
+    """One episode with the stick's pose, as logged or simulated."""
 
-    episode: int
-    protocol: str
     time_s: Array
     """Since the start, shape (T,)."""
     joint_rad: Array
@@ -53,6 +51,8 @@ class Held:
     """Known force on the stick along its axis, towards its lower end, shape (T,)."""
     torque_nm: Array
     """PD torques, shape (T, J); NaN where none were logged."""
+    force_n: Array
+    """Normal force on every tip [N], shape (T, F), of a simulation; NaN of a log."""
     touch: Array | None
     """Readings of the taxels, shape (T, F, K)."""
 
@@ -64,7 +64,7 @@ class Held:
     def every(self, rows: Array) -> "Held":
         """Some samples of it."""
         values = {field.name: getattr(self, field.name) for field in fields(self)}
-        return replace(self, **{k: v[rows] for k, v in values.items() if isinstance(v, np.ndarray)})
+        return replace(self, **{k: v[rows] for k, v in values.items() if v is not None})
 
 
 def held(log: Log, nominal: Spec, protocols: Sequence[str] = PROTOCOLS) -> list[Held]:
@@ -75,13 +75,13 @@ def held(log: Log, nominal: Spec, protocols: Sequence[str] = PROTOCOLS) -> list[
     for meta in log.episodes:
         stick = log.stick(meta.episode) if meta.protocol in protocols else None
         if stick is not None:
-            part = _held(log, nominal, meta.episode, meta.protocol, stick)
+            part = _held(log, nominal, meta.episode, stick)
             lost = gaps_m(nominal, part).min(axis=1) > LOST_M
             kept.append(part.every(np.arange(np.argmax(lost))) if lost.any() else part)
     return [part for part in kept if len(part.time_s) and part.time_s[-1] >= LEAST_S]
 
 
-def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) -> Held:
+def _held(log: Log, nominal: Spec, episode: int, stick: Array) -> Held:
     names, pull = nominal.hand.joint_names, log.pull(episode)
     time_s = log.episode(episode)["t_s"].to_numpy(float)
     position, command, push, torque = (
@@ -89,8 +89,6 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
     )
     same = log.fingers == tuple(tip.finger for tip in nominal.hand.fingertips)
     return Held(
-        episode=episode,
-        protocol=protocol,
         time_s=time_s - time_s[0],
         joint_rad=unread(position, table(nominal, rigid=True)),
         stick=stick,
@@ -98,6 +96,7 @@ def _held(log: Log, nominal: Spec, episode: int, protocol: str, stick: Array) ->
         push_nm=np.nan_to_num(push),
         pull_n=np.zeros(len(time_s)) if pull is None else pull,
         torque_nm=torque,
+        force_n=np.full((len(time_s), len(nominal.hand.fingertips)), np.nan),
         touch=log.touch(episode) if same else None,
     )
 

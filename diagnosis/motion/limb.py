@@ -234,16 +234,12 @@ class Limb:
         return unread(still, self.nominal), *self._springs
 
     def with_signals(self, **signals: Sequence[Array]) -> "Limb":
-        """The same limb and motion with other signals by episode: `command` or `push` (T, K)."""
+        """The same limb and motion with other `command` or `push` (T, K), or `sent_s` (T,)."""
         each = (dict(zip(signals, own, strict=True)) for own in zip(*signals.values(), strict=True))
         pairs = zip(self.recordings, each, strict=True)
-        return self.alike(recordings=tuple(replace(r, **own) for r, own in pairs))
-
-    def with_sent(self, sent_s: Sequence[Array]) -> "Limb":
-        """The same limb and motion under commands that act at other moments, by episode (T,)."""
-        pairs = zip(self.recordings, sent_s, strict=True)
-        recordings = tuple(replace(r, sent_s=own) for r, own in pairs)
-        ticks = tuple(_ticks(recording, self.dt) for recording in recordings)
+        recordings = tuple(replace(r, **own) for r, own in pairs)
+        timed = "sent_s" in signals
+        ticks = tuple(_ticks(r, self.dt) for r in recordings) if timed else self._ticks
         return self.alike({"_ticks": ticks}, recordings=recordings)
 
     def with_steps(self, joint: int, step: float) -> "Limb":

@@ -13,6 +13,7 @@ from backends.state import Array
 from diagnosis.models.world import World
 from diagnosis.motion.limb import Limb
 from diagnosis.packets.decode import decode, surprise
+from diagnosis.packets.rounding import RESPONSE_S
 from diagnosis.verdict.result import Z90
 
 START = 0.1
@@ -25,8 +26,6 @@ CLEAR_NATS = 3.0
 """A packet shows where the other decision would be worse by this."""
 LEAST_NATS, LEAST_LOST = 20.0, 4
 """Packets were lost where saying which makes the log so much more likely, and are so many."""
-WINDOW_S = 0.16
-"""A response is followed for so long [s]: what comes later is slow, and no sign of a packet."""
 NUDGE_RAD = 4e-3
 """Targets are moved by this to find a response [rad; of a slide a share of its travel]."""
 CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
@@ -157,7 +156,7 @@ def responses(world: World, u: Mapping[int, float]) -> Responses:
     evidence, limb = world.evidence, world.evidence.limb
     sizes, lengths = np.concatenate(list(map(np.diff, limb.edges))), [e[-1] for e in limb.edges]
     per_block = round(float(np.median(sizes)))
-    apart = max(per_block * round(WINDOW_S / limb.period_s / per_block), 2 * int(sizes.max()))
+    apart = max(per_block * round(RESPONSE_S / limb.period_s / per_block), 2 * int(sizes.max()))
     window, joints = apart // per_block, len(limb.joints)
     begins, block = np.cumsum([0, *lengths]), np.repeat(np.arange(len(sizes)), sizes)
     row = np.concatenate(list(map(np.arange, lengths)))

@@ -19,7 +19,7 @@ from diagnosis.motion.columns import STEP
 from diagnosis.motion.limb import BLOCK_S, Limb
 
 RESPONSE_S = 0.16
-"""A response is followed for so long [s]."""
+"""A response is followed for so long [s]: what comes later is slow, and tells of no target."""
 STEPS_RAD = 1.2e-3, 0.06
 """Between these ends steps are tried [rad; of a slide, of its travel]."""
 ABOVE = 1.5

@@ -6,6 +6,7 @@ replay against the engine in the nominal world, and what was found against the l
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -41,7 +42,7 @@ def apart_rad(simulate: Simulate, spec: Spec, log: Log) -> float:
     world.
     """
     spec = followed(spec)
-    shown = replay(simulate, [spec], [_unread(one) for one in begun(log, spec)])
+    shown = replay(simulate, [spec], begun(log, spec))
     names = spec.hand.joint_names
     return max(
         apart(part, motion, engine[0, :, 0, [names.index(n) for n in part.hand.joint_names]].T)
@@ -59,21 +60,22 @@ def followed(spec: Spec) -> Spec:
     return with_numbers(spec, dict.fromkeys(spec.hand.joint_names, dict.fromkeys(RANDOM, 0.0)))
 
 
-def begun(log: Log, spec: Spec) -> list[Recording]:
+def begun(log: Log, spec: Spec) -> tuple[Recording, ...]:
     """The beginnings of a log's free-air episodes, under commands and pushes alone.
 
-    Of open loops with the torques and speeds that are all that is asked.
+    Of open loops with the torques and speeds that are all that is asked. Without motor angles: all
+    replays start with the motor at the joint's angle.
     """
+    is_open = any(body.joint.loop.open for body in spec.hand.driven)
+    more: dict[str, Any] = {} if is_open else {"speed": None, "torque": None}
     every = []
     for one in episodes_of(log, spec):
         time_s = log.episode(one.episode)["t_s"].to_numpy(float)
         rows = int(np.searchsorted(time_s, time_s[0] + HORIZON_S)) + 1
         part = recording(log, spec, one, slice(0, rows))
-        every.append(dataclasses.replace(part, sent_s=None))
-    parts = lasting(every)
-    if any(body.joint.loop.open for body in spec.hand.driven):
-        return [dataclasses.replace(one, own=None) for one in parts]
-    return [dataclasses.replace(one, speed=None, torque=None, own=None) for one in parts]
+        part.measured[:, CHANNELS.index("motor")] = np.nan
+        every.append(dataclasses.replace(part, sent_s=None, **more))
+    return lasting(every)
 
 
 def apart(part: Spec, motion: Recording, position: Array, rigid: bool = False) -> float:
@@ -97,10 +99,3 @@ def engine_gaps_rad(simulate: Simulate, specs: Sequence[Spec], log: Log) -> tupl
     off = [s[:, :, 0] - m.measured[:, 0] for s, m in zip(shown, motions, strict=True)]
     squares = np.concatenate([one.reshape(len(specs), -1) ** 2 for one in off], axis=1)
     return tuple(np.sqrt(np.nanmean(squares, axis=1)).tolist())
-
-
-def _unread(motion: Recording) -> Recording:
-    """The motion without motor angles: both sides start with the motor at the joint's angle."""
-    measured = motion.measured.copy()
-    measured[:, CHANNELS.index("motor")] = np.nan
-    return dataclasses.replace(motion, measured=measured)

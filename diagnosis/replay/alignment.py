@@ -191,7 +191,7 @@ def _moved(log: Log, fits: Fits, found: Moments, more_s: float = 0.0) -> Fits:
         rows = [(r.time_s, r.episode, _rows(log, r)) for r in limb.recordings]
         sent_s = [time_s - found.early_s(number, at) for time_s, number, at in rows]
         u = {**fit.u, fit.freed[0]: _late_s(fit) + more_s}
-        others.append((one.of(limb.with_sent(sent_s)), replace(fit, u=u)))
+        others.append((one.of(limb.with_signals(sent_s=sent_s)), replace(fit, u=u)))
     return _fitted(others)
 
 

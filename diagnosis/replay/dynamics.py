@@ -76,7 +76,10 @@ def dynamics(spec: Spec, q: Array, v: Array) -> tuple[Array, Array]:
 
     Of slides kg and N. Nobody carries the weight of a payload beside the drives.
     """
-    return _masses(_links(spec), q), bias_torques(spec, q, v)
+    links, still, mass = _links(spec), np.zeros_like(q), np.empty((*q.shape, q.shape[1]))
+    for j, unit in enumerate(np.eye(q.shape[1])):
+        mass[:, :, j] = _torques(links, np.zeros(3), q, still, still + unit)
+    return mass, bias_torques(spec, q, v)
 
 
 def bias_torques(spec: Spec, q: Array, v: Array) -> Array:
@@ -102,13 +105,6 @@ def of_point(spec: Spec, joint: str, at_m: Vec3, q: Array, v: Array) -> tuple[Ar
     turning = _torques(alone, np.zeros(3), q, v, np.zeros_like(q))
     weight = _weights(alone, q)  # the point's Jacobian, transposed, against gravity
     return weight @ weight.transpose(0, 2, 1), turning, weight
-
-
-def _masses(links: _Links, q: Array) -> Array:
-    still, found = np.zeros_like(q), np.empty((*q.shape, q.shape[1]))
-    for j, unit in enumerate(np.eye(q.shape[1])):
-        found[:, :, j] = _torques(links, np.zeros(3), q, still, still + unit)
-    return found
 
 
 def _weights(links: _Links, q: Array) -> Array:

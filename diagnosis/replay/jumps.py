@@ -62,7 +62,7 @@ def moved_jumps(fitter: Fitter, fit: Fit, early_s: Sequence[Array]) -> list[Jump
         moved = [one.copy() for one in sent]
         for one, rows in zip(moved, some, strict=True):
             one[list(rows)] -= OVER * row_s
-        change = fitter.of(limb.with_sent(moved)).shown(fit.u) - base
+        change = fitter.of(limb.with_signals(sent_s=moved)).shown(fit.u) - base
         slope = np.nan_to_num(change / (OVER * row_s))
         for number, rows in enumerate(some):
             for row in rows:

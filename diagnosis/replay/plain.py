@@ -71,10 +71,12 @@ def model_text(
     `step_s`: with this time step in place of the file's.
     """
     xml, settings = model_of(log)
-    every, kept = _in_file(log, spec), () if nominal is None else _kept(xml, spec, nominal)
-    drives = settings.joints
-    notes = {name: _note(drives.get(name, DriveSettings()), spec, name) for name in every}
-    some = {name: replace(one, note=notes[name]) for name, one in every.items() if name not in kept}
+    kept, own = () if nominal is None else _kept(xml, spec, nominal), _beside_file(spec)
+    some = {
+        name: replace(one, note=_note(settings.joints.get(name, DriveSettings()), own[name]))
+        for name, one in _in_file(log, spec).items()
+        if name not in kept
+    }
     turned = nominal is not None and spec.gravity_m_s2 != nominal.gravity_m_s2
     with as_log_errors(f"{settings.mjcf}: "):
         return written(
@@ -91,12 +93,12 @@ def model_text(
 def _kept(xml: str, spec: Spec, nominal: Spec) -> set[str]:
     """Joints whose numbers and signals are the nominal ones, and whose servos the file has."""
     files, before = file_drives(xml), numbers_of(nominal)
-    more, known = ((beside(world), drives(world)) for world in (spec, nominal))
+    more, known = map(_beside_file, (spec, nominal))
     return {
         name
         for name, one in numbers_of(spec).items()
         if one == before[name]
-        and all(own.get(name) == other.get(name) for own, other in zip(more, known, strict=True))
+        and more[name] == known[name]
         and not one.open
         and np.allclose([files[name].kp or 0.0, files[name].kd], [one.kp, one.kd])
     }
@@ -107,9 +109,14 @@ def timestep_s(log: Log) -> float:
     return float(plain(log, model_of(log)[0], log.joints).model.opt.timestep)
 
 
-def _note(drive: DriveSettings, world: Spec, joint: str) -> str:
-    """What a joint's drive and signals do that its position servo does not."""
-    own = beside(world).get(joint, {}) | drives(world).get(joint, {})
+def _beside_file(world: Spec) -> dict[str, dict[str, float]]:
+    """What a world has of `BESIDE` and `DRIVES`, by joint."""
+    signals, acts = beside(world), drives(world)
+    return {name: signals.get(name, {}) | acts.get(name, {}) for name in world.hand.joint_names}
+
+
+def _note(drive: DriveSettings, own: dict[str, float]) -> str:
+    """What a joint's drive and signals (`own`) do that its position servo does not."""
     held = [name for name, _, _ in (*BESIDE.values(), *DRIVES.values()) if name != "open"]
     every = drive.more | {name: own[name] for name in held if own.get(name)}
     more = ", ".join(f"{name} {value:.4g}" for name, value in every.items())
@@ -174,7 +181,7 @@ def plain_apart(log: Log, spec: Spec) -> float:
     for part in limbs(spec):
         names = part.hand.joint_names
         episodes = begun(log, part)
-        step_s = Limb(spec=part, recordings=tuple(episodes), rigid=True).dt
+        step_s = Limb(spec=part, recordings=episodes, rigid=True).dt
         world = plain(log, text, names, step_s, world=spec)
         for recording in episodes:
             worst = max(worst, apart(part, recording, shown(world, recording, part), rigid=True))

@@ -70,7 +70,7 @@ def known_drives(log: Log) -> dict[str, KnownDrive]:
     found = {
         name: _known(settings, name, files[name], log.has("reference", name)) for name in log.joints
     }
-    without = [name for name, one in found.items() if one is None]
+    without = [name for name, one in found.items() if one.drive.kp is None]
     if without:
         first = f"{{{without[0]}: {{kp: 60, kd: 1.5}}}}"
         raise LogError(
@@ -79,7 +79,7 @@ def known_drives(log: Log) -> dict[str, KnownDrive]:
             f"them with --drive '{without[0]}=kp:60,kd:1.5'; if its commands are torques, say "
             f"--column '{without[0]}.feedforward=COLUMN'"
         )
-    return {name: one for name, one in found.items() if one is not None}
+    return found
 
 
 def servos(log: Log) -> dict[str, DriveSettings]:
@@ -126,8 +126,8 @@ def contradictions(log: Log) -> Iterator[str]:
         )
 
 
-def _known(settings: MjcfMechanism, name: str, file: Any, has_reference: bool) -> KnownDrive | None:
-    """One joint's drive; None where neither says its gain."""
+def _known(settings: MjcfMechanism, name: str, file: Any, has_reference: bool) -> KnownDrive:
+    """One joint's drive; its gain is None where neither says it."""
     said = settings.joints.get(name, DriveSettings())
     numbers, origins, differing = {}, {}, []
     if said.open_loop:
@@ -139,8 +139,6 @@ def _known(settings: MjcfMechanism, name: str, file: Any, has_reference: bool) -
         origins[number] = NOWHERE if numbers[number] is None else known
         if here is not None and there is not None and abs(here - there) > APART * abs(there):
             differing.append(f"{number} is {there:g} in {settings.mjcf} and {here:g} in log.yaml")
-    if numbers["kp"] is None:
-        return None
     drive = said.model_copy(update=numbers | {"kd": numbers["kd"] or 0.0})
     return KnownDrive(drive=drive, origins=origins, differing=tuple(differing))
 

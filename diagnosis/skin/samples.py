@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from backends.spec import Spec
-from backends.state import Array
 from diagnosis.motion.held import CALMER, Held, blur_m, gaps_m, pressed_m, smoothed
 from diagnosis.skin.forward_model import Faults, Pressed, joined
 
@@ -50,30 +49,21 @@ def _pressed(nominal: Spec, part: Held, binary: bool, blur: float) -> tuple[Pres
     period_s = float(np.median(np.diff(part.time_s)))
     finer = max(round(FINER_S / period_s), 1)
     step = max(round(PERIOD_S / period_s / finer), 1) * finer
-    rows = np.arange(step, len(part.time_s), step)
-
-    def shown(some: Held) -> tuple[Array, Array, Array, Array]:
-        """Readings, depths [m], how far tips are from the stick [m], and whether they touch it."""
-        gap_m, touch = gaps_m(nominal, some), some.touch
-        assert touch is not None
-        touched = touch.any(axis=2) | (gap_m < -OUT_M - SURE * blur)
-        return touch, pressed_m(nominal, some), gap_m, touched
-
-    history: tuple[tuple[Array, Array], ...] = ()
-    if not binary:
-        _, depth_m, _, touched = shown(part.every(np.arange(0, len(part.time_s), finer)))
-        history = ((np.maximum(depth_m, 0.0) * touched[..., None], rows // finer),)
-    part = part.every(rows)
-    reading, depth_m, gap_m, touched = shown(part)
+    apart = step if binary else finer
+    seen = part.every(np.arange(0, len(part.time_s), apart))
+    rows = np.arange(step, len(part.time_s), step) // apart
+    gap_m, depth_m, reading = gaps_m(nominal, seen), pressed_m(nominal, seen), seen.touch
+    assert reading is not None
+    touched = reading.any(axis=2) | (gap_m < -OUT_M - SURE * blur)
     data = Pressed(
-        time_s=part.time_s,
-        depth_m=depth_m,
-        reading=reading,
-        touched=touched,
+        time_s=seen.time_s[rows],
+        depth_m=depth_m[rows],
+        reading=reading[rows],
+        touched=touched[rows],
         binary=binary,
-        history=history,
+        history=() if binary else ((np.maximum(depth_m, 0.0) * touched[..., None], rows),),
     )
-    off, slack = np.median(gap_m, axis=0), SURE * MEDIAN * blur / np.sqrt(len(gap_m))
+    off, slack = np.median(gap_m[rows], axis=0), SURE * MEDIAN * blur / np.sqrt(len(rows))
     deepest_m = YIELD_M + FIRM_N * nominal.contact.compliance_m_n
     wrong = (off < -deepest_m - slack) | (off > OUT_M + slack)
     return data, [

@@ -88,7 +88,7 @@ def identify_skin_faults(
     names = {fault: every[fault] for fault in FIELDS if fault in every}
     parts = [part for part in held(log, nominal) if part.touch is not None]
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
-    why, binary = "", log.is_binary
+    binary = log.is_binary
     if not names:
         return Report(missing=lacking)
     if not parts:

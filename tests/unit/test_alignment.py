@@ -187,7 +187,7 @@ def test_a_command_acts_when_it_is_sent():
     """Replay commands that are sent in the midst of ticks as the same commands with a delay."""
     log = sent_between(6.0)
     limb = Limb(spec=mjcf_world(log), recordings=recordings(log, mjcf_world(log)), rigid=True)
-    late = limb.with_sent([r.time_s + 0.0064 for r in limb.recordings])
+    late = limb.with_signals(sent_s=[r.time_s + 0.0064 for r in limb.recordings])
     numbers = limb.nominal.copy()
     numbers[:, DELAY] = 0.0064
     assert np.ptp(limb.simulate(numbers) - limb.simulate(limb.nominal), axis=None) > 0.01

@@ -8,7 +8,7 @@ import pytest
 
 from backends.mjcf import Plain, Play
 from diagnosis import diagnose
-from diagnosis.logs.log import Log, LogMeta, make_log
+from diagnosis.logs.log import Log, LogError, LogMeta, make_log
 from diagnosis.motion.excerpt import FITTED_S, PIECE_S, SEARCHED_S, excerpt, excerpted
 from diagnosis.motion.recordings import Recording, recordings
 from diagnosis.replay.nominal import mjcf_world
@@ -137,6 +137,15 @@ def test_a_log_is_thinned_as_its_recordings_are():
         assert one.began_s == pytest.approx(other.began_s)
         assert np.allclose(one.measured, other.measured, equal_nan=True)
         assert np.allclose(one.start, other.start, atol=1e-9)
+
+
+def test_a_log_without_free_air_is_refused():
+    """Say so where the stick is in the hand in every episode."""
+    rows = {"t_s": np.arange(300) / HZ, "episode": 0, "command_rad.a": 0.0, "position_rad.a": 0.0}
+    held = META | {"episodes": [{"episode": 0, "protocol": "grasp"}]}
+    log = make_log(LogMeta.model_validate(held), pd.DataFrame(rows), ARM)
+    with pytest.raises(LogError, match="0 s in free air"):
+        excerpted(log, mjcf_world(log), SEARCHED_S)
 
 
 def wandering(real: str, never: float = 0.0) -> Log:

@@ -63,6 +63,7 @@ def fall(mass_kg: float, friction_n: float) -> slip_model.Slip:
         travel_m=travel[::100],
         weight=9.81,
         noise_m=1e-5,
+        pressed_n=np.full(len(time[::100]), np.nan),
     )
 
 
