@@ -269,9 +269,11 @@ class Fitter(World):
         plain = {k: v for k, v in u.items() if not self.is_column(k, freed)}
         found = {}
         for k in numbers:
-            step = self.step(k, plain.get(k, 0.0))
-            moved = self.shown({**plain, k: plain.get(k, 0.0) + step})
-            found[k] = np.nan_to_num((moved - base) / step)
+            now, step, before = plain.get(k, 0.0), self.step(k, plain.get(k, 0.0)), base
+            if self.is_column(k, freed) and self.evidence.limb.rigid:
+                now, before = step, self.shown({**plain, k: step})  # a gear is there in both
+            moved = self.shown({**plain, k: now + step})
+            found[k] = np.nan_to_num((moved - before) / step)
         return found
 
     def step(self, number: int, now: float) -> float:

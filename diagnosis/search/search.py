@@ -352,9 +352,12 @@ class Search:
         further ones among those that explain much alone.
         """
         asked = [k for k in range(len(self.parameters)) if self._is_asked(k, fit)]
+        is_far = not fit.freed and fit.worst > FAR * self.ordinary.floors
+        if is_far:
+            fit = self.fitter.fit(u=fit.u, steps=0)
         every, slopes = screened(self.fitter, fit, asked, self.chords)
         found = _first(every, FITTED)
-        if not fit.freed and fit.worst > FAR * self.ordinary.floors:
+        if is_far:
             plain, _ = screened(self.fitter, self.plain, asked, {})
             more: Sizes = {**_first(plain, MORE), **self._kin(every), **self._of_all(found)}
         else:
