@@ -19,7 +19,7 @@ class Effect(NumberEffect):
     bounds = (0.0, 100.0)
     levels = (0.1, 0.3, 1.0)
     number = "command.slowness_s_rad"
-    least = 0.02
+    least = 0.05
     most = 10.0
     kinked = True
     near = ("command-delay",)

@@ -166,23 +166,19 @@ class Search:
             f"fit of the nominal numbers of {', '.join(self.fitter.evidence.joints)}", 0.0
         )
         nominal = self.now = now = self.nominal
-        beam, causes = [nominal], 1
-        while causes <= MOST and (now.worst >= QUIET or self.ordinary.exact):
+        beam = [nominal]
+        for causes in range(1, MOST + 1):
+            if now.worst < QUIET and not self.ordinary.exact:
+                break
             for one in beam:
                 self._add(one)
-            if less := self._dropped(now):
-                self.now = now = with_prediction_spread(self.fitter, less, self.ordinary)
-                self.singles, beam = tuple(self._ranked(self._sets(1))), [now]
-                continue
-            for one in self._ranked(self._sets(causes))[:1]:
-                self._swap(one)
             fresh = self._polished(self._sets(causes))
             self.singles = self.singles or tuple(fresh)
             if not fresh or not self._is_worth(fresh[0], now):
                 break
             self.now = now = with_prediction_spread(self.fitter, fresh[0], self.ordinary)
             width = BEAM if causes < MIXED else 1
-            beam, causes = _near(fresh[:width]), causes + 1
+            beam = _near(fresh[:width])
 
     def _found(self, now: Fit) -> Found:
         """The best of the sets tried, of as many causes as `now` has."""
@@ -201,27 +197,6 @@ class Search:
             tied=tuple(f for f in others if self._is_tied(f, best)),
             is_likely=self._is_likely(best, self.nominal),
         )
-
-    def _dropped(self, now: Fit) -> Fit | None:
-        """A set of as many causes that leaves less: what came out as none beside it is left out."""
-        for fit in sorted(self.tried.values(), key=lambda fit: fit.excess):
-            none = [k for k in fit.freed if abs(fit.u[k]) < self.parameters[k].least]
-            if now.freed and len(fit.freed) == len(now.freed) + 1 and len(none) == 1:
-                less = self._without(fit, none[0]) if fit.excess < now.excess else now
-                return less if less.excess < now.excess else None
-        return None
-
-    def _swap(self, fit: Fit) -> None:
-        """Fit kin in place of each effect of a set that leaves much: another law may be the one."""
-        if fit.worst <= self.ordinary.floors:
-            return
-        for k in fit.freed:
-            others = {a: v for a, v in fit.u.items() if a != k}
-            rest = replace(fit, freed=tuple(a for a in fit.freed if a != k), u=others)
-            for number, other in enumerate(self.parameters):
-                if other.nameable and other.is_kin(self.parameters[k]):
-                    size = float(np.copysign(KIN * other.least, fit.u[k]))
-                    self._try(number, size, rest, fit.slopes)
 
     def _fit_alike(self, fit: Fit) -> None:
         """Fit what says the same of a robot in place of each effect of a set, to say so."""
@@ -315,28 +290,22 @@ class Search:
         """Fit the most promising sets with one more effect."""
         promising, slopes = self._promising(fit)
         for count, (number, size) in enumerate(promising.items()):
-            one, joint = self.parameters[number], self.parameters[number].joint
+            one, freed = self.parameters[number], (*fit.freed, number)
+            joint = one.joint
             where = "all joints" if joint is None else self.fitter.evidence.joints[joint]
             self.progress(
                 f"fit of {one.effect} on {where}, {count + 1} of {len(promising)}",
                 1.0 - (1.0 - NOMINAL) * 0.5 ** (len(self.tried) / ROUND),
             )
-            if size:
-                self._try(number, size, fit, slopes)
-
-    def _try(self, number: int, size: float, fit: Fit, slopes: Slopes) -> None:
-        """Fit a set with one more effect of about a size, from several starts."""
-        joint, freed = self.parameters[number].joint, (*fit.freed, number)
-        if frozenset(freed) in self.tried:
-            return
-        near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]
-        moving = None if joint is None else near
-        for u, known, again in self._starts(number, size, fit, slopes):
-            beat = self._to_beat(freed)
-            new = self.fitter.fit(freed, u, moving, known, beat=beat, again=again)
-            self._keep(new)
-            if not again and self.tried[frozenset(freed)] is new:
-                self._keep(self.fitter.fit(freed, new.u, moving, new.slopes))
+            if size and frozenset(freed) not in self.tried:
+                near = [k for k, p in enumerate(self.parameters) if p.joint in (joint, None)]
+                moving = None if joint is None else near
+                for u, known, again in self._starts(number, size, fit, slopes):
+                    beat = self._to_beat(freed)
+                    new = self.fitter.fit(freed, u, moving, known, beat=beat, again=again)
+                    self._keep(new)
+                    if not again and self.tried[frozenset(freed)] is new:
+                        self._keep(self.fitter.fit(freed, new.u, moving, new.slopes))
 
     def _to_beat(self, freed: Sequence[int]) -> float:
         """The excess of another fit of a set, or what the beam would keep of as many effects."""
@@ -359,7 +328,7 @@ class Search:
         found = _first(every, FITTED)
         if is_far:
             plain, _ = screened(self.fitter, self.plain, asked, {})
-            more: Sizes = {**_first(plain, MORE), **self._kin(every), **self._of_all(found)}
+            more: Sizes = {**_first(plain, MORE), **self._kin(every, found), **self._of_all(found)}
         else:
             singles = {f.freed[0]: f.u[f.freed[0]] for f in self._ranked(self._sets(1))}
             more = _first({k: u for k, u in singles.items() if k in asked}, MORE)
@@ -376,13 +345,12 @@ class Search:
             if one.joint is None and one.kind.per_joint and one.effect in sizes
         }
 
-    def _kin(self, promising: Sizes) -> Sizes:
+    def _kin(self, promising: Sizes, found: Sizes) -> Sizes:
         """Effects of a family at a joint: where one promises much, another may be the law."""
-        first = [self.parameters[k] for k in _first(promising, 1)]
         return {
             k: float(np.copysign(KIN * self.parameters[k].least, promising[k]))
             for k in sorted(promising)
-            if any(self.parameters[k].is_kin(one) for one in first)
+            if any(self.parameters[k].is_kin(self.parameters[one]) for one in found)
         }
 
     def _starts(
