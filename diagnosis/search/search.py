@@ -360,7 +360,8 @@ class Search:
 
         With dry friction that holds and that yields, and then with the better of them. With slopes,
         and whether these are taken again on the way: a second start is tried roughly. What all
-        joints share stands in place of what each has of it: no fit tells these apart.
+        joints share stands in place of what each has of it: no fit tells these apart. Where its
+        fits leave much, its size is sought before any tolerance moves in its place.
         """
         one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
@@ -371,12 +372,15 @@ class Search:
         if self.rubs or one.kind.family == CoulombFriction.family:
             more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())
             yield from ((u, slopes, True) for u in more)
-        better = self.tried[frozenset(freed)].u
+        best = self.tried[frozenset(freed)]
         alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
-        alone |= {k: better.get(k, 0.0) for k in self.soft}
-        if one.kind.kinked or self.fitter.evidence.rattles:
+        alone |= {k: best.u.get(k, 0.0) for k in self.soft}
+        is_poor = one.joint is None and one.kind.per_joint and best.worst > self.ordinary.floors
+        if one.kind.kinked or self.fitter.evidence.rattles or is_poor:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
+        if is_poor and self.rubs:
+            there = min(there, {**there, **self.soft}, key=self.fitter.excess_at)
         is_far = bool(self.guessed)
         yield self._rough(freed, there).u if is_far else there, self.plain.slopes, is_far
 
