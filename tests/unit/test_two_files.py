@@ -83,12 +83,14 @@ def test_a_table_with_decimal_commas_degrees_and_milliseconds(robot, tmp_path):
     """Read the numbers as they are meant, and say which unit they had."""
     frame = table("{} Soll [deg]", "{} Ist [deg]", "Zeit [ms]")
     frame = pd.concat([frame[["Zeit [ms]"]] * 1000, np.degrees(frame.iloc[:, 1:])], axis=1)
+    frame["elbow_flex Moment [Nm]"] = 1.5
     frame.round(6).to_csv(tmp_path / "run.csv", index=False, sep=";", decimal=",")
     made = pair(robot, [tmp_path / "run.csv"], Asked())
     assert np.allclose(made.signal("position", 0), POSITION, atol=1e-6)
+    assert np.all(made.signal("torque", 0, ["elbow_flex"]) == 1.5)
     assert made.dt_s(0) == pytest.approx(5e-3)
     assert (
-        made.said[0] == "run.csv: CSV between semicolons, with decimal commas, 800 rows, 5 columns"
+        made.said[0] == "run.csv: CSV between semicolons, with decimal commas, 800 rows, 6 columns"
     )
     assert "command_rad.elbow_flex is 'elbow_flex Soll [deg]' in deg" in made.said
 
