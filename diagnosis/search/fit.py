@@ -231,10 +231,19 @@ class Fitter(World):
         return min(one, other, key=lambda fit: _cost(fit.residual, weights) + fit.prior)
 
     def seen(self, fit: Fit) -> dict[int, float]:
-        """The parameters of a fit, without tolerances that hardly show: no model needs them."""
+        """The parameters of a fit, without tolerances that hardly show: no model needs them.
+
+        Nor does a rigid drive need a gear for tolerances of it, which are there by their slopes.
+        """
         moved = {k: fit.slopes[k] * v for k, v in fit.u.items() if k in fit.slopes}
         sizes = {k: np.sqrt(squared_gaps(self.evidence, x).max()) for k, x in moved.items()}
-        return {k: v for k, v in fit.u.items() if k in fit.freed or sizes.get(k, SEEN) >= SEEN}
+        geared = not self.evidence.limb.rigid
+        return {
+            k: v
+            for k, v in fit.u.items()
+            if k in fit.freed
+            or (sizes.get(k, SEEN) >= SEEN and (geared or not self.is_column(k, fit.freed)))
+        }
 
     def _left(self, fit: Fit) -> float:
         """What a fit leaves [squared]; that of a simulator stands back behind that of a robot."""

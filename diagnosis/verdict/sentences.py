@@ -26,7 +26,10 @@ def sentences(result: LimbResult) -> Iterator[str]:
         "a healthy robot"
     )
     if result.verdict == (NONE,) and result.left > result.ordinary:
-        yield f"The lost packets leave {_floors(result.left)}, and no other effect; {limit}."
+        yield (
+            "No fault was found beside the lost packets: the nominal world, refitted, leaves "
+            f"{_floors(result.left)} with them; {limit}."
+        )
     elif result.verdict == (NONE,):
         subject = "The motion" if result.sensors else "This log"
         left = _floors(result.left)

@@ -1,5 +1,7 @@
 """Fits of a limb: what its residuals say, and fits with slopes from elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from arms import Real, log_of
@@ -15,20 +17,29 @@ from diagnosis.search.fit import Fitter
 from diagnosis.verdict.ordinary import ROBOTS
 
 
-@pytest.fixture(scope="module")
-def fitter():
-    """Fits of two joints, of which the first has a gain 30 % too low."""
-    log = log_of(Real(joints=2, kp={0: 0.7}))
+def fits(log):
+    """Fits of the one limb of a log."""
     (part,) = limbs(mjcf_world(log))
     said = evidence(Limb(spec=part, recordings=recordings(log, part), rigid=True))
     return Fitter(said, parameters(catalogue(), said, 0.05, ROBOTS.everyday))
 
 
+def numbered(fitter, effect, joint):
+    """The number of a parameter."""
+    known = enumerate(fitter.parameters)
+    return next(k for k, p in known if (p.effect, p.joint) == (effect, joint))
+
+
+@pytest.fixture(scope="module")
+def fitter():
+    """Fits of two joints, of which the first has a gain 30 % too low."""
+    return fits(log_of(Real(joints=2, kp={0: 0.7})))
+
+
 @pytest.fixture(scope="module")
 def gain(fitter):
     """The number of the gain that is too low."""
-    known = enumerate(fitter.parameters)
-    return next(k for k, p in known if (p.effect, p.joint) == ("kp-scale", 0))
+    return numbered(fitter, "kp-scale", 0)
 
 
 def test_residuals_below_a_floor_say_less(fitter):
@@ -52,6 +63,25 @@ def test_no_model_needs_what_hardly_shows(fitter, gain):
     """Leave out tolerances that change nothing together, and no effect."""
     fit = fitter.fit((gain,), {gain: -0.3})
     seen = fitter.seen(fit)
-    apart = fitter.shown(fit.u) - fitter.shown(seen)
+    apart = fitter.bare(fit.u, fit.freed) - fitter.shown(seen)
     assert gain in seen and len(seen) < len([size for size in fit.u.values() if size])
     assert 0.0 < np.sqrt(np.mean(apart**2)) < 0.2
+
+
+def test_a_rigid_drive_gets_no_gear(fitter, gain):
+    """Leave out play that only moves readings by its slope: a gear would move them otherwise."""
+    play, fit = numbered(fitter, "backlash", 1), fitter.fit((gain,), {gain: -0.3})
+    assert play not in fitter.seen(replace(fit, u={**fit.u, play: 3e-3}))
+    named = fitter.fit((play,), {play: 3e-3})
+    assert play in fitter.seen(named)
+
+
+def test_play_moves_a_reading_by_no_more_than_itself():
+    """Take slopes of play alone where a rigid drive rubs so that a gear would move it elsewhere."""
+    log = log_of(Real(coulomb_nm={0: 30.0}))
+    xml = log.mjcf_xml.replace('frictionloss="0.0"', 'frictionloss="30"')
+    fitter = fits(replace(log, mjcf_xml=xml))
+    play, base = numbered(fitter, "backlash", 0), fitter.bare({}, ())
+    slope = fitter.slopes([play], {}, (), base)[play]
+    ones = np.ones((len(fitter.evidence.measured), 3, 1))
+    assert np.abs(slope).max() < 1.5 * fitter.evidence.pack(ones).max()
