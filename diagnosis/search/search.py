@@ -360,8 +360,9 @@ class Search:
 
         With dry friction that holds and that yields, and then with the better of them. With slopes,
         and whether these are taken again on the way: a second start is tried roughly. What all
-        joints share stands in place of what each has of it: no fit tells these apart. Where its
-        fits leave much, its size is sought before any tolerance moves in its place.
+        joints share stands in place of what each has of it: no fit tells these apart. Its size is
+        sought before any tolerance moves in its place where a slope misleads: at kinks, beside
+        play that rattles, in laws with numbers of their own, and where its fits leave much.
         """
         one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
@@ -376,7 +377,8 @@ class Search:
         alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
         alone |= {k: best.u.get(k, 0.0) for k in self.soft}
         is_poor = one.joint is None and one.kind.per_joint and best.worst > self.ordinary.floors
-        if one.kind.kinked or self.fitter.evidence.rattles or is_poor:
+        is_wide = len(with_parts(self.parameters, [number])) > 1
+        if one.kind.kinked or is_wide or is_poor or self.fitter.evidence.rattles:
             size = self._scanned(number, low, high, size, alone)
         there: Sizes = {**alone, number: size}
         if is_poor and self.rubs:
