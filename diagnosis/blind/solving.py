@@ -69,23 +69,28 @@ def task(blind: BlindSet, number: int) -> Task:
 
 def solve_set(folder: Path, solve: Solve, jobs: int = 1) -> list[dict[str, Any]]:
     """Run a solve function on every case of a set, in order, and write its results."""
-    blind = BlindSet(path=folder)
-    blind.note_try(identity(solve))
+    blind, name = BlindSet(path=folder), identity(solve)
+    blind.note_try(name)
     parallel = joblib.Parallel(n_jobs=jobs)
-    return parallel(joblib.delayed(solve_case)(blind, n, solve) for n in blind.numbers)
+    return parallel(joblib.delayed(solve_case)(blind, n, solve, name) for n in blind.numbers)
 
 
-def solve_case(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
+def solve_case(
+    blind: BlindSet, number: int, solve: Solve, solver_sha256: str | None = None
+) -> dict[str, Any]:
     """Solve one case and write its result."""
-    row = solved(blind, number, solve)
+    row = solved(blind, number, solve, solver_sha256)
     write_json(blind.result(number), row)
     return row
 
 
-def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
+def solved(
+    blind: BlindSet, number: int, solve: Solve, solver_sha256: str | None = None
+) -> dict[str, Any]:
     """The result of a case, bound to its log, the solver and the time.
 
-    A case on which the function fails is a wrong answer with the reason.
+    A case on which the function fails is a wrong answer with the reason. `solver_sha256`: its
+    `identity`, which no other process can tell of a function of the program that runs.
     """
     began_s, found = sum(os.times()[:2]), dict[str, Any]()
     try:
@@ -98,7 +103,7 @@ def solved(blind: BlindSet, number: int, solve: Solve) -> dict[str, Any]:
     return {
         "number": number,
         "log_sha256": blind.log_sha256(number),
-        "solver_sha256": identity(solve),
+        "solver_sha256": solver_sha256 or identity(solve),
         "time": now(),
         "excluded": list(blind.given(number).excluded),
         "cpu_s": sum(os.times()[:2]) - began_s,
