@@ -383,8 +383,8 @@ class Search:
         there: Sizes = {**alone, number: size}
         if is_poor and self.rubs:
             there = min(there, {**there, **self.soft}, key=self.fitter.excess_at)
-        is_far = bool(self.guessed)
-        yield self._rough(freed, there).u if is_far else there, self.plain.slopes, is_far
+        guesses = bool(self.guessed)
+        yield self._rough(freed, there).u if guesses else there, self.plain.slopes, guesses
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
