@@ -36,19 +36,18 @@ _get, _set = (function(_library, name, *_copy) for name in ("mj_getState", "mj_s
 @numba.cfunc(types.void(_model, _data), cache=True)
 def control(model, data):
     """Advance the motors of one world by one drive period and apply their torques."""
-    user_at = stack(USER_NUMBERS)
-    _get(model, data, user_at, USER)
-    user = array_at(user_at, USER_NUMBERS)
+    user = numba.carray(stack(USER_NUMBERS), USER_NUMBERS)
+    _get(model, data, user.ctypes.data, USER)
     n, args = int(user[0]), user[1]
     head = array_at(args, _HEAD)
     worlds, ticks, joints = int(head[0]), int(head[1]), int(head[2])
     q_size, v_size, stick = int(head[3]), int(head[4]), int(head[5])
     age, lifted = array_at(head[7], worlds).view(np.int64), array_at(head[8], worlds).view(np.int64)
     places = array_at(args, _HEAD + 2 * joints)[_HEAD:]
-    state_at, applied_at = stack(q_size + v_size), stack(v_size)
-    _get(model, data, state_at, QPOS | QVEL)
-    state, applied = array_at(state_at, q_size + v_size), array_at(applied_at, v_size)
-    angle, rate = array_at(stack(joints), joints), array_at(stack(joints), joints)
+    state = numba.carray(stack(q_size + v_size), q_size + v_size)
+    applied = numba.carray(stack(v_size), v_size)
+    angle, rate = numba.carray(stack(joints), joints), numba.carray(stack(joints), joints)
+    _get(model, data, state.ctypes.data, QPOS | QVEL)
     for j in range(joints):
         angle[j] = state[int(places[j])]
         rate[j] = state[q_size + int(places[joints + j])]
@@ -62,7 +61,7 @@ def control(model, data):
         for i in range(3):
             applied[stick + i] = carry_n[n, i]
     age[n] += 1
-    _set(model, data, applied_at, APPLIED)
+    _set(model, data, applied.ctypes.data, APPLIED)
 
 
 CALLBACK = control.ctypes

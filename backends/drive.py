@@ -110,9 +110,9 @@ def _extra(motor, speed, pd, p, dt):
     return rubbing(speed, p[_STICTION]), cog
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
-    """Step one joint's drive by one period `dt`, with its row `p` (26,) of a `drive_table`.
+    """Step one joint's drive by one period `dt`, with its numbers `p` (26,) of a `drive_table`.
 
     `pd` is the last PD torque; `extra`: whether it may have stiction, cogging or a memory. Returns
     the motor's new angle and speed, its PD torque and the torque on the joint.
@@ -141,14 +141,14 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
     return motor + dt * speed, speed, pd, gear - (abs(firm) * past if firm * past > 0.0 else 0.0)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def drive_step(target, joint, joint_speed, motor, motor_speed, p, dt, extra, pd, gear):
-    """`motor_tick` for arrays (N, J); `p` (N, J, 26) holds the numbers of all drives."""
-    for n in range(p.shape[0]):
-        for j in range(p.shape[1]):
+    """`motor_tick` for arrays (N, J); `p` (N, 26, J) holds the numbers of all drives."""
+    for n in range(target.shape[0]):
+        for j in range(target.shape[1]):
             rotor = motor[n, j], motor_speed[n, j], pd[n, j]
             motor[n, j], motor_speed[n, j], pd[n, j], gear[n, j] = motor_tick(
-                target[n, j], joint[n, j], joint_speed[n, j], *rotor, p[n, j], dt, extra
+                target[n, j], joint[n, j], joint_speed[n, j], *rotor, p[n, :, j], dt, extra
             )
 
 
@@ -179,8 +179,8 @@ class DriveBank:
     """The drives of N worlds and their rotor states."""
 
     def __init__(self, specs: Sequence[Spec]) -> None:
-        self._numbers = np.array([drive_table(spec) for spec in specs])
-        shape = self._numbers.shape[:2]
+        self._numbers = np.array([drive_table(spec) for spec in specs]).swapaxes(1, 2).copy()
+        shape = len(specs), self._numbers.shape[2]
         self.motor_rad = np.zeros(shape)
         """Motor angles reflected through the gear [rad], shape (N, J)."""
         self.motor_rad_s = np.zeros(shape)
@@ -193,7 +193,7 @@ class DriveBank:
             self.motor_rad_s,
             self._numbers,
             specs[0].timing.drive_s,
-            bool(self._numbers[..., [_FADE, _SLIDING, _STICTION, _COGGING]].any()),
+            bool(self._numbers[:, [_FADE, _SLIDING, _STICTION, _COGGING]].any()),
             self.pd_nm,
             self._gear_nm,
         )
@@ -204,7 +204,7 @@ class DriveBank:
         self.motor_rad[mask] = joint_rad[mask]
         for rate in (self.motor_rad_s, self.pd_nm):
             rate[mask] = 0.0
-        self._numbers[np.flatnonzero(mask), :, _HEAT:] = 0.0
+        self._numbers[mask, _HEAT:] = 0.0
 
     def step(self, target_rad: Array, joint_rad: Array, joint_rad_s: Array) -> Array:
         """Advance the rotors by one drive period; returns the joint torques [Nm], (N, J)."""

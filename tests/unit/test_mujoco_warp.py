@@ -86,7 +86,7 @@ def test_the_drive_law_is_the_same_to_1e_6():
         place,
         place,
     ]
-    numbers = wp.array(p, dtype=wp.float64)
+    numbers, p = wp.array(p, dtype=wp.float64), p.swapaxes(1, 2).copy()
     tick = wp.zeros(WORLDS, dtype=int)
     inputs = [*state, numbers, wp.float64(DT_S), *there[:3], tick, there[3], applied]
     for _ in range(3):
