@@ -69,6 +69,7 @@ class EncoderBank:
         self._parameters = np.array([[astuple(j.encoder) for j in row] for row in joints])
         self._at_motor = np.array([[j.sensor == "motor" for j in row] for row in joints])
         self._acts = bool(self._parameters.any())
+        self._plain = not self._acts and not self._at_motor.any()
         self.remembers = bool(self._parameters[..., 4].any())
         """Whether a sensor is late, so that the angles of every drive period have to be stored."""
         ticks = ring_ticks(self._parameters[..., 4], self._dt_s)
@@ -81,6 +82,8 @@ class EncoderBank:
 
     def read(self, joint_rad: Array, motor_rad: Array, tick: Array, seed: Array) -> Array:
         """Readings [rad], shape (N, J), at the period that was stored last."""
+        if self._plain:
+            return joint_rad
         reading = np.where(self._at_motor, motor_rad, joint_rad)
         if self._acts:
             read(tick, seed, self._parameters, self._dt_s, self._ring, reading)

@@ -130,20 +130,20 @@ def placed(joint, parent, column, offset, axis, at, turn):
             _multiply(turn[parent[b]], hinge, turn[b])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _place(at, turn, offset, out):
     for i in range(3):
         out[i] = at[i] + turn[i, 0] * offset[0] + turn[i, 1] * offset[1] + turn[i, 2] * offset[2]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _multiply(a, b, out):
     for i in range(3):
         for j in range(3):
             out[i, j] = a[i, 0] * b[0, j] + a[i, 1] * b[1, j] + a[i, 2] * b[2, j]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _hinge(axis, angle, out):
     """Rodrigues' formula."""
     x, y, z = axis

@@ -220,8 +220,13 @@ def _joints(qpos, qvel, qpos_at, qvel_at, angle, rate):
 
 
 @numba.njit(cache=True)
-def _observed(qpos, qvel, sensors, stick, twist, pos, quat, vel, omega, point, force):
-    """Read the stick, its twist, and of each tip the mean contact point by load, and the force."""
+def _observed(qpos, qvel, sensors, places, joints, pos, quat, vel, omega, point, force):
+    """Read the joints, stick and twist, and each tip's mean contact point by load, and its force.
+
+    `places` are those of joints and stick in `qpos` and `qvel`.
+    """
+    qpos_at, qvel_at, stick, twist = places
+    _joints(qpos, qvel, qpos_at, qvel_at, *joints)
     turn = np.empty((1, 3, 3))
     for n in range(len(pos)):
         for i in range(3):
@@ -343,7 +348,6 @@ class Backend(Engine):
             self._batch.step(nstep=self._timing.substeps)
         finally:
             mujoco.set_mjcb_control(None)
-        self._read_joints()
 
     def _read_joints(self) -> None:
         joints = self._qpos_at, self._qvel_at, self.state.joint_rad, self.state.joint_rad_s
@@ -351,8 +355,10 @@ class Backend(Engine):
 
     def _observe(self, rows: slice) -> None:
         state, stick, twist = self.state, self._stick_qpos.start, self._stick_qvel.start
+        places = self._qpos_at, self._qvel_at, stick, twist
+        joints = state.joint_rad, state.joint_rad_s
         pose = state.stick_pos_m, state.stick_quat_wxyz
         moves = state.stick_vel_m_s, state.stick_omega_rad_s
         contacts = state.contact_point_m, state.contact_force_n
         read = self._qpos, self._qvel, self._sensors
-        _observed(*read, stick, twist, *pose, *moves, *contacts)
+        _observed(*read, places, joints, *pose, *moves, *contacts)

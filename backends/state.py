@@ -85,10 +85,10 @@ class State:
 
     def first_bad_signal(self) -> str | None:
         """Name of the first signal that is NaN or infinite, else None."""
-        signals = [getattr(self, name) for name in SIGNALS]
-        if _are_finite(*signals):
+        signals = vars(self)
+        if _are_finite(*signals.values()):
             return None
-        return next(n for n, signal in zip(SIGNALS, signals, strict=True) if not is_finite(signal))
+        return next(name for name, signal in signals.items() if not is_finite(signal))
 
 
 SIGNALS = tuple(field.name for field in fields(State))

@@ -117,7 +117,7 @@ def _read(worlds, joint, pos, quat, force, time_s, chain, skins, touch):
             in_contact[n, f] = _center(active[n, f], grid[f], center[n, f])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
     """Write the rotation and offset from a fingertip's frame to the stick's."""
     turn[:], offset[:] = 0.0, 0.0
@@ -128,7 +128,7 @@ def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
                 turn[i, j] += stick_rot[k, i] * rotation[k, j]
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _depths(turn, offset, shape, grid, reach, reading):
     """Pressed depths of the taxels of a grid (3, T), with room for a negative threshold.
 
@@ -140,9 +140,8 @@ def _depths(turn, offset, shape, grid, reach, reading):
         x = turn[0, 0] * u + turn[0, 1] * v + turn[0, 2] * w + offset[0]
         y = turn[1, 0] * u + turn[1, 1] * v + turn[1, 2] * w + offset[1]
         z = turn[2, 0] * u + turn[2, 1] * v + turn[2, 2] * w + offset[2]
-        round_, box = _to_capsule(x, y, z, half, r), _to_box(x, y, z, half, r)
-        pressed = reach - (round_ if is_round else box)
-        reading[t] = max(pressed + THRESHOLD_M, 0.0)
+        apart = _to_capsule(x, y, z, half, r) if is_round else _to_box(x, y, z, half, r)
+        reading[t] = max(reach - apart + THRESHOLD_M, 0.0)
 
 
 @numba.njit(cache=True)
@@ -169,7 +168,7 @@ def _binarise(reading, threshold, active):
         active[t] = reading[t] > threshold
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def _center(active, grid, center):
     """Write the mean position of the active taxels; returns whether there are any."""
     x, y, z, count = 0.0, 0.0, 0.0, 0

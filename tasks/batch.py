@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -88,8 +88,7 @@ class NotFiniteActionError(SimulationDivergedError, ValueError):
     """An action is NaN or infinite; the message names the world and its step."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Step:
+class Step(NamedTuple):
     """The result of one policy step for N worlds."""
 
     observation: Array

@@ -5,6 +5,7 @@ import json
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -38,8 +39,7 @@ class Channel:
         return self.name in PER_JOINT
 
 
-@dataclass(frozen=True, kw_only=True)
-class Percept:
+class Percept(NamedTuple):
     """All data from which an observation may be built, for N worlds."""
 
     state: State
@@ -97,31 +97,39 @@ class ActionLaw:
 
     def displace(self, target: Array, measured: Array, action: Array) -> None:
         """Overwrite targets (N, J) [rad] by the next ones, for the measured positions [rad]."""
-        numbers = self.scale_rad, self.target_return, self.target_lead_rad
-        moved = self.scale_rad * action
-        _displace(target, measured, moved, *self._rest, *numbers, self._ends)
+        _displace(target, measured, action, *self._numbers)
 
     @cached_property
-    def _rest(self) -> tuple[Array, bool]:
-        """The preload or the default pose (J,), and whether it is the preload."""
-        preload = self.preload_rad
-        return np.array(self.default_pose_rad if preload is None else preload), preload is not None
-
-    @cached_property
-    def _ends(self) -> Array:
-        return np.array(self.target_range_rad).T
+    def _numbers(self) -> tuple:
+        """The arguments of `_displace` behind the action: at rest the preload or the default pose.
+        """
+        is_preload = self.preload_rad is not None
+        rest = np.array(self.preload_rad if is_preload else self.default_pose_rad)
+        ends = np.array(self.target_range_rad).T
+        return rest, is_preload, self.scale_rad, self.target_return, self.target_lead_rad, ends
 
 
 @numba.njit(cache=True)
-def _displace(target, measured, moved, rest, is_preload, most, back, lead, ends):
-    most = moved.dtype.type(most)
+def _displace(target, measured, action, rest, is_preload, scale, back, lead, ends):
+    most = action.dtype.type(scale)
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             at, there = measured[n, j], target[n, j]
             goal = at + rest[j] if is_preload else rest[j]
-            there += min(max(moved[n, j], -most), most) + back * (goal - there)
+            there += min(max(most * action[n, j], -most), most) + back * (goal - there)
             there = min(max(there, at - lead), at + lead)
             target[n, j] = min(max(there, ends[0, j]), ends[1, j])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _first(measured, low, span, axis, rows):
+    """Write joint positions over their ranges, then u_d, into the first columns."""
+    joints = len(low)
+    for n in range(len(rows)):
+        for j in range(joints):
+            rows[n, j] = (measured[n, j] - low[j]) / span[j]
+        for i in range(3):
+            rows[n, joints + i] = axis[n, i]
 
 
 class Observation(ABC):
@@ -148,7 +156,7 @@ class Observation(ABC):
             *self.extra_channels(),
         )
 
-    @property
+    @cached_property
     def width(self) -> int:
         """Length of the observation vector."""
         return sum(channel.width for channel in self.channels)
@@ -170,9 +178,13 @@ class Observation(ABC):
 
     def read(self, percept: Percept) -> Array:
         """Observation vectors, shape (N, width), float32; they share no memory with the state."""
-        position = (percept.state.measured_rad - self._low) / self._span
-        parts = [position, percept.desired_axis, *self.extra(percept)]
-        return np.concatenate(parts, axis=1, dtype=np.float32)
+        rows = np.empty((len(percept.desired_axis), self.width), dtype=np.float32)
+        _first(percept.state.measured_rad, self._low, self._span, percept.desired_axis, rows)
+        at = len(self._low) + 3
+        for part in self.extra(percept):
+            rows[:, at : at + part.shape[1]] = part
+            at += part.shape[1]
+        return rows
 
     @abstractmethod
     def extra_channels(self) -> tuple[Channel, ...]:
