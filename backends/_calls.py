@@ -107,10 +107,8 @@ def array_at(address, shape):
 def motor_step(address, n, tick, angle, rate):
     """Advance the motors of world `n` by a drive period, the policy period's number `tick`.
 
-    Returns its joint torques (J,) [Nm].
-
-    Results that wait on the stack overlap no argument, so without extras the processor computes
-    several drives at a time.
+    Returns its joint torques (J,) [Nm]. Until all are known, results wait on the stack, where they
+    overlap no argument: only so are several drives computed at a time.
     """
     head = array_at(address, _HEAD)
     shape, ticks, dt, extra = (int(head[0]), int(head[2])), int(head[1]), head[3], head[4] != 0.0

@@ -48,11 +48,15 @@ MEMORY = ("heat", "bend")
 """What a drive remembers beside its rotor: the rows behind its numbers in a table."""
 _HEAT = len(COLUMNS)
 _LIMIT, _TEETH = COLUMNS.index("torque_limit_nm"), COLUMNS.index("gear_stiffness_nm_rad")
+_DEAD, _WAY = COLUMNS.index("dead_zone_rad"), COLUMNS.index("one_way_friction_nm")
+_FALL = COLUMNS.index("limit_fall_nms_rad")
 _STICTION, _COGGING = COLUMNS.index("stiction_nm"), COLUMNS.index("cogging_nm")
 _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_phase_rad")
 _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
 _FADE, _WARM = COLUMNS.index("thermal_fade"), COLUMNS.index("thermal_s")
 _SLIDING, _BRISTLE = COLUMNS.index("presliding_nm"), COLUMNS.index("presliding_rad")
+_EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING)
+"""Places of the numbers of a drive that few robots have: a step without them is shorter."""
 
 
 @numba.njit(cache=True)
@@ -114,12 +118,11 @@ def _extra(motor, speed, pd, p, dt):
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
     """Step one joint's drive by one period `dt`, with its numbers `p` (26,) of a `drive_table`.
 
-    `pd` is the last PD torque; `extra`: whether it may have stiction, cogging or a memory. Returns
-    the motor's new angle and speed, its PD torque and the torque on the joint.
+    `pd` is the last PD torque; `extra`: whether it may have one of the `_EXTRAS`. Returns the
+    motor's new angle and speed, its PD torque and the torque on the joint.
     """
     kp, kd, limit, inertia, coulomb, viscous = p[0], p[1], p[2], p[3], p[4], p[5]
-    k, c, play, lock, load, dead = p[6], p[7], p[8], p[9], p[11], p[12]
-    way, fall, stop, firm = p[13], p[14], p[18], p[19]
+    k, c, play, lock, load = p[6], p[7], p[8], p[9], p[11]
     rub, cog = _extra(motor, speed, pd, p, dt) if extra else (0.0, 0.0)
     gap = motor - joint
     touches = (gap > play) | (gap < -play) | (play == 0.0)
@@ -127,18 +130,23 @@ def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
     gear = k * press + c * (speed - joint_speed)
     pulls = (play > 0.0) & (gear * press < 0.0)
     gear = 0.0 if pulls | (not touches) else gear
-    pd = kp * _shrink(target - motor, dead) - kd * speed
-    lost = fall * speed
-    high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
-    pd = min(max(pd, low), high)
+    lead, high, low = target - motor, limit, -limit
+    if extra:
+        lost, lead = p[_FALL] * speed, _shrink(lead, p[_DEAD])
+        high, low = limit - min(max(lost, 0.0), limit), min(max(-lost, 0.0), limit) - limit
+    pd = min(max(kp * lead - kd * speed, low), high)
     friction = coulomb + load * abs(gear) + rub
     speed += dt / inertia * (pd + cog - gear - viscous * speed)
-    friction += max(way if speed > 0.0 else -way, 0.0)
+    if extra:
+        friction += max(p[_WAY] if speed > 0.0 else -p[_WAY], 0.0)
     speed = _shrink(speed, dt / inertia * friction)
     locked = _shrink(speed, dt / inertia * lock)
     speed = locked if (speed * pd <= 0.0) & (speed * gear < 0.0) else speed
-    past = joint + 0.5 * dt * joint_speed - stop
-    return motor + dt * speed, speed, pd, gear - (abs(firm) * past if firm * past > 0.0 else 0.0)
+    motor += dt * speed
+    if extra:
+        firm, past = p[_FIRM], joint + 0.5 * dt * joint_speed - p[_STOP]
+        gear -= abs(firm) * past if firm * past > 0.0 else 0.0
+    return motor, speed, pd, gear
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -193,7 +201,7 @@ class DriveBank:
             self.motor_rad_s,
             self._numbers,
             specs[0].timing.drive_s,
-            bool(self._numbers[:, [_FADE, _SLIDING, _STICTION, _COGGING]].any()),
+            bool(self._numbers[:, _EXTRAS].any()),
             self.pd_nm,
             self._gear_nm,
         )

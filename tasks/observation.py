@@ -101,8 +101,7 @@ class ActionLaw:
 
     @cached_property
     def _numbers(self) -> tuple:
-        """The arguments of `_displace` behind the action: at rest the preload or the default pose.
-        """
+        """The arguments of `_displace` behind the action."""
         is_preload = self.preload_rad is not None
         rest = np.array(self.preload_rad if is_preload else self.default_pose_rad)
         ends = np.array(self.target_range_rad).T
