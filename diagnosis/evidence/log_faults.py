@@ -22,8 +22,8 @@ typical steps, for it returns at once."""
 BEYOND_LIMIT = 3.0
 """No drive's torque is beyond so many times the limit of its file."""
 OPPOSED, UNRELATED = -0.3, 0.1
-"""Torques are of the wrong sign below this correlation with what the drive law asks for, and are
-noise where they hardly have any."""
+"""Torques are of the wrong sign below this correlation with what the drive law asks for and with
+what the motion takes, and are noise where they hardly have any with either."""
 STOP_NEAR, STOP_S, STOP_SHARE = 0.01, 0.3, 0.5
 """A joint stands at the end of its range within this share of it, while its target is beyond and it
 does not follow; until so long after [s]. Not where that is more than this share of the log."""
@@ -143,15 +143,19 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]
     command = np.concatenate([r.command for r in limb.recordings])
     missed = limb.means(lambda recording: recording.command - recording.measured[:, 0])
+    bearing = limb.spec.with_driven(replace(b, carried=0.0) for b in limb.spec.hand.driven)
+    models = (limb.spec,) if bearing == limb.spec else (limb.spec, bearing)
+    expected = [shown, *(limb.needed(spec) for spec in models)]
     dropped, notes = np.zeros((len(CHANNELS), len(limb.joints)), dtype=bool), []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
         if both.sum() < 10 or np.std(shown[both, j]) == 0.0:
             continue
-        what, back = "", min(_backward(of[both, j]) for of in (shown, missed))
-        if np.std(measured[both, j]) > 0.0:
-            alike = float(np.corrcoef(measured[both, j], shown[both, j])[0, 1])
-            if measured[both, j].min() >= 0.0 and back > UNSIGNED and not limb.open[j]:
+        read, asked, what = measured[both, j], [one[both, j] for one in expected], ""
+        if np.std(read) > 0.0:
+            alike, sizes = _alike(read, asked), _alike(read, [np.abs(one) for one in asked])
+            back = min(map(_backward, (*asked, missed[both, j])))
+            if read.min() >= 0.0 and back > UNSIGNED and sizes > alike and not limb.open[j]:
                 what = "without its sign"
             elif alike < UNRELATED:
                 what = "of the wrong sign" if alike < OPPOSED else "noise"
@@ -161,6 +165,11 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
             dropped[TORQUE, j] = True
             notes.append(f"the torque of {name} is {what} and left out")
     return (_without(limb, [dropped] * len(limb.recordings)) if notes else limb), notes
+
+
+def _alike(torques: Array, expected: Sequence[Array]) -> float:
+    """The best correlation of torques (T,) with one of what is expected, each (T,)."""
+    return max(float(np.corrcoef(torques, one)[0, 1]) for one in expected if np.std(one) > 0.0)
 
 
 def _backward(torques: Array) -> float:

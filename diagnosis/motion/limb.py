@@ -17,7 +17,13 @@ from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES, Along, Model, smoothed, turned
 from diagnosis.motion.integrate import integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording
-from diagnosis.replay.dynamics import POSES, dynamics, is_closed, link_inertia
+from diagnosis.replay.dynamics import (
+    POSES,
+    bias_torques,
+    dynamics,
+    is_closed,
+    link_inertia,
+)
 
 POINT_S = 4e-3
 """Time between the points at which the rigid-body model is taken [s]."""
@@ -232,6 +238,24 @@ class Limb:
             return None
         still = smoothed(_filled(recording), self.period_s)
         return unread(still, self.nominal), *self._springs
+
+    def needed(self, spec: Spec) -> Array:
+        """Torques (N, K) [Nm] that would move such a limb as this one moved, as block means.
+
+        By inverse dynamics, without friction; of a slide forces.
+        """
+
+        def torque(recording: Recording) -> Array:
+            q = smoothed(_filled(recording), self.period_s)
+            if len(q) < 3:
+                return bias_torques(spec, q, np.zeros_like(q)) - recording.push
+            v = np.gradient(q, recording.time_s, axis=0)
+            accel = np.gradient(v, recording.time_s, axis=0)
+            mass, bias = dynamics(spec, q, v)
+            turning = np.einsum("tij,tj->ti", mass, accel) + self.nominal[:, c.ROTOR] * accel
+            return turning + bias - recording.push
+
+        return self.means(torque)
 
     def with_signals(self, **signals: Sequence[Array]) -> "Limb":
         """The same limb and motion with other `command` or `push` (T, K), or `sent_s` (T,)."""
