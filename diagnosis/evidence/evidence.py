@@ -168,16 +168,24 @@ def _counts(limb: Limb) -> Array:
     return np.concatenate(found)
 
 
+LONGEST = (6.0, 30.0)
+"""A step is measured by gaps of readings up to so many steps, then so many: a longer one measures
+it better, also where readings were written with few digits, and needs a better one to be counted.
+"""
+
+
 def quantisation_step(readings: Array) -> float:
     """The step of which all readings (T,) are multiples; 0: none that shows."""
-    levels = np.unique(np.round(readings[np.isfinite(readings)], 9))
-    gaps = np.diff(levels)
+    gaps = np.diff(np.unique(np.round(readings[np.isfinite(readings)], 9)))
     gaps = gaps[gaps > 1e-7]
-    if len(gaps) < 4 or len(levels) > 0.5 * len(readings):
+    if len(gaps) < 4:
         return 0.0
-    step = np.median(gaps[gaps < 1.5 * gaps.min()])
-    broken = np.abs(gaps / step - np.round(gaps / step))
-    return float(step) if np.quantile(broken, 0.9) < 0.1 else 0.0
+    step, near = float(np.median(gaps[gaps < 1.5 * gaps.min()])), gaps
+    for most in LONGEST:
+        near = gaps[gaps < most * step]
+        step = float(near.sum() / np.round(near / step).sum())
+    broken = np.abs(near / step - np.round(near / step))
+    return step if len(near) > 0.5 * len(gaps) and np.quantile(broken, 0.9) < 0.1 else 0.0
 
 
 MOST_VARIANCE, MOST_CORRELATION = 9.0, 0.95

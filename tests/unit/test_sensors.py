@@ -95,6 +95,14 @@ def test_a_step_is_found_at_any_offset(step, offset):
     )
 
 
+def test_a_step_is_found_through_few_digits():
+    """Measure the step of an encoder of 14 bits over a wide range, written to 1e-5 rad."""
+    step, rng = 2 * np.pi / 2**14, np.random.default_rng(0)
+    angle = np.sin(np.linspace(0, 20, 1500)) + 2e-5 * rng.normal(size=1500)
+    written = np.round(step * np.round(angle / step), 5)
+    assert quantisation_step(written) == pytest.approx(step, rel=1e-3)
+
+
 def test_smooth_readings_have_no_step():
     """Find no step in a smooth motion, in noise, or where nothing moves."""
     rng = np.random.default_rng(0)
