@@ -146,9 +146,11 @@ def take_home(
     every: tuple[Cause | Nominal, ...] = (*found.magnitudes, *found.nominal)
     for one in every:
         for joint in one.joints if isinstance(one, Cause) else (one.joint,):
-            kind = catalogue.get(one.effect)
-            if kind is not None and issubclass(kind, NumberEffect) and kind.number in HELD:
-                changes.append(_change(nominal, found, joint, kind, one))
+            kind, corrected = catalogue.get(one.effect), found.corrected.get(joint, {})
+            if kind is None or not issubclass(kind, NumberEffect):
+                continue
+            if kind.number in corrected.keys() & HELD.keys():
+                changes.append(_change(nominal, corrected, joint, kind, one))
     world = with_numbers(nominal, found.corrected, found.gravity_m_s2)
     held = {name for name, kind in catalogue.items() if getattr(kind, "number", "") in HELD}
     held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
@@ -198,12 +200,16 @@ def _less(found: Diagnosis, gap: PlainGap, beside: Sequence[str]) -> str:
 
 
 def _change(
-    nominal: Spec, found: Diagnosis, joint: str, kind: type[NumberEffect], one: Cause | Nominal
+    nominal: Spec,
+    corrected: Mapping[str, float],
+    joint: str,
+    kind: type[NumberEffect],
+    one: Cause | Nominal,
 ) -> Change:
-    """What is changed for a cause or a refitted number."""
+    """What is changed for a cause or a refitted number, of a joint's corrected numbers."""
     j = nominal.hand.joint_names.index(joint)
     before = float(table(nominal, True)[j, COLUMNS.index(kind.number)])
-    after = found.corrected.get(joint, {}).get(kind.number, before)
+    after = corrected[kind.number]
     sd = (one.high - one.low) / SPREAD if isinstance(one, Cause) else one.sd
     share = UNITS[one.unit][0] == "share" and (kind.relative or kind.coordinate == "logarithm")
     number, turning, sliding = HELD[kind.number]

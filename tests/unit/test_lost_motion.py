@@ -19,6 +19,7 @@ from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.verdict.lost_motion import lost_motion, play, rests
+from diagnosis.verdict.result import Nominal
 from diagnosis.walk import diagnose
 
 LEVER = """
@@ -148,6 +149,17 @@ def test_rests_are_what_a_written_play_is_measured_by():
     worse = dataclasses.replace(gap, after_rad=1.1 * gap.before_rad)
     home = take_home(log, world, dataclasses.replace(found, in_mujoco=worse), catalogue())
     assert home is not None and "less than the verdict says: most of it is" in home.words[-1]
+
+
+def test_what_stays_as_it_is_is_no_change():
+    """List no refitted number that the corrected world has as the file does."""
+    log = recorded(at_equilibrium(0.016, 0.0, "motor"))
+    found = diagnose(log)
+    stays = Nominal(effect="viscous-friction", joint="servo", value=1.0, sd=1.0, unit="mNms/rad")
+    (limb,) = found.limbs
+    found = dataclasses.replace(found, limbs=(dataclasses.replace(limb, nominal=(stays,)),))
+    home = take_home(log, mjcf_world(log), found, catalogue())
+    assert home is not None and [one.number for one in home.changes] == ["range of the play"]
 
 
 def test_no_play_is_named_without_a_name_for_it():
