@@ -83,6 +83,11 @@ class Problem:
         """Their share of the cost."""
         return float((((self.at(u) - self.centre) / self.sd) ** 2).sum()) / 2
 
+    def moves(self, u: Mapping[int, float], pull: Array) -> Array:
+        """Which of them (n,) are not held at an end of their bounds by their `pull` (n,)."""
+        now = self.at(u)
+        return ~(((now <= self.low) & (pull < 0.0)) | ((now >= self.high) & (pull > 0.0)))
+
     def largest_step(self, u: Array) -> Array:
         """How far a step may go (n,)."""
         free = np.maximum(GROWTH * np.abs(u), STRIDE * self.least)

@@ -10,10 +10,9 @@ from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.problem import RIDGE, Problem
 
-SIZES = (2.0, 6.0)
-"""Multiples of the least size over which an effect's slope is taken."""
-KINKS = (3.0, 12.0, 40.0)
-"""The same of an effect whose law has a kink."""
+SIZES = (2.0, 6.0, 40.0)
+"""Multiples of the least size over which an effect's slope is taken: the first alone where effects
+go both ways without a kink or are at a spot, all where a large one shows what a small one hides."""
 
 
 Chords = dict[tuple[int, float], Array]
@@ -35,13 +34,15 @@ def screened(
     weights = root_weights(fitter.evidence, fit.residual)
     jacobian = problem.jacobian(slopes, weights)
     curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
-    left, whole = fit.residual * weights, np.linalg.inv(curvature)
+    left, moves = fit.residual * weights, problem.moves(fit.u, pull)
+    whole = np.linalg.inv(curvature[np.ix_(moves, moves)])
 
     def promise(number: int) -> tuple[float, float]:
         """What it wins of the cost, and the size that wins it."""
         one, now = fitter.parameters[number], free.get(number, 0.0)
-        rest = np.array([k != number for k in problem.numbers])
-        inverse = whole if rest.all() else np.linalg.inv(curvature[np.ix_(rest, rest)])
+        rest = moves & np.array([k != number for k in problem.numbers])
+        same = rest.sum() == len(whole)
+        inverse = whole if same else np.linalg.inv(curvature[np.ix_(rest, rest)])
         best = 0.0, 0.0
         for size in _sizes(one):
             columns = np.stack(changes(number, size, now), axis=1) * weights[:, None]
@@ -90,5 +91,6 @@ def _won(bend: Array, slope: Array, least: float, most: float) -> tuple[float, f
 def _sizes(one: Parameter) -> tuple[float, ...]:
     """Sizes over which an effect's slope is taken."""
     ways = (1.0, -1.0) if one.kind.either_sign else (1.0,)
-    multiples = KINKS if one.kind.kinked else SIZES[: 1 if one.kind.spot else 3 - len(ways)]
+    curved = one.kind.kinked or not (one.kind.either_sign or one.kind.spot)
+    multiples = SIZES if curved else SIZES[:1]
     return tuple(w * min(m * one.least, one.most) for m in multiples for w in ways)
