@@ -116,20 +116,21 @@ def motor_step(address, n, tick, angle, rate):
     speed, p = array_at(head[7], shape), array_at(head[8], (shape[0], _NUMBERS, shape[1]))
     pd, applied = array_at(head[9], shape), array_at(head[10], (shape[0], ticks, shape[1]))[n, tick]
     joints = shape[1]
-    a, b = numba.carray(stack(joints), joints), numba.carray(stack(joints), joints)
-    c, d = numba.carray(stack(joints), joints), numba.carray(stack(joints), joints)
+    new_motor, new_speed = numba.carray(stack(joints), joints), numba.carray(stack(joints), joints)
+    new_pd, torque = numba.carray(stack(joints), joints), numba.carray(stack(joints), joints)
     for j in range(joints):
-        rotor = motor[n, j], speed[n, j], pd[n, j]
+        asked, rotor = (target[n, j], angle[j], rate[j]), (motor[n, j], speed[n, j], pd[n, j])
         if extra:
-            a[j], b[j], c[j], d[j] = motor_tick(
-                target[n, j], angle[j], rate[j], *rotor, p[n, :, j], dt, True
+            new_motor[j], new_speed[j], new_pd[j], torque[j] = motor_tick(
+                *asked, *rotor, p[n, :, j], dt, True
             )
         else:
-            a[j], b[j], c[j], d[j] = motor_tick(
-                target[n, j], angle[j], rate[j], *rotor, p[n, :, j], dt, False
+            new_motor[j], new_speed[j], new_pd[j], torque[j] = motor_tick(
+                *asked, *rotor, p[n, :, j], dt, False
             )
     for j in range(joints):
-        motor[n, j], speed[n, j], pd[n, j], applied[j] = a[j], b[j], c[j], d[j]
+        motor[n, j], speed[n, j], pd[n, j] = new_motor[j], new_speed[j], new_pd[j]
+        applied[j] = torque[j]
     return applied
 
 

@@ -55,7 +55,7 @@ _PERIOD, _PHASE = COLUMNS.index("cogging_period_rad"), COLUMNS.index("cogging_ph
 _STOP, _FIRM = COLUMNS.index("end_stop_rad"), COLUMNS.index("end_stop_nm_rad")
 _FADE, _WARM = COLUMNS.index("thermal_fade"), COLUMNS.index("thermal_s")
 _SLIDING, _BRISTLE = COLUMNS.index("presliding_nm"), COLUMNS.index("presliding_rad")
-_EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING)
+EXTRAS = (_STICTION, _DEAD, _WAY, _FALL, _COGGING, _FIRM, _FADE, _SLIDING)
 """Places of the numbers of a drive that few robots have: a step without them is shorter."""
 
 
@@ -118,7 +118,7 @@ def _extra(motor, speed, pd, p, dt):
 def motor_tick(target, joint, joint_speed, motor, speed, pd, p, dt, extra=True):
     """Step one joint's drive by one period `dt`, with its numbers `p` (26,) of a `drive_table`.
 
-    `pd` is the last PD torque; `extra`: whether it may have one of the `_EXTRAS`. Returns the
+    `pd` is the last PD torque; `extra`: whether it may have one of the `EXTRAS`. Returns the
     motor's new angle and speed, its PD torque and the torque on the joint.
     """
     kp, kd, limit, inertia, coulomb, viscous = p[0], p[1], p[2], p[3], p[4], p[5]
@@ -196,12 +196,14 @@ class DriveBank:
         self.pd_nm = np.zeros(shape)
         """PD torques of the last step [Nm], shape (N, J)."""
         self._gear_nm = np.zeros(shape)
+        self.is_long = bool(self._numbers[:, EXTRAS].any())
+        """Whether a drive has one of the numbers that few have."""
         self.rotors = (
             self.motor_rad,
             self.motor_rad_s,
             self._numbers,
             specs[0].timing.drive_s,
-            bool(self._numbers[:, _EXTRAS].any()),
+            self.is_long,
             self.pd_nm,
             self._gear_nm,
         )

@@ -91,10 +91,6 @@ class State:
         return next(name for name, signal in signals.items() if not is_finite(signal))
 
 
-SIGNALS = tuple(field.name for field in fields(State))
-"""Names of the signals of a state."""
-
-
 @numba.njit(cache=True)
 def _are_finite(*signals):
     bad = False

@@ -27,9 +27,9 @@ what the motion takes, and are noise where they hardly have any with either."""
 STOP_NEAR, STOP_S, STOP_SHARE = 0.01, 0.3, 0.5
 """A joint stands at the end of its range within this share of it, while its target is beyond and it
 does not follow; until so long after [s]. Not where that is more than this share of the log."""
-UNSIGNED = 0.1
+UNSIGNED, CLEAR = 0.1, 0.7
 """Torques that are never negative are magnitudes where the drive pulls back by this share of all,
-both as the model asks for and as the joint misses its targets."""
+both as the model asks for and as the joint misses its targets; not beyond this correlation."""
 TORQUE = CHANNELS.index("torque")
 
 
@@ -153,9 +153,9 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
             continue
         read, asked, what = measured[both, j], [one[both, j] for one in expected], ""
         if np.std(read) > 0.0:
-            alike, sizes = _alike(read, asked), _alike(read, [np.abs(one) for one in asked])
-            back = min(map(_backward, (*asked, missed[both, j])))
-            if read.min() >= 0.0 and back > UNSIGNED and sizes > alike and not limb.open[j]:
+            alike, back = _alike(read, asked), min(map(_backward, (*asked, missed[both, j])))
+            unsigned = read.min() >= 0.0 and back > UNSIGNED and alike < CLEAR
+            if unsigned and not limb.open[j]:
                 what = "without its sign"
             elif alike < UNRELATED:
                 what = "of the wrong sign" if alike < OPPOSED else "noise"

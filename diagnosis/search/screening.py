@@ -8,7 +8,7 @@ from backends.state import Array
 from diagnosis.evidence.evidence import root_weights
 from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.problem import RIDGE, Problem
+from diagnosis.search.problem import RIDGE, Problem, lowest
 
 SIZES = (2.0, 6.0, 40.0)
 """Multiples of the least size over which an effect's slope is taken: the first alone where effects
@@ -34,24 +34,30 @@ def screened(
     weights = root_weights(fitter.evidence, fit.residual)
     jacobian = problem.jacobian(slopes, weights)
     curvature, pull = problem.normal(slopes, weights, fit.residual, fit.u)
-    left, moves = fit.residual * weights, problem.moves(fit.u, pull)
-    whole = np.linalg.inv(curvature[np.ix_(moves, moves)])
+    left, sizes = fit.residual * weights, problem.at(fit.u)
+    low, high = problem.low - sizes, problem.high - sizes
 
     def promise(number: int) -> tuple[float, float]:
         """What it wins of the cost, and the size that wins it."""
         one, now = fitter.parameters[number], free.get(number, 0.0)
-        rest = moves & np.array([k != number for k in problem.numbers])
-        same = rest.sum() == len(whole)
-        inverse = whole if same else np.linalg.inv(curvature[np.ix_(rest, rest)])
-        best = 0.0, 0.0
+        rest, best = np.array([k != number for k in problem.numbers]), (0.0, 0.0)
         for size in _sizes(one):
             columns = np.stack(changes(number, size, now), axis=1) * weights[:, None]
             shared = (jacobian.T @ columns)[rest]
-            bend = columns.T @ columns - shared.T @ inverse @ shared
-            slope = columns.T @ left - shared.T @ inverse @ pull[rest]
-            least = size if len(slope) > 1 else -one.most if one.kind.either_sign else 0.0
-            gain, to = _won(bend, slope, least, one.most)
-            best = max(best, (gain, now + to), key=lambda pair: pair[0])
+            own = columns.T @ columns
+            own += RIDGE * np.diag(np.diag(own) + 1.0)
+            bend = np.block([[curvature[np.ix_(rest, rest)], shared], [shared.T, own]])
+            slope = np.concatenate([pull[rest], columns.T @ left])
+            parts = np.full(len(own) - 1, np.inf)
+            least = size if len(parts) else -one.most if one.kind.either_sign else 0.0
+            step = lowest(
+                bend,
+                slope,
+                np.concatenate([low[rest], [least], -parts]),
+                np.concatenate([high[rest], [one.most], parts]),
+            )
+            gain = float(slope @ step - step @ bend @ step / 2)
+            best = max(best, (gain, now + float(step[rest.sum()])), key=lambda pair: pair[0])
         return best
 
     def changes(number: int, size: float, now: float) -> list[Array]:
@@ -70,22 +76,6 @@ def screened(
     found = {k: promise(k) for k in effects}
     ranked = sorted(found, key=lambda k: -found[k][0])
     return {k: found[k][1] for k in ranked}, slopes
-
-
-def _won(bend: Array, slope: Array, least: float, most: float) -> tuple[float, float]:
-    """What the first of n changes wins between two sizes, with the best of the others; and where.
-
-    The cost of changes x (n,) is x'A x / 2 - g'x, with bend A (n, n) and slope g (n,).
-    """
-    own, along, more = float(bend[0, 0]), float(slope[0]), 0.0
-    if len(slope) > 1:
-        others = bend[1:, 1:] + np.diag(RIDGE * np.diag(bend)[1:] + RIDGE)
-        by = np.linalg.solve(others, np.stack([bend[1:, 0], slope[1:]], axis=1))
-        own -= float(bend[0, 1:] @ by[:, 0])
-        along -= float(bend[0, 1:] @ by[:, 1])
-        more = float(slope[1:] @ by[:, 1]) / 2
-    to = np.clip(along / max(own, 1e-9), least, most)
-    return float(along * to - own * to * to / 2 + more), float(to)
 
 
 def _sizes(one: Parameter) -> tuple[float, ...]:

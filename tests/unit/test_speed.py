@@ -119,14 +119,18 @@ def test_the_bare_engine_takes_them_on_two_cores(name: str) -> None:
     follow(simulate(engine, specs, 2), simulate(engine, specs, 2))
 
 
-def test_many_drives_at_a_time_equal_one_by_one() -> None:
-    """Turn rotors with every number of the drive law at work as `motor_tick` turns each."""
+@pytest.mark.parametrize(
+    "left_out", [(), (*(drive.COLUMNS[k] for k in drive.EXTRAS), "end_stop_rad")]
+)
+def test_many_drives_at_a_time_equal_one_by_one(left_out: tuple[str, ...]) -> None:
+    """Turn rotors as `motor_tick` turns each: with the whole law, and where the short one does."""
     rng = np.random.default_rng(0)
-    own = {f.name: 0.02 for f in dataclasses.fields(Drive)}
+    own = {f.name: 0.02 for f in dataclasses.fields(Drive) if f.name not in left_out}
     spec = trx.spec(sticks.STICKS["reference"])
     law = [Drive(**{k: v * rng.uniform(0.5, 2) for k, v in own.items()}) for _ in spec.drives]
     spec = spec.with_drives(law)
     bank, table = DriveBank([spec] * 3), np.array([drive.drive_table(spec)] * 3)
+    assert bank.is_long == (not left_out)
     motor, motor_speed, pd = np.zeros((3, 3, len(law)))
     for _ in range(200):
         target, joint, speed_ = rng.normal(0, 0.05, (3, 3, len(law)))
