@@ -362,7 +362,8 @@ class Search:
         and whether these are taken again on the way: a second start is tried roughly. What all
         joints share stands in place of what each has of it: no fit tells these apart. Its size is
         sought before any tolerance moves in its place where a slope misleads: at kinks, beside
-        play that rattles, in laws with numbers of their own, and where its fits leave much.
+        play that rattles, in laws with numbers of their own, and where its fits leave much. What
+        all joints share is fitted on where it still leaves much.
         """
         one, freed = self.parameters[number], (*fit.freed, number)
         low, high = 1.1 * one.least, 0.7 * one.most
@@ -385,6 +386,9 @@ class Search:
             there = min(there, {**there, **self.soft}, key=self.fitter.excess_at)
         guesses = bool(self.guessed)
         yield self._rough(freed, there).u if guesses else there, self.plain.slopes, guesses
+        best = self.tried[frozenset(freed)]
+        if is_poor and best.worst > self.ordinary.floors:
+            yield best.u, best.slopes, True
 
     def _rough(self, freed: Sequence[int], u: Sizes) -> Fit:
         """Effects from u with guessed numbers alone: no tolerance moves in their place."""
