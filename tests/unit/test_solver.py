@@ -202,6 +202,19 @@ def test_leaves_out_torques_that_cannot_be(read, said):
     assert said in note
 
 
+def test_torques_of_late_commands_are_no_noise():
+    """Keep torques that follow what the motion takes, where commands act late."""
+    delay_s = 0.1
+    log = log_of(Real(delay_s=delay_s))
+    samples = log.samples.copy()
+    angle = samples["position_rad.J0"]
+    late = samples.groupby("episode")["command_rad.J0"].shift(round(delay_s * HZ)).bfill()
+    drive = KP * (late - angle) - KD * np.gradient(angle, 1.0 / HZ)
+    samples["torque_nm.J0"] = np.clip(drive, -LIMIT, LIMIT)
+    _, notes = limbs_of(make_log(log.meta, samples, log.mjcf_xml))
+    assert not [note for note in notes if "torque" in note]
+
+
 def test_tells_its_progress_from_the_start():
     """Begin at nothing, never go back, and name what is fitted."""
     said = []
