@@ -97,11 +97,11 @@ class ActionLaw:
 
     def displace(self, target: Array, measured: Array, action: Array) -> None:
         """Overwrite targets (N, J) [rad] by the next ones, for the measured positions [rad]."""
-        _displace(target, measured, action, *self._numbers)
+        _displace(target, measured, self.scale_rad * action, *self._numbers)
 
     @cached_property
     def _numbers(self) -> tuple:
-        """The arguments of `_displace` behind the action."""
+        """The arguments of `_displace` behind the displacement."""
         is_preload = self.preload_rad is not None
         rest = np.array(self.preload_rad if is_preload else self.default_pose_rad)
         ends = np.array(self.target_range_rad).T
@@ -109,13 +109,13 @@ class ActionLaw:
 
 
 @numba.njit(cache=True)
-def _displace(target, measured, action, rest, is_preload, scale, back, lead, ends):
-    most = action.dtype.type(scale)
+def _displace(target, measured, moved, rest, is_preload, most, back, lead, ends):
+    most = moved.dtype.type(most)
     for n in range(target.shape[0]):
         for j in range(target.shape[1]):
             at, there = measured[n, j], target[n, j]
             goal = at + rest[j] if is_preload else rest[j]
-            there += min(max(most * action[n, j], -most), most) + back * (goal - there)
+            there += min(max(moved[n, j], -most), most) + back * (goal - there)
             there = min(max(there, at - lead), at + lead)
             target[n, j] = min(max(there, ends[0, j]), ends[1, j])
 

@@ -200,3 +200,14 @@ def test_a_plain_list_is_an_action():
     with contextlib.closing(run.make_env([run.world()], 0, 1)) as env:
         env.reset()
         assert np.isfinite(env.step([[0.0] * env.action_width]).reward).all()
+
+
+def test_whole_numbers_are_actions():
+    """Move targets as far for a full action of any type."""
+    run, targets = run_spec.RunSpec(backend="mujoco", task="line", worlds=1), []
+    for full in (1, 1.0):
+        with contextlib.closing(run.make_env([run.world()], 0, 1)) as env:
+            env.reset()
+            env.step([[full] * env.action_width])
+            targets.append(env.target_rad.copy())
+    assert np.array_equal(*targets)
