@@ -100,7 +100,7 @@ def room(chain):
     return np.zeros((bodies, 3)), np.zeros((bodies, 3, 3))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def tips_placed(joint, chain, at, turn, origin, rotation):
     """Write the `tip_frames` of one hand, (F, 3) and (F, 3, 3), at angles (J,), up to rounding."""
     parent, column, offset, axis, tip_body, center, axes = chain
@@ -110,13 +110,12 @@ def tips_placed(joint, chain, at, turn, origin, rotation):
         _multiply(turn[tip_body[f]], axes[f], rotation[f])
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, forceinline=True)
 def placed(joint, parent, column, offset, axis, at, turn):
     """Write origins (B + 1, 3) and rotations of all bodies at angles (J,); the last: the world's.
 
     `parent` (B,): -1: the world; `column` (B,): its joint, -1: none; `offset` and `axis` (B, 3).
     """
-    hinge = np.empty((3, 3))
     for i in range(3):
         turn[-1, i, i] = 1.0
     for b in range(len(parent)):
@@ -126,8 +125,7 @@ def placed(joint, parent, column, offset, axis, at, turn):
                 for j in range(3):
                     turn[b, i, j] = turn[parent[b], i, j]
         else:
-            _hinge(axis[b], joint[column[b]], hinge)
-            _multiply(turn[parent[b]], hinge, turn[b])
+            _turn(turn[parent[b]], axis[b], joint[column[b]], turn[b])
 
 
 @numba.njit(cache=True, forceinline=True)
@@ -144,11 +142,16 @@ def _multiply(a, b, out):
 
 
 @numba.njit(cache=True, forceinline=True)
-def _hinge(axis, angle, out):
-    """Rodrigues' formula."""
-    x, y, z = axis
+def _turn(frame, axis, angle, out):
+    """Write a frame turned about its own axis, by Rodrigues' formula."""
+    x, y, z = axis[0], axis[1], axis[2]
     s, c = np.sin(angle), np.cos(angle)
     v = 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + x * x * v, x * y * v - z * s, x * z * v + y * s
-    out[1, 0], out[1, 1], out[1, 2] = y * x * v + z * s, c + y * y * v, y * z * v - x * s
-    out[2, 0], out[2, 1], out[2, 2] = z * x * v - y * s, z * y * v + x * s, c + z * z * v
+    xx, xy, xz = c + x * x * v, x * y * v - z * s, x * z * v + y * s
+    yx, yy, yz = y * x * v + z * s, c + y * y * v, y * z * v - x * s
+    zx, zy, zz = z * x * v - y * s, z * y * v + x * s, c + z * z * v
+    for i in range(3):
+        a, b, d = frame[i, 0], frame[i, 1], frame[i, 2]
+        out[i, 0] = a * xx + b * yx + d * zx
+        out[i, 1] = a * xy + b * yy + d * zy
+        out[i, 2] = a * xz + b * yz + d * zz

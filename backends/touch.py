@@ -98,7 +98,7 @@ def _read(worlds, joint, pos, quat, force, time_s, chain, skins, touch):
         matrices(quat[n : n + 1], stick_rot)
         reach, drift, dead, touch_n, gain, stays, threshold, halo = skin[n]
         for f in range(len(grid)):
-            fx, fy, fz = force[n, f]
+            fx, fy, fz = force[n, f, 0], force[n, f, 1], force[n, f, 2]
             if fx * fx + fy * fy + fz * fz > touch_n * touch_n:
                 _to_stick(origin[f], rotation[f], pos[n], stick_rot[0], turn, offset)
                 _depths(turn, offset, shape[n], points[f], reach, reading[n, f])
@@ -120,12 +120,12 @@ def _read(worlds, joint, pos, quat, force, time_s, chain, skins, touch):
 @numba.njit(cache=True, forceinline=True)
 def _to_stick(origin, rotation, stick_pos, stick_rot, turn, offset):
     """Write the rotation and offset from a fingertip's frame to the stick's."""
-    turn[:], offset[:] = 0.0, 0.0
+    x, y, z = origin[0] - stick_pos[0], origin[1] - stick_pos[1], origin[2] - stick_pos[2]
     for i in range(3):
-        for k in range(3):
-            offset[i] += stick_rot[k, i] * (origin[k] - stick_pos[k])
-            for j in range(3):
-                turn[i, j] += stick_rot[k, i] * rotation[k, j]
+        a, b, c = stick_rot[0, i], stick_rot[1, i], stick_rot[2, i]
+        offset[i] = a * x + b * y + c * z
+        for j in range(3):
+            turn[i, j] = a * rotation[0, j] + b * rotation[1, j] + c * rotation[2, j]
 
 
 @numba.njit(cache=True, forceinline=True)

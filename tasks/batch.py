@@ -203,12 +203,12 @@ class BatchEnv:
         mask = np.ones(self.worlds, dtype=bool) if mask is None else mask
         drawn = self._draws.episodes(mask, start)
         worlds = np.flatnonzero(mask)
-        self._heading[mask] = drawn.heading_rad[mask]
+        self._heading[worlds] = drawn.heading_rad[worlds]
         self._axes[worlds] = self._desired_axes(worlds, self._axes.shape[1])
-        self._last_step[mask] = drawn.cut[mask] if stagger else self.horizon
-        self._steps[mask] = 0
+        self._last_step[worlds] = drawn.cut[worlds] if stagger else self.horizon
+        self._steps[worlds] = 0
         self._state = self.simulator.reset(drawn.start, mask)
-        self._target[mask] = (drawn.start.joint_rad + self._preload)[mask]
+        self._target[worlds] = drawn.start.joint_rad[worlds] + self._preload
         return self._observe(self._state, self._desired_axis(), worlds)
 
     def step(self, action: Array) -> Step:

@@ -4,16 +4,18 @@ Worlds are at all phases of their episodes, and actions are those of an untraine
 engine has worlds of its own, which start where the environment's start. After each step of the
 environment it takes the same steps of physics, under the joint torques of that step, and must end
 in the same place. How long that takes depends on how fast the machine was at that moment, but the
-ratio of the two does not.
+ratio of the two does not. Where its worlds lie in memory makes an engine quicker or slower by some
+per cent as well, so halfway the two change places.
 """
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from backends.engine import Engine
+from backends.engine import Engine, Simulator
 from backends.shard import Sharded
 from backends.state import Array, InitialState, State
 from tasks.batch import BatchEnv
@@ -51,35 +53,47 @@ class Timing:
     steps: int
 
 
-@dataclass(kw_only=True)
-class _Steps:
-    """The measurements, step by step [s]."""
+class _Step(NamedTuple):
+    """The times of a step as in `Timing` [s]."""
 
-    step_s: list[float] = field(default_factory=list)
-    restart_s: list[float] = field(default_factory=list)
-    wall_s: list[float] = field(default_factory=list)
-    advance_s: list[float] = field(default_factory=list)
-    raw_s: list[float] = field(default_factory=list)
+    step_s: float
+    restart_s: float
+    wall_s: float
+    advance_s: float
+    raw_s: float
 
 
 def measure(
-    env: BatchEnv, bare: Engine | Sharded, seconds: float, clock: Clock = time.perf_counter
+    env: BatchEnv, bare: Simulator, seconds: float, clock: Clock = time.perf_counter
 ) -> Timing:
-    """Time an environment and the bare engine, which has the same worlds, for about `seconds`.
+    """Time an environment and a second engine with the same worlds, for about `seconds`.
 
     Raises DifferentStepsError.
     """
-    settling, steps, actions = _Steps(), _Steps(), _actions(env)
-    assert isinstance(env.simulator, Engine | Sharded)
-    env.simulator = timed = _Timed(env.simulator, clock)
+    stepped = env.simulator
+    halves = [
+        _half(env, one, other, seconds / 2, clock)
+        for one, other in ((stepped, bare), (bare, stepped))
+    ]
+    env.simulator = stepped
+    return _summary(*halves)
+
+
+def _half(
+    env: BatchEnv, stepped: Simulator, bare: Simulator, seconds: float, clock: Clock
+) -> Array:
+    """Times (steps, 5) of an environment that steps one engine, beside another as the bare one."""
+    assert isinstance(stepped, Engine | Sharded) and isinstance(bare, Engine | Sharded)
+    env.simulator = timed = _Timed(stepped, clock)
+    actions, steps = _actions(env), list[_Step]()
     env.reset(stagger=True)
     timed.start(bare)
     for _ in range(SETTLE_STEPS):
-        _step(env, timed, bare, next(actions), settling)
+        _step(env, timed, bare, next(actions))
     began = time.perf_counter()
-    while len(steps.raw_s) < STRETCH or time.perf_counter() - began < seconds:
-        _step(env, timed, bare, next(actions), steps)
-    return _summary(steps)
+    while len(steps) < STRETCH or time.perf_counter() - began < seconds:
+        steps.append(_step(env, timed, bare, next(actions)))
+    return np.array(steps)
 
 
 class _Timed:
@@ -115,9 +129,7 @@ def _actions(env: BatchEnv) -> Iterator[Array]:
         yield np.clip(drawn, -1.0, 1.0)
 
 
-def _step(
-    env: BatchEnv, timed: _Timed, bare: Engine | Sharded, action: Array, steps: _Steps
-) -> None:
+def _step(env: BatchEnv, timed: _Timed, bare: Engine | Sharded, action: Array) -> _Step:
     """Time a step as `BatchEnv.step_and_restart` takes it, and the same of the bare engine.
 
     New episodes begin at once, as in training, and not after the bare engine has filled the caches.
@@ -125,36 +137,30 @@ def _step(
     clock = timed.clock
     began, wall = clock(), time.perf_counter()
     step = env.step(action)
-    steps.step_s.append(clock() - began)
-    wall_s = time.perf_counter() - wall
-    steps.advance_s.append(timed.seconds)
+    step_s, wall_s = clock() - began, time.perf_counter() - wall
     ended = env.state.joint_rad.copy()
     began, wall = clock(), time.perf_counter()
     restarts = step.done.any()
     if restarts:
         env.reset(step.done)
-    steps.restart_s.append(clock() - began)
-    steps.wall_s.append(wall_s + time.perf_counter() - wall)
+    restart_s, wall_s = clock() - began, wall_s + time.perf_counter() - wall
     began = clock()
     bare.rollout(timed.simulator.applied_nm)
-    steps.raw_s.append(clock() - began)
+    raw_s = clock() - began
     if not np.array_equal(bare.state.joint_rad, ended):
         raise DifferentStepsError("the bare engine did not end where the environment did")
     if restarts:
         timed.start(bare)
+    return _Step(step_s, restart_s, wall_s, timed.seconds, raw_s)
 
 
-def _summary(steps: _Steps) -> Timing:
-    whole = np.add(steps.step_s, steps.restart_s)
-    stretches = np.array_split(np.arange(len(whole)), len(whole) // STRETCH)
-    ratios = [whole[s].sum() / np.take(steps.raw_s, s).sum() - 1.0 for s in stretches]
-    low, middle, high = np.percentile(ratios, [25, 50, 75]).tolist()
-    return Timing(
-        step_s=float(np.mean(steps.step_s)),
-        restart_s=float(np.mean(steps.restart_s)),
-        wall_s=float(np.mean(steps.wall_s)),
-        advance_s=float(np.mean(steps.advance_s)),
-        raw_s=float(np.mean(steps.raw_s)),
-        overhead=(low, middle, high),
-        steps=len(whole),
-    )
+def _summary(*halves: Array) -> Timing:
+    """Means over all steps, and quartiles of ratios, each of a stretch of both halves."""
+    count = min(map(len, halves)) // STRETCH
+    split = (np.array_split(half, count) for half in halves)
+    stretches = [_Step(*np.concatenate(pair).sum(axis=0)) for pair in zip(*split, strict=True)]
+    overhead = [(s.step_s + s.restart_s) / s.raw_s - 1.0 for s in stretches]
+    low, middle, high = np.percentile(overhead, [25, 50, 75]).tolist()
+    steps = np.concatenate(halves)
+    means = _Step(*steps.mean(axis=0).tolist())
+    return Timing(**means._asdict(), overhead=(low, middle, high), steps=len(steps))

@@ -307,16 +307,23 @@ def test_speed_reports_and_writes_every_row(tmp_path, capfd) -> None:
 def test_overhead_is_the_median_of_the_stretches_ratios() -> None:
     """Compare steps and new episodes with the same steps of the bare engine."""
     each = _stopwatch.STRETCH
-    steps = _stopwatch._Steps(
-        step_s=np.repeat([1.0, 2.0, 30.0], each).tolist(),
-        restart_s=[0.6, *[0.0] * (each - 1)] * 3,
-        wall_s=np.repeat([4.0, 5.0, 90.0], each).tolist(),
-        advance_s=np.repeat([0.9, 1.8, 27.0], each).tolist(),
-        raw_s=np.repeat([1.0, 2.0, 10.0], each).tolist(),
-    )
-    timing = _stopwatch._summary(steps)
+    half = np.repeat([[1, 0, 4, 0.9, 1], [2, 0, 5, 1.8, 2], [30, 0, 90, 27, 10]], each, axis=0)
+    half[::each, 1] = 0.6
+    timing = _stopwatch._summary(half, half)
     assert timing.overhead[1] == pytest.approx(0.6 / each)
-    assert (timing.step_s, timing.wall_s, timing.steps) == (11.0, 33.0, 3 * each)
+    assert (timing.step_s, timing.wall_s, timing.steps) == (11.0, 33.0, 6 * each)
+
+
+@pytest.mark.parametrize("slower", [1.0, 1.1])
+def test_an_engine_that_lies_well_in_memory_is_no_overhead(slower: float) -> None:
+    """Let both engines be the bare one for as long."""
+    own, each = 0.05, _stopwatch.STRETCH
+    first, then = (
+        np.tile(_stopwatch._Step(one + own, 0.0, one + own, one, other), (each, 1))
+        for one, other in ((1.0, slower), (slower, 1.0))
+    )
+    timing = _stopwatch._summary(first, then)
+    assert timing.overhead[1] == pytest.approx(2 * own / (1.0 + slower))
 
 
 def measure(bare: list[Spec]) -> _stopwatch.Timing:
