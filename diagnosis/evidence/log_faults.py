@@ -11,6 +11,7 @@ import numpy as np
 from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT
+from diagnosis.motion.integrate import FROM, THEN, UNTIL
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import CHANNELS, Recording
 
@@ -131,15 +132,17 @@ def absurd(readings: Array) -> Array:
 def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     """The limb, as its torques were read, without those that cannot be its drives'.
 
-    Read until or from their samples: our own simulators' are of the period until then.
+    Our own simulators' are of the period until their samples. Changes tell it, for most faults
+    change slowly.
     """
     measured = limb.measured[:, TORQUE]
     if not np.isfinite(measured).any():
         return limb, ()
     most = np.nanmax(np.abs(measured), axis=0, initial=1e-12)
-    ways = [limb.alike(torque_from=way) for way in ((False,) if limb.exact else (False, True))]
+    reads = (UNTIL,) if limb.exact else (UNTIL, THEN, FROM)
+    ways = [limb.alike(torque_read=read) for read in reads]
     shows = [one.simulate(limb.nominal)[:, TORQUE] for one in ways]
-    far = [np.nansum(((shown - measured) / most) ** 2) for shown in shows]
+    far = [np.nansum(np.abs(np.diff((s - measured) / most, axis=0))) for s in shows]
     limb, shown = ways[int(np.argmin(far))], shows[int(np.argmin(far))]
     command = np.concatenate([r.command for r in limb.recordings])
     missed = limb.means(lambda recording: recording.command - recording.measured[:, 0])

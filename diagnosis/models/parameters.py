@@ -99,6 +99,8 @@ class Parameter:
     """Standard deviation of u on a healthy robot; 0: healthy robots have none."""
     centre: float = 0.0
     """Where a healthy robot has it."""
+    in_file: float = 0.0
+    """Of an amount, what the mechanism's file says: a healthy robot may have as much less."""
     least: float
     """From which size of u on it is an effect."""
     most: float
@@ -243,7 +245,8 @@ def _parameter(
     unit = _unit(kind, joint, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
     own = kind.tolerance * everyday * angle
-    known = uncertainty * _relative(kind, value, unit, rigid) if kind.nominal else 0.0
+    in_file = _relative(kind, value, unit, rigid) if kind.nominal else 0.0
+    known = uncertainty * in_file
     late = LATE_SHARE * limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
     tolerance = max(float(np.hypot(own, known)), late)
     # what nothing asks of a drive's limit may be missing, and changes nothing
@@ -251,6 +254,7 @@ def _parameter(
     return about(
         unit=unit,
         tolerance=tolerance,
+        in_file=in_file if kind.coordinate == "amount" else 0.0,
         least=max(kind.least * angle, 2.0 * tolerance),
         most=_most(kind, unit, rigid) + unasked,
     )
@@ -298,7 +302,8 @@ def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, floa
     spread = reach * parameter.tolerance
     high = parameter.centre + spread
     below_zero = parameter.kind.either_sign or parameter.kind.coordinate == "logarithm"
-    return (parameter.centre - spread if below_zero else 0.0), max(high, 0.0)
+    least = -np.inf if below_zero else -parameter.in_file
+    return max(parameter.centre - spread, least), max(high, 0.0)
 
 
 def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:

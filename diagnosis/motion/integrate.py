@@ -300,25 +300,44 @@ def integrate(
     return True
 
 
+UNTIL, THEN, FROM = range(3)
+"""Which torque a sample has: of the tick until it, as simulators report; under the command until it
+and with the motor as it is then, as a drive reads its current; or of the tick from it on."""
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _since(motor, dt, kp, kd, limit, slip_share, lag_share, pd):
+    """The PD torque as the motor is now, its angles (3,) of the last ticks, of that a tick ago."""
+    if not abs(pd) < limit:
+        return pd
+    moved, before = motor[2] - motor[1], motor[1] - motor[0]
+    pd -= lag_share * (kp * moved + slip_share * kd * (moved - before) / dt)
+    return min(max(pd, -limit), limit)
+
+
 @numba.njit(cache=True, error_model="numpy")
-def sense(ticks, at, edges, at_motor, ahead, p, dt, shown):
+def sense(ticks, at, edges, at_motor, read, p, dt, shown):
     """Write means of what K joints show over blocks of samples into `shown` (B, 3, K).
 
     `ticks` (n + 1, 3, K): joint, motor and torque at the start and after every tick; `at` (T,): how
     many ticks every sample is after, broken; `edges` (B + 1,): first samples of the blocks;
-    `at_motor` (K,): the side of the gear with the position sensor; `ahead`: ticks after its sample
-    that a torque is read.
+    `at_motor` (K,): the side of the gear with the position sensor; `read`: `UNTIL`, `THEN`, `FROM`.
     """
     last = len(ticks) - 1
     for b in range(len(edges) - 1):
         count = edges[b + 1] - edges[b]
         for j in range(ticks.shape[2]):
             side = 1 if at_motor[j] else 0
+            law = (1.0 - p[j, c.OPEN]) * p[j, c.KP], p[j, c.KD], p[j, c.LIMIT]
+            shares = dt / (p[j, c.FILTER] + dt), dt / (p[j, c.LAG] + dt)
             angle = motor = torque = once = 0.0
             for k in range(edges[b], edges[b + 1]):
                 now = min(int(np.round(at[k])), last)
                 motor += ticks[now, 1, j]
-                torque += ticks[min(now + ahead, last), 2, j]
+                pd = ticks[min(now + (read == FROM), last), 2, j]
+                if read == THEN and now > 1 and p[j, c.HOLD] <= dt:
+                    pd = _since(ticks[now - 2 : now + 1, 1, j], dt, *law, *shares, pd)
+                torque += pd
                 if p[j, LATE] > 0.0:
                     then = min(max(at[k] - p[j, LATE] / dt, 0.0), float(last))
                     low = min(int(then), last - 1)

@@ -15,7 +15,7 @@ from backends.state import Array
 from diagnosis.logs.log import LogError
 from diagnosis.motion import columns as c
 from diagnosis.motion.along import AXES, Along, Model, smoothed, turned
-from diagnosis.motion.integrate import integrate, sense
+from diagnosis.motion.integrate import UNTIL, integrate, sense
 from diagnosis.motion.recordings import CHANNELS, Recording
 from diagnosis.replay.dynamics import (
     POSES,
@@ -61,8 +61,8 @@ class Limb:
     exact: bool = False
     """Whether the law of its drives is ours: where it has a closed form, it is replayed as an
     engine would, instead of along the measured motion. Where play rattles, only that follows."""
-    torque_from: bool = False
-    """Whether a torque was read as it is from its sample on, not as it was until then."""
+    torque_read: int = UNTIL
+    """Which torque a sample has: `UNTIL`, `THEN` or `FROM`."""
 
     @cached_property
     def joints(self) -> tuple[str, ...]:
@@ -305,7 +305,7 @@ class Limb:
         for ticks, (_, at), ends in replays:
             shown = np.full((len(ends) - 1, len(CHANNELS), len(self.joints)), np.nan)
             if ticks is not None:
-                given = at_motor, int(self.torque_from), numbers, self.dt
+                given = at_motor, self.torque_read, numbers, self.dt
                 sense(ticks, at, ends, *given, shown)
             found.append(shown)
         return np.concatenate(found)

@@ -37,6 +37,8 @@ USUAL = 4.0
 """Tolerances together are a gap beyond so many standard deviations of healthy robots'."""
 SMALL, LARGE = 0.3, 0.03
 """Slopes are taken over this share of an effect's least size, or of its size where it has one."""
+FINE = 0.02
+"""Where a fit ends, its slopes are taken over this share of that: larger steps cross valleys."""
 WIDEST = 0.1
 """Of tolerances over a standard deviation, at most this: a guess may be off by whole multiples."""
 SIMULATED = 1.25
@@ -137,11 +139,13 @@ class Fitter(World):
         steps: int = STEPS,
         beat: float = np.inf,
         again: bool = True,
+        over: float = 1.0,
     ) -> Fit:
         """All tolerances and the freed effects, or those of them that are `moving`, from u.
 
         `slopes`: of tolerances, as taken nearby; `again`: whether they are computed again on the
-        way. A fit that then leaves far more than the excess `beat` ends early.
+        way, all `over` a share of their steps. A fit that then leaves far more than the excess
+        `beat` ends early.
         """
         u, problem = dict(u or {}), Problem.of(self.parameters, freed, moving)
         own = with_parts(self.parameters, freed)
@@ -149,7 +153,7 @@ class Fitter(World):
         columns = [k for k in u if u[k] and self.is_column(k, freed)]
         base = self.bare(u, freed)
         needed = dict.fromkeys((*problem.numbers, *columns))
-        known |= self.slopes([k for k in needed if k not in known], u, freed, base)
+        known |= self.slopes([k for k in needed if k not in known], u, freed, base, over)
         shown = base + self._columns(u, freed, known)
         if not np.isfinite(shown).all():
             infinite = np.full(len(self.evidence.parts), np.inf)
@@ -183,7 +187,7 @@ class Fitter(World):
             anew = far or (stale and small)
             stale = stale and not anew
             fresh = [k for k in problem.numbers if k in own or anew]
-            known |= self.slopes(fresh, u, freed, self.bare(u, freed))
+            known |= self.slopes(fresh, u, freed, self.bare(u, freed), over)
         residual = self.evidence.readings - shown
         sd = np.sqrt(np.maximum(np.diag(np.linalg.inv(curvature)), 0.0))
         fit = Fit(
@@ -196,6 +200,11 @@ class Fitter(World):
             slopes=known,
         )
         return self.usual.on(fit) if self.usual else fit
+
+    def fine(self, fit: Fit) -> Fit:
+        """A fit that goes on with slopes over small steps, which its spreads are not of."""
+        more = self.fit(fit.freed, fit.u, again=False, over=FINE)
+        return replace(self.better(more, fit), sd=fit.sd, slopes=fit.slopes)
 
     def settled(
         self,
@@ -224,11 +233,18 @@ class Fitter(World):
         Where they leave the same, what a fit minimises decides: there tolerances count as well.
         """
         less = self._left(one) - self._left(other)
-        if abs(less) > ALIKE:
-            return one if less < 0.0 else other
-        nearer = min(one, other, key=lambda fit: float(fit.residual @ fit.residual))
-        weights = root_weights(self.evidence, nearer.residual)
-        return min(one, other, key=lambda fit: _cost(fit.residual, weights) + fit.prior)
+        if abs(less) <= ALIKE:
+            cost, beside = self.costs((one, other))
+            less = cost - beside
+        return one if less < 0.0 else other
+
+    def costs(self, fits: Sequence[Fit]) -> list[float]:
+        """What fits minimise, all with the weights of the nearest [nats]."""
+        if not fits:
+            return []
+        nearest = min(fits, key=lambda fit: float(fit.residual @ fit.residual))
+        weights = root_weights(self.evidence, nearest.residual)
+        return [_cost(fit.residual, weights) + fit.prior for fit in fits]
 
     def seen(self, fit: Fit) -> dict[int, float]:
         """The parameters of a fit, without tolerances that hardly show: no model needs them.
@@ -272,13 +288,22 @@ class Fitter(World):
         return self.shown({k: v for k, v in u.items() if not self.is_column(k, freed)})
 
     def slopes(
-        self, numbers: Iterable[int], u: Mapping[int, float], freed: Collection[int], base: Array
+        self,
+        numbers: Iterable[int],
+        u: Mapping[int, float],
+        freed: Collection[int],
+        base: Array,
+        over: float = 1.0,
     ) -> dict[int, Array]:
-        """How readings follow from parameters at u, where `bare` is `base`; 0 if they diverge."""
+        """How readings follow from parameters at u, where `bare` is `base`; 0 if they diverge.
+
+        `over`: this share of the `step` that shows.
+        """
         plain = {k: v for k, v in u.items() if not self.is_column(k, freed)}
         found = {}
         for k in numbers:
-            now, step, before = plain.get(k, 0.0), self.step(k, plain.get(k, 0.0)), base
+            now, before = plain.get(k, 0.0), base
+            step = over * self.step(k, now)
             if self.is_column(k, freed) and self.evidence.limb.rigid:
                 now, before = step, self.shown({**plain, k: step})  # a gear is there in both
             moved = self.shown({**plain, k: now + step})

@@ -27,6 +27,8 @@ from diagnosis.verdict.ordinary import Ordinary, is_worth, share_of
 MOST, BEAM, FITTED, POLISHED = 4, 3, 6, 2
 """At most so many causes, sought from so many of the best sets with one less; so many candidates of
 each screening are fitted, and so many of the best sets then with the tolerances of all joints."""
+REFINED = 2
+"""So many of the best sets are fitted on at the end where they are tied."""
 MIXED = 2
 """From so many causes on, only the best set is added to: the first two may have been mixed up."""
 GUESSED = 1.0
@@ -189,6 +191,10 @@ class Search:
             return Found(nominal=nominal, chosen=now, singles=singles, tied=(), is_likely=False)
         self._fit_alike(now)
         same = self._ranked(self._sets(len(now.freed)))
+        if any(self._is_tied(fit, same[0]) for fit in same[1:REFINED]):
+            for fit in same[:REFINED]:
+                self._keep(self.fitter.fine(fit))
+            same = self._ranked(self._sets(len(now.freed)))
         best, others = same[0], same[1 : BEAM + 1]
         return Found(
             nominal=nominal,
@@ -239,7 +245,7 @@ class Search:
         ):
             pairs = ranked_by_nats(self.fitter.evidence, fits)
             return [fit for _, fit in sorted(pairs, key=self._nats)]
-        return sorted(fits, key=lambda fit: rank(self.parameters, fit))
+        return ranked(self.fitter, fits)
 
     def _nats(self, pair: tuple[float, Fit]) -> float:
         """A fit's cost; of two that are tied, the one that both are in a narrow range leads."""
@@ -449,18 +455,22 @@ def is_some(parameters: Sequence[Parameter], fit: Fit) -> bool:
     return all(abs(fit.u[k]) >= parameters[k].least for k in fit.freed)
 
 
-def rank(parameters: Sequence[Parameter], fit: Fit) -> tuple[float, int, float, float]:
-    """What sets of causes are sorted by: what they leave beyond a floor, then all that they leave.
+def ranked(fitter: Fitter, fits: Sequence[Fit]) -> list[Fit]:
+    """Sets of causes by what they leave beyond a floor, then by what a fit minimises.
 
-    Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried; of
-    sets that leave the same, those whose tolerances are near their centres.
+    Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried.
     """
-    chosen = [parameters[k] for k in fit.freed]
-    exact = sum(p.kind.exact for p in chosen)
-    shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
-    times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
-    ended = sum(abs(fit.u.get(k, 0.0)) > END * parameters[k].most for k in fit.freed)
-    return times * fit.excess, ended, round(times * float(fit.gap2.sum()), 2), fit.prior
+    costs = dict(zip(map(id, fits), fitter.costs(fits), strict=True))
+
+    def rank(fit: Fit) -> tuple[float, int, float]:
+        chosen = [fitter.parameters[k] for k in fit.freed]
+        exact = sum(p.kind.exact for p in chosen)
+        shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
+        times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
+        ended = sum(abs(fit.u.get(k, 0.0)) > END * fitter.parameters[k].most for k in fit.freed)
+        return times * fit.excess, ended, times * (costs[id(fit)] - fit.prior) + fit.prior
+
+    return sorted(fits, key=rank)
 
 
 def _wider(parameters: Sequence[Parameter]) -> int:

@@ -3,7 +3,7 @@
 from diagnosis.progress import Progress
 from diagnosis.search.chaos import with_prediction_spread
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Found, is_some, rank
+from diagnosis.search.search import Found, is_some, ranked
 from diagnosis.verdict.ordinary import Ordinary
 
 SINGLES = 3
@@ -30,8 +30,8 @@ def on_whole(fitter: Fitter, found: Found, ordinary: Ordinary, progress: Progres
     nominal, first, *tied = map(again, (found.nominal, found.chosen, *found.tied))
     singles = sorted(map(again, found.singles[:SINGLES]), key=lambda fit: fit.excess)
     alike = [fit for fit in (first, *tied, *singles) if len(fit.freed) == len(first.freed)]
-    some = (fit for fit in alike if is_some(fitter.parameters, fit))
-    best = min(some, key=lambda fit: rank(fitter.parameters, fit), default=nominal)
+    some = [fit for fit in alike if is_some(fitter.parameters, fit)]
+    best = next(iter(ranked(fitter, some)), nominal)
     return Found(
         nominal=nominal,
         chosen=with_prediction_spread(fitter, best, ordinary),

@@ -19,6 +19,7 @@ from diagnosis.logs.log import make_log
 from diagnosis.models.parameters import parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import FIRM, KD, KP, LIMIT, LINK, LOCK, ONE_WAY, STOP, with_load
+from diagnosis.motion.integrate import FROM, THEN, UNTIL
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.agreement import HORIZON_S, begun
@@ -185,19 +186,22 @@ def test_an_end_stop_holds_a_rigid_drive(side):
     assert (side * stopped).max() < 0.2 + 0.05
 
 
-@pytest.mark.parametrize("late", [0, 1])
-def test_torques_are_read_from_their_samples_on_or_until_then(late):
-    """See which of both a log does: at a step they differ by all that a drive asks for."""
-    log = log_of(Real())
-    samples = log.samples.copy()
+@pytest.mark.parametrize("coulomb_nm", [0.0, 1.0])
+@pytest.mark.parametrize(("late", "ago", "read"), [(0, 0, FROM), (1, 0, THEN), (1, 1, UNTIL)])
+def test_when_torques_were_read_is_seen(late, ago, read, coulomb_nm):
+    """At a step torques differ by all that a drive asks for, in motion by what a tick changes."""
+    log = log_of(Real(coulomb_nm={0: coulomb_nm}))
+    samples, before_s = log.samples.copy(), ago * limb_of(log).dt
     command = samples.groupby("episode")["command_rad.J0"].shift(late).bfill()
     angle = samples["position_rad.J0"]
     speed = np.gradient(angle, 1.0 / HZ)
-    samples["torque_nm.J0"] = np.clip(KP_NM_RAD * (command - angle) - KD_NMS_RAD * speed, -60, 60)
+    moved = KP_NM_RAD * speed + KD_NMS_RAD * np.gradient(speed, 1.0 / HZ)
+    asked = KP_NM_RAD * (command - angle) - KD_NMS_RAD * speed + before_s * moved
+    samples["torque_nm.J0"] = np.clip(asked, -60, 60)
     limb, notes = checked(limb_of(make_log(log.meta, samples, log.mjcf_xml)))
-    assert limb.torque_from == (late == 0) and not notes
+    assert limb.torque_read == read and not notes
     exact = replace(limb_of(make_log(log.meta, samples, log.mjcf_xml)), exact=True)
-    assert not checked(exact)[0].torque_from  # our simulators' are of the period until then
+    assert checked(exact)[0].torque_read == UNTIL  # our simulators' are of the period until then
 
 
 def test_what_a_replay_needed_goes_with_its_limb():

@@ -5,7 +5,7 @@ import json
 import arms
 import numpy as np
 import pytest
-from arms import HZ, KD, KP, LIMIT, Real, limbs_of, log_of
+from arms import HZ, KD, KP, LIMIT, Real, limbs_of, log_of, mjcf
 from diagnosis_logs import arm_log
 
 from diagnosis.logs.log import HandMechanism, LogError, make_log
@@ -290,3 +290,17 @@ def test_a_delay_that_all_joints_share_is_no_joints_own():
     assert delay.effect == "command-delay" and delay.value == pytest.approx(12.0, abs=0.2)
     late_s = [numbers["command.delay_s"] for numbers in found.corrected.values()]
     assert late_s == pytest.approx([delay.value / 1e3] * 3)
+
+
+@pytest.mark.parametrize("joints", [1, 2])
+def test_a_file_may_say_more_friction_than_there_is(joints):
+    """Find a weak drive's gain where dry friction is a tenth less than the file says."""
+    last = joints - 1
+    log = log_of(Real(joints=joints, coulomb_nm={last: 1.8}, kp={last: 0.72}))
+    log = make_log(log.meta, log.samples, mjcf(joints, {last: 2.0}))
+    result = limbs_of(log)[0][0].result
+    (cause,) = result.causes
+    friction = next(one for one in result.nominal if one.effect == "coulomb-friction")
+    assert (cause.effect, cause.joint) == ("kp-scale", f"J{last}")
+    assert cause.value == pytest.approx(-28.0, abs=2.0)
+    assert friction.value == pytest.approx(-200.0, abs=60.0)
