@@ -113,8 +113,8 @@ def _work(
                 shared.applied[rows] = engine.applied_nm
             pipe.send(None)
         engine.close()
-    except EOFError:
-        return
+    except (EOFError, ConnectionError):
+        return  # nobody waits any more
     except Exception as error:  # noqa: BLE001 - whatever it was, the parent must hear of it
         pipe.send(f"{type(error).__name__}: {error}")
 

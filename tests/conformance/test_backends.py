@@ -317,6 +317,20 @@ def test_worker_killed_at_work_is_reported() -> None:
     assert not any(worker.is_alive() for worker in workers)
 
 
+def test_a_worker_that_nobody_waits_for_ends_in_silence(capfd: pytest.CaptureFixture[str]) -> None:
+    """Let Ctrl-C in the middle of a step print no trace of the processes."""
+    specs = [world()]
+    before = set(multiprocessing.active_children())
+    sim = Sharded(registry.load("backend", "mujoco"), specs, 1)
+    (worker,) = set(multiprocessing.active_children()) - before
+    (pipe,) = sim._pipes
+    pipe.send("advance")
+    pipe.close()
+    worker.join(60)
+    assert worker.exitcode == 0 and capfd.readouterr().err == ""
+    sim.close()
+
+
 def test_failing_worker_says_why(engine: type[Engine]) -> None:
     """Raise WorkerError with the worker's own error when its world cannot be built."""
     spec = world()
