@@ -307,7 +307,7 @@ and with the motor as it is then, as a drive reads its current; or of the tick f
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _since(motor, dt, kp, kd, limit, slip_share, lag_share, pd):
-    """The PD torque as the motor is now, its angles (3,) of the last ticks, of that a tick ago."""
+    """What the PD torque `pd` of the last tick is after it; `motor` (3,): angles, the last ones."""
     if not abs(pd) < limit:
         return pd
     moved, before = motor[2] - motor[1], motor[1] - motor[0]
