@@ -71,12 +71,11 @@ def measure(
     Raises DifferentStepsError.
     """
     stepped = env.simulator
-    halves = [
-        _half(env, one, other, seconds / 2, clock)
-        for one, other in ((stepped, bare), (bare, stepped))
-    ]
-    env.simulator = stepped
-    return _summary(*halves)
+    pairs = (stepped, bare), (bare, stepped)
+    try:
+        return _summary(*(_half(env, *pair, seconds / 2, clock) for pair in pairs))
+    finally:
+        env.simulator = stepped  # whoever made an engine closes it
 
 
 def _half(
