@@ -9,8 +9,7 @@ from pydantic import TypeAdapter
 from diagnosis.plain_gap import PlainGap
 from diagnosis.shrinkage import Gaps, Share
 from diagnosis.signals import Signals
-from diagnosis.verdict.in_hand import Spot
-from diagnosis.verdict.result import Cause, LimbResult, Nominal
+from diagnosis.verdict.result import Cause, LimbResult, Nominal, Spot
 from diagnosis.where import Place
 
 

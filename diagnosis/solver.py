@@ -160,17 +160,15 @@ def _limb(said: Evidence, sound: Sequence[Fit], asked: Asked, progress: Progress
     sensors = list(sensor_causes(said, left, ordinary, asked.catalogue))
     received = said
     for one in _rounded(fitter, found.chosen):
-        sizes = one.step, one.low, one.high
-        sensors.append(sensor_cause(said, STEP, (one.joint,), sizes, asked.catalogue))
+        sensors.append(sensor_cause(said, STEP, (one.joint,), one.sizes, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
-            received = replace(received, limb=received.limb.with_steps(one.joint, one.step))
+            received = replace(received, limb=received.limb.with_steps(one.joint, one.sizes[0]))
     if received is not said:
         fitter, found = _searched(received, known, ordinary, progress)
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
         received = replace(received, limb=arrived(received.limb, lost))
-        sizes = lost.share, lost.low, lost.high
-        sensors.append(sensor_cause(said, LOSS, lost.joints, sizes, asked.catalogue))
+        sensors.append(sensor_cause(said, LOSS, lost.joints, lost.sizes, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)
@@ -220,7 +218,7 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
     evidence = fitter.evidence
     best = dict[int, tuple[float, Rounding]]()
     for one in roundings(fitter, chosen.u, chosen.residual):
-        limb = evidence.limb.with_steps(one.joint, one.step)
+        limb = evidence.limb.with_steps(one.joint, one.sizes[0])
         fit = fitter.of(limb).fit(chosen.freed, chosen.u, slopes=chosen.slopes, again=False)
         part = evidence.parts[one.joint]
         left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))

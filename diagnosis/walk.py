@@ -26,9 +26,8 @@ from diagnosis.signals import NOMINAL, Signals, signals
 from diagnosis.solver import Judged, judged
 from diagnosis.triage.triage import triage
 from diagnosis.verdict import probability
-from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, decisive, named, verdict
+from diagnosis.verdict.result import NONE, UNKNOWN, LimbResult, Report, decisive, named, verdict
 from diagnosis.verdict.sensors import not_looked_for
 from diagnosis.where import Place, largest, locate
 from files.tables import give_back
@@ -37,8 +36,6 @@ FIRST = "checking the log; the first diagnosis after installing compiles for som
 STOPPED = "Stopped before its end; this is what the fits so far say:"
 CHECKED, JUDGED = 0.15, 0.9
 """Shares of the work that are done when the log is checked, and when all joints are judged."""
-REFITTED, CAUSES = "nominal numbers refitted", "with the causes"
-"""Names of simulated signals."""
 
 
 def diagnose(
@@ -60,14 +57,13 @@ def diagnose(
     `progress` is called with what is being done, and the share done; where it raises Stop, what is
     known so far is the answer.
     """
-    began_s = _cpu_s()
+    began_s = sum(os.times()[:4])  # with the children it has waited for
     known = every_effect() if catalogue is None else catalogue
     world, tell = nominal or mjcf_world(log), forward(progress or (lambda text, share: None))
     tell(FIRST, 0.0)
     remarks, *_ = [triage(one, world) for one in (log, *healthy)]
     give_back()
-    part = within(tell, CHECKED, JUDGED)
-    limbs, notes = judged(log, healthy, world, known, origin, part)
+    limbs, notes = judged(log, healthy, world, known, origin, within(tell, CHECKED, JUDGED))
     give_back()
     stopped = limbs[-1].stopped
     try:
@@ -86,11 +82,10 @@ def diagnose(
     causes = (*named(said), *(one for one in held.causes if one.effect != UNKNOWN))
     accused = {joint for cause in causes for joint in cause.joints}
     if verdict(said) == (UNKNOWN,):
-        gaps_by_joint = max(said, key=lambda limb: limb.gap_nominal).gaps
-        accused.add(max(gaps_by_joint, key=gaps_by_joint.__getitem__))
+        by_joint = max(said, key=lambda limb: limb.gap_nominal).gaps
+        accused.add(max(by_joint, key=by_joint.__getitem__))
     worst = max(decisive(said), key=lambda limb: limb.gap_nominal / limb.ordinary)
-    parts = [_by_second(one) for one in limbs]
-    gaps, gone, gone_nominal = gaps_and_shares(parts)
+    gaps, gone, gone_nominal = gaps_and_shares([_by_second(one) for one in limbs])
     plain, engine = None, tuple[float, ...]()
     if isinstance(log.meta.mechanism, MjcfMechanism):
         rested = [joint for one in said for joint in one.rested or ()]
@@ -125,13 +120,8 @@ def diagnose(
         notes=(*remarks, *notes),
         stopped=stopped,
         signals=tuple(_signals(limbs, accused or {places[0].joint})),
-        cpu_s=_cpu_s() - began_s,
+        cpu_s=sum(os.times()[:4]) - began_s,
     )
-
-
-def _cpu_s() -> float:
-    """CPU time of this process and of the children it has waited for [s]."""
-    return sum(os.times()[:4])
 
 
 def _corrected(limbs: Sequence[Judged]) -> Iterator[tuple[str, dict[str, float]]]:
@@ -191,9 +181,9 @@ def _by_second(one: Judged) -> tuple[Array, Array, Array]:
 def _signals(limbs: Sequence[Judged], joints: set[str]) -> Iterator[Signals]:
     for one in limbs:
         world, found = one.fitter, one.found
-        worlds = {NOMINAL: (one.nominal, {}), REFITTED: (world, found.nominal.u)}
+        worlds = {NOMINAL: (one.nominal, {}), "nominal numbers refitted": (world, found.nominal.u)}
         if found.chosen.freed:
-            worlds[CAUSES] = (world, found.chosen.u)
+            worlds["with the causes"] = (world, found.chosen.u)
         for j, joint in enumerate(one.evidence.joints):
             if joint in joints:
                 yield signals(one.evidence, worlds, j)

@@ -2,18 +2,21 @@
 
 from pathlib import Path
 
+from matplotlib.figure import Figure
 from rich.console import Group, RenderableType
 from rich.text import Text
 
 from benchmark.errors import UsageError
 from benchmark.gap import robot_log
 from benchmark.gap.asked import Source
+from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.replay.nominal import mjcf_world
-from diagnosis.report.motion_picture import draw
 from diagnosis.triage.triage import FaultError, triage
 
 OUT, PICTURE = Path("checks"), "motion.png"
+MOST_JOINTS, MOST_POINTS = 16, 4000
+"""So many joints are drawn, and so many points of each."""
 
 
 def run(source: Source, out: Path | None, force: bool) -> tuple[dict, RenderableType]:
@@ -29,7 +32,7 @@ def run(source: Source, out: Path | None, force: bool) -> tuple[dict, Renderable
     except LogError as error:
         raise UsageError(str(error)) from error
     folder.mkdir(parents=True, exist_ok=True)
-    draw(found.log, folder / PICTURE)
+    _draw(found.log, folder / PICTURE)
     written = [str(folder / PICTURE), *([str(found.folder)] if found.said else [])]
     result = {
         "status": "done",
@@ -58,3 +61,24 @@ def _judged(log: Log) -> tuple[list[str], list[str]]:
         return [str(fault) for fault in error.faults], []
     except LogError as error:
         return [str(error)], []
+
+
+def _draw(log: Log, file: Path) -> None:
+    """Command and position: a row per joint, its episodes one after the other."""
+    joints = log.joints[:MOST_JOINTS]
+    figure = Figure(figsize=(11, 1.0 + 1.8 * len(joints)), layout="constrained")
+    axes = figure.subplots(len(joints), 1, squeeze=False, sharex=True)[:, 0]
+    for axis, joint in zip(axes, joints, strict=True):
+        began_s, (size, unit, _) = 0.0, SHOWN[log.is_linear(joint)]
+        for one in log.episodes:
+            part = log.episode(one.episode)
+            some = part.iloc[:: max(1, len(log.samples) // MOST_POINTS)]
+            time_s = began_s + some["t_s"] - part["t_s"].iloc[0]
+            axis.plot(time_s, size * some[log.column("command", joint)], color="tab:gray", lw=0.8)
+            axis.plot(time_s, size * some[log.column("position", joint)], color="tab:blue", lw=1.0)
+            began_s += float(part["t_s"].iloc[-1] - part["t_s"].iloc[0])
+            axis.axvline(began_s, color="lightgray", lw=0.5)
+        axis.set_ylabel(f"{joint} [{unit}]")
+    axes[-1].set_xlabel("time [s]")
+    axes[0].set_title("command (gray) and position (blue)", fontsize="small")
+    figure.savefig(file, dpi=110)

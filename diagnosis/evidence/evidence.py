@@ -14,7 +14,7 @@ from diagnosis.logs.log import LogError
 from diagnosis.motion.columns import LIMIT, STIFFNESS
 from diagnosis.motion.limb import BLOCK_S, Limb, block_means
 from diagnosis.motion.recordings import stood_s, white_noise
-from diagnosis.verdict.result import Place
+from diagnosis.verdict.result import JointFacts
 
 FLOOR_RAD, FLOOR_SHARE = 2.5e-4, 5e-3
 """No model is right to this: angles [rad; of a slide a share of its travel], and torques as a share
@@ -93,11 +93,11 @@ class Evidence:
         """What is shown (N, 3, K) as `readings` are, in floors."""
         return (shown / self.floor).transpose(2, 1, 0)[self.logged] / np.sqrt(1.0 + self.spread)
 
-    def place(self, *joints: int | None) -> Place:
+    def place(self, *joints: int | None) -> JointFacts:
         """What sizes on these joints are said by; None: on all."""
         chosen = [j for j in joints if j is not None] or list(range(len(self.joints)))
         bodies = [self.limb.spec.hand.driven[j] for j in chosen]
-        return Place(
+        return JointFacts(
             slides=all(body.joint.slides for body in bodies),
             count=float(self.step[chosen].min()),
             mass_kg=bodies[0].mass_kg if len(bodies) == 1 else 0.0,

@@ -16,7 +16,7 @@ from diagnosis.logs.log import Log
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import Held, held
 from diagnosis.skin.skin_faults import identify_skin_faults
-from diagnosis.verdict.in_hand import Report, missing
+from diagnosis.verdict.result import Report, missing
 
 NEEDS = "not identifiable from this log; record --protocol grasp with the channel stick"
 PULLS = (
@@ -80,7 +80,7 @@ def _of_world(
 ) -> tuple[Shape, pull_test.PullFit | None]:
     """The same about one world; pulls about the mass that its gaps ask for."""
     found = shape(world, parts, simulate)
-    heavy = pull_test.changed(found.on(world), mass=found.mass)
-    rigid, soft = found.chosen.rigid, found.is_soft
+    rigid, soft, mass = found.chosen.rigid, found.chosen.is_soft, float(found.chosen.sizes[2])
+    heavy = pull_test.changed(found.on(world), mass=mass)
     pulled = pull_test.pull_fit(heavy, pulls, simulate, rigid=rigid, soft=soft)
-    return found, replace(pulled, logs=pulled.logs + [0.0, found.mass]) if pulled else None
+    return found, replace(pulled, logs=pulled.logs + [0.0, mass]) if pulled else None

@@ -21,8 +21,7 @@ from diagnosis.grasp.forward_model import FRICTION, MASS, simulate_grasps
 from diagnosis.grasp.slip_model import GONE_M, Slip, newton, slip, valley
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import Held
-from diagnosis.verdict.in_hand import Report, missing
-from diagnosis.verdict.result import UNKNOWN, Z90, cause
+from diagnosis.verdict.result import UNKNOWN, Z90, Report, cause, missing
 
 FINE_S = 1e-3
 """Replays are read this often."""

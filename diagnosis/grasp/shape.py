@@ -14,6 +14,7 @@ nominal engine's contacts come first where a replay moves as the log does, and l
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 
@@ -31,9 +32,8 @@ from diagnosis.grasp.forward_model import (
 )
 from diagnosis.motion.batch import Simulate
 from diagnosis.motion.held import FLOOR_M, Held
-from diagnosis.verdict.in_hand import STICK, Report, Spot, missing
-from diagnosis.verdict.ordinary import SIMULATORS, is_named, is_worth, share_of
-from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
+from diagnosis.verdict.ordinary import SIMULATORS, Gap, is_named, is_worth, share_of
+from diagnosis.verdict.result import STICK, UNKNOWN, Z90, Cause, Report, Spot, cause, missing
 
 SUBSETS = ((), (RADIUS,), (SOFTNESS,), (RADIUS, SOFTNESS))
 NUMBERS = (RADIUS, SOFTNESS, MASS)
@@ -56,14 +56,15 @@ MISPLACED = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit(Gap):
     """A subset of the two numbers, fitted to the gaps of a log with one kind of contacts."""
 
     numbers: tuple[str, ...]
     rigid: bool
-    left_m: Array
-    """What it leaves of the gaps, shape (E, F)."""
+    gap2: Array = field(default_factory=lambda: np.full(1, np.inf))
+    by_finger: Array = field(default_factory=lambda: np.zeros(0))
+    """The gaps that it leaves at fingers [floors], shape (F,)."""
     sizes: Array = field(default_factory=lambda: np.zeros(3))
     """`NUMBERS` beyond the nominal ones [m, m/N], the mass as the logarithm of a ratio: contacts of
     the nominal engine yield by it, so it is free beside them, and never named by gaps."""
@@ -71,21 +72,6 @@ class Fit:
     """Of these, by their scatter."""
     moved: float = np.inf
     """How far its replay moves from the log, over `ENGINES`."""
-
-    @property
-    def worst(self) -> float:
-        """The gap that it leaves [floors]."""
-        return float(np.sqrt(np.mean((self.left_m / FLOOR_M) ** 2)))
-
-    @property
-    def gap(self) -> float:
-        """The same: what is refitted here has no limit together."""
-        return self.worst
-
-    @property
-    def excess(self) -> float:
-        """The squared gap beyond one floor."""
-        return max(self.worst**2 - 1.0, 0.0)
 
     @property
     def is_soft(self) -> bool:
@@ -107,11 +93,7 @@ class Fit:
         return replace(nominal, stick=stick, contact=replace(contact, compliance_m_n=soft_m_n))
 
     def closer(
-        self,
-        nominal: Spec,
-        parts: Sequence[Held],
-        shown: Sequence[Held],
-        heavier: Sequence[Held],
+        self, nominal: Spec, parts: Sequence[Held], shown: Sequence[Held], heavier: Sequence[Held]
     ) -> "Fit":
         """The next least-squares step, from replays of its world and of one with more mass."""
         real, model, other = (
@@ -128,11 +110,13 @@ class Fit:
         step = inverse @ left
         left = left - slopes @ step
         scatter = np.sqrt(left @ left / max(left.size - sum(free), 1))
+        floors = left.reshape(real.shape) / FLOOR_M
         pairs = zip(parts, shown, strict=True)
         gaps = [motion_gap(*pair, nominal.stick.length_m) for pair in pairs]
         return replace(
             self,
-            left_m=left.reshape(real.shape),
+            gap2=np.array([np.mean(floors**2)]),
+            by_finger=np.sqrt(np.mean(floors**2, axis=0)),
             sizes=np.clip(self.sizes + step, *MOST),
             std=scatter * np.linalg.norm(inverse, axis=1),
             moved=float(np.sqrt(np.mean(gaps))),
@@ -148,35 +132,21 @@ class Shape:
     chosen: Fit
     alike: tuple[Fit, ...]
     """Fits of the same numbers that explain the gaps as well, the chosen one among them."""
-    is_misplaced: bool
-    """Whether nothing explains them."""
+    apart_m: float = 0.0
+    """What is left where nothing explains them."""
 
     def on(self, nominal: Spec) -> Spec:
         """The world with what was found, whether or not the catalogue has a name for it."""
-        shape = replace(self.chosen, sizes=self.chosen.sizes * (1.0, 1.0, 0.0))
-        return nominal if self.is_misplaced else shape.on(nominal)
-
-    @property
-    def mass(self) -> float:
-        """Logarithm of the mass over the nominal one, as far as gaps ask for another."""
-        return 0.0 if self.is_misplaced else float(self.chosen.sizes[2])
-
-    @property
-    def is_soft(self) -> bool:
-        """Whether contacts are softer than nominal."""
-        return self.chosen.is_soft and not self.is_misplaced
+        return replace(self.chosen, sizes=self.chosen.sizes * (1.0, 1.0, 0.0)).on(nominal)
 
     def report(self, nominal: Spec, catalogue: Catalogue) -> Report:
         """What is named, `unknown` where it is not in the catalogue."""
         names = of_part(catalogue, "stick", "contact")
-        if self.is_misplaced:
+        if self.apart_m:
             sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
-            left_mm = 1e3 * FLOOR_M * self.chosen.worst
-            return Report(missing=missing(sought, MISPLACED.format(left_mm)), world=nominal)
-        gaps = (
-            np.sqrt(np.mean((fit.left_m / FLOOR_M) ** 2, axis=0)).tolist()
-            for fit in (self.nominal, self.chosen)
-        )
+            why = MISPLACED.format(1e3 * self.apart_m)
+            return Report(missing=missing(sought, why), world=nominal)
+        gaps = (fit.by_finger.tolist() for fit in (self.nominal, self.chosen))
         return Report(
             causes=tuple(self._causes(nominal, names, catalogue)),
             spots=tuple(
@@ -217,7 +187,8 @@ def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
     explaining = [fit for fit in every if _explains(fit, bare[fit.rigid])]
     if not explaining:
         best = min(every, key=lambda fit: fit.worst)
-        return Shape(nominal=bare[best.rigid], chosen=best, alike=(best,), is_misplaced=True)
+        none = bare[best.rigid]
+        return Shape(nominal=none, chosen=none, alike=(none,), apart_m=FLOOR_M * best.worst)
     known = [fit for fit in explaining if fit.rigid or fit.moved <= OWN] or explaining
     best = min(known, key=lambda fit: (len(fit.numbers), fit.rigid, fit.worst))
     for more in (fit for fit in explaining if fit.rigid == best.rigid):
@@ -225,18 +196,15 @@ def shape(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> Shape:
         if further and is_worth(more, best, SIMULATORS, bare[best.rigid]):
             best = more
     alike = tuple(fit for fit in explaining if fit.numbers == best.numbers)
-    return Shape(nominal=bare[best.rigid], chosen=best, alike=alike, is_misplaced=False)
+    return Shape(nominal=bare[best.rigid], chosen=best, alike=alike)
 
 
 def fits(nominal: Spec, parts: Sequence[Held], simulate: Simulate) -> list[Fit]:
     """All subsets with both kinds of contacts, and a mass beside the nominal engine's."""
-    gaps = np.array([touch_m(nominal, part) for part in parts])
     found = [
-        Fit(numbers=some, rigid=rigid, left_m=gaps, sizes=GIVEN * (SOFTNESS in some))
-        for some in SUBSETS
-        for rigid in (False, True)
+        Fit(numbers=some, rigid=rigid, sizes=GIVEN * (SOFTNESS in some))
+        for some, rigid in (*product(SUBSETS, (False, True)), ((MASS,), False))
     ]
-    found.append(Fit(numbers=(MASS,), rigid=False, left_m=gaps))
     for _ in range(ROUNDS):
         steps = ((0.0, 0.0, PROBE * (MASS in fit.numbers)) for fit in found)
         heavy = [replace(f, sizes=f.sizes + step) for f, step in zip(found, steps, strict=True)]

@@ -23,38 +23,22 @@ def surprise(e):
 
 
 @numba.njit(cache=True, error_model="numpy")
-def _turn(k, end, command, lost, held, lossy, change):
-    """How held targets change when packet k is turned; the number of samples that change."""
-    now = held[k].copy()
-    kept = held[k - 1].copy()
-    count = 0
-    for t in range(k, end):
-        gone = lost[t] if t > k else not lost[k]
-        for j in range(command.shape[1]):
-            now[j] = (kept[j] if gone else command[t, j]) if lossy[j] else held[t, j]
-            change[count, j] = now[j] - held[t, j]
-            kept[j] = now[j]
-        count += 1
-        if t > k and not gone:
-            break
-    return count
+def _gain(k, run, last, change, block, template, unit, residual, weight, memory, spare):
+    """How much less surprising residuals are where targets change from k on, for `run` samples.
 
-
-@numba.njit(cache=True, error_model="numpy")
-def _gain(k, count, change, block, template, unit, residual, weight, memory, spare):
-    """How much less surprising residuals are with the change; `spare` gets the shift."""
+    By `change` (K,). `spare` gets the shift of residuals up to block `last`; also, how many it has.
+    """
     window, channels = unit.shape[2], unit.shape[3]
     first = block[k]
-    last = min(block[k + count - 1] + window, len(residual))
-    length = min(last - first, len(spare))
+    length = min(last - first, len(residual) - first, len(spare))
     spare[:length] = 0.0
-    for i in range(count):
-        at = block[k + i] - first
-        for j in range(change.shape[1]):
-            if change[i, j] != 0.0:
+    for i in range(k, k + run):
+        at = block[i] - first
+        for j in range(len(change)):
+            if change[j] != 0.0:
                 for w in range(min(window, length - at)):
                     for c in range(channels):
-                        spare[at + w, c] += change[i, j] * unit[template[k + i], j, w, c]
+                        spare[at + w, c] += change[j] * unit[template[i], j, w, c]
     gain = 0.0
     for b in range(length):
         for c in range(channels):
@@ -75,42 +59,36 @@ def decode(command, begins, groups, first, price, block, template, unit, residua
     in `residual` already; `price`: nats that each loss costs. A packet that brings nothing new is
     worth nothing.
     """
-    samples, joints = command.shape
     lost, held, left = first.copy(), command.copy(), residual.copy()
-    for k in range(1, samples):
+    for k in range(1, len(command)):
         for g in range(len(groups)):
-            for j in range(joints):
-                if lost[k, g] and groups[g, j]:
-                    held[k, j] = held[k - 1, j]
+            if lost[k, g]:
+                held[k] = np.where(groups[g], held[k - 1], held[k])
     worth = np.zeros(lost.shape)
-    change = np.zeros((samples, joints))
     spare = np.zeros((8 * unit.shape[2], unit.shape[3]))
     for _ in range(PASSES):
         turned = 0
         for e in range(len(begins) - 1):
             for n in range((begins[e] + 1) * len(groups), begins[e + 1] * len(groups)):
                 k, g = n // len(groups), n % len(groups)
-                lossy, brings = groups[g], False
-                for j in range(joints):
-                    brings |= lossy[j] and abs(command[k, j] - held[k - 1, j]) > SAME
+                brings = np.where(groups[g], command[k] - held[k - 1], 0.0)
                 worth[k, g] = 0.0
-                if not brings:
+                if np.abs(brings).max() <= SAME:
                     continue
-                count = _turn(k, begins[e + 1], command, lost[:, g], held, lossy, change)
+                run = 1  # samples that hold what is held at k: those lost after it do as well
+                while k + run < begins[e + 1] and lost[k + run, g]:
+                    run += 1
+                change = brings if lost[k, g] else -brings
+                last = block[min(k + run, begins[e + 1] - 1)] + unit.shape[2]
                 given = block, template, unit, left, weight, memory, spare
-                gain, length = _gain(k, count, change, *given)
-                net = gain + (price if lost[k, g] else -price)
+                gain, length = _gain(k, run, last, change, *given)
                 worth[k, g] = gain
-                if net > 0.0:
+                if gain + (price if lost[k, g] else -price) > 0.0:
                     lost[k, g] = not lost[k, g]
                     worth[k, g] = -gain
                     turned += 1
-                    for b in range(length):
-                        for c in range(left.shape[1]):
-                            left[block[k] + b, c] -= spare[b, c]
-                    for i in range(count):
-                        for j in range(joints):
-                            held[k + i, j] += change[i, j]
+                    left[block[k] : block[k] + length] -= spare[:length]
+                    held[k : k + run] += change
         if turned == 0:
             break
     return lost, worth, left

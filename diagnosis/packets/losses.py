@@ -55,9 +55,8 @@ class Losses:
 
     groups: Array
     """Joints whose targets are in one packet, (G, K), bool."""
-    share: float
-    low: float
-    high: float
+    sizes: tuple[float, float, float]
+    """The share that was lost, and the ends of its 90 % interval."""
     nats: float
     lost: tuple[Array, ...]
     """By episode, (T, G), bool."""
@@ -83,7 +82,7 @@ def losses(
     if not len(found.unit):
         return None
     if before is not None:
-        return _decoded(found, flat, before.groups, np.concatenate(before.lost), before.share)
+        return _decoded(found, flat, before.groups, np.concatenate(before.lost), before.sizes[0])
     alone = np.eye(len(evidence.joints), dtype=bool)
     together = np.ones((1, len(alone)), dtype=bool)
     tried = []
@@ -128,9 +127,7 @@ def _decoded(
     wide = Z90 * np.sqrt(share * (1 - share) / clear_count)
     return Losses(
         groups=groups,
-        share=share,
-        low=max(share - wide, 0.0),
-        high=min(share + wide, 1.0),
+        sizes=(share, max(share - wide, 0.0), min(share + wide, 1.0)),
         nats=float(nats),
         lost=tuple(np.split(lost, found.begins[1:-1])),
     )

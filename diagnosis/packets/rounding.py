@@ -45,10 +45,8 @@ class Rounding:
     """A step to which the targets of a joint were rounded."""
 
     joint: int
-    step: float
-    """[rad or m]; so are the ends of what it may be."""
-    low: float
-    high: float
+    sizes: tuple[float, float, float]
+    """The step, and the ends of what it may be [rad or m]."""
 
 
 def roundings(world: World, u: Mapping[int, float], residual: Array) -> Iterator[Rounding]:
@@ -82,7 +80,7 @@ def _steps(
         if score.max() >= ALIKE:
             best = float(inverse[int(np.argmax(score))])
             low, high = 1.0 / (best + apart / 2), 1.0 / (best - apart / 2)
-            yield Rounding(joint=j, step=1.0 / best, low=low, high=high)
+            yield Rounding(joint=j, sizes=(1.0 / best, low, high))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -56,6 +56,8 @@ def place(cause: Cause) -> str:
 
 def moved(one: Nominal) -> str:
     """A nominal number that took part of the gap, with its standard deviation."""
+    if one.effect == "soft-friction":
+        return "dry friction that yields under load, as a simulator's"
     where = f" on {one.joint}" if one.joint else ""
     return f"{one.effect}{where} {one.value:+.3g} ± {one.sd:.2g} {one.unit}"
 

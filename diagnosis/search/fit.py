@@ -5,20 +5,19 @@
 Weights w are of the residuals as they are (`evidence.gap`), computed again at each step.
 """
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 
 from backends.state import Array
-from diagnosis.evidence.evidence import excess, root_weights, squared_gaps
+from diagnosis.evidence.evidence import Evidence, excess, root_weights, squared_gaps
 from diagnosis.models.parameters import with_parts
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY, SOFT
 from diagnosis.motion.limb import Limb
 from diagnosis.search.problem import Problem, lowest
-from diagnosis.verdict.ordinary import Ordinary
+from diagnosis.verdict.ordinary import Gap, Ordinary
 
 STEPS, AGAIN = 7, 2
 """Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
@@ -51,38 +50,19 @@ SEEN = 0.05
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Fit:
+class Fit(Gap):
     """Parameters by number: those that were let free, and where all are."""
 
     freed: tuple[int, ...]
     u: Mapping[int, float]
     residual: Array
     """What is left, in floors (M,)."""
-    gap2: Array
-    """Squared gap by joint (K,)."""
     prior: float = 0.0
     """What the sizes of the tolerances cost [nats]."""
-    strain2: float = 0.0
-    """Squared gap that the tolerances together are worth, see `Usual`; 0 where they are usual."""
     sd: Mapping[int, float] = field(default_factory=dict)
     """Standard deviations of what was fitted."""
     slopes: Mapping[int, Array] = field(default_factory=dict)
     """How readings follow from each parameter (M,), as last taken."""
-
-    @cached_property
-    def excess(self) -> float:
-        """Squared gap beyond one floor, over all joints, and of the tolerances together."""
-        return excess(self.gap2) + self.strain2
-
-    @property
-    def gap(self) -> float:
-        """The largest gap of a joint, in floors."""
-        return float(np.sqrt(self.gap2.max()))
-
-    @property
-    def worst(self) -> float:
-        """The largest gap of a joint, or of the tolerances together, in floors."""
-        return max(self.gap, float(np.sqrt(self.strain2)))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -234,17 +214,9 @@ class Fitter(World):
         """
         less = self._left(one) - self._left(other)
         if abs(less) <= ALIKE:
-            cost, beside = self.costs((one, other))
+            cost, beside = costs(self.evidence, (one, other))
             less = cost - beside
         return one if less < 0.0 else other
-
-    def costs(self, fits: Sequence[Fit]) -> list[float]:
-        """What fits minimise, all with the weights of the nearest [nats]."""
-        if not fits:
-            return []
-        nearest = min(fits, key=lambda fit: float(fit.residual @ fit.residual))
-        weights = root_weights(self.evidence, nearest.residual)
-        return [_cost(fit.residual, weights) + fit.prior for fit in fits]
 
     def seen(self, fit: Fit) -> dict[int, float]:
         """The parameters of a fit, without tolerances that hardly show: no model needs them.
@@ -321,6 +293,19 @@ class Fitter(World):
         self, u: Mapping[int, float], freed: Collection[int], known: Mapping[int, Array]
     ) -> Array | float:
         return sum(known[k] * v for k, v in u.items() if v and self.is_column(k, freed))
+
+
+def costs(
+    evidence: Evidence,
+    fits: Sequence[Fit],
+    weigh: Callable[[Evidence, Array], Array] = root_weights,
+) -> list[float]:
+    """What fits minimise, all with the root weights that residuals of the nearest have [nats]."""
+    if not fits:
+        return []
+    nearest = min(fits, key=lambda fit: float(fit.residual @ fit.residual))
+    weights = weigh(evidence, nearest.residual)
+    return [_cost(fit.residual, weights) + fit.prior for fit in fits]
 
 
 def _cost(residual: Array, weights: Array) -> float:

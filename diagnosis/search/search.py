@@ -18,7 +18,7 @@ from diagnosis.models.parameters import Parameter, with_parts
 from diagnosis.motion.columns import COULOMB, MASS, PAYLOAD, SOFT
 from diagnosis.progress import Progress, Stop
 from diagnosis.search.chaos import with_prediction_spread
-from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.fit import Fit, Fitter, costs
 from diagnosis.search.screening import Chords, screened
 from diagnosis.verdict.exact import TIE_NATS, is_likely
 from diagnosis.verdict.exact import ranked as ranked_by_nats
@@ -418,8 +418,8 @@ class Search:
     def _is_tied(self, fit: Fit, best: Fit) -> bool:
         """Whether a set of the same size is as good as the best one."""
         if self.ordinary.exact and fit.worst <= self.ordinary.floors:
-            costs = [cost for cost, _ in ranked_by_nats(self.fitter.evidence, [fit, best])]
-            return costs[1] - costs[0] < TIE_NATS
+            (least, _), (more, _) = ranked_by_nats(self.fitter.evidence, [fit, best])
+            return more - least < TIE_NATS
         behind = (fit.excess - best.excess) / max(self.nominal.excess, 1e-9)
         return behind < TIE_SHARE and fit.excess < TIE * best.excess + TIE_MORE
 
@@ -460,7 +460,7 @@ def ranked(fitter: Fitter, fits: Sequence[Fit]) -> list[Fit]:
 
     Of sets that leave nothing beyond it, those lead whose effects are not as large as is tried.
     """
-    costs = dict(zip(map(id, fits), fitter.costs(fits), strict=True))
+    nats = dict(zip(map(id, fits), costs(fitter.evidence, fits), strict=True))
 
     def rank(fit: Fit) -> tuple[float, int, float]:
         chosen = [fitter.parameters[k] for k in fit.freed]
@@ -468,7 +468,7 @@ def ranked(fitter: Fitter, fits: Sequence[Fit]) -> list[Fit]:
         shared = sum(p.joint is None and p.kind.per_joint for p in chosen)
         times = SENSOR**exact * OWN**shared * WIDER ** _wider(chosen)
         ended = sum(abs(fit.u.get(k, 0.0)) > END * fitter.parameters[k].most for k in fit.freed)
-        return times * fit.excess, ended, times * (costs[id(fit)] - fit.prior) + fit.prior
+        return times * fit.excess, ended, times * (nats[id(fit)] - fit.prior) + fit.prior
 
     return sorted(fits, key=rank)
 

@@ -85,8 +85,6 @@ class Faults:
     """Slopes are spread evenly up to this."""
     gain: Array = field(default_factory=lambda: np.ones(()))
     """Of every taxel, shape (F, K) or (), where readings are depths."""
-    gain_spread: float = 0.0
-    """Gains differ from 1 by up to this share."""
     hysteresis: float = 0.0
     """Share by which an easing press may read more, where readings are depths."""
     dead: Array = field(default_factory=lambda: np.zeros((), dtype=bool))

@@ -22,9 +22,8 @@ from diagnosis.skin.forward_model import Faults
 from diagnosis.skin.samples import samples
 from diagnosis.skin.taxel_fits import FIELDS, GAIN, HALO, HYSTERESIS, THRESHOLD, Fitting, Guess
 from diagnosis.verdict.exact import ACCUSE_NATS, TIE_NATS
-from diagnosis.verdict.in_hand import TOUCH, Report, Spot, missing
-from diagnosis.verdict.ordinary import SHARE, SIMULATORS, allowed, share_of
-from diagnosis.verdict.result import UNKNOWN, Z90, Cause, cause
+from diagnosis.verdict.ordinary import SHARE, SIMULATORS, Gap, allowed, share_of
+from diagnosis.verdict.result import TOUCH, UNKNOWN, Z90, Cause, Report, Spot, cause, missing
 
 MOST = 2
 """Faults that are named at once: more of them imitate any other."""
@@ -45,23 +44,16 @@ NO_MODEL = "not looked for: the model of a skin here does not have it"
 STRANGE = "the taxels that respond are not those that stick and joints press"
 
 
-@dataclass(frozen=True, kw_only=True)
-class SkinFit:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SkinFit(Gap):
     """A set of faults at the sizes that fit best together."""
 
     guesses: tuple[Guess, ...] = ()
     skin: Faults
-    worst: float
-    """The gap that it leaves."""
     nats: float
     """Log-likelihood of the samples."""
     tied: tuple[str, ...] = ()
     """Faults of sets of the same size that this log cannot tell from it."""
-
-    @property
-    def excess(self) -> float:
-        """The squared gap beyond one floor."""
-        return max(self.worst**2 - 1.0, 0.0)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -167,7 +159,8 @@ def _sets(
 
 
 def _fit(fitting: Fitting, skin: Faults) -> SkinFit:
-    return SkinFit(skin=skin, worst=fitting.gap(skin), nats=fitting.nats(skin))
+    gap2 = np.array([fitting.gap(skin) ** 2])
+    return SkinFit(skin=skin, gap2=gap2, nats=fitting.nats(skin))
 
 
 def _causes(

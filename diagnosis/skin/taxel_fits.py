@@ -36,7 +36,7 @@ FIELDS = {
     DRIFT: ("slope_m_s", "fastest_m_s"),
     DEAD: ("dead", "dead_share"),
     HALO: ("halo_m",),
-    GAIN: ("gain", "gain_spread"),
+    GAIN: ("gain",),
     HYSTERESIS: ("hysteresis",),
 }
 """Numbers of `Faults` that a fault is."""
@@ -145,7 +145,7 @@ class Fitting:
 
         def skin(best: int) -> Faults:
             most = float(SPREADS[best])
-            return replace(faults, gain=1.0 + np.clip(more, -most, most), gain_spread=most)
+            return replace(faults, gain=1.0 + np.clip(more, -most, most))
 
         guess = _best(GAIN, SPREADS, evidence(more, sd), skin)
         count, most = np.isfinite(sd).sum(), f"{100 * guess.value:.0f} %"

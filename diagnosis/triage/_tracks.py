@@ -200,10 +200,11 @@ def _converted(recording: Recording, paced: float, per_si: Array) -> Recording:
     return replace(
         recording,
         time_s=paced * recording.time_s,
+        sent_s=None if recording.sent_s is None else paced * recording.sent_s,
         command=recording.command / per_si,
         measured=measured,
         start=recording.start / per_si,
-        speed=None if recording.speed is None else recording.speed / per_si,
+        speed=None if recording.speed is None else recording.speed / per_si / paced,
     )
 
 

@@ -16,9 +16,9 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from backends.state import Array
-from diagnosis.triage._sags import WRONG, Sags
 from diagnosis.triage._signals import CLEAR, COUNTS, LENGTHS, OPTIONS, UNITS, line
 from diagnosis.triage._tracks import BETTER, SCALES, Fault, Track
+from diagnosis.triage._weight import WRONG, Sags
 
 FREE, MOVED, ASIDE = (
     np.geomspace(*ends) for ends in ((1e-2, 1e4, 400), (1e-2, 1e4, 25), (0.5, 2, 9))
@@ -110,20 +110,20 @@ class Joints:
         every = (Sags.of(track) for track in self.tracks if track.travel)
         return [sags for sags in every if sags.show_weight]
 
-    def sag(self, per_si: float = 1.0) -> float:
-        """Relative misfit of the sag, see `Sags.misfit`."""
-        return _together(sags.misfit(per_si) for sags in self.sags)
-
     def left(self, per_si: float = 1.0) -> float:
         """Share of the motion and of the sag that are left in a unit."""
         return self._left(
-            lambda track: _left(track.varied(per_si)),
-            lambda sags: sags.misfit(per_si, sizes=SCALES),
+            lambda track: track.varied(per_si), lambda sags: sags.misfit(per_si, sizes=SCALES)
         )
 
-    def _left(self, moved: Callable[[Track], float], sagged: Callable[[Sags], float]) -> float:
-        """With what is left of a joint's motion, and of its sag."""
-        motions = (moved(track) for track in self.tracks if track.travel)
+    def _left(
+        self,
+        other: Callable[[Track], Track],
+        sagged: Callable[[Sags], float] = lambda sags: sags.misfit(sizes=SCALES),
+        rubs: bool = False,
+    ) -> float:
+        """With joints beside another world, and with what is left of a sag; `rubs`: see `_left`."""
+        motions = (_left(other(track), rubs) for track in self.tracks if track.travel)
         return _together([*motions, *map(sagged, self.sags)])
 
     @property
@@ -149,8 +149,12 @@ class Joints:
         """
         reach = max(track.reach / track.room for track in self.tracks)
         known = dict(LENGTHS if self.tracks[0].slides else UNITS)
-        if self.sags and self.sag() >= WRONG:
-            _, rough = _free(self.sag, FREE)
+
+        def sag(per_si: float = 1.0) -> float:
+            return _together(sags.misfit(per_si) for sags in self.sags)
+
+        if self.sags and sag() >= WRONG:
+            _, rough = _free(sag, FREE)
             if not SCALES[0] < rough < SCALES[1]:  # so far off a gain or a sensor may be
                 known[""] = _free(self.left, rough * ASIDE)[1]
         return {name: size for name, size in known.items() if reach / size <= WITHIN}
@@ -183,21 +187,10 @@ class Joints:
     def rivals(self, per_si: float) -> list[str]:
         """What else leaves as little: a limit of torque, a carried weight, friction or a bias."""
         found = {
-            LIMIT: self._left(
-                lambda track: _left(track.varied(limited=per_si)),
-                lambda sags: sags.misfit(sizes=SCALES),
-            ),
-            WEIGHT: self._left(
-                lambda track: _left(track.weightless()),
-                lambda sags: sags.misfit(sizes=(0.0, np.inf)),
-            ),
-            HELD: self._left(
-                lambda track: _left(track, rubs=True), lambda sags: sags.misfit(sizes=SCALES)
-            ),
-            BIASED: self._left(
-                lambda track: _left(_unbiased(track), rubs=True),
-                lambda sags: sags.left(biased=True),
-            ),
+            LIMIT: self._left(lambda track: track.varied(limited=per_si)),
+            WEIGHT: self._left(Track.weightless, lambda sags: sags.misfit(sizes=(0.0, np.inf))),
+            HELD: self._left(lambda track: track, rubs=True),
+            BIASED: self._left(_unbiased, lambda sags: sags.left(biased=True), rubs=True),
         }
         most = BETTER * self.left(per_si)
         return [text for text, left in found.items() if left < most]

@@ -21,7 +21,7 @@ from diagnosis.logs.log import Log, LogError, MjcfMechanism
 from diagnosis.motion.excerpt import FITTED_S, excerpt, excerpted
 from diagnosis.motion.limb import Limb
 from diagnosis.replay.parts import limbs
-from diagnosis.triage import _clocks, _gravity, _lines, _units
+from diagnosis.triage import _clocks, _lines, _units, _weight
 from diagnosis.triage._remarks import made_up, pauses
 from diagnosis.triage._signals import CLEAR, UNCLEAR, line
 from diagnosis.triage._tracks import Fault, Track, tracks
@@ -29,7 +29,7 @@ from diagnosis.triage._tracks import Fault, Track, tracks
 KINDS = ("sensor", "order", "sign", "unit", "zero", "convention", "clock")
 Test = Callable[[Track], Fault | None]
 TESTS: tuple[Test, ...] = (
-    _gravity.weight,
+    _weight.weight,
     _lines.scale,
     _lines.slips,
     _lines.zero,
@@ -61,8 +61,9 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
         Limb(spec=p, recordings=excerpted(log, p, FITTED_S)[0], rigid=rigid) for p in limbs(nominal)
     ]
     every = list(tracks(some))
-    parts = [_brief(one) for one in some]
-    brief = list(tracks(parts)) if parts != some else every
+    parts = [replace(one, recordings=excerpt(one.recordings, UNITS_S)) for one in some]
+    whole = all(a.recordings == b.recordings for a, b in zip(parts, some, strict=True))
+    brief = every if whole else list(tracks(parts))
     if found := _faults(every, brief):
         raise FaultError(found)
     if not any(np.isfinite(shown).any() for track in every for shown in track.shown):
@@ -75,12 +76,6 @@ def triage(log: Log, nominal: Spec) -> tuple[str, ...]:
     units = _units.perhaps(brief)
     remarks = (said for about in (pauses, made_up) for track in followed for said in about(track))
     return (*units, *remarks)
-
-
-def _brief(limb: Limb) -> Limb:
-    """The limb, or with a part of a long log."""
-    some = excerpt(limb.recordings, UNITS_S)
-    return limb if some == limb.recordings else replace(limb, recordings=some)
 
 
 def _faults(every: Sequence[Track], brief: Sequence[Track]) -> tuple[Fault, ...]:

@@ -13,7 +13,7 @@ from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
-from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked, sized
+from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked, cause
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
@@ -36,52 +36,44 @@ def decide(
     Likelihood alone names nothing whose size may be none.
     """
     nominal, chosen = found.nominal, found.chosen
-    sized = tuple(_causes(fitter, found)) if chosen.freed else ()
-    likely = found.is_likely and all(cause.low * cause.high > 0.0 for cause in sized)
-    named = bool(sized) and (is_named(chosen, nominal, ordinary) or likely)
-    unknown = not named and nominal.gap > beside_losses(explained, ordinary)
+    causes = tuple(_causes(fitter, found)) if chosen.freed else ()
+    likely = found.is_likely and all(one.low * one.high > 0.0 for one in causes)
+    if causes and (is_named(chosen, nominal, ordinary) or likely):
+        kind, tied = curve.NAMED, found.tied
+    else:
+        gone = nominal.gap > beside_losses(explained, ordinary)
+        kind, tied, causes = UNKNOWN if gone else NONE, (), ()
+    best = chosen if causes else nominal
     share = found.share(chosen) if chosen.freed else 0.0
-    tied = [f for f in found.tied if named]
-    causes = sized if named else ()
-    leading = tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING])
-    effects = tuple(c.effect for c in causes) or ((UNKNOWN,) if unknown else (NONE,))
-    left = chosen.gap if named or unknown else nominal.gap
+    shares = [found.share(f) for f in found.singles[:2]]
+    features = curve.features(
+        share=share,
+        gap=nominal.worst / ordinary.floors,
+        left=chosen.worst / ordinary.floors,
+        ties=len(tied),
+        causes=len(chosen.freed),
+        lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
+    )
     return LimbResult(
         joints=fitter.evidence.joints,
-        verdict=effects,
+        verdict=tuple(one.effect for one in causes) or (kind,),
         causes=causes,
-        leading=leading,
+        leading=tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING]),
         sensors=tuple(sensors),
         share=share,
-        left=left,
+        left=nominal.gap if kind == NONE else chosen.gap,
         ordinary=ordinary.floors,
         ordinary_from=ordinary.source,
-        probability=_probability(found, ordinary, named, unknown, share, len(tied)),
-        ranking=tuple(_ranked(fitter, found, named)),
+        probability=curve.probability(kind, features),
+        ranking=tuple(_ranked(fitter, found, best)),
         tied=tuple(tuple("@".join(filter(None, _spot(fitter, k))) for k in f.freed) for f in tied),
         experiment=experiment(fitter, chosen, tied) if tied else None,
         gap_before=float(np.sqrt(np.mean((fitter.evidence.readings - fitter.shown({})) ** 2))),
         gap_nominal=nominal.gap,
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
-        nominal=tuple(_nominal(fitter, chosen if named else nominal)),
+        nominal=tuple(_nominal(fitter, best)),
         strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
     )
-
-
-def _probability(
-    found: Found, ordinary: Ordinary, named: bool, unknown: bool, share: float, ties: int
-) -> float:
-    shares = [found.share(f) for f in found.singles[:2]]
-    values = curve.features(
-        share=share,
-        gap=found.nominal.worst / ordinary.floors,
-        left=found.chosen.worst / ordinary.floors,
-        ties=ties,
-        causes=len(found.chosen.freed),
-        lead=shares[0] - shares[1] if len(shares) > 1 else 1.0,
-    )
-    kind = curve.NAMED if named else UNKNOWN if unknown else NONE
-    return curve.probability(kind, values)
 
 
 def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
@@ -111,15 +103,16 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     low, high = sorted(_magnitude(fitter, one, x) for x in ends)
     sizes = [_magnitude(fitter, one, u), low, high]
     effect, joint = _spot(fitter, number)
-    said = sized(one.kind, sizes, fitter.evidence.place(one.joint))
-    said["also"] = ", ".join(filter(None, (said["also"], _away(fitter, fit, number))))
-    return Cause(
-        effect=effect,
-        joint=joint,
-        joints=fitter.evidence.joints if joint is None else (joint,),
-        **said,
-        share=found.share(alone[0]) if alone else found.share(fit),
+    said = cause(
+        effect,
+        sizes,
+        {effect: one.kind},
+        fitter.evidence.joints if joint is None else (joint,),
+        fitter.evidence.place(one.joint),
+        share=found.share(alone[0] if alone else fit),
     )
+    also = ", ".join(filter(None, (said.also, _away(fitter, fit, number))))
+    return replace(said, joint=joint, also=also)
 
 
 def _away(fitter: Fitter, fit: Fit, number: int) -> str:
@@ -147,11 +140,10 @@ def _spot(fitter: Fitter, number: int) -> tuple[str, str | None]:
     return one.effect, None if one.joint is None else joints[one.joint]
 
 
-def _ranked(fitter: Fitter, found: Found, named: bool) -> Iterator[Ranked]:
-    """The chosen set first where it is named, else none; then single effects."""
-    chosen = [found.chosen] if named else [found.nominal]
-    rest = [f for f in found.singles if f.freed != chosen[0].freed][:RANKED]
-    for fit in (*chosen, *rest):
+def _ranked(fitter: Fitter, found: Found, best: Fit) -> Iterator[Ranked]:
+    """The best set, which may be none, then single effects."""
+    rest = [f for f in found.singles if f.freed != best.freed]
+    for fit in (best, *rest[:RANKED]):
         causes = tuple(_spot(fitter, k) for k in fit.freed)
         yield Ranked(causes=causes, share=found.share(fit), left=fit.gap)
 

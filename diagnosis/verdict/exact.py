@@ -10,7 +10,7 @@ import numpy as np
 
 from backends.state import Array
 from diagnosis.evidence.evidence import FLOOR_RAD, Evidence
-from diagnosis.search.fit import Fit
+from diagnosis.search.fit import Fit, costs
 from diagnosis.verdict.ordinary import SHAPE_LAW
 
 ACCUSE_NATS = 10.0
@@ -49,18 +49,12 @@ def is_likely(evidence: Evidence, fit: Fit, before: Sequence[Fit], nominal: Fit)
     what it explains (`ordinary.SHAPE_LAW`). So a further cause wins that share of theirs, or more
     than such a companion can.
     """
-    costs = {id(one): cost for cost, one in ranked(evidence, [fit, nominal, *before])}
-    least = min(costs[id(one)] for one in before)
-    law = min(SHAPE_LAW**2 * (costs[id(nominal)] - least), COMPANION_NATS)
-    asked = max(ACCUSE_NATS, law)
-    return least - costs[id(fit)] >= asked
+    own, bare, *less = costs(evidence, [fit, nominal, *before], weights)
+    law = min(SHAPE_LAW**2 * (bare - min(less)), COMPANION_NATS)
+    return min(less) - own >= max(ACCUSE_NATS, law)
 
 
 def ranked(evidence: Evidence, fits: Sequence[Fit]) -> list[tuple[float, Fit]]:
     """Fits with their costs [nats], the likeliest first: all by the noise that the best leaves."""
-    if not fits:
-        return []
-    best = min(fits, key=lambda fit: float(fit.residual @ fit.residual))
-    root = weights(evidence, best.residual)
-    costs = [float(((root * fit.residual) ** 2).sum()) / 2 + fit.prior for fit in fits]
-    return sorted(zip(costs, fits, strict=True), key=lambda pair: pair[0])
+    every = zip(costs(evidence, fits, weights), fits, strict=True)
+    return sorted(every, key=lambda pair: pair[0])

@@ -5,7 +5,12 @@ All gaps are in floors; a share is of the squared gap beyond one floor (`Fit.exc
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
+from functools import cached_property
+
+import numpy as np
+
+from backends.state import Array
+from diagnosis.evidence.evidence import excess
 
 SHARE = 0.7
 """A cause is named where it takes so much of the gap, and a further one of what the others leave:
@@ -89,27 +94,29 @@ LEAST_EXCESS = 1e-6
 """A smaller excess is none."""
 
 
-class Gap(Protocol):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gap:
     """What a set of causes leaves."""
 
-    @property
+    gap2: Array
+    """Squared gap by joint (K,); of touch and stick one for all."""
+    strain2: float = 0.0
+    """Squared gap that the tolerances together are worth, see `Usual`; 0 where they are usual."""
+
+    @cached_property
     def excess(self) -> float:
-        """Squared gap beyond one floor, over all joints."""
-        ...
-
-    @property
-    def worst(self) -> float:
-        """The largest gap of a joint, or of its tolerances together."""
-        ...
-
-
-class JointGap(Gap, Protocol):
-    """What a set of causes leaves on joints."""
+        """Squared gap beyond one floor, over all joints, and of the tolerances together."""
+        return excess(self.gap2) + self.strain2
 
     @property
     def gap(self) -> float:
         """The largest gap of a joint."""
-        ...
+        return float(np.sqrt(self.gap2.max()))
+
+    @property
+    def worst(self) -> float:
+        """The largest gap of a joint, or of the tolerances together."""
+        return max(self.gap, float(np.sqrt(self.strain2)))
 
 
 def share_of(fit: Gap, before: Gap) -> float:
@@ -119,7 +126,7 @@ def share_of(fit: Gap, before: Gap) -> float:
     return max(1.0 - fit.excess / before.excess, -1.0)
 
 
-def is_named(fit: Gap, nominal: JointGap, ordinary: Ordinary) -> bool:
+def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     """Whether a set of causes is named: by what it takes and leaves, or else by its shape."""
     share = share_of(fit, nominal)
     if nominal.gap <= ordinary.floors:

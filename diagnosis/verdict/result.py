@@ -1,6 +1,6 @@
 """What is said of a log, as plain data: no arrays, no fits, to JSON and back."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from typing import Any
@@ -13,7 +13,7 @@ from backends.spec import Spec
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class JointFacts:
     """What sizes on some joints are said by."""
 
     slides: bool = False
@@ -30,24 +30,14 @@ class Place:
     """Whether the nominal world has that gear; else it is what a share is of."""
 
 
-ANYWHERE = Place()
+ANYWHERE = JointFacts()
 
 
-def sized(
-    kind: type[Effect] | None, sizes: Sequence[float], place: Place = ANYWHERE
-) -> dict[str, Any]:
-    """A value and the ends of its interval [SI] as a `Cause` has them; without a kind as it is."""
-    unit = kind.unit_of(sizes[0], place.slides) if kind else ""
-    value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
-    also = in_other_words(kind, float(sizes[0]), unit, place) if kind else ""
-    return {"value": value, "low": low, "high": high, "unit": unit, "also": also}
-
-
-def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = ANYWHERE) -> str:
+def in_other_words(kind: type[Effect], size: float, unit: str, at: JointFacts = ANYWHERE) -> str:
     """A size [SI] said in a unit: from side to side, beside degrees, counts, kg, where; or none."""
-    if kind.coordinate == "reach" and place.ends is not None:
-        at = (place.ends[1] if size > 0.0 else place.ends[0]) - size
-        return f"at {at / UNITS[unit][1]:.3g} {unit}"
+    if kind.coordinate == "reach" and at.ends is not None:
+        end = (at.ends[1] if size > 0.0 else at.ends[0]) - size
+        return f"at {end / UNITS[unit][1]:.3g} {unit}"
     size *= kind.whole
     found = []
     if kind.whole != 1.0:
@@ -55,13 +45,13 @@ def in_other_words(kind: type[Effect], size: float, unit: str, place: Place = AN
     if kind.dimension == "angle" and unit in kind.units():
         other = "mrad" if unit == "deg" else "deg"
         found.append(f"{size / UNITS[other][1]:.3g} {other}")
-    if kind.dimension == "angle" and place.count > 0.0:
-        found.append(f"{size / place.count:.3g} counts")
-    if kind.is_of("body") and place.mass_kg > 0.0:
-        found.append(f"{size * place.mass_kg:.3g} kg")
-    if kind.coordinate == "compliance" and place.stiffness > 0.0:
-        firm = "N/m" if place.slides else "Nm/rad"
-        found.append(f"stiffness {place.stiffness / (place.geared + size):.3g} {firm}")
+    if kind.dimension == "angle" and at.count > 0.0:
+        found.append(f"{size / at.count:.3g} counts")
+    if kind.is_of("body") and at.mass_kg > 0.0:
+        found.append(f"{size * at.mass_kg:.3g} kg")
+    if kind.coordinate == "compliance" and at.stiffness > 0.0:
+        firm = "N/m" if at.slides else "Nm/rad"
+        found.append(f"stiffness {at.stiffness / (at.geared + size):.3g} {firm}")
     return ", ".join(found)
 
 
@@ -94,7 +84,7 @@ class Cause:
     low: float
     high: float
     unit: str
-    share: float
+    share: float = 0.0
     """Share of the gap that it takes by itself."""
     also: str = ""
     """The value in other words: from side to side, in radians, in counts of the encoder."""
@@ -115,26 +105,28 @@ class Cause:
 def cause(
     effect: str,
     sizes: Sequence[float],
-    catalogue: Catalogue,
-    *,
+    kinds: Catalogue,
     joints: tuple[str, ...] = (),
-    share: float = 0.0,
-    evidence: str = "",
-    tied: tuple[str, ...] = (),
-    at: Place = ANYWHERE,
+    at: JointFacts = ANYWHERE,
+    **more: Any,
 ) -> Cause:
-    """A cause of a value, low and high in SI units or as shares; `unknown` out of a catalogue.
+    """A cause of a value, low and high in SI units or as shares; `more`: its other fields.
 
-    `at`: see `Evidence.place`.
+    `kinds`: has the effect, unless it is `unknown`. `at`: see `Evidence.place`.
     """
+    kind = kinds.get(effect)
+    unit = kind.unit_of(sizes[0], at.slides) if kind else ""
+    value, low, high = (float(size) / (UNITS[unit][1] if unit else 1.0) for size in sizes)
     return Cause(
-        effect=effect if effect in catalogue else UNKNOWN,
+        effect=effect,
         joint=joints[0] if len(joints) == 1 else None,
         joints=joints,
-        share=share,
-        evidence=evidence,
-        tied=tied,
-        **sized(catalogue.get(effect), sizes, at),
+        value=value,
+        low=low,
+        high=high,
+        unit=unit,
+        also=in_other_words(kind, float(sizes[0]), unit, at) if kind else "",
+        **more,
     )
 
 
@@ -227,3 +219,45 @@ def verdict(limbs: Sequence[LimbResult], more: Sequence[Cause] = ()) -> tuple[st
 def decisive(limbs: Sequence[LimbResult]) -> list[LimbResult]:
     """The limbs that a verdict rests on: those at fault, or all where none is."""
     return [limb for limb in limbs if limb.verdict != (NONE,)] or list(limbs)
+
+
+TOUCH, STICK = "touch", "stick"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spot:
+    """What touch or stick show at one finger, root mean squares over the floor."""
+
+    finger: str
+    family: str
+    """`touch` or `stick`."""
+    gap_before: float
+    gap_after: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Report:
+    """Causes, where they show, and what a log does not tell."""
+
+    causes: tuple[Cause, ...] = ()
+    """`unknown` among them, where a gap has no name."""
+    spots: tuple[Spot, ...] = ()
+    missing: tuple[str, ...] = ()
+    """Why effects could not be looked for, and what to record for them."""
+    world: Spec | None = None
+    """The nominal world with the shapes that were found, named or not; None: as it was."""
+
+    def __add__(self, other: "Report") -> "Report":
+        """Both, in this order; the world is the later one."""
+        return Report(
+            causes=(*self.causes, *other.causes),
+            spots=(*self.spots, *other.spots),
+            missing=(*self.missing, *other.missing),
+            world=other.world or self.world,
+        )
+
+
+def missing(names: Iterable[str], why: str) -> tuple[str, ...]:
+    """What to say of effects that could not be looked for; nothing of none."""
+    said = ", ".join(names)
+    return (f"{said}: {why}",) if said else ()

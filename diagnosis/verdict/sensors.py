@@ -11,9 +11,8 @@ from diagnosis.evidence.evidence import Evidence
 from diagnosis.motion.columns import COLUMNS, table
 from diagnosis.motion.limb import BLOCK_S
 from diagnosis.motion.recordings import noise_of, stood_s, white_noise
-from diagnosis.verdict.in_hand import missing
 from diagnosis.verdict.ordinary import Ordinary
-from diagnosis.verdict.result import UNKNOWN, Cause, cause
+from diagnosis.verdict.result import UNKNOWN, Cause, cause, missing
 
 NOISE_RAD, NOISE_SHARE = 8e-4, 2.5e-3
 """Noise of ordinary sensors; more is a finding: of a hinge's [rad], and of a slide's, over its

@@ -11,7 +11,7 @@ from backends.sticks import STICKS
 from benchmark.errors import UsageError
 from benchmark.parts import registry
 from benchmark.settings.effects import BUILT, effect_name, effect_text, parse_effects
-from diagnosis.verdict.result import Cause, Place, sized
+from diagnosis.verdict.result import JointFacts, cause
 from diagnosis.verdict.sentences import size as said_size
 
 HAND = trx.HAND
@@ -132,8 +132,8 @@ def rail() -> Hand:
 def test_sizes_are_said_in_the_units_of_a_joint(name, size, slides, count, words) -> None:
     """Say N of slides, whole play beside half of it, radians beside degrees, counts, kg, Nm/rad."""
     ends = (size, size * 18 / 19.4, size * 21 / 19.4)
-    place = Place(slides=slides, count=count, mass_kg=0.8, stiffness=7200.0, geared=False)
-    one = Cause(effect=name, joint=None, joints=(), share=1.0, **sized(KINDS[name], ends, place))
+    at = JointFacts(slides=slides, count=count, mass_kg=0.8, stiffness=7200.0, geared=False)
+    one = cause(name, ends, KINDS, at=at)
     assert said_size(one, f"{one.low:.3g} to {one.high:.3g}") == words
 
 

@@ -16,7 +16,7 @@ from diagnosis.grasp.shape import Shape, shape
 from diagnosis.logs.log import Log
 from diagnosis.motion.held import gaps_m, held
 from diagnosis.recording.record import Plan, record
-from diagnosis.verdict.in_hand import Report
+from diagnosis.verdict.result import Report
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 SHAPES = ("stick-radius", "contact-softness")

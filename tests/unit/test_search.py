@@ -13,7 +13,7 @@ from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
-from diagnosis.search.fit import Fitter
+from diagnosis.search.fit import Fitter, costs
 from diagnosis.search.search import Found, Search, ranked
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.ordinary import ROBOTS
@@ -90,7 +90,7 @@ def test_tied_sets_are_fitted_on(fitter):
     found = search._found(rough)
     assert found.tied
     again = next(one for one in (found.chosen, *found.tied) if one.freed == rough.freed)
-    after, before = fitter.costs((again, rough))
+    after, before = costs(fitter.evidence, (again, rough))
     assert after < before
 
 

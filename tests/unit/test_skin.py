@@ -21,8 +21,8 @@ from diagnosis.skin.forward_model import Faults, Pressed, alone, expected
 from diagnosis.skin.samples import samples
 from diagnosis.skin.skin_faults import identify_skin_faults, search
 from diagnosis.skin.taxel_fits import DEAD, DRIFT, Fitting
-from diagnosis.verdict.in_hand import Report
 from diagnosis.verdict.probability import RIGHT, in_hand
+from diagnosis.verdict.result import Report
 
 CATALOGUE = {name: registry.load("effect", name) for name in registry.names("effect")}
 NOMINAL = RunSpec(backend="mujoco", task="circle", effects="none").world()

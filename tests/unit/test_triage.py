@@ -15,11 +15,12 @@ from backends.shard import simulate
 from benchmark.parts import registry
 from benchmark.settings.effects import parse_effects
 from diagnosis.logs.log import Log, make_log
+from diagnosis.motion.recordings import Recording
 from diagnosis.recording.record import Plan, record
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.triage._lines import ZERO_RAD
 from diagnosis.triage._signals import line
-from diagnosis.triage._tracks import Fault
+from diagnosis.triage._tracks import Fault, _converted
 from diagnosis.triage.triage import KINDS, FaultError
 from diagnosis.walk import diagnose
 
@@ -370,6 +371,24 @@ def test_joints_that_stand_still_have_no_bugs(ideal):
             samples[f"push_nm.{joint}"] = 0.0
 
     assert found(changed(ideal, still)) == ()
+
+
+def test_another_pace_is_another_pace_of_all_that_is_asked():
+    """Convert targets and their speeds, and when they act, as times and units are multiplied."""
+    still = np.zeros((3, 1))
+    logged = Recording(
+        protocol="steps",
+        time_s=np.arange(3.0),
+        command=np.full((3, 1), 90.0),
+        push=still,
+        measured=np.zeros((3, 3, 1)),
+        start=np.zeros(1),
+        speed=np.full((3, 1), 180.0),
+        sent_s=np.arange(3.0) + 0.5,
+    )
+    paced = _converted(logged, 2.0, np.array([90.0]))
+    assert (paced.command == 1.0).all() and (paced.speed == 1.0).all()
+    assert paced.sent_s == pytest.approx([1.0, 3.0, 5.0])
 
 
 def test_lines_are_about_the_means_of_episodes():

@@ -1,4 +1,4 @@
-"""What gravity says of command and position together, joint by joint.
+"""Who carries a joint's weight, and whether gravity pulls where the model says, by its sag.
 
 At rest a PD law holds a link by command - position = weight(position) / kp. Both numbers in another
 unit break that in a way that names the unit; a drive that carries the weight by itself leaves
@@ -18,7 +18,7 @@ from diagnosis.motion.recordings import Recording
 from diagnosis.replay.dynamics import bias_torques
 from diagnosis.triage._lines import ZERO_RAD
 from diagnosis.triage._signals import rms
-from diagnosis.triage._tracks import Track
+from diagnosis.triage._tracks import BETTER, Fault, Track
 
 REST_S = 0.5
 """A joint rests at the end of so long a time without a new target."""
@@ -33,6 +33,11 @@ WRONG = 0.5
 """Relative misfit of the sag from which it is another's."""
 REACH = 1.1
 """Readings are within a joint's range up to this share of it."""
+ZEROS, FAR_RAD, SURE = np.radians(np.arange(-180, 181, 3)), np.pi / 4, 0.1
+"""Zeros that are tried; a nearer one may be a tilt of gravity, which is an effect; the relative
+misfit that names one."""
+CARRIED = 0.2
+"""Share of the expected sag up to which the weight is carried by something else."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -89,10 +94,7 @@ class Sags:
         return self._own(bias[:, track.index] / track.limb.nominal[track.index, KP])
 
     def misfit(
-        self,
-        per_si: float = 1.0,
-        zero: float = 0.0,
-        sizes: tuple[float, float] = (1.0, 1.0),
+        self, per_si: float = 1.0, zero: float = 0.0, sizes: tuple[float, float] = (1.0, 1.0)
     ) -> float:
         """Relative misfit of the sag; infinite where the joint does not reach so far.
 
@@ -105,6 +107,47 @@ class Sags:
         size = float(found @ expected) / max(float(expected @ expected), 1e-24)
         expected = np.clip(size, *sizes) * expected
         return rms(found - expected) / max(rms(expected), 1e-12)
+
+
+def weight(track: Track) -> Fault | None:
+    """Another zero of both sides, or a weight that the PD law does not carry."""
+    sags = Sags.of(track)
+    wrong = sags.show_weight and sags.misfit() >= WRONG
+    return (_zero(track, sags) or _carried(track, sags)) if wrong else None
+
+
+def _zero(track: Track, sags: Sags) -> Fault | None:
+    """Both sides far from the model's zero, or gravity that turns as far."""
+    if track.slides:
+        return None
+    misfits = [sags.misfit(zero=zero) for zero in ZEROS]
+    best = ZEROS[int(np.argmin(misfits))]
+    better = sags.left(best) * BETTER < sags.left(biased=True)
+    if min(misfits) > SURE or abs(best) < FAR_RAD or not better:
+        return None
+    far = f"{np.degrees(best):.0f} deg"
+    return track.fault(
+        "zero",
+        f"positions and commands both stand {far} from the model's zero: so says the sag "
+        "of the joint under its weight; or the robot is mounted so",
+        f"subtract {far} from both, or turn gravity in the model",
+    )
+
+
+def _carried(track: Track, sags: Sags) -> Fault | None:
+    """A weight that leaves no sag, where the nominal world moves as logged without weight."""
+    sag, expected = rms(sags.errors), rms(sags.expected())
+    if sags.beside.any() or sag > CARRIED * expected:
+        return None
+    if track.weightless().misfit * BETTER > track.misfit:
+        return None
+    return track.fault(
+        "convention",
+        f"at rest it is {1e3 * sag:.2g} mrad from its targets, where its weight "
+        f"should hold it {1e3 * expected:.2g} mrad below",
+        "the drive compensates gravity: say --gravity-compensation, or `gravity_compensation"
+        ": true` under mechanism; or it has an integral: write its `ki`",
+    )
 
 
 def _moving(recording: Recording, j: int) -> tuple[Array, Array, Array]:
