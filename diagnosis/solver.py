@@ -168,7 +168,8 @@ def _limb(said: Evidence, sound: Sequence[Fit], asked: Asked, progress: Progress
     lost, explained = _lost(fitter, found.chosen, ordinary), 0.0
     if lost:
         received = replace(received, limb=arrived(received.limb, lost))
-        sensors.append(sensor_cause(said, LOSS, lost.joints, lost.sizes, asked.catalogue))
+        joints = np.flatnonzero(lost.groups.any(axis=0)).tolist()
+        sensors.append(sensor_cause(said, LOSS, joints, lost.sizes, asked.catalogue))
         if sensors[-1].effect in asked.catalogue:
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)

@@ -12,7 +12,7 @@ import numpy as np
 from backends.spec import Spec
 from backends.state import Array, InitialState, quat_z_axis
 from diagnosis.motion.batch import Simulate, states, together
-from diagnosis.motion.held import Held, gaps_m
+from diagnosis.motion.held import Held
 from diagnosis.motion.recordings import white_noise
 
 RADIUS, SOFTNESS = "stick.radius_m", "contact.compliance_m_n"
@@ -46,11 +46,6 @@ def ends_m(stick: Array, length_m: float) -> Array:
     """Lower and upper end of a stick in the poses (..., 7) [m], shape (..., 6)."""
     half = length_m / 2 * quat_z_axis(stick[..., 3:])
     return np.concatenate([stick[..., :3] - half, stick[..., :3] + half], axis=-1)
-
-
-def touch_m(nominal: Spec, part: Held) -> Array:
-    """How far tips are from the nominal stick's surface once the grip has settled, shape (F,)."""
-    return settled(part, gaps_m(nominal, part))
 
 
 def settled(part: Held, values: Array) -> Array:

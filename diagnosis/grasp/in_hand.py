@@ -46,17 +46,16 @@ def stick_report(
     """The effects of stick and contact that a log shows, and why it cannot show others."""
     every = of_part(catalogue, "stick", "contact")
     names = {n: every[n] for n in (RADIUS, SOFTNESS, FRICTION, MASS) if n in every}
-    report = Report(missing=missing([n for k, n in every.items() if k not in names], NO_MODEL))
+    report = missing([n for k, n in every.items() if k not in names], NO_MODEL)
     if not names or simulate is None:
-        return report + Report(missing=missing(names.values(), NEEDS))
+        return report + missing(names.values(), NEEDS)
     slips = missing([names[k] for k in (FRICTION, MASS) if k in names], PULLS)
     parts = held(log, nominal, ("grasp",))
     if not parts:
-        still = missing([names[k] for k in (RADIUS, SOFTNESS) if k in names], NEEDS)
-        return report + Report(missing=(*still, *slips))
+        return report + missing([names[k] for k in (RADIUS, SOFTNESS) if k in names], NEEDS) + slips
     pulls = [part for part in held(log, nominal, ("pull",)) if part.pull_n.any()]
     found, pulled = _pulled_out(nominal, parts, pulls, simulate)
-    slipped = pulled.report(catalogue) if pulled else Report(missing=slips)
+    slipped = pulled.report(catalogue) if pulled else slips
     return report + found.report(nominal, catalogue) + slipped
 
 
@@ -71,7 +70,7 @@ def _pulled_out(
     if pulled and pulled.sure.any():
         world = pull_test.changed(nominal, *pulled.surely)
         found, again = _of_world(world, parts, pulls, simulate)
-        pulled = again.beside(pulled) if again else pulled
+        pulled = replace(again, logs=again.logs + pulled.surely) if again else pulled
     return found, pulled
 
 

@@ -29,6 +29,8 @@ REPLAYED = (0.25, 0.4, 0.6, 0.8, 1.0, 1.3, 1.8, 2.6, 4.0)
 """Masses that are replayed first, over the nominal one."""
 SHIFTS_S = np.arange(-0.08, 0.0801, 2.5e-4)
 """How much later or earlier a stick slips than in a replay."""
+BEFORE_S = np.array([0.03, 0.005])
+"""Forces just before a stick slips are taken between these times before."""
 STRONGER, MORE_S = 3.0, 1.0
 """A replay is pulled so much harder than the stick was, and for so much longer, at most [1, s]."""
 FRICTION_FLOOR, SOFT_FLOOR = 0.03, 0.02
@@ -83,8 +85,11 @@ class PullFit:
         found = zip((FRICTION, MASS), sizes, self.sure, strict=True)
         effects = [(names.get(number, UNKNOWN), ends) for number, ends, is_sure in found if is_sure]
         causes = (cause(*one, catalogue, share=share, evidence=text) for one in effects)
-        vague = missing([names[MASS]], self.doubt) if MASS in names and self.doubt else ()
-        return Report(causes=tuple(causes), missing=vague)
+        doubt = OTHERWISE
+        if self.left < ODD:
+            doubt = VAGUE.format(100 * np.expm1(SURE_Z * self.spread[1]))
+        vague = [names[MASS]] if MASS in names and not self.sure[1] else []
+        return Report(causes=tuple(causes)) + missing(vague, doubt)
 
     @property
     def sure(self) -> Array:
@@ -99,20 +104,9 @@ class PullFit:
         return np.where(self.sure, self.logs, 0.0)
 
     @property
-    def doubt(self) -> str:
-        """Why these pulls do not tell the mass; empty where they do."""
-        if self.left >= ODD:
-            return OTHERWISE
-        return "" if self.sure[1] else VAGUE.format(100 * np.expm1(SURE_Z * self.spread[1]))
-
-    @property
     def spread(self) -> Array:
         """The standard deviations, of a mass more where a grip gives way at once, shape (2,)."""
         return np.hypot(self.std, [0.0, GIVES_WAY * (self.gives_way and self.logs[1] < 0)])
-
-    def beside(self, other: "PullFit") -> "PullFit":
-        """This, seen in a world that has what is sure in another one already."""
-        return replace(self, logs=self.logs + other.surely)
 
 
 def pull_fit(
@@ -141,11 +135,16 @@ def pull_fit(
 def _by_newton(seen: Sequence[Slip], shown: Sequence[Slip], world: Spec) -> PullFit:
     """The mass that Newton's law tells, and friction over what the forces of replays can hold."""
     mass, mass_std, friction_n, left = newton(seen, world.stick.mass_kg)
-    ratios = np.log(friction_n / (world.stick.friction * np.array([one.held_n for one in shown])))
-    wander = float(np.mean([WANDERS * s.slipped_n / max(s.gained_n, 1e-3) for s in seen]))
+    pressed_n = []
+    for one in shown:
+        first, last = np.searchsorted(one.time_s, one.slips_s - BEFORE_S)
+        pressed_n.append(float(one.pressed_n[first : max(last, first + 1)].mean()))
+    ratios = np.log(friction_n / (world.stick.friction * np.array(pressed_n)))
+    gained_n = [s.pull_n[: s.end + 1][-1] - s.slipped_n for s in seen]
+    wanders = [WANDERS * s.slipped_n / max(n, 1e-3) for s, n in zip(seen, gained_n, strict=True)]
     return PullFit(
         logs=np.array([ratios.mean(), mass]),
-        std=np.array([_spread(ratios), np.linalg.norm([mass_std, wander, MASS_FLOOR])]),
+        std=np.array([_spread(ratios), np.linalg.norm([mass_std, np.mean(wanders), MASS_FLOOR])]),
         left=left,
         episodes=len(seen),
     )
@@ -200,13 +199,14 @@ def _shifted(
 ) -> PullFit:
     """The mass whose replays fit where each may slip later, which tells friction."""
     costs, ratios = np.zeros(len(masses)), np.zeros((len(masses), len(seen)))
+    rises_n_s = [(np.diff(s.pull_n) / np.diff(s.time_s))[s.slipping - 1] for s in seen]
     for m, slips in enumerate(played):
         for e, (real, model) in enumerate(zip(seen, slips, strict=True)):
             cost, later_s = _best_shift(real, model)
             costs[m] += cost
             pull_n = model.slipped_n if model.slips else model.pull_n[-1]
             friction_n = pull_n + masses[m] * mass_kg * model.weight
-            ratios[m, e] = np.log(max(1 + real.rises_n_s * later_s / friction_n, 1e-3))
+            ratios[m, e] = np.log(max(1 + rises_n_s[e] * later_s / friction_n, 1e-3))
     mass, half = valley(np.log(masses), costs)
     k = int(np.argmin(costs))
     left = float(np.sqrt(costs[k] / sum(s.end for s in seen)))

@@ -28,10 +28,9 @@ from diagnosis.grasp.forward_model import (
     motion_gap,
     settled,
     simulate_grasps,
-    touch_m,
 )
 from diagnosis.motion.batch import Simulate
-from diagnosis.motion.held import FLOOR_M, Held
+from diagnosis.motion.held import FLOOR_M, Held, gaps_m
 from diagnosis.verdict.ordinary import SIMULATORS, Gap, is_named, is_worth, share_of
 from diagnosis.verdict.result import STICK, UNKNOWN, Z90, Cause, Report, Spot, cause, missing
 
@@ -97,7 +96,8 @@ class Fit(Gap):
     ) -> "Fit":
         """The next least-squares step, from replays of its world and of one with more mass."""
         real, model, other = (
-            np.array([touch_m(nominal, one) for one in some]) for some in (parts, shown, heavier)
+            np.array([settled(one, gaps_m(nominal, one)) for one in some])
+            for some in (parts, shown, heavier)
         )
         force = np.array([settled(one, one.force_n) for one in shown])
         by_mass = (other - model) / PROBE
@@ -144,8 +144,7 @@ class Shape:
         names = of_part(catalogue, "stick", "contact")
         if self.apart_m:
             sought = [names[number] for number in (RADIUS, SOFTNESS) if number in names]
-            why = MISPLACED.format(1e3 * self.apart_m)
-            return Report(missing=missing(sought, why), world=nominal)
+            return missing(sought, MISPLACED.format(1e3 * self.apart_m))
         gaps = (fit.by_finger.tolist() for fit in (self.nominal, self.chosen))
         return Report(
             causes=tuple(self._causes(nominal, names, catalogue)),

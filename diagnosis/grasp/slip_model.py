@@ -13,14 +13,12 @@ LEAST_S = 0.2
 """A stick is held so long, at least, before it is pulled."""
 SLIPPED_M, GONE_M = 1e-3, 15e-3
 """It slips from the one on, and what it does beyond the other tells nothing of the grip."""
-MASSES = tuple(np.exp(np.linspace(np.log(0.15), np.log(8.0), 81)))
+MASSES = np.geomspace(0.15, 8.0, 81)
 """Masses that are tried, over the nominal one."""
 FORCES = 241
 """Friction forces that are tried, around the pull at which it slips."""
 NEAR = 0.25
 """They end at this from it, relative."""
-BEFORE_S = np.array([0.03, 0.005])
-"""Forces just before it slips are taken between these times before."""
 CREEP_M = 1e-4
 """Contacts creep by this before they slip."""
 MODEL = 0.03
@@ -74,23 +72,6 @@ class Slip:
         return float(self.pull_n[k - 1] + past * (self.pull_n[k] - self.pull_n[k - 1]))
 
     @property
-    def held_n(self) -> float:
-        """The sum of normal forces on a replay just before it slips."""
-        first, last = np.searchsorted(self.time_s, self.slips_s - BEFORE_S)
-        return float(self.pressed_n[first : max(last, first + 1)].mean())
-
-    @property
-    def rises_n_s(self) -> float:
-        """How fast the pull grows where it slips [N/s]."""
-        before = slice(self.slipping - 1, self.slipping + 1)
-        return float(np.diff(self.pull_n[before])[0] / np.diff(self.time_s[before])[0])
-
-    @property
-    def gained_n(self) -> float:
-        """By how much the pull has grown from slipping to being gone."""
-        return float(self.pull_n[min(self.end, len(self.pull_n) - 1)]) - self.slipped_n
-
-    @property
     def spread_m(self) -> Array:
         """Standard deviation of a model of it, shape (T,) up to its end."""
         known = self.travel_m[: self.end]
@@ -124,7 +105,7 @@ def newton(slips: Sequence[Slip], mass_kg: float) -> tuple[float, float, Array, 
     That is the mass and its standard deviation, the friction by episode, and what is left, root
     mean square.
     """
-    near, masses = np.linspace(1 - NEAR, 1 + NEAR, FORCES), mass_kg * np.array(MASSES)
+    near, masses = np.linspace(1 - NEAR, 1 + NEAR, FORCES), mass_kg * MASSES
     forces = [one.slipped_n * near for one in slips]
     costs = [_falls(one, masses, force) for one, force in zip(slips, forces, strict=True)]
     total = np.sum([cost.min(axis=1) for cost in costs], axis=0)

@@ -61,11 +61,6 @@ class Losses:
     lost: tuple[Array, ...]
     """By episode, (T, G), bool."""
 
-    @property
-    def joints(self) -> tuple[int, ...]:
-        """Joints of which some were lost."""
-        return tuple(map(int, np.flatnonzero(self.groups.any(axis=0))))
-
 
 def losses(
     world: World, u: Mapping[int, float], residual: Array, before: Losses | None = None

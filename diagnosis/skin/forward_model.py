@@ -155,7 +155,7 @@ def alone(data: Pressed, faults: Faults, near: Array) -> Pressed:
     where it is silent, in any episode, was taken along.
     """
     silent = (data.reading < 0.5) & ~np.broadcast_to(faults.dead, data.reading.shape[1:])
-    silent = np.einsum("sfk,fjk->sfj", silent.astype(np.float32), near.astype(np.float32)) > 0.5
+    silent = _spread(silent.astype(float), near) > 0.5
     time_s = np.maximum(data.time_s[:, None, None], np.finfo(float).tiny)
     depth_m, surely_m = data.touching_m, data.touching_m - CLEARLY * faults.blur_m
     least_m_s = (faults.level_m - np.maximum(depth_m, 0.0)) / time_s
@@ -181,10 +181,8 @@ def gap(
 ) -> float:
     """Root mean square of what answers otherwise than expected, over what is allowed.
 
-    On all fingers, or on the one given.
-
-    Of yes and no, wrong answers are counted among what is active or should be; of depths, errors
-    where anything is pressed.
+    On all fingers, or on the one given. Of yes and no, wrong answers are counted among what is
+    active or should be; of depths, errors where anything is pressed.
     """
     shown = expected(data, faults, near)
     some = (shown > (WILD if data.binary else 0.0)) | (data.reading > 0)

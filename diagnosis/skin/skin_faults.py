@@ -82,7 +82,7 @@ def identify_skin_faults(
     grid = np.stack([taxel_grid(t, nominal.hand.taxels)[0] for t in nominal.hand.fingertips])
     binary = log.is_binary
     if not names:
-        return Report(missing=lacking)
+        return lacking
     if not parts:
         why = GRASP.format("stick and contact")
     elif parts[0].taxels != grid.shape[:2]:
@@ -91,14 +91,14 @@ def identify_skin_faults(
         data, skin, misplaced = samples(nominal, parts, binary)
         why = MISPLACED.format(", ".join(misplaced)) if misplaced else ""
     if why:
-        return Report(missing=(*lacking, *missing(names.values(), why)))
+        return lacking + missing(names.values(), why)
     fitting, starts = Fitting(data, grid), [skin]
     if mended and binary:
         starts.insert(0, _offset(fitting, skin))
     unseen, channels = (DEPTHS, "stick and touch") if binary else (ANSWERS, "stick and contact")
     bare, found = search(fitting, starts, [fault for fault in names if fault not in unseen])
     deaf = [names[fault] for fault in unseen if fault in names]
-    return Report(
+    shown = Report(
         causes=tuple(_causes(bare, found, names, nominal.hand.taxels, catalogue)),
         spots=tuple(
             Spot(
@@ -109,8 +109,8 @@ def identify_skin_faults(
             )
             for f, tip in enumerate(nominal.hand.fingertips)
         ),
-        missing=(*lacking, *missing(deaf, GRASP.format(channels))),
     )
+    return lacking + shown + missing(deaf, GRASP.format(channels))
 
 
 def _offset(skin: Fitting, start: Faults) -> Faults:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ class Fitting:
             return tries[0]
         if THRESHOLD in names:
             (other,) = {*names} - {THRESHOLD}
-            tries += [self.alone(other, s, s) for s in _thresholds(start, THRESHOLDS_M[::2])]
+            tries += [self.alone(other, s, s) for s in _with(THRESHOLD, start, THRESHOLDS_M[::2])]
         elif {*names} == {DRIFT, HALO}:
             tries.append(self._spreading(start))
         best = max(tries, key=self.nats)
@@ -113,26 +114,26 @@ class Fitting:
         return self._apart < faults.halo_m if faults.halo_m > 0 else None
 
     def _threshold(self, faults: Faults) -> Guess | None:
-        rough = THRESHOLDS_M[int(np.argmax(self._scores(_thresholds(faults, THRESHOLDS_M))))]
-        values = rough + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
-        values = values[values >= THRESHOLDS_M[0] - NEXT_M / 10]
-        tries = _thresholds(faults, values)
-        guess = _best(THRESHOLD, values, self._scores(tries), tries.__getitem__)
+        rough = self._swept(THRESHOLD, faults, THRESHOLDS_M)
+        values = rough.value + (THRESHOLDS_M[1] - THRESHOLDS_M[0]) * FINER
+        guess = self._swept(THRESHOLD, faults, values[values >= THRESHOLDS_M[0] - NEXT_M / 10])
         text = f"taxels respond from {1e3 * (THRESHOLD_M + guess.value):.2f} mm of press on"
         extreme = guess.value < THRESHOLDS_M[0] + NEXT_M / 10
         none = guess.interval[0] <= faults.threshold_m <= guess.interval[1]
         return None if none else replace(guess, evidence=text, extreme=extreme)
 
-    def _scores(self, skins: Sequence[Faults]) -> Array:
-        return np.array([self.nats(skin) for skin in skins])
+    def _swept(
+        self, fault: str, faults: Faults, values: Array, ends: tuple[Array, Array] | None = None
+    ) -> Guess:
+        """The best of some sizes of a fault that is one number of a skin; see `_best`."""
+        skins = _with(fault, faults, values)
+        return _best(fault, values, [self.nats(one) for one in skins], skins.__getitem__, ends)
 
     def _halo(self, faults: Faults) -> Guess | None:
         steps = np.unique(np.round(self._apart / NEXT_M)) * NEXT_M
         ends = np.append(steps[steps <= HALO_M], HALO_M)
         middles = (ends[:-1] + ends[1:]) / 2
-        tries = [replace(faults, halo_m=float(m)) for m in middles]
-        between = ends[:-1], ends[1:]
-        guess = _best(HALO, middles, self._scores(tries), tries.__getitem__, between)
+        guess = self._swept(HALO, faults, middles, (ends[:-1], ends[1:]))
         text = f"taxels respond within {1e3 * guess.value:.1f} mm of a pressed one"
         none = guess.value == middles[0]
         return None if none else replace(guess, value=sum(guess.interval) / 2, evidence=text)
@@ -156,8 +157,7 @@ class Fitting:
         if found is None:
             return None
         sizes, scores = found
-        skins = [replace(faults, hysteresis=float(size)) for size in sizes]
-        guess = _best(HYSTERESIS, sizes, scores, skins.__getitem__)
+        guess = _best(HYSTERESIS, sizes, scores, _with(HYSTERESIS, faults, sizes).__getitem__)
         text = f"readings of an easing press are up to {100 * guess.value:.0f} % larger"
         return replace(guess, evidence=text, extreme=guess.value > 1.0 - NEXT_M)
 
@@ -262,14 +262,16 @@ def _without(fault: str, start: Faults, faults: Faults) -> Faults:
     return replace(faults, **{name: getattr(start, name) for name in FIELDS[fault]})
 
 
-def _thresholds(faults: Faults, values: Array) -> list[Faults]:
-    return [replace(faults, threshold_m=float(t)) for t in values]
+def _with(fault: str, faults: Faults, sizes: Array) -> list[Faults]:
+    """A skin with each of some sizes of a fault that is one of its numbers."""
+    every: list[dict[str, Any]] = [{fault: float(size)} for size in sizes]
+    return [replace(faults, **one) for one in every]
 
 
 def _best(
     fault: str,
     values: Array,
-    scores: Array,
+    scores: Sequence[float] | Array,
     skin: Callable[[int], Faults],
     ends: tuple[Array, Array] | None = None,
 ) -> Guess:
@@ -283,6 +285,6 @@ def _best(
     if values[0] >= 0.0:
         low = np.maximum(low, 0.0)
     best = int(np.argmax(scores))
-    good = np.flatnonzero(scores > scores[best] - CLOSE_NATS)
+    good = np.flatnonzero(np.asarray(scores) > scores[best] - CLOSE_NATS)
     interval = float(low[good[0]]), float(high[good[-1]])
     return Guess(fault=fault, value=float(values[best]), interval=interval, faults=skin(best))

@@ -12,7 +12,7 @@ from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import Found
 from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
-from diagnosis.verdict.ordinary import Ordinary, beside_losses, is_named
+from diagnosis.verdict.ordinary import LOSSES, Ordinary, allowed, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked, cause
 
 LEADING, RANKED = 3, 6
@@ -41,8 +41,8 @@ def decide(
     if causes and (is_named(chosen, nominal, ordinary) or likely):
         kind, tied = curve.NAMED, found.tied
     else:
-        gone = nominal.gap > beside_losses(explained, ordinary)
-        kind, tied, causes = UNKNOWN if gone else NONE, (), ()
+        most = allowed(explained, replace(ordinary, law=LOSSES))
+        kind, tied, causes = UNKNOWN if nominal.gap > most else NONE, (), ()
     best = chosen if causes else nominal
     share = found.share(chosen) if chosen.freed else 0.0
     shares = [found.share(f) for f in found.singles[:2]]

@@ -30,12 +30,6 @@ SHAPE_LAW = 0.07
 """A rest below this share of the gap has no shape: laws that explain the gap are off by it."""
 HEALTHY_MORE, HEALTHY_LEAST = 1.3, 1.2
 """Of healthy logs, their largest gap times this is ordinary, and never less than this."""
-ROBOT = 3.5
-"""Healthy robots with other drive laws leave 0.5 to 5 floors; between 3 and 3.5 little changes."""
-STEP_ROBOT, STEP_SIMULATOR = 1.7e-3, 7e-4
-"""Robots' encoders have 12 bits a turn and more; simulated ones have none by themselves."""
-SIMULATOR = 1.3
-"""A simulator with our drive law leaves the noise, and what its integrator does otherwise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,17 +49,14 @@ class Ordinary:
     """Share of the everyday tolerances (play, twist, delay, friction) that such a mechanism has."""
 
 
-ROBOTS = Ordinary(
-    floors=ROBOT, source="robot", law=0.3, exact=False, step_rad=STEP_ROBOT, everyday=1.0
-)
+ROBOTS = Ordinary(floors=3.5, source="robot", law=0.3, exact=False, step_rad=1.7e-3, everyday=1.0)
+"""Healthy ones with other drive laws leave 0.5 to 5 floors; between 3 and 3.5 little changes. Their
+encoders have 12 bits a turn and more."""
 SIMULATORS = Ordinary(
-    floors=SIMULATOR,
-    source="simulator",
-    law=0.05,
-    exact=True,
-    step_rad=STEP_SIMULATOR,
-    everyday=0.3,
+    floors=1.3, source="simulator", law=0.05, exact=True, step_rad=7e-4, everyday=0.3
 )
+"""With our drive law they leave the noise, and what their integrators do otherwise. Their encoders
+have no steps by themselves."""
 
 
 def of_healthy(gaps: Sequence[float], origin: Ordinary) -> Ordinary:
@@ -89,7 +80,8 @@ def doubts(gaps: Sequence[float], origin: Ordinary) -> Iterator[str]:
 
 
 LOSSES = 0.3
-"""Lost packets that do not show are not found: they leave this share of what losses take."""
+"""Lost packets that do not show are not found: they leave this share of what losses take, as a law
+leaves its own."""
 LEAST_EXCESS = 1e-6
 """A smaller excess is none."""
 
@@ -138,11 +130,6 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
 def allowed(explained: float, ordinary: Ordinary) -> float:
     """What may be left of a gap that was explained: what is ordinary, and the law's own error."""
     return ordinary.floors + min(ordinary.law * explained, LAW_MOST * ordinary.floors)
-
-
-def beside_losses(explained: float, ordinary: Ordinary) -> float:
-    """What may be left of a gap that lost packets took part of: which were lost is never sure."""
-    return ordinary.floors + min(LOSSES * explained, LAW_MOST * ordinary.floors)
 
 
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:

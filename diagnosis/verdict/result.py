@@ -257,7 +257,7 @@ class Report:
         )
 
 
-def missing(names: Iterable[str], why: str) -> tuple[str, ...]:
-    """What to say of effects that could not be looked for; nothing of none."""
+def missing(names: Iterable[str], why: str) -> Report:
+    """That effects could not be looked for; nothing of none."""
     said = ", ".join(names)
-    return (f"{said}: {why}",) if said else ()
+    return Report(missing=(f"{said}: {why}",) if said else ())

@@ -77,7 +77,7 @@ def sensor_cause(
 
 def not_looked_for(catalogue: Catalogue) -> tuple[str, ...]:
     """What to say of the effects of a catalogue that nothing looks for; nothing of none."""
-    return missing((name for name, kind in catalogue.items() if not _is_sought(kind)), WHY)
+    return missing((name for name, kind in catalogue.items() if not _is_sought(kind)), WHY).missing
 
 
 def _is_sought(kind: type[Effect]) -> bool:
