@@ -129,6 +129,12 @@ def test_a_world_that_diverges_is_not_drawn():
     assert drawable(lines) == {"nominal": (1.0, 2.0)}
 
 
+def test_friction_that_yields_is_said_in_words():
+    """Say no size of what a model has or has not."""
+    said = wording.moved(Nominal(effect="soft-friction", joint="", value=100.0, sd=0.0, unit="%"))
+    assert "friction that yields" in said and "%" not in said
+
+
 def test_the_summary_has_a_few_nominal_numbers_and_counts_the_others(found):
     """Name the surest of many numbers that moved, and say where all are."""
     one = Nominal(effect="kd-scale", joint="J0", value=5.0, sd=1.0, unit="%")
