@@ -6,7 +6,7 @@ import numpy as np
 
 from diagnosis.logs._columns import SHOWN
 from diagnosis.logs._meta import NOMINAL_UNCERTAINTY
-from diagnosis.tables.rests import Rests
+from diagnosis.tables.joints import Rows
 from diagnosis.tables.terms import Term
 
 MEANS = {
@@ -18,10 +18,13 @@ MEANS = {
 }
 
 
-def words(one: Rests, term: Term) -> str:
-    """A term that shows, or the sag that does not though a gain is known; else nothing."""
+def words(one: Rows, term: Term, carried: bool) -> str:
+    """A term that shows, or the sag that does not though a gain is known; else nothing.
+
+    `carried`: whether the drives are said to carry the weight beside their law.
+    """
     if not term.shows:
-        return _no_sag(one, term) if term.term == "sag" else ""
+        return _no_sag(one, term, carried) if term.term == "sag" else ""
     size, unit, _ = SHOWN[one.slides]
     value, low, high = (abs(x) for x in (term.value, term.low, term.high))
     low, high = sorted((low, high))
@@ -30,7 +33,7 @@ def words(one: Rests, term: Term) -> str:
         more = "more" if term.value > 0 else "less"
         said = f"readings are {100 * value:.2g} % ({ends}) {more} than targets"
     elif term.term == "sag":
-        said = "; ".join(_sag(one, term))
+        said = "; ".join(_sag(one, term, carried))
     else:
         whole = 1.0 if term.term == "zero" else 2.0
         ends = f"{whole * size * low:.2g} to {whole * size * high:.2g}"
@@ -44,12 +47,12 @@ def words(one: Rests, term: Term) -> str:
     return f"{said}: {MEANS[term.term]}{others}"
 
 
-def _sag(one: Rests, term: Term) -> Iterator[str]:
+def _sag(one: Rows, term: Term, carried: bool) -> Iterator[str]:
     """The gain that a sag means, beside what is known of it."""
     unit = "N/m" if one.slides else "Nm/rad"
     gain, least, most = 1 / term.value, 1 / term.high, 1 / max(term.low, 1e-9)
     yield f"it sags under load like a gain of {gain:.3g} {unit} ({least:.3g} to {most:.3g})"
-    if one.carried:
+    if carried:
         yield "so its weight is not carried, and gravity compensation is missing"
     if one.drive.kp:
         wide = 2 * one.drive.uncertainty.get("kp", NOMINAL_UNCERTAINTY)
@@ -57,9 +60,9 @@ def _sag(one: Rests, term: Term) -> Iterator[str]:
         yield f"its drive says {one.drive.kp:.3g}" + (", which is another" if apart else "")
 
 
-def _no_sag(one: Rests, term: Term) -> str:
+def _no_sag(one: Rows, term: Term, carried: bool) -> str:
     """What it means that a joint does not sag where its gain says it must."""
-    if not one.drive.kp or term.high > 0.5 / one.drive.kp or one.carried:
+    if not one.drive.kp or term.high > 0.5 / one.drive.kp or carried:
         return ""
     return (
         f"it does not sag, and with its gain of {one.drive.kp:.3g} it would: its drive has an "

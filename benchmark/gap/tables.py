@@ -16,7 +16,7 @@ from benchmark.gap.robot_log import asked_of
 from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import LogError
 from diagnosis.logs.two_files import Asked
-from diagnosis.tables.bench import Bench, benches
+from diagnosis.tables.joints import Rows, benches
 from diagnosis.tables.locked import hysteresis
 from diagnosis.tables.moved import friction
 from diagnosis.tables.rests import regressed, rests
@@ -47,7 +47,8 @@ def run(source: Source, kind: str, table: Path) -> tuple[dict, RenderableType]:
 
 def _at_rest(table: Path, robot: Path | None, asked: Asked) -> tuple[list[str], Answers]:
     found, said = rests(table, robot, asked)
-    return said, (_answer(one.joint, partial(_rests.words, one), *regressed(one)) for one in found)
+    words = partial(_rests.words, carried=asked.gravity_compensation)
+    return said, (_answer(one.joint, partial(words, one), *regressed(one)) for one in found)
 
 
 def _moved(table: Path, robot: Path | None, asked: Asked) -> tuple[list[str], Answers]:
@@ -68,7 +69,7 @@ def _answer(
     return joint, terms, [*lines, *(f"the table does not show {text}" for text in lacking)]
 
 
-def _friction(one: Bench, term: Term) -> str:
+def _friction(one: Rows, term: Term) -> str:
     """A term of a joint that is moved, if it shows."""
     _, _, torque = SHOWN[one.slides]
     unit = {"viscous": f"{torque} s/{'m' if one.slides else 'rad'}", "weight": "%"}
@@ -86,7 +87,7 @@ def _friction(one: Bench, term: Term) -> str:
     return said[term.term] + others if term.shows else ""
 
 
-def _curve(one: Bench) -> tuple[str, list[Term], list[str]]:
+def _curve(one: Rows) -> tuple[str, list[Term], list[str]]:
     """The hysteresis curve of a joint whose output is locked."""
     terms, at = hysteresis(one)
     size, unit, torque = SHOWN[one.slides]

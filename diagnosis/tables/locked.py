@@ -13,7 +13,7 @@ from scipy.signal import find_peaks
 from scipy.stats import t as student
 
 from diagnosis.logs.log import LogError
-from diagnosis.tables.bench import Bench
+from diagnosis.tables.joints import Rows
 from diagnosis.tables.terms import Term
 
 REVERSAL = 0.05
@@ -60,7 +60,7 @@ class Way:
         return float(self.torque[past].mean()) if len(past) else np.nan
 
 
-def hysteresis(one: Bench) -> tuple[list[Term], float]:
+def hysteresis(one: Rows) -> tuple[list[Term], float]:
     """Lost motion, friction and stiffness of a joint, and the torque of the lost motion.
 
     Raises LogError for torques that do not go to and fro.
@@ -85,7 +85,7 @@ def hysteresis(one: Bench) -> tuple[list[Term], float]:
     return list(_terms(one.joint, found)), at
 
 
-def _ways(one: Bench) -> Iterator[Way]:
+def _ways(one: Rows) -> Iterator[Way]:
     """The rows between reversals of the torque."""
     position, count = one.rows["position"].to_numpy(), len(one.rows)
     rows = max(int(SMOOTH_S * count / np.ptp(one.rows["time_s"])), 1)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from diagnosis.tables.bench import Bench
+from diagnosis.tables.joints import Rows
 from diagnosis.tables.terms import Term, regress
 
 BLOCK_S = 0.2
@@ -21,7 +21,7 @@ FLOOR = 1e-3
 """No block is surer than so large a share of the largest torque."""
 
 
-def friction(one: Bench) -> tuple[list[Term], list[str]]:
+def friction(one: Rows) -> tuple[list[Term], list[str]]:
     """The terms of a joint, and what the rows cannot tell; raises LogError for too few."""
     blocks = _blocks(one.rows)
     speed, torque = blocks["speed"].to_numpy(), blocks["torque"].to_numpy()

@@ -8,19 +8,17 @@ rad/Nm; of slides in m and m/N.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from diagnosis.logs._columns import name_of
-from diagnosis.logs._files import read_model
 from diagnosis.logs.foreign import read_table
-from diagnosis.logs.log import DriveSettings, LogError
+from diagnosis.logs.log import LogError
 from diagnosis.logs.roles import joint_of
-from diagnosis.logs.two_files import Asked, drives_of
-from diagnosis.tables.joints import joints_of
+from diagnosis.logs.two_files import Asked
+from diagnosis.tables.joints import Rows, joints_of
 from diagnosis.tables.terms import Term, regress
 
 LEAST_RAD, FLOOR_RAD = 1e-3, 1e-4
@@ -29,72 +27,46 @@ FAR = 3.0
 """Targets so many times beyond a joint's range are in another unit."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Rests:
-    """One joint's rows."""
+def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rows], list[str]]:
+    """The rows of a table by joint, and what was understood; raises LogError.
 
-    joint: str
-    slides: bool
-    rows: pd.DataFrame
-    """Columns `target` and `reading` [rad]; and `torque`, what the drive holds [Nm], where a model
-    or a load says it; of slides [m, N]."""
-    drive: DriveSettings
-    """What is known of its drive."""
-    carried: bool = False
-    """Whether the drives are said to carry the weight beside their law."""
-
-
-def rests(table: Path, robot: Path | None, asked: Asked) -> tuple[list[Rests], list[str]]:
-    """The rows of a table by joint, and what was understood; raises LogError."""
-    from backends.mjcf import file_drives
-
+    They have columns `target` and `reading` [rad]; and `torque`, what the drive holds [Nm], where a
+    model or a load says it; of slides [m, N].
+    """
     frame, form = read_table(table)
     frame = frame.rename(columns={n: n.replace("load", "push") for n in map(str, frame)})
     if robot is None:
         frame = frame.rename(columns={n: f"joint {n}" for n in frame if joint_of(n) == "joint"})
-    ranges, rows, weights, columns = joints_of(frame, robot, asked, ("command",))
-    files = {} if robot is None else file_drives(read_model(robot))
-    drives, found = drives_of(asked, list(ranges)), []
-    for joint, ends in ranges.items():
-        slides = ends[2]
-        target, reading, push = (name_of(k, joint, slides) for k in ("command", "position", "push"))
-        own = pd.DataFrame({"target": rows[target], "reading": rows[reading]})
+    every, columns = joints_of(frame, robot, asked, ("command",))
+    found = []
+    for one in every:
+        own = pd.DataFrame({"target": one.rows["command"], "reading": one.rows["position"]})
         there = np.isfinite(own).all(axis=1)
-        if joint in weights or push in rows:
-            own["torque"] = weights.get(joint, 0.0) - np.nan_to_num(rows.get(push, 0.0))
-        own = own[there]
-        drive = drives.get(joint, DriveSettings())
-        if joint in files:
-            own_kp = files[joint].kp if drive.kp is None else drive.kp
-            drive = drive.model_copy(update={"kp": own_kp})
-            _refuse_far(joint, own["target"], ends)
-        found.append(
-            Rests(
-                joint=joint,
-                slides=slides,
-                rows=own,
-                drive=drive,
-                carried=asked.gravity_compensation,
-            )
-        )
+        if "weight" in one.rows or "push" in one.rows:
+            load = np.nan_to_num(one.rows.get("push", 0.0))
+            own["torque"] = one.rows.get("weight", 0.0) - load
+        one = replace(one, rows=own[there])
+        if robot is not None:
+            _refuse_far(one)
+        found.append(one)
     said = f"{table.name}: {form}, {len(frame)} rows at rest, in the order they were reached"
     return found, [said, *columns]
 
 
-def _refuse_far(joint: str, target: pd.Series, ends: tuple[float, float, bool]) -> None:
+def _refuse_far(one: Rows) -> None:
     """Raise LogError for targets so far beyond a joint's range that they are in another unit."""
-    low, high, slides = ends
-    room = max(abs(low), abs(high)) if np.isfinite([low, high]).all() else np.pi
-    reach = float(target.abs().max()) if len(target) else 0.0
-    si, other = ("m", "mm") if slides else ("rad", "deg")
+    limited = np.isfinite([one.low, one.high]).all()
+    room = max(abs(one.low), abs(one.high)) if limited else np.pi
+    reach = one.rows["target"].abs().max()
+    si, other = ("m", "mm") if one.slides else ("rad", "deg")
     if reach > FAR * room:
         raise LogError(
-            f"targets of {joint} reach {reach:.3g} {si}, the joint only {room:.3g} {si}: in which "
-            f"unit are they? Say it with --unit, such as --unit {other}"
+            f"targets of {one.joint} reach {reach:.3g} {si}, the joint only {room:.3g} {si}: in "
+            f"which unit are they? Say it with --unit, such as --unit {other}"
         )
 
 
-def regressed(one: Rests) -> tuple[list[Term], list[str]]:
+def regressed(one: Rows) -> tuple[list[Term], list[str]]:
     """The terms of a joint, and what the table cannot tell; raises LogError for too few rows."""
     off, shown = one.rows["reading"] - one.rows["target"], f"has {len(one.rows)} rows at rest"
     columns = _columns(one.rows)
