@@ -27,7 +27,6 @@ from benchmark.settings.run_spec import ideal
 from diagnosis.calibration import plot
 from diagnosis.calibration.calibrate import ROUNDS, Calibration, calibrate
 from diagnosis.calibration.result import (
-    CalibrationError,
     CalibrationFile,
     read_calibration,
     write_calibration,
@@ -98,7 +97,7 @@ def world_of(path: Path, hand: str) -> dict[str, str]:
         found = read_calibration(path)
         if found.hand != hand:
             raise UsageError(f"it is a calibration of '{found.hand}', not of '{hand}'")
-    except (CalibrationError, UsageError) as error:
+    except (LogError, UsageError) as error:
         raise UsageError(f"--calibration {path}: {error}") from error
     return {"effects": found.effects, "spread": found.spread}
 

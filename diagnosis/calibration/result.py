@@ -9,14 +9,9 @@ from pydantic import Field, ValidationError
 
 from diagnosis.calibration.backlash import Play
 from diagnosis.calibration.tactile import Number, Size, TouchSensor
-from diagnosis.logs._meta import Part, problem
+from diagnosis.logs._meta import LogError, Part, as_log_errors, problem
 from files.atomic import write_atomically
-from files.bounded import FileError
 from files.plain_yaml import read_plain_yaml
-
-
-class CalibrationError(ValueError):
-    """A calibration file cannot be used; the message names field, value and what is allowed."""
 
 
 class Gain(Part):
@@ -114,13 +109,12 @@ def write_calibration(path: Path, content: CalibrationFile) -> None:
 
 
 def read_calibration(path: Path) -> CalibrationFile:
-    """A calibration.yaml, checked; raises CalibrationError."""
+    """A calibration.yaml, checked; raises LogError."""
     try:
-        return CalibrationFile.model_validate(read_plain_yaml(path))
+        with as_log_errors():
+            return CalibrationFile.model_validate(read_plain_yaml(path))
     except FileNotFoundError:
-        raise CalibrationError(f"no calibration at {path}; `bench calibrate` writes one") from None
-    except FileError as error:
-        raise CalibrationError(str(error)) from None
+        raise LogError(f"no calibration at {path}; `bench calibrate` writes one") from None
     except ValidationError as error:
         wrong = "; ".join(map(problem, error.errors()[:3]))
-        raise CalibrationError(f"{path}: {wrong}; correct it, or calibrate again") from None
+        raise LogError(f"{path}: {wrong}; correct it, or calibrate again") from None

@@ -14,15 +14,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs.log import (
-    EpisodeMeta,
-    Log,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    as_log_errors,
-    make_log,
-)
+from diagnosis.logs.log import EpisodeMeta, Log, LogError, as_log_errors
 from diagnosis.logs.servos import servo
 from files.bounded import read_json
 
@@ -65,20 +57,17 @@ def _log(recordings: Sequence[dict[str, Any]]) -> Log:
     parts = [_samples(r).assign(episode=k) for k, r in enumerate(recordings)]
     motor = str(first.get("motor", "xl330"))
     drive = servo(f"{motor},gain:{first['kp']:g},volts:{first['vin']:g}")
-    meta = LogMeta(
-        schema=1,
-        source=f"BAM, {motor.upper()} with gain {first['kp']:g} (Duclusaud et al. 2025)",
-        mechanism=MjcfMechanism(mjcf="pendulum.xml", joints={"servo": drive}),
-        episodes=tuple(
-            EpisodeMeta(episode=k, note=r["trajectory"]) for k, r in enumerate(recordings)
-        ),
-        nominal_uncertainty=UNCERTAINTY,
-    )
-    xml = _mjcf(first["mass"], first["length"])
-    log = make_log(meta, pd.concat(parts, ignore_index=True), xml)
     every = (name for r in recordings for entry in r["entries"] for name in entry)
     used = {*_COLUMNS, "torque_enable"}
-    return importer.with_unused(log, (name for name in every if name not in used))
+    return importer.log_of(
+        f"BAM, {motor.upper()} with gain {first['kp']:g} (Duclusaud et al. 2025)",
+        pd.concat(parts, ignore_index=True),
+        ("pendulum.xml", _mjcf(first["mass"], first["length"])),
+        {"servo": drive},
+        (name for name in every if name not in used),
+        episodes=[EpisodeMeta(episode=k, note=r["trajectory"]) for k, r in enumerate(recordings)],
+        nominal_uncertainty=UNCERTAINTY,
+    )
 
 
 def _samples(recording: dict[str, Any]) -> pd.DataFrame:

@@ -15,15 +15,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs.log import (
-    Log,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    as_log_errors,
-    drive_of,
-    make_log,
-)
+from diagnosis.logs.log import Log, LogError, as_log_errors, drive_of
 from files.bounded import one_line, read_bytes
 
 MASS_KG = 95.1089
@@ -75,12 +67,8 @@ def _log(path: Path) -> Log:
             "torque_n.axis": gtau * data["vir"],
         }
     )
-    meta = LogMeta(
-        schema=1,
-        source="EMPS (Janot, Gautier, Brunot 2019)",
-        mechanism=MjcfMechanism(mjcf="emps.xml", joints={"axis": drive}),
-    )
-    return importer.with_unused(make_log(meta, samples, _MJCF), map(str, data["unused"]))
+    source, unused = "EMPS (Janot, Gautier, Brunot 2019)", map(str, data["unused"])
+    return importer.log_of(source, samples, ("emps.xml", _MJCF), {"axis": drive}, unused)
 
 
 def _load(path: Path) -> dict[str, np.ndarray]:

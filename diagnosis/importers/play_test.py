@@ -11,14 +11,7 @@ import numpy as np
 import pandas as pd
 
 from diagnosis.logs import importer
-from diagnosis.logs.log import (
-    Log,
-    LogError,
-    LogMeta,
-    MjcfMechanism,
-    as_log_errors,
-    make_log,
-)
+from diagnosis.logs.log import Log, LogError, as_log_errors
 from diagnosis.logs.servos import servo as known_servo
 from files.bounded import one_line
 from files.tables import read_csv
@@ -69,16 +62,15 @@ def _log(path: Path) -> Log:
     names, known = [f"servo{servo}" for servo in tested], known_servo(SERVO)
     # engines have the PD law alone: the back-EMF is its kd
     drive = known.model_copy(update={"kd": known.back_emf, "back_emf": 0.0})
-    meta = LogMeta(
-        schema=1,
-        source=f"Robonine play test, {path.stem}",
-        mechanism=MjcfMechanism(mjcf="levers.xml", joints=dict.fromkeys(names, drive)),
+    used = {f"{what} ({servo})" for what in ("target pos", "pos") for servo in servos}
+    return importer.log_of(
+        f"Robonine play test, {path.stem}",
+        pd.DataFrame(columns),
+        ("levers.xml", _mjcf(names)),
+        dict.fromkeys(names, drive),
+        (name for name in table.columns if name not in {"timestamp", "t_s", *used}),
         nominal_uncertainty=UNCERTAINTY,
     )
-    log = make_log(meta, pd.DataFrame(columns), _mjcf(names))
-    used = {f"{what} ({servo})" for what in ("target pos", "pos") for servo in servos}
-    unused = (name for name in table.columns if name not in {"timestamp", "t_s", *used})
-    return importer.with_unused(log, unused)
 
 
 def _load(path: Path) -> tuple[pd.DataFrame, list[str]]:

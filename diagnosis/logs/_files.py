@@ -1,17 +1,13 @@
-"""The files of a log: read with a clear error for every fault, written completely or not at all.
+"""The files of a log: read with a clear error for every fault.
 
 This module knows file formats only; the numbers are checked in other modules.
 """
 
 import csv
-import json
-import os
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import yaml
 
 from diagnosis.logs._meta import LogError, LogMeta, MjcfMechanism, as_log_errors, parse_meta
 from diagnosis.logs.stamps import Notes
@@ -55,41 +51,6 @@ def read(folder: Path, notes: Notes) -> tuple[LogMeta, pd.DataFrame, str | None]
     samples = _csv(found[0], notes) if is_csv else tables.read_parquet(found[0])
     mjcf = meta.mechanism.mjcf if isinstance(meta.mechanism, MjcfMechanism) else None
     return meta, samples, read_model(folder / mjcf) if mjcf else None
-
-
-def write(
-    folder: Path,
-    meta: LogMeta,
-    samples: pd.DataFrame,
-    mjcf_xml: str | None,
-    form: str,
-    provenance: dict | None,
-    force: bool,
-) -> None:
-    """Write a folder under a temporary name, then rename it; raises LogError if it is taken.
-
-    With `force` it takes the place of an earlier log.
-    """
-    check_target(folder, form, force)
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    temporary, old = (folder.with_name(f".{folder.name}.{end}") for end in ("tmp", "old"))
-    shutil.rmtree(temporary, ignore_errors=True)
-    temporary.mkdir()
-    try:
-        data = meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)
-        text = yaml.safe_dump(data, sort_keys=False, width=100)
-        (temporary / META_FILE).write_text(text)
-        if isinstance(meta.mechanism, MjcfMechanism):
-            (temporary / meta.mechanism.mjcf).write_text(mjcf_xml or "")
-        if provenance is not None:
-            (temporary / PROVENANCE_FILE).write_text(json.dumps(provenance, indent=2) + "\n")
-        _write(samples, temporary, form)
-        if folder.exists():
-            os.rename(folder, old)
-        os.rename(temporary, folder)
-        shutil.rmtree(old, ignore_errors=True)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def check_target(folder: Path, form: str, force: bool) -> None:
@@ -165,7 +126,8 @@ def _cell(path: Path, name: str, row: int, cell: object) -> np.ndarray | None:
         ) from None
 
 
-def _write(samples: pd.DataFrame, folder: Path, form: str) -> None:
+def write_samples(samples: pd.DataFrame, folder: Path, form: str) -> None:
+    """Write the samples into a folder."""
     touch = [name for name in samples.columns if name.startswith("touch.")]
     cell = (lambda c: " ".join(map(str, c))) if form == "csv" else lambda c: c.astype(np.float32)
     plain = samples.assign(

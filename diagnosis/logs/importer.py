@@ -1,11 +1,14 @@
 """Importers: convert published recordings into the log format, with their mechanism."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-from diagnosis.logs.log import Log, LogError
+import pandas as pd
+
+from diagnosis.logs.log import DriveSettings, Log, LogError, LogMeta, MjcfMechanism, make_log
 
 MOST_BYTES = 100_000_000
 """Largest recording that is read."""
@@ -19,10 +22,19 @@ class Importer(ABC):
         """The logs in a file or folder, by name; raises LogError if they are not of this kind."""
 
 
-def with_unused(log: Log, columns: Iterable[str]) -> Log:
-    """A log that says which columns of its recording it does not use."""
-    names = ", ".join(dict.fromkeys(columns))
-    return replace(log, said=(*log.said, f"not used: {names}")) if names else log
+def log_of(
+    source: str,
+    samples: pd.DataFrame,
+    mjcf: tuple[str, str],
+    drives: Mapping[str, DriveSettings],
+    unused: Iterable[str],
+    **meta: Any,
+) -> Log:
+    """A log with its mechanism, a file's name and text, that says which columns it does not use."""
+    mechanism = MjcfMechanism(mjcf=mjcf[0], joints=dict(drives))
+    log = make_log(LogMeta(schema=1, source=source, mechanism=mechanism, **meta), samples, mjcf[1])
+    names = ", ".join(dict.fromkeys(unused))
+    return replace(log, said=(f"not used: {names}",)) if names else log
 
 
 def files(path: Path, pattern: str) -> list[Path]:

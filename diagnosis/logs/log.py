@@ -6,6 +6,9 @@ the next row. Episodes start at rest. The format is described in docs/reference/
 """
 
 import dataclasses
+import json
+import os
+import shutil
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import yaml
 
 from diagnosis.logs import _checks, _files
 from diagnosis.logs._columns import KINDS, PULL, STICK, kind_of, name_of
@@ -76,10 +80,7 @@ class Log:
         return name_of("command", joint, linear=True) in self.samples.columns
 
     def column(self, kind: str, joint: str) -> str:
-        """Column name of a kind: command, position, motor, torque, velocity or push.
-
-        Raises LogError if there is no such column.
-        """
+        """Column name of a kind, one of `KINDS`; raises LogError if there is no such column."""
         if kind not in KINDS:
             raise LogError(f"no kind of column '{kind}'; known: {', '.join(KINDS)}")
         name = name_of(kind, joint, self.is_linear(joint))
@@ -115,10 +116,7 @@ class Log:
         return self._whole(episode, STICK)
 
     def pull(self, episode: int) -> Array | None:
-        """Known force on the stick along its axis, towards its lower end [N], shape (T,).
-
-        None if the episode has none.
-        """
+        """Known force on the stick towards its lower end [N], shape (T,); None if there is none."""
         force = self._whole(episode, [PULL])
         return None if force is None else force[:, 0]
 
@@ -175,10 +173,28 @@ def write_log(
 ) -> None:
     """Write a log as a folder, whole or not at all; `form` is 'parquet' or 'csv'.
 
-    The folder must be new, or with `force` may hold an earlier log, which is replaced.
-
-    `provenance` goes to its own file, which `read_log` does not read. Raises LogError if the log is
-    invalid or the folder exists.
+    With `force` it replaces an earlier log. `provenance` goes to its own file, which `read_log`
+    does not read. Raises LogError if the log is invalid or the folder exists.
     """
-    log = make_log(log.meta, log.samples, log.mjcf_xml)
-    _files.write(Path(path), log.meta, log.samples, log.mjcf_xml, form, provenance, force)
+    log, folder = make_log(log.meta, log.samples, log.mjcf_xml), Path(path)
+    check_target(folder, form, force)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    temporary, old = (folder.with_name(f".{folder.name}.{end}") for end in ("tmp", "old"))
+    shutil.rmtree(temporary, ignore_errors=True)
+    temporary.mkdir()
+    try:
+        data = log.meta.model_dump(mode="json", by_alias=True, exclude_defaults=True)
+        text = yaml.safe_dump(data, sort_keys=False, width=100)
+        (temporary / _files.META_FILE).write_text(text)
+        if isinstance(log.meta.mechanism, MjcfMechanism):
+            (temporary / log.meta.mechanism.mjcf).write_text(log.mjcf_xml or "")
+        if provenance is not None:
+            text = json.dumps(provenance, indent=2) + "\n"
+            (temporary / _files.PROVENANCE_FILE).write_text(text)
+        _files.write_samples(log.samples, temporary, form)
+        if folder.exists():
+            os.rename(folder, old)
+        os.rename(temporary, folder)
+        shutil.rmtree(old, ignore_errors=True)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)

@@ -95,9 +95,9 @@ def _after_each_other(frames: Sequence[pd.DataFrame]) -> pd.DataFrame:
     """Recordings as one table, in which each begins an episode."""
     found = []
     for number, frame in enumerate(frames):
-        given = _episode(frame)
-        own = frame[given].astype(str).agg("".join, axis=1) if given else ""
-        found.append(frame.drop(columns=given).assign(episode=f"{number} " + own))
+        given = episode_column(list(frame.columns))
+        own = frame[given].astype(str) if given else ""
+        found.append(frame.drop(columns=given or []).assign(episode=f"{number} " + own))
     return pd.concat(found, ignore_index=True)
 
 
@@ -127,32 +127,24 @@ def _labels(frame: pd.DataFrame, joints: Sequence[str]) -> Iterator[str]:
     values = {name: frame[name].dropna().unique() for name in columns}
     few = {name: some for name, some in values.items() if 0 < 2 * len(some) <= len(frame)}
     texts = {name: [*map(_text, some)] for name, some in few.items()}
-    numbers = {n for n in few if pd.api.types.is_numeric_dtype(frame[n]) and _is_label(n)}
-    by_name = {n for n in texts if n in numbers or frame[n].dtype.kind not in "ifub"}
+    numbers = [n for n in few if pd.api.types.is_numeric_dtype(frame[n]) and _is_label(n)]
+    by_name = [n for n in texts if n in numbers or frame[n].dtype.kind not in "ifub"]
     if joints:
         found = [n for n in by_name if any(joint_named(text, joints) for text in texts[n])]
-        found += [n for n in numbers - {*found} if len(texts[n]) == len(joints) and not found]
+        found = found or [n for n in numbers if len(texts[n]) == len(joints)]
     else:
         several = (n for n in by_name if _is_label(n) and len(texts[n]) > 1)
         found = [n for n in several if not _is_saying(texts[n])]
-    if not found:
-        if joints and not roles(columns, joints):
-            _refuse_strange({n: texts[n] for n in by_name if _is_label(n)}, joints)
-        return
+    strange = next((n for n in by_name if _is_label(n) and not _is_saying(texts[n])), None)
+    if strange and joints and not found and not roles(columns, joints):
+        raise LogError(
+            f"the column '{strange}' names {', '.join(sorted(texts[strange])[:MOST_NAMED])}, and "
+            f"the model has {', '.join(joints)}; give both the same names"
+        )
     yield from found[:1]
-    for name in by_name - {*found, *numbers, PROTOCOL}:
-        if _is_saying(texts[name]):
+    for name in by_name if found else ():
+        if name not in (*found, *numbers, PROTOCOL) and _is_saying(texts[name]):
             yield name
-
-
-def _refuse_strange(labels: Mapping[str, Sequence[str]], joints: Sequence[str]) -> None:
-    """Raise LogError for labels that are no joints of the model, and no kinds."""
-    for name, texts in labels.items():
-        if not _is_saying(texts):
-            raise LogError(
-                f"the column '{name}' names {', '.join(sorted(texts)[:MOST_NAMED])}, and the model "
-                f"has {', '.join(joints)}; give both the same names"
-            )
 
 
 def _is_saying(texts: Sequence[str]) -> bool:
@@ -199,12 +191,7 @@ def _keyed(name: str, clock: Timed, start_s: float) -> pd.DataFrame:
     time_s = np.round((clock.time_s - start_s) / SAME_S) * SAME_S
     keys = pd.DataFrame({"part": clock.part, "time_s": time_s})
     keys["same"] = keys.groupby(["part", "time_s"]).cumcount()
-    values = clock.frame.drop(columns=[clock.column, *_episode(clock.frame)])
+    no_values = {clock.column, episode_column(list(clock.frame.columns))}
+    values = clock.frame[[n for n in clock.frame if n not in no_values]]
     values = values.rename(columns=lambda n: n if n == PROTOCOL else f"{name}.{n}")
     return values.set_index(pd.MultiIndex.from_frame(keys))
-
-
-def _episode(frame: pd.DataFrame) -> list[str]:
-    """The column of episodes, where there is one."""
-    given = episode_column(list(frame.columns))
-    return [] if given is None else [given]

@@ -77,8 +77,10 @@ def put_together(
     from backends.mjcf import joint_ranges
 
     notes = Notes()
-    ranges = named_joints(read_tables(tables[:1], (), Notes()), asked) if xml is None else {}
-    ranges = ranges if xml is None else joint_ranges(xml)
+    if xml is None:
+        ranges = named_joints(read_tables(tables[:1], (), Notes()), asked)
+    else:
+        ranges = joint_ranges(xml)
     frame = read_tables(tables, list(ranges), notes)
     if none := [name for name in frame if frame[name].isna().all()]:
         _refuse_dead(none, frame, list(ranges))
@@ -125,27 +127,12 @@ def readings(
     unused = [n for n in frame if n not in {role.column for role in columns}]
     numbers = {r.column: pd.to_numeric(frame[r.column], errors="coerce") for r in columns}
     kinds = {s: [role for role in columns if ranges[role.joint][2] == s] for s in (False, True)}
-    some = {} if asked.unit else {slides: own for slides, own in kinds.items() if own}
-    guessed = {slides: _guess(numbers, own, ranges) for slides, own in some.items()}
+    units = {s: asked.unit or _guess(numbers, own, ranges) for s, own in kinds.items() if own}
     for role in columns:
         slides = ranges[role.joint][2]
-        unit, zero = asked.unit or role.unit or guessed[slides], 0.0
-        name, of = name_of(role.kind, role.joint, slides), "N" if slides else "Nm"
-        if KINDS[role.kind] == "torque" and draws:
-            scale, of = EFFORTS.get(role.unit or "", 1.0), f"{of}, or in its own unit"
-        elif KINDS[role.kind] == "torque":
-            scale = _effort(role, asked)
-        else:
-            scale, zero = _sized(unit, slides)
-            if not np.isfinite(scale):
-                raise LogError(
-                    f"'{role.column}' is in {unit}, of which one does not know how many are a "
-                    f"{'metre' if slides else 'turn'}: say --unit with one of "
-                    f"{', '.join(LENGTHS if slides else ANGLES)}, or with the counts and their "
-                    f"zero, such as {'200/mm' if slides else '4096/turn@2048'}"
-                )
-            is_speed = KINDS[role.kind] == "speed"
-            zero, of = (0.0, f"{unit}/s") if is_speed else (zero, unit)
+        unit = asked.unit or role.unit or units[slides]
+        scale, zero, of = _size(role, asked, unit, slides, draws)
+        name = name_of(role.kind, role.joint, slides)
         samples[name] = (numbers[role.column] - zero * (not role.missed)) / scale
         if not role.missed:
             said.append(f"{name} is '{role.column}' in {of}")
@@ -162,12 +149,35 @@ def readings(
     return pd.DataFrame(samples), said
 
 
-def _sized(unit: str, slides: bool) -> tuple[float, float]:
-    """How many of a unit make a radian or metre, and where their zero is; NaN: it is unknown."""
+def _size(
+    role: Role, asked: Asked, unit: str, slides: bool, draws: bool
+) -> tuple[float, float, str]:
+    """How many are one in SI, where their zero is, and what they are in; raises LogError."""
+    if KINDS[role.kind] == "torque":
+        size, of = EFFORTS.get(role.unit or "", 1.0), "N" if slides else "Nm"
+        if draws:
+            return size, 0.0, f"{of}, or in its own unit"
+        if not BY_CONSTANT & {*words(role.column)}:
+            return size, 0.0, of
+        drive = asked.drives.get(role.joint, asked.drives.get("*", DriveSettings()))
+        if not drive.kp:
+            raise LogError(
+                f"'{role.column}' is no torque yet: say what one A, one V or the whole duty cycle "
+                f"makes at the joint, such as --drive '{role.joint}=kp:0.12' [Nm]"
+            )
+        return size / drive.kp, 0.0, of
     sizes, counted = LENGTHS if slides else ANGLES, COUNTED.fullmatch(unit)
-    if counted is None:
-        return sizes.get(unit, np.nan), 0.0
-    return float(counted[1]) * sizes.get(counted[2], np.nan), float(counted[3] or 0.0)
+    size = float(counted[1]) * sizes.get(counted[2], np.nan) if counted else sizes.get(unit, np.nan)
+    if not np.isfinite(size):
+        raise LogError(
+            f"'{role.column}' is in {unit}, of which one does not know how many are a "
+            f"{'metre' if slides else 'turn'}: say --unit with one of "
+            f"{', '.join(sizes)}, or with the counts and their "
+            f"zero, such as {'200/mm' if slides else '4096/turn@2048'}"
+        )
+    if KINDS[role.kind] == "speed":
+        return size, 0.0, f"{unit}/s"
+    return size, float(counted[3] or 0.0) if counted else 0.0, unit
 
 
 def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
@@ -193,20 +203,6 @@ def named_joints(frame: pd.DataFrame, asked: Asked, asks: Sequence[str] = ("comm
     long = (counted[2] if counted else asked.unit) in LENGTHS
     lengths = {j: long or any(role.unit in LENGTHS for role in every[j]) for j in found}
     return {j: (-np.inf, np.inf, lengths[j]) for j in found} or {"joint": (-np.inf, np.inf, long)}
-
-
-def _effort(role: Role, asked: Asked) -> float:
-    """What a column of efforts is divided by, to be torques; raises LogError."""
-    size = EFFORTS.get(role.unit or "", 1.0)
-    if not BY_CONSTANT & {*words(role.column)}:
-        return size
-    drive = asked.drives.get(role.joint, asked.drives.get("*", DriveSettings()))
-    if not drive.kp:
-        raise LogError(
-            f"'{role.column}' is no torque yet: say what one A, one V or the whole duty cycle "
-            f"makes at the joint, such as --drive '{role.joint}=kp:0.12' [Nm]"
-        )
-    return size / drive.kp
 
 
 def _refuse_dead(empty: Sequence[str], frame: pd.DataFrame, joints: Sequence[str]) -> None:

@@ -54,13 +54,11 @@ class _OwnSteps(NumberEffect):
     least = 1.0
 
 
-class _SoftFriction(NumberEffect):
+class _SoftFriction(_OwnSteps):
     """Dry friction yields under load, as MuJoCo's own does, or holds, as a robot's."""
 
     number = "loop.soft_friction"
-    dimension, unit = "share", "%"
-    bounds = (0.0, 1.0)
-    least = 1.0
+    by_column = False
 
 
 class _Spot(NumberEffect):
@@ -299,11 +297,9 @@ def bounds(parameter: Parameter, freed: bool, reach: float) -> tuple[float, floa
     """How far u may go: any size as an effect, else within `reach` standard deviations."""
     if freed:
         return (-parameter.most if parameter.kind.either_sign else 0.0), parameter.most
-    spread = reach * parameter.tolerance
-    high = parameter.centre + spread
+    low, high = (parameter.centre + side * reach * parameter.tolerance for side in (-1, 1))
     below_zero = parameter.kind.either_sign or parameter.kind.coordinate == "logarithm"
-    least = -np.inf if below_zero else -parameter.in_file
-    return max(parameter.centre - spread, least), max(high, 0.0)
+    return max(low, -np.inf if below_zero else -parameter.in_file), max(high, 0.0)
 
 
 def magnitude(parameter: Parameter, u: float, numbers: Array) -> float:

@@ -5,7 +5,7 @@ names its mechanism but not its effects, because a diagnosis has to find them.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from itertools import product
@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
+from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
@@ -33,8 +34,6 @@ ALWAYS = ("command", "position")
 """Channels that every log needs."""
 HELD = ("grasp", "pull", "policy")
 """Protocols with the stick in the hand."""
-Progress = Callable[[float], None]
-"""Called with the finished share of the recording."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,34 +81,42 @@ def record(
     source: str,
     policy: Policy | None = None,
     known_effects: str = "none",
-    progress: Progress = lambda share: None,
+    progress: Callable[[float], None] = lambda share: None,
 ) -> Log:
     """A log of the world `spec`; `known_effects` are the effects that the log may name.
 
-    Raises LogError if the plan cannot be recorded, ValueError if the engine refuses a number or the
-    stick cannot be gripped, and SimulationDivergedError if a signal is not finite.
+    `progress` takes the finished share. Raises LogError if the plan cannot be recorded, ValueError
+    if the engine refuses a number or the stick cannot be gripped, and SimulationDivergedError if a
+    signal is not finite.
     """
-    check(spec, plan, policy)
+    _check(spec, plan, policy)
     frames: dict[int, pd.DataFrame] = {}
     kinds = [e.protocol if e.protocol in HELD else "free" for e in plan.episodes]
-    batches = [[k for k, one in enumerate(kinds) if one == kind] for kind in dict.fromkeys(kinds)]
-    for done, chosen in enumerate(batches):
-
-        def part(share: float, done: int = done) -> None:
-            progress((done + share) / len(batches))
-
-        if plan.episodes[chosen[0]].protocol == "policy":
-            assert policy is not None
-            frames |= _closed_loop(simulate, spec, plan, chosen, policy, part)
+    batches = list(dict.fromkeys(kinds))
+    for done, kind in enumerate(batches):
+        chosen = [k for k, one in enumerate(kinds) if one == kind]
+        starts = [_start(spec, plan, k) for k in chosen]
+        worlds = [_world(spec, plan, kind in HELD)] * len(chosen)
+        tape, engine = Tape(worlds, plan.channels, kind in HELD), simulate(worlds)
+        motions = list[Excitation]()
+        if policy is not None and kind == "policy":
+            shares = _act(engine, tape, spec, plan.seed, policy, joined(starts))
         else:
-            frames |= _open_loop(simulate, spec, plan, chosen, part)
+            pairs = zip(chosen, starts, strict=True)
+            motions += [_motion(spec, plan, plan.episodes[k], start) for k, start in pairs]
+            shares = _move(engine, tape, motions, joined(starts))
+        with closing(shares):
+            for share in shares:
+                progress((done + share) / len(batches))
+        ends = [len(motion.t_s) for motion in motions] or [len(tape.rows)] * len(chosen)
+        frames |= dict(zip(chosen, tape.frames(ends), strict=True))
     for number, frame in frames.items():
         frame.insert(0, "episode", number)
     samples = pd.concat([frames[k] for k in sorted(frames)], ignore_index=True)
     return make_log(_meta(spec, plan, source, known_effects), samples)
 
 
-def check(spec: Spec, plan: Plan, policy: Policy | None) -> None:
+def _check(spec: Spec, plan: Plan, policy: Policy | None) -> None:
     """Raise LogError unless the plan can be recorded in worlds like `spec`."""
     _known("protocol", plan.protocols, excitation.PROTOCOLS)
     _known("channel", plan.channels, (*CHANNELS, *OPTIONAL))
@@ -155,47 +162,31 @@ def _whole(number: float) -> bool:
     return abs(number - round(number)) < 1e-9
 
 
-def _open_loop(
-    simulate: Simulate, spec: Spec, plan: Plan, chosen: list[int], progress: Progress
-) -> dict[int, pd.DataFrame]:
-    episodes = [plan.episodes[k] for k in chosen]
-    held = episodes[0].protocol in HELD
-    starts = [_start(spec, plan, k) for k in chosen]
-    motions = [_motion(spec, plan, e, s) for e, s in zip(episodes, starts, strict=True)]
+def _move(
+    engine: Simulator, tape: Tape, motions: Sequence[Excitation], start: InitialState
+) -> Generator[float, None, None]:
+    """Record motions in worlds side by side; gives the finished share."""
     target, load, pull = (
         together([getattr(motion, name) for motion in motions])
         for name in ("target_rad", "push_nm", "pull_n")
     )
-    worlds = [_world(spec, plan, held)] * len(chosen)
-    tape = Tape(worlds, plan.channels, held)
-    with closing(states(simulate(worlds), joined(starts), target, load, pull)) as every:
+    with closing(states(engine, start, target, load, pull)) as every:
         for t, state in enumerate(every):
             tape.note(state, target[t], load[t], pull[t])
-            progress((t + 1) / len(target))
-    return dict(zip(chosen, tape.frames([len(motion.t_s) for motion in motions]), strict=True))
+            yield (t + 1) / len(target)
 
 
-def _closed_loop(
-    simulate: Simulate,
-    spec: Spec,
-    plan: Plan,
-    chosen: list[int],
-    policy: Policy,
-    progress: Progress,
-) -> dict[int, pd.DataFrame]:
-    worlds = [_world(spec, plan, held=True)] * len(chosen)
-    tape = Tape(worlds, plan.channels, held=True)
-    face = TapedSimulator(simulate(worlds), tape, spec.timing.policy_s)
-    env = BatchEnv(face, policy.task, policy.observation, plan.seed)
-    try:
-        observation = env.reset(start=joined([_start(spec, plan, k) for k in chosen]))
+def _act(
+    engine: Simulator, tape: Tape, spec: Spec, seed: int, policy: Policy, start: InitialState
+) -> Generator[float, None, None]:
+    """Record a policy's task; gives the finished share."""
+    face = TapedSimulator(engine, tape, spec.timing.policy_s)
+    with closing(BatchEnv(face, policy.task, policy.observation, seed)) as env:
+        observation = env.reset(start=start)
         for step in range(env.horizon):
             observation = env.step(policy.act(observation)).observation
-            progress((step + 1) / env.horizon)
+            yield (step + 1) / env.horizon
         tape.note(face.state, env.target_rad)
-        return dict(zip(chosen, tape.frames([len(tape.rows)] * len(chosen)), strict=True))
-    finally:
-        env.close()
 
 
 def _world(spec: Spec, plan: Plan, held: bool) -> Spec:

@@ -24,7 +24,6 @@ from diagnosis.calibration.backlash import least_absolute
 from diagnosis.calibration.calibrate import Calibration
 from diagnosis.calibration.result import (
     Backlash,
-    CalibrationError,
     CalibrationFile,
     Gain,
     Gains,
@@ -32,7 +31,7 @@ from diagnosis.calibration.result import (
     read_calibration,
     write_calibration,
 )
-from diagnosis.logs.log import EpisodeMeta, Log, write_log
+from diagnosis.logs.log import EpisodeMeta, Log, LogError, write_log
 from diagnosis.motion.batch import replay
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import Recording, recordings
@@ -485,7 +484,7 @@ def test_gains_are_above_zero_in_a_file(tmp_path):
     data = yaml.safe_load(path.read_text())
     data["joints"]["J0"]["gains"]["kp_nm_rad"]["mean"] = -1.0
     path.write_text(yaml.safe_dump(data))
-    with pytest.raises(CalibrationError, match="joints.J0.gains.Gains.kp_nm_rad.mean"):
+    with pytest.raises(LogError, match="joints.J0.gains.Gains.kp_nm_rad.mean"):
         read_calibration(path)
 
 
