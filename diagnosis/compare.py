@@ -104,8 +104,8 @@ class _Motion:
     command: Array
     position: Array
     """(R, T)."""
-    effort: Array | None
-    """(R, T); None where it was not logged."""
+    effort: Array
+    """(R, T); NaN where it was not logged."""
 
 
 def compare(log: Log, healthy: Sequence[Log]) -> tuple[Compared, ...]:
@@ -169,14 +169,13 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
 
 def _motions(joint: str, log: Log) -> Iterator[_Motion]:
     """Each commanded motion with its repetitions."""
-    kinds = ["command", "position", *(["torque"] if log.has("torque", joint) else [])]
+    kinds = ("command", "position", "torque")
     rows = [[log.signal(kind, e.episode, [joint])[:, 0] for kind in kinds] for e in log.episodes]
     while rows:
         command = rows[0][0]
         alike = [row for row in rows if _is_same(row[0], command)]
         rows = [row for row in rows if not _is_same(row[0], command)]
-        signals = [np.stack([row[k] for row in alike]) for k in range(1, len(kinds))]
-        yield _Motion(command, signals[0], signals[1] if len(signals) > 1 else None)
+        yield _Motion(command, *(np.stack([row[k] for row in alike]) for k in (1, 2)))
 
 
 def _is_same(a: Array, b: Array) -> bool:
@@ -197,7 +196,7 @@ def _matched(motions: Sequence[_Motion], like: Sequence[_Motion], joint: str) ->
                 f"{joint} is not moved alike in all logs; without a model, only logs of the same "
                 "commands, at the same rate, can be compared"
             )
-        if (same[0].effort is None) != (wanted.effort is None):
+        if np.isnan(same[0].effort).any() != np.isnan(wanted.effort).any():
             raise LogError(f"some logs have the torque of {joint} and others do not")
         found.append(same[0])
     return found
@@ -237,9 +236,8 @@ def _rows(today: _Motion, sound: Sequence[_Motion]) -> pd.DataFrame:
         apart = position - position.mean(axis=0)
         apart = apart - savgol_filter(apart, max(5, round(SLOW * n) | 1), 2, axis=1)
         found["unshared"] = np.sqrt(np.sum(apart**2, axis=0) / (len(position) - 1))
-    if today.effort is not None:
-        efforts = [one.effort[:, :n] for one in sound if one.effort is not None]
-        usual = np.mean([one.mean(axis=0) for one in efforts], axis=0)
+    if not np.isnan(today.effort).any():
+        usual = np.mean([one.effort[:, :n].mean(axis=0) for one in sound], axis=0)
         found["effort"] = today.effort[:, :n].mean(axis=0) - usual
         if usual.min() >= 0.0 or usual.max() <= 0.0:  # an amount: no sign says which way
             found["along"] = np.full(n, np.sign(usual.sum()))

@@ -18,8 +18,8 @@ A block bootstrap (Kuensch, Annals of Statistics 17, 1989) draws half seconds of
 candidates with replacement and asks for the least error each time.
 """
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -70,37 +70,31 @@ STEP, SHARE, LEAST = 0.05, 0.9, 0.01
 more than this share of what it does, and one of them is at least so large."""
 
 
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Worlds:
-    """What W worlds about the last gains show of a joint, where that is linear."""
+def least_error(
+    terms: Array,
+    shown: Array,
+    read: Array,
+    block: Array,
+    rng: np.random.Generator | None = None,
+) -> Array:
+    """Which gains show the angles read (T,), as logarithms (2,): what W worlds show is linear.
 
-    gains: Array
-    """1 and the logarithms of their gains, shape (W, 3)."""
-    shown: Array
-    """Their angles, shape (W, T)."""
-    read: Array
-    """Those of the log, shape (T,)."""
-    block: Array
-    """The half second of each, shape (T,)."""
-
-    def least_error(self, rng: np.random.Generator | None = None) -> Array:
-        """Which gains show the angles read, as logarithms (2,).
-
-        With `rng`, worlds and half seconds are drawn.
-        """
-        rows, times = np.arange(len(self.gains)), np.ones(int(self.block.max()) + 1)
-        if rng is not None:
-            rows = rng.integers(len(rows), size=len(rows))
-            times = rng.multinomial(len(times), np.full(len(times), 1 / len(times))).astype(float)
-        about, *columns = np.linalg.lstsq(self.gains[rows], self.shown[rows])[0]
-        return least_absolute(self.read - about, np.transpose(columns), times[self.block])
+    `terms`: 1 and the logarithms of the worlds' gains (W, 3); `shown`: their angles (W, T);
+    `block`: the half second of each sample (T,). With `rng`, worlds and half seconds are drawn.
+    """
+    rows, times = np.arange(len(terms)), np.ones(int(block.max()) + 1)
+    if rng is not None:
+        rows = rng.integers(len(rows), size=len(rows))
+        times = rng.multinomial(len(times), np.full(len(times), 1 / len(times))).astype(float)
+    about, *columns = np.linalg.lstsq(terms[rows], shown[rows])[0]
+    return least_absolute(read - about, np.transpose(columns), times[block])
 
 
 class GainFit:
     """A limb's gains over those of its nominal world, and the readings by which they are judged."""
 
     def __init__(self, limb: Limb, nominal: Spec) -> None:
-        self.limb, self.worlds = limb, dict[int, Worlds]()
+        self.limb, self.draw = limb, dict[int, Callable[..., Array]]()
         self.nominal = table(nominal, limb.rigid)
         now, plain = limb.nominal[:, [KP, KD]], self.nominal[:, [KP, KD]]
         self.scale = np.divide(now, plain, out=np.ones_like(plain), where=plain > 0.0)
@@ -122,10 +116,9 @@ class GainFit:
                 used = np.std(shown[..., j] - linear, axis=0) < PREDICTABLE_RAD
                 self.used[:, j] = used & (used.sum() >= LEAST_BLOCKS)
                 if self.used[:, j].any():
-                    known = {"shown": shown[:, used, j], "read": self.read[used, j]}
-                    self.worlds[j] = Worlds(gains=terms, block=block[used], **known)
-                    step = self.worlds[j].least_error()
-                    steps[j] = np.clip(step, -LARGEST_STEP, LARGEST_STEP)
+                    known = terms, shown[:, used, j], self.read[used, j], block[used]
+                    self.draw[j] = partial(least_error, *known)
+                    steps[j] = np.clip(self.draw[j](), -LARGEST_STEP, LARGEST_STEP)
             self.scale = np.clip(self.scale * np.exp(steps), *SCALES.T)
             if np.abs(steps).max(initial=0.0) < LAST_STEP:
                 break
@@ -199,7 +192,7 @@ def _result(one: GainFit, j: int, errors_rad: Array, rng: np.random.Generator) -
     used = one.used[:, j]
     if not used.any():
         return FLOATS
-    draws = np.array([one.worlds[j].least_error(rng) for _ in range(DRAWS)])
+    draws = np.array([one.draw[j](rng) for _ in range(DRAWS)])
     std, means = draws.std(axis=0, ddof=1), one.numbers(one.scale)[j, [KP, KD]]
     for name, ratio, sd, (low, high) in zip(("kp", "kd"), one.scale[j], std, SCALES, strict=True):
         if not low < ratio < high:

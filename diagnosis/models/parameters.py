@@ -240,13 +240,11 @@ def _parameter(
     body = limb.spec.hand.driven[joint]
     if kind.refusal(body) is not None or (kind.is_of("body") and not body.mass_kg):
         return None
-    unit = _unit(kind, joint, evidence)
+    unit, in_file, most = _sizes(kind, joint, place, evidence)
     angle = evidence.size[joint] if kind.dimension == "angle" else 1.0
     own = kind.tolerance * everyday * angle
-    in_file = _relative(kind, value, unit, rigid) if kind.nominal else 0.0
-    known = uncertainty * in_file
     late = LATE_SHARE * limb.period_s if kind.dimension == "time" and own > 0.0 else 0.0
-    tolerance = max(float(np.hypot(own, known)), late)
+    tolerance = max(float(np.hypot(own, uncertainty * in_file)), late)
     # what nothing asks of a drive's limit may be missing, and changes nothing
     unasked = float(np.log(value / evidence.torque[joint])) if place == c.LIMIT else 0.0
     return about(
@@ -254,38 +252,31 @@ def _parameter(
         tolerance=tolerance,
         in_file=in_file if kind.coordinate == "amount" else 0.0,
         least=max(kind.least * angle, 2.0 * tolerance),
-        most=_most(kind, unit, rigid) + unasked,
+        most=most + unasked,
     )
 
 
-def _most(kind: type[Effect], unit: float, rigid: bool) -> float:
-    """Largest size of u: of a hand within the effect's bounds, which its drive law needs."""
-    if rigid or kind.coordinate == "compliance" or kind.dimension == "inertia":
-        return kind.most
-    high = kind.bounds[1]
-    return min(kind.most, float(np.log1p(high)) if kind.coordinate == "logarithm" else high / unit)
+def _sizes(
+    kind: type[Effect], joint: int, place: int, evidence: Evidence
+) -> tuple[float, float, float]:
+    """Of an effect's number: its natural size [SI], and what the file says and the largest one [u].
 
-
-def _unit(kind: type[Effect], joint: int, evidence: Evidence) -> float:
-    """The natural size of an effect's number on a joint, SI."""
-    numbers = evidence.limb.nominal[joint]
-    stiffness, damping = evidence.limb.servo[:, joint]
+    Of a hand the largest is within the effect's bounds, which its drive law needs.
+    """
+    limb, most, high = evidence.limb, kind.most, kind.bounds[1]
+    numbers, (stiffness, damping) = limb.nominal[joint], limb.servo[:, joint]
+    bounded = not limb.rigid and kind.dimension != "inertia"
     if kind.coordinate == "logarithm":
-        return 1.0
+        own = float(kind.nominal)
+        return 1.0, own, min(most, float(np.log1p(high))) if bounded else most
     if kind.coordinate == "compliance":
-        return float(1.0 / stiffness)
+        unit = float(1.0 / stiffness)
+        return unit, 1.0 / numbers[place] / unit if kind.nominal and not limb.rigid else 0.0, most
     damped = damping + numbers[c.VISCOUS] or np.sqrt(stiffness * numbers[c.ROTOR])
     natural = {"torque": evidence.torque[joint], "damping": damped}
-    return float(natural.get(kind.dimension, 1.0))
-
-
-def _relative(kind: type[Effect], value: float, unit: float, rigid: bool) -> float:
-    """One nominal value in the coordinate u."""
-    if kind.coordinate == "logarithm":
-        return 1.0
-    if kind.coordinate == "compliance":
-        return 0.0 if rigid else 1.0 / value / unit
-    return value / unit
+    unit = float(natural.get(kind.dimension, 1.0))
+    own = numbers[place] / unit if kind.nominal else 0.0
+    return unit, own, min(most, high / unit) if bounded else most
 
 
 def with_parts(parameters: Sequence[Parameter], numbers: Collection[int]) -> list[int]:
