@@ -180,8 +180,9 @@ def _on_one_clock(parts: Mapping[str, pd.DataFrame], notes: Notes) -> pd.DataFra
         said = ", ".join(f"{name} {a:.4g} to {b:.4g} s" for name, (a, b) in ends.items())
         raise LogError(f"the tables have no time in common: {said}")
     keyed = [_keyed(name, clock, start_s) for name, clock in clocks.items()]
+    protocols = [one.pop(PROTOCOL) for one in keyed if PROTOCOL in one]
     frame = pd.concat(keyed, axis=1, join="outer").sort_index()
-    if protocols := [one.pop(PROTOCOL) for one in keyed if PROTOCOL in one]:
+    if protocols:
         frame[PROTOCOL] = protocols[0].reindex(frame.index).ffill().bfill()
     return frame.reset_index().rename(columns={"part": "episode"}).drop(columns="same")
 

@@ -92,6 +92,13 @@ def test_episodes_of_a_long_table_stay_apart(folder):
         assert len(log.episodes) == 2 and same(log, 0) and same(log, 1)
 
 
+def test_a_long_table_may_name_its_protocol(folder):
+    """Take the protocol that `bench excite` writes from the rows of any joint."""
+    long(protocol="steps").to_csv(folder / "run.csv", index=False)
+    log = read(folder, "run.csv")
+    assert same(log) and [one.protocol for one in log.episodes] == ["steps"]
+
+
 def test_a_column_of_names_beside_numbered_joints(folder):
     """Take numbered columns as they are beside a column that names the robot."""
     table("q_des_#", "q_#", name="robot 7").to_csv(folder / "run.csv", index=False)
