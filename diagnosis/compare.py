@@ -15,7 +15,7 @@ A mechanism with play is looser and hunts; dry friction is asked for in both dir
 and slips; a damaged place asks for effort there, each time, and does not hunt.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -99,13 +99,12 @@ class Compared:
 
 @dataclass(frozen=True)
 class _Motion:
-    """One commanded motion of a joint: a row per repetition, on one time base (T,)."""
+    """One commanded motion of a joint: a row per repetition, on one time base, (R, T)."""
 
     command: Array
     position: Array
-    """(R, T)."""
     effort: Array
-    """(R, T); NaN where it was not logged."""
+    """NaN where it was not logged."""
 
 
 def compare(log: Log, healthy: Sequence[Log]) -> tuple[Compared, ...]:
@@ -133,9 +132,8 @@ def compare(log: Log, healthy: Sequence[Log]) -> tuple[Compared, ...]:
 
 
 def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
-    sound = [list(_motions(joint, one)) for one in healthy]
-    today = _matched(list(_motions(joint, log)), sound[0], joint)
-    sound = [_matched(one, sound[0], joint) for one in sound]
+    like = _motions(joint, healthy[0])
+    today, *sound = (_motions(joint, one, like) for one in (log, *healthy))
     others = ([other for other in sound if other is not one] for one in sound)
     about = pd.DataFrame([_statistics(_beside(*pair)) for pair in zip(sound, others, strict=True)])
     table = _beside(today, sound)
@@ -167,15 +165,31 @@ def _joint(joint: str, log: Log, healthy: Sequence[Log]) -> Compared:
     )
 
 
-def _motions(joint: str, log: Log) -> Iterator[_Motion]:
-    """Each commanded motion with its repetitions."""
+def _motions(joint: str, log: Log, like: Sequence[_Motion] = ()) -> list[_Motion]:
+    """Each commanded motion with its repetitions, in the order of others where they are given.
+
+    Raises LogError where one lacks.
+    """
     kinds = ("command", "position", "torque")
     rows = [[log.signal(kind, e.episode, [joint])[:, 0] for kind in kinds] for e in log.episodes]
-    while rows:
-        command = rows[0][0]
+    commands, found = [one.command[0] for one in like], []
+    if not like:
+        for command, _, _ in rows:
+            if not any(_is_same(command, known) for known in commands):
+                commands.append(command)
+    for command in commands:
         alike = [row for row in rows if _is_same(row[0], command)]
-        rows = [row for row in rows if not _is_same(row[0], command)]
-        yield _Motion(command, *(np.stack([row[k] for row in alike]) for k in (1, 2)))
+        if not alike:
+            raise LogError(
+                f"{joint} is not moved alike in all logs; without a model, only logs of the same "
+                "commands, at the same rate, can be compared"
+            )
+        n = min(len(row[0]) for row in alike)
+        found.append(_Motion(*(np.stack([row[k][:n] for row in alike]) for k in range(3))))
+    ours, theirs = ([np.isnan(m.effort).any() for m in some] for some in (found, like or found))
+    if ours != theirs:
+        raise LogError(f"some logs have the torque of {joint} and others do not")
+    return found
 
 
 def _is_same(a: Array, b: Array) -> bool:
@@ -184,22 +198,6 @@ def _is_same(a: Array, b: Array) -> bool:
     return abs(len(a) - len(b)) <= 1 and bool(
         np.sqrt(np.mean((a[:n] - b[:n]) ** 2)) <= ALIKE * max(np.ptp(b), FLOOR)
     )
-
-
-def _matched(motions: Sequence[_Motion], like: Sequence[_Motion], joint: str) -> list[_Motion]:
-    """The motions in the order of others, as long as these; raises LogError where one lacks."""
-    found = []
-    for wanted in like:
-        same = [one for one in motions if _is_same(one.command, wanted.command)]
-        if not same:
-            raise LogError(
-                f"{joint} is not moved alike in all logs; without a model, only logs of the same "
-                "commands, at the same rate, can be compared"
-            )
-        if np.isnan(same[0].effort).any() != np.isnan(wanted.effort).any():
-            raise LogError(f"some logs have the torque of {joint} and others do not")
-        found.append(same[0])
-    return found
 
 
 def _beside(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> pd.DataFrame:
@@ -216,7 +214,7 @@ def _beside(today: Sequence[_Motion], sound: Sequence[Sequence[_Motion]]) -> pd.
 
 
 def _rows(today: _Motion, sound: Sequence[_Motion]) -> pd.DataFrame:
-    n = min(len(one.command) for one in (today, *sound))
+    n = min(one.command.shape[1] for one in (today, *sound))
     place = np.mean([one.position[:, :n].mean(axis=0) for one in sound], axis=0)
     speed = np.gradient(place)
     moving = np.abs(speed) > MOVING * np.abs(speed).max()
@@ -225,7 +223,7 @@ def _rows(today: _Motion, sound: Sequence[_Motion]) -> pd.DataFrame:
     found = {
         "speed": speed,
         "place": place,
-        "error": today.command[:n] - place,
+        "error": today.command[0, :n] - place,
         "moving": moving,
         "calm": hard < CALM * hard.max(),
         "position": position.mean(axis=0) - place,

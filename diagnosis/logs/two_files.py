@@ -261,29 +261,17 @@ def _columns(
                 f"--column '{joint}.{kind}={some[0].column}'"
             )
     asked_of = {joint for joint, kind in found if kind in asks}
-    both = {joint for joint in asked_of if (joint, "position") in found}
-    if not both:
-        _refuse_unasked(frame, found, joints, asks)
-    return [some[0] for (joint, _), some in found.items() if joint in both]
-
-
-def _refuse_unasked(
-    frame: pd.DataFrame,
-    found: Mapping[tuple[str, str], object],
-    joints: Sequence[str],
-    asks: Sequence[str],
-) -> None:
-    """Raise LogError: no joint is asked for something and has a position."""
-    has = f"the table has {', '.join(map(str, frame.columns))}; say which"
+    if both := {joint for joint in asked_of if (joint, "position") in found}:
+        return [some[0] for (joint, _), some in found.items() if joint in both]
+    first = min((joint for joint, _ in found), default=joints[0] if joints else "JOINT")
+    lacks = "position" if (first, asks[0]) in found else asks[0]
+    no, which, more = f"is the {lacks} of {first}", "which", ""
     if not found:
-        raise LogError(
-            f"no column names a joint of the model, which has {', '.join(joints)}; {has} is which "
-            f"with --column '{joints[0] if joints else 'JOINT'}.{asks[0]}=COLUMN', and so on"
-        )
-    first = min(joint for joint, _ in found)
-    lacks = asks[0] if (first, asks[0]) not in found else "position"
+        no, more = f"names a joint of the model, which has {', '.join(joints)}", ", and so on"
+        which = "which is which"
     raise LogError(
-        f"no column is the {lacks} of {first}; {has} with --column '{first}.{lacks}=COLUMN'"
+        f"no column {no}; the table has {', '.join(map(str, frame.columns))}; say {which} with "
+        f"--column '{first}.{lacks}=COLUMN'{more}"
     )
 
 

@@ -105,6 +105,14 @@ def test_an_arm_says_what_changed(real, groups, arms):
         assert one.group == group if group else one.group == NONE or one.pulled
 
 
+def test_a_repetition_may_lack_a_sample(screws):
+    """Compare what all repetitions have, where a clock drops the last sample of one."""
+    today = screw(99)
+    short = today.samples.drop(index=2 * 4 * HZ - 1)
+    (found,) = compare(make_log(today.meta, short), screws)
+    assert found.group == NONE
+
+
 @pytest.mark.skipif(not SCREW.exists(), reason="the recordings of the ball screw are not here")
 def test_a_real_screw_says_what_changed():
     """Accuse no held-out healthy run, and put all runs with a built-in fault into its group."""
