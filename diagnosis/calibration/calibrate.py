@@ -22,8 +22,6 @@ from diagnosis.triage.triage import triage
 
 ROUNDS = 2
 """How often play and gains are measured: the progress steps that are reported."""
-YES = 0.5
-"""Threshold of readings that are 0 or 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +64,7 @@ def calibrate(
         world = _with_gains(world, fitted, nominal)
         progress(done + 1)
     plays, taxels = push_test(simulate, world, pushes), nominal.hand.taxels
-    threshold = YES if log.is_binary else threshold_m
+    threshold = 0.5 if log.is_binary else threshold_m  # binary readings are 0 or 1
     return Calibration(
         calibrated=_with_plays(world, plays),
         joints={

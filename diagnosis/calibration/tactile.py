@@ -36,12 +36,8 @@ NO_READINGS = (
 )
 
 
-def _rounded(value: float) -> float:
-    """Five digits of a number."""
-    return float(f"{float(value):.5g}")
-
-
-Number = Annotated[FiniteFloat, AfterValidator(_rounded)]
+Number = Annotated[FiniteFloat, AfterValidator(lambda value: float(f"{value:.5g}"))]
+"""It keeps five digits."""
 Size = Annotated[Number, Field(ge=0)]
 
 

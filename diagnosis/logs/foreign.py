@@ -65,7 +65,7 @@ def read_table(path: Path) -> tuple[pd.DataFrame, str]:
         raise LogError(f"no file {path}; give the table of the recording") from None
     if not len(frame):
         raise LogError(f"{path} has no rows; it should hold a header and a row per sample")
-    return _expanded(path, _listed(frame)), form
+    return _expanded(path, frame), form
 
 
 def _in_utf8(path: Path) -> bytes:
@@ -148,29 +148,25 @@ def _line(cells: Sequence[str], separator: str) -> str:
     return text.getvalue()
 
 
-def _listed(frame: pd.DataFrame) -> pd.DataFrame:
-    """The table with texts such as '[0.1, 0.2]' as lists."""
-    found = {
-        name: frame[name].map(lambda cell: np.fromstring(str(cell).strip("[]"), sep=","))
-        for name, cell in frame.iloc[0].items()
-        if isinstance(cell, str) and LIST.fullmatch(cell)
-    }
-    return frame.assign(**found) if found else frame
-
-
 def _expanded(path: Path, frame: pd.DataFrame) -> pd.DataFrame:
-    """The table with a column per entry of lists."""
-    if not any(isinstance(cell, LISTS) for cell in frame.iloc[0]):
+    """The table with a column per entry of lists, which may be texts such as '[0.1, 0.2]'."""
+    first = {name: frame[name].iloc[0] for name in frame}
+    texts = {n for n, cell in first.items() if isinstance(cell, str) and LIST.fullmatch(cell)}
+    lists = texts | {name for name, cell in first.items() if isinstance(cell, LISTS)}
+    if not lists:
         return frame
     names, beside = _feature_names(path), list[str]()
     with suppress(FileNotFoundError, FileError):
         beside = bounded.read_text(path.parent / NAMES).split()
     found: dict[str, np.ndarray] = {}
     for column in frame.columns:
-        if not isinstance(frame[column].iloc[0], LISTS):
+        if column not in lists:
             found[column] = frame[column].to_numpy()
             continue
-        rows = [np.asarray(cell, dtype=float).ravel() for cell in frame[column]]
+        if column in texts:
+            rows = [np.fromstring(str(cell).strip("[]"), sep=",") for cell in frame[column]]
+        else:
+            rows = [np.asarray(cell, dtype=float).ravel() for cell in frame[column]]
         if len({len(row) for row in rows}) > 1 or len(rows[0]) > MOST_LISTED:
             continue
         usual = beside if len(beside) == len(rows[0]) else [str(k) for k in range(len(rows[0]))]

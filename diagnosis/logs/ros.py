@@ -109,7 +109,9 @@ def _said(
 ) -> Iterator[tuple[float, dict[str, float]]]:
     """When after its stamp [s] a message reads or asks for what, by column."""
     if role == "both":
-        yield 0.0, _numbers(_part(message, 1), names) | _numbers(_part(message, 0), names, ASKED)
+        asked, read = next(pair for pair in PAIRS if hasattr(message, pair[0]))
+        known = _numbers(getattr(message, read), names)
+        yield 0.0, known | _numbers(getattr(message, asked), names, ASKED)
     elif role == "state":
         yield 0.0, _numbers(message, names)
     else:
@@ -131,8 +133,3 @@ def _numbers(
 
 def _names(message: Any) -> list[str]:
     return [str(n) for n in getattr(message, "name", getattr(message, "joint_names", ()))]
-
-
-def _part(message: Any, side: int) -> Any:
-    """What a controller asks for (0) or reads (1)."""
-    return next(getattr(message, pair[side]) for pair in PAIRS if hasattr(message, pair[side]))
