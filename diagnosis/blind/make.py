@@ -25,7 +25,7 @@ from diagnosis.blind.motion import Motion
 from diagnosis.blind.plant import Mechanics, Plant
 from diagnosis.blind.sides import PLANTS, mechanics
 from diagnosis.logs.log import Channel, EpisodeMeta, Log, LogMeta, make_log, write_log
-from diagnosis.motion.batch import FOREVER_S, joined, states
+from diagnosis.motion.batch import joined, read_every, states
 from diagnosis.recording._tape import Tape, frame
 
 READ = ("position", "motor", "torque", "touch", "contact", "stick")
@@ -143,12 +143,7 @@ def engine_readings(
     for held in (False, True):
         chosen = [k for k, one in enumerate(motions) if (one.protocol in HOLDS) == held]
         if chosen:
-            timing = dataclasses.replace(
-                spec.timing,
-                policy_s=1 / rate_hz,
-                weightless_s=spec.timing.weightless_s if held else FOREVER_S,
-            )
-            engine = simulate([dataclasses.replace(spec, timing=timing)] * len(chosen))
+            engine = simulate([read_every(spec, 1 / rate_hz, held)] * len(chosen))
             done = _played(engine, [motions[k] for k in chosen], seeds[chosen], held)
             read |= dict(zip(chosen, done, strict=True))
     return [read[k] for k in range(len(motions))]

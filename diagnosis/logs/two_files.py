@@ -102,11 +102,10 @@ def put_together(
             opened = {"open_loop": True, "kp": None}
             drives[joint] = drives.get(joint, DriveSettings()).model_copy(update=opened)
     source = ", ".join(one.name for one in tables)
-    meta = LogMeta(schema=1, source=source)
     if mechanism is not None:
-        known = mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}})
-        meta = LogMeta(schema=1, source=f"{source} of {mechanism.mjcf}", mechanism=known)
-    log = make_log(meta, samples, xml)
+        source = f"{source} of {mechanism.mjcf}"
+        mechanism = mechanism.model_copy(update={"joints": {**mechanism.joints, **drives}})
+    log = make_log(LogMeta(schema=1, source=source, mechanism=mechanism), samples, xml)
     warnings = (*notes.warnings, *log.warnings)
     return replace(log, warnings=warnings, said=(*notes.said, *columns))
 

@@ -16,6 +16,12 @@ ASIDE_M, FOREVER_S = (5.0, 0.0, 0.0), 1e6
 """Where the stick floats while joints move in free air, and how long it has no weight [m, s]."""
 
 
+def read_every(spec: Spec, period_s: float, held: bool = False) -> Spec:
+    """A world at the period of its samples; the stick has no weight unless it is held."""
+    weightless_s = spec.timing.weightless_s if held else FOREVER_S
+    return replace(spec, timing=replace(spec.timing, policy_s=period_s, weightless_s=weightless_s))
+
+
 def at_rest(joint_rad: Array) -> InitialState:
     """N worlds that rest at joint angles (N, J), the stick aside."""
     count = len(joint_rad)
@@ -72,8 +78,7 @@ def replay(simulate: Simulate, specs: Sequence[Spec], motions: Sequence[Recordin
     )
     rests = [m.measured[:REST_SAMPLES, :2].mean(axis=0) for m in motions]
     start = np.stack([np.where(np.isfinite(motor), motor, joint) for joint, motor in rests])
-    aside = {"policy_s": stride * drive_s, "weightless_s": FOREVER_S}
-    worlds = [replace(s, timing=replace(s.timing, **aside)) for s in specs for _ in motions]
+    worlds = [read_every(s, stride * drive_s) for s in specs for _ in motions]
     starts = at_rest(np.tile(start, (len(specs), 1)))
     every = states(simulate(worlds), starts, target, load)
     shown = np.stack([np.stack([s.measured_rad, s.motor_rad], axis=1) for s in every], axis=1)

@@ -18,7 +18,7 @@ from backends.engine import Simulator
 from backends.spec import Spec
 from backends.state import Array, InitialState
 from diagnosis.logs.log import Channel, EpisodeMeta, HandMechanism, Log, LogError, LogMeta, make_log
-from diagnosis.motion.batch import FOREVER_S, Simulate, at_rest, joined, states, together
+from diagnosis.motion.batch import Simulate, at_rest, joined, read_every, states, together
 from diagnosis.recording import excitation
 from diagnosis.recording._tape import Tape, TapedSimulator
 from diagnosis.recording.excitation import Excitation
@@ -96,15 +96,14 @@ def record(
     for done, kind in enumerate(batches):
         chosen = [k for k, one in enumerate(kinds) if one == kind]
         starts = [_start(spec, plan, k) for k in chosen]
-        worlds = [_world(spec, plan, kind in HELD)] * len(chosen)
-        tape, engine = Tape(worlds, plan.channels, kind in HELD), simulate(worlds)
-        motions = list[Excitation]()
+        worlds = [read_every(spec, 1 / plan.rate_hz, kind in HELD)] * len(chosen)
+        tape, motions = Tape(worlds, plan.channels, kind in HELD), list[Excitation]()
         if policy is not None and kind == "policy":
-            shares = _act(engine, tape, spec, plan.seed, policy, joined(starts))
+            shares = _act(simulate(worlds), tape, spec, plan.seed, policy, joined(starts))
         else:
             pairs = zip(chosen, starts, strict=True)
             motions += [_motion(spec, plan, plan.episodes[k], start) for k, start in pairs]
-            shares = _move(engine, tape, motions, joined(starts))
+            shares = _move(simulate(worlds), tape, motions, joined(starts))
         with closing(shares):
             for share in shares:
                 progress((done + share) / len(batches))
@@ -187,13 +186,6 @@ def _act(
             observation = env.step(policy.act(observation)).observation
             yield (step + 1) / env.horizon
         tape.note(face.state, env.target_rad)
-
-
-def _world(spec: Spec, plan: Plan, held: bool) -> Spec:
-    """The world at the rate of the log; the stick has no weight unless it is held."""
-    weightless_s = spec.timing.weightless_s if held else FOREVER_S
-    timing = dataclasses.replace(spec.timing, policy_s=1 / plan.rate_hz, weightless_s=weightless_s)
-    return dataclasses.replace(spec, timing=timing)
 
 
 def _start(spec: Spec, plan: Plan, number: int) -> InitialState:
