@@ -106,7 +106,7 @@ def notebook(found: Diagnosis) -> str:
     first, *rest = found.sentences
     shares = ", ".join(f"{one.name} {100 * one.share:.0f} %" for one in parts(found))
     rest += [f"Probability: {wording.probability(found)}. Of the gap: {shares}."]
-    rest += [f"{named(one)}, with its 90 % interval." for one in found.magnitudes]
+    rest += [f"{named(one)}. Brackets hold 90 % intervals." for one in found.magnitudes]
     lines = "".join(f"<p>{escape(text)}</p>" for text in rest)
     return f"<div><p><b>{escape(first)}</b></p>{lines}</div>"
 

@@ -14,6 +14,7 @@ from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import LOSSES, Ordinary, allowed, is_named
 from diagnosis.verdict.result import NONE, UNKNOWN, Z90, Cause, LimbResult, Nominal, Ranked, cause
+from diagnosis.verdict.sentences import size
 
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
@@ -84,7 +85,8 @@ def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
         kin = [a for a in chosen.freed if parameters[a].is_kin(parameters[k])]
         if kin and k != min(kin, key=lambda a: alone.get((a,), np.inf)):
             continue
-        shape = tuple(parameters[a].effect for a in kin if a != k)
+        more = [_cause(fitter, found, chosen, a) for a in kin if a != k]
+        shape = tuple(f"{one.effect} of {size(one)}" for one in more)
         yield replace(_cause(fitter, found, chosen, k), shape=shape)
 
 

@@ -89,7 +89,8 @@ class Cause:
     also: str = ""
     """The value in other words: from side to side, in radians, in counts of the encoder."""
     shape: tuple[str, ...] = ()
-    """Effects of its family that give its law more shape on that joint: no causes themselves."""
+    """Effects of its family with their sizes, which give its law more shape on that joint: no
+    causes themselves."""
     evidence: str = ""
     """What in the log says so, of touch and stick."""
     tied: tuple[str, ...] = ()

@@ -90,8 +90,9 @@ def _floors(gap: float) -> str:
 
 
 def named(cause: Cause) -> str:
-    """A cause with the 90 % interval of its size."""
-    return _cause(cause, f"{cause.low:.3g} to {cause.high:.3g}")
+    """A cause with the 90 % interval of its size, and what shapes its law beside it."""
+    said = _cause(cause, f"{cause.low:.3g} to {cause.high:.3g}")
+    return " with ".join((said, *cause.shape))
 
 
 def _cause(cause: Cause, interval: str = "") -> str:

@@ -275,6 +275,17 @@ def test_kinds_of_friction_at_a_joint_are_one_cause():
     assert len(result.magnitudes) == 1
 
 
+def test_what_shapes_the_law_of_a_cause_is_said_with_its_size():
+    """Say both of a dry friction that is larger in one direction."""
+    found = diagnose(arm_log("coulomb-friction=40mNm@elbow,direction-friction=25mNm@elbow"))
+    (cause,) = found.magnitudes
+    (shape,) = cause.shape
+    said = found.sentences[0]
+    assert {cause.effect, shape.split(" of ")[0]} == {"coulomb-friction", "direction-friction"}
+    for size, effect in ((40.0, "coulomb-friction"), (25.0, "direction-friction")):
+        assert float(said.split(f"{effect} of ")[1].split()[0]) == pytest.approx(size, rel=0.1)
+
+
 def test_the_same_gears_on_all_joints_are_one_cause():
     """Name the share of the load that gears of one kind lose, as what all joints have."""
     result = diagnose(arm_log("load-friction=40%@shoulder,load-friction=40%@elbow"))
