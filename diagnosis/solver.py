@@ -13,6 +13,7 @@ from backends.spec import Spec
 from diagnosis.evidence.evidence import Evidence, evidence, squared_gaps
 from diagnosis.evidence.log_faults import StillError, checked
 from diagnosis.logs.log import Log, MjcfMechanism
+from diagnosis.models.loops import terms
 from diagnosis.models.parameters import Parameter, parameters
 from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
@@ -29,7 +30,6 @@ from diagnosis.search.fit import Fit, Fitter
 from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.decide import decide
-from diagnosis.verdict.laws import with_law
 from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import (
     FURTHER,
@@ -70,9 +70,10 @@ class Asked:
     """Of nominal numbers that are hardly known, see `replay.robot.uncertainties`."""
 
     def parameters(self, said: Evidence) -> tuple[Parameter, ...]:
-        """What may be off or wrong of a limb."""
+        """What may be off or wrong of a limb, and what its drives may do otherwise."""
         known = self.uncertainty, self.origin.everyday, self.guesses
-        return parameters(self.catalogue, said, *known)
+        found = parameters(self.catalogue, said, *known)
+        return (*found, *terms(said, len(found)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -174,7 +175,6 @@ def _limb(said: Evidence, sound: Sequence[Fit], asked: Asked, progress: Progress
             explained = found.chosen.worst
             fitter, found = _searched(received, known, ordinary, progress)
     result = decide(fitter, found, ordinary, sensors, explained)
-    result = with_law(result, fitter, found, ordinary)
     result = with_play(result, said, asked.catalogue, asked.uncertainty)
     return _judged(result, said, fitter, found)
 

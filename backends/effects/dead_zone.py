@@ -26,3 +26,4 @@ class Effect(NumberEffect):
     least = 0.001
     most = 0.2
     kinked = True
+    exact = True

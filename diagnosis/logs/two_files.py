@@ -37,6 +37,8 @@ COUNTED = re.compile(r"(\d+(?:\.\d+)?)/(turn|mm)(?:@(-?\d+(?:\.\d+)?))?")
 """Counts of an encoder, and where its zero is: `4096/turn@2048`, `200/mm`."""
 BEYOND = 1.1
 """A joint's reading may be so many times its range."""
+FAR_BEYOND = 3.0
+"""Readings beyond so many times a joint's range are in another unit."""
 ASKED = ("command", "feedforward", "reference")
 """Kinds of which one says what is asked of a joint."""
 ON_BENCH = ("torque", "feedforward", "effort")
@@ -275,18 +277,25 @@ def _columns(
 
 
 def _guess(numbers: Mapping[str, pd.Series], columns: Sequence[Role], ranges: Ranges) -> str:
-    """The unit of columns whose names have none: SI, or what alone fits the joints' ranges."""
+    """The unit of columns whose names have none: SI, or what alone fits the joints' ranges.
+
+    A joint may be a little beyond its range: that alone tells no unit. Raises LogError.
+    """
     si, other = ("m", "mm") if ranges[columns[0].joint][2] else ("rad", "deg")
-    over, fits = False, True
+    beyond, fits, per = dict[str, float](), True, (ANGLES | LENGTHS)[other]
     for role in columns:
         if role.kind in ("command", "position") and not role.unit:
             read = numbers[role.column].replace([np.inf, -np.inf], np.nan).abs().max()
-            room = BEYOND * max(map(abs, ranges[role.joint][:2]))
-            over |= read > room
-            fits &= not read / (ANGLES | LENGTHS)[other] > room
-    if over and not fits:
+            room = max(map(abs, ranges[role.joint][:2]))
+            beyond[role.column] = read / room if room > 0.0 else 0.0
+            fits &= not read / per > BEYOND * room
+    most = max(beyond, key=lambda name: beyond[name], default="")
+    if not most or not beyond[most] > BEYOND:
+        return si
+    if not fits or beyond[most] < FAR_BEYOND:
+        either = f"and in {other}" if not fits else f"by little, and not in {other}"
         raise LogError(
-            f"positions are beyond the joints' ranges in {si} and in {other}: in which unit are "
-            "they? Say it with --unit"
+            f"positions are beyond the joints' ranges in {si} {either}: '{most}' reads up to "
+            f"{numbers[most].abs().max():.3g}; in which unit are they? Say it with --unit"
         )
-    return other if over else si
+    return other

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from backends.effect import UNITS
+from diagnosis.models.loops import is_term, said
 from diagnosis.models.parameters import Parameter, magnitude
 from diagnosis.motion.columns import DELAY, LATE
 from diagnosis.search.fit import Fit, Fitter
-from diagnosis.search.search import Found
+from diagnosis.search.search import TIE_SHARE, Found
 from diagnosis.verdict import probability as curve
 from diagnosis.verdict.experiment import experiment
 from diagnosis.verdict.ordinary import LOSSES, Ordinary, allowed, is_named
@@ -39,13 +40,17 @@ def decide(
     nominal, chosen = found.nominal, found.chosen
     causes = tuple(_causes(fitter, found)) if chosen.freed else ()
     likely = found.is_likely and all(one.low * one.high > 0.0 for one in causes)
-    if causes and (is_named(chosen, nominal, ordinary) or likely):
+    closes = bool(chosen.freed) and is_named(chosen, nominal, ordinary)
+    if causes and (closes or likely):
         kind, tied = curve.NAMED, found.tied
     else:
         most = allowed(explained, replace(ordinary, law=LOSSES))
         kind, tied, causes = UNKNOWN if nominal.gap > most else NONE, (), ()
     best = chosen if causes else nominal
+    law = said(fitter, chosen.u) if closes and kind != NONE else ""
     share = found.share(chosen) if chosen.freed else 0.0
+    alone = [f for f in found.singles if not is_term(fitter.parameters[f.freed[0]])]
+    close = [f for f in alone if not law or found.share(f) > share - TIE_SHARE]
     shares = [found.share(f) for f in found.singles[:2]]
     features = curve.features(
         share=share,
@@ -59,7 +64,7 @@ def decide(
         joints=fitter.evidence.joints,
         verdict=tuple(one.effect for one in causes) or (kind,),
         causes=causes,
-        leading=tuple(_cause(fitter, found, f, f.freed[0]) for f in found.singles[:LEADING]),
+        leading=tuple(_cause(fitter, found, f, f.freed[0]) for f in close[:LEADING]),
         sensors=tuple(sensors),
         share=share,
         left=nominal.gap if kind == NONE else chosen.gap,
@@ -74,6 +79,7 @@ def decide(
         gaps=dict(zip(fitter.evidence.joints, map(float, np.sqrt(nominal.gap2)), strict=True)),
         nominal=tuple(_nominal(fitter, best)),
         strain=fitter.usual.off(nominal) if fitter.usual else 0.0,
+        law=law,
     )
 
 
@@ -81,7 +87,7 @@ def _causes(fitter: Fitter, found: Found) -> Iterator[Cause]:
     """The chosen effects; of a family at a joint, the one that takes most by itself."""
     alone = {f.freed: f.excess for f in found.singles}
     parameters, chosen = fitter.parameters, found.chosen
-    for k in chosen.freed:
+    for k in (k for k in chosen.freed if not is_term(parameters[k])):
         kin = [a for a in chosen.freed if parameters[a].is_kin(parameters[k])]
         if kin and k != min(kin, key=lambda a: alone.get((a,), np.inf)):
             continue

@@ -182,8 +182,8 @@ class LimbResult:
     """By joint, what the tolerances leave [floors]."""
     nominal: tuple[Nominal, ...]
     sentences: tuple[str, ...] = ()
-    law: str | None = None
-    """What a drive may do that the log does not say, and that would close an unknown gap."""
+    law: str = ""
+    """Terms of drives that no file says, in words: what is left is with them."""
     rested: dict[str, dict[str, float]] | None = None
     """Numbers of the corrected world by joint, where rests and no fit show what is named."""
     strain: float = 0.0

@@ -52,7 +52,10 @@ def sentences(result: LimbResult) -> Iterator[str]:
         gap = _floors(result.gap_nominal)
         yield f"The gap is {gap}, and no effect explains it; {limit}."
         if result.law:
-            yield result.law
+            yield (
+                f"With {result.law}, {_floors(result.left)} would be left: if that is there, write "
+                "it in log.yaml."
+            )
         elif result.gap_nominal > ABSURD or (result.left > FAR and result.share < HALF):
             yield (
                 "So large a gap often means that the mechanism's file is off: check its units, "
@@ -64,7 +67,10 @@ def sentences(result: LimbResult) -> Iterator[str]:
         if result.strain:
             left = _floors(result.gap_nominal)
             yield f"Refitted, the nominal numbers leave {left}, but {strained}."
-        yield f"{' and '.join(map(named, result.causes))} {_takes(result, limit)}."
+        beside = (result.law,) if result.law else ()
+        yield f"{' and '.join((*map(named, result.causes), *beside))} {_takes(result, limit)}."
+        if result.law:
+            yield "Of these, what drives do is no fault: if it is there, write it in log.yaml."
     for cause in result.sensors:
         yield f"In addition, this log shows {_cause(cause)}."
     if result.tied:
@@ -77,7 +83,7 @@ def sentences(result: LimbResult) -> Iterator[str]:
 
 def _takes(result: LimbResult, limit: str) -> str:
     """What the causes explain, and whether the rest is ordinary."""
-    verb = "explains" if len(result.causes) == 1 else "explain"
+    verb = "explains" if len(result.causes) == 1 and not result.law else "explain"
     gap = "that" if result.strain else "the gap that the nominal numbers leave"
     took = f"{verb} {100 * result.share:.0f} % of {gap}"
     if result.left <= result.ordinary:
