@@ -109,7 +109,12 @@ def slips(track: Track) -> Fault | None:
 
 
 def zero(track: Track) -> Fault | None:
-    """A constant offset from the nominal world, larger than the bias of a sensor."""
+    """A constant offset from the nominal world, larger than the bias of a sensor.
+
+    Not of an open loop: it drifts from its model, and no position is asked of it.
+    """
+    if track.limb.open[track.index]:
+        return None
     offset, border = float(np.median(_offsets(track))), _border(track)
     if not abs(offset) > border or border == 0.0:  # nor where the replay diverged
         return None

@@ -20,7 +20,8 @@ FURTHER = 0.5
 LAW_MOST = 3.0
 """So many ordinary gaps more is the most that a law's own error leaves: beyond, it is another."""
 ABSURD = 1000.0
-"""A gap of so many floors is a file of another robot: what closes it has no name."""
+"""A gap of so many floors is a file of another robot: what closes it has no name, but for what
+leaves an ordinary one."""
 SHAPE, SHAPE_LEFT = 0.9, 1.3
 """In a gap that was ordinary to begin with, size says nothing: a cause convicts by its shape, when
 it takes so much and leaves so few floors."""
@@ -124,7 +125,8 @@ def is_named(fit: Gap, nominal: Gap, ordinary: Ordinary) -> bool:
     if nominal.gap <= ordinary.floors:
         return _has_shape(share, fit, nominal)
     left = allowed(nominal.worst, ordinary)
-    return share >= SHARE and fit.worst <= left and nominal.worst < ABSURD
+    is_some = nominal.worst < ABSURD or fit.worst <= ordinary.floors
+    return share >= SHARE and fit.worst <= left and is_some
 
 
 def allowed(explained: float, ordinary: Ordinary) -> float:
