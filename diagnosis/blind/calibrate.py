@@ -25,12 +25,13 @@ from diagnosis.blind.tables import excess
 from diagnosis.verdict.probability import NAMED, Curve, probability
 from diagnosis.verdict.result import NONE, UNKNOWN
 
-FEATURES: Mapping[str, tuple[str, ...]] = {
-    NAMED: ("constant", "unshared", "left", "tied", "more", "lead"),
-    UNKNOWN: ("constant", "gap", "share"),
-    NONE: ("constant", "gap"),
+FEATURES: Mapping[str, Mapping[str, int]] = {
+    NAMED: {"constant": 0, "unshared": -1, "left": -1, "tied": -1, "more": -1, "lead": 1},
+    UNKNOWN: {"constant": 0, "gap": 1, "share": -1},
+    NONE: {"constant": 0, "gap": -1},
 }
-"""The features for each kind of verdict, the constant first."""
+"""The features for each kind of verdict, the constant first, and the sign that each may have: a
+cause that explains more is never less sure."""
 PRIOR_SD, CONSTANT_SD = 1.0, 10.0
 """Standard deviations of the coefficients' normal priors."""
 
@@ -67,13 +68,13 @@ def fit(every: Sequence[Row]) -> Curve:
         some = [row for row in every if row.kind == kind]
         x = np.array([[row.features[name] for name in wanted] for row in some])
         right = np.array([row.right for row in some], dtype=float)
-        found = _logistic(x.reshape(-1, len(wanted)), right)
+        found = _logistic(x.reshape(-1, len(wanted)), right, list(wanted.values()))
         curve[kind] = dict(zip(wanted, map(float, found.round(4)), strict=True))
     return curve
 
 
-def _logistic(x: Array, right: Array) -> Array:
-    """Coefficients of the maximum posterior; the first feature is the constant."""
+def _logistic(x: Array, right: Array, signs: Sequence[int]) -> Array:
+    """Coefficients of the maximum posterior, of these signs; the first feature is the constant."""
     held = np.full(x.shape[1], PRIOR_SD)
     held[0] = CONSTANT_SD
 
@@ -82,7 +83,8 @@ def _logistic(x: Array, right: Array) -> Array:
         unlikely = np.logaddexp(0.0, score).sum() - right @ score
         return float(unlikely + np.sum((some / held) ** 2) / 2)
 
-    return np.asarray(minimize(cost, np.zeros(x.shape[1]), tol=1e-9).x)
+    bounds = [(0.0 if sign > 0 else None, 0.0 if sign < 0 else None) for sign in signs]
+    return np.asarray(minimize(cost, np.zeros(x.shape[1]), bounds=bounds, tol=1e-12).x)
 
 
 def calibrate(some: Sequence[Row]) -> Calibration:
