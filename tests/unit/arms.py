@@ -50,6 +50,8 @@ class Real:
     """Where the last joint meets a stop, which the file does not have."""
     option: str = f'timestep="{TICK_S / 2}" integrator="implicitfast"'
     """Of the simulator, which the file has as well."""
+    integral_hz: float = 0.0
+    """Gain of an integral in all drives, over kp [1/s]."""
     still: tuple[int, ...] = ()
     """Joints whose target stays at STILL_RAD."""
 
@@ -154,11 +156,14 @@ def _simulated(real: Real, command: np.ndarray) -> np.ndarray:
     steps = round(1 / HZ / model.opt.timestep)
     late = round(real.delay_s / model.opt.timestep)
     data.qpos[:] = command[0]
+    last, integral = 0.0, KP * real.integral_hz * model.opt.timestep
     for k in range(-3 * steps * HZ, steps * len(command)):
         if k >= 0 and k % steps == 0:
             shown.append(data.qpos.copy())
         data.ctrl[:] = command[max(k - late, 0) // steps]
-        data.qfrc_applied[0] = -real.spring_nm_rad3 * data.qpos[0] ** 3
+        data.qfrc_applied[0] += real.spring_nm_rad3 * (last**3 - data.qpos[0] ** 3)
+        data.qfrc_applied += integral * (data.ctrl - data.qpos)
+        last = data.qpos[0]
         mujoco.mj_step(model, data)
     return np.array(shown)
 

@@ -297,6 +297,20 @@ def test_speed_alone_is_replayed(tmp_path):
     assert off(log) < 1e-3 and gap(log) < 1e-3
 
 
+def test_a_load_on_a_drive_that_follows_a_speed_is_no_wrong_zero(tmp_path):
+    """Take no drift from the model, which nothing asks back, for an offset of the positions."""
+    asked = RATE - 0.8 * 9.81 * 0.15 / 2.0
+    position = moved(lambda _, q, v, k: np.clip(2.0 * (asked[k] - v), -LIMIT, LIMIT))
+    frame = pd.DataFrame({"time": TIME_S, "a_pos": position, "a.velocity_command": asked})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    light = ARM.replace('mass="0.8"', 'mass="0.1"').replace('armature="0.02"', 'armature="0.002"')
+    light = light.replace("8e-4 4e-3 4e-3", "1e-4 1e-4 1e-4")
+    (tmp_path / "arm.xml").write_text(light)
+    drives = {"a": DriveSettings(kd=2.0, limit=LIMIT)}
+    log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
+    assert not [one for one in triage(log, mjcf_world(log)) if one.kind == "zero"]
+
+
 def test_columns_beside_the_target_are_read(tmp_path):
     """Read the speed of a target and a feed-forward torque; take no commanded torque for one."""
     frame = pd.DataFrame({"time": TIME_S, "a_cmd": SINE, "a_pos": SINE, "a_vel_cmd": RATE})

@@ -303,6 +303,19 @@ def test_a_delay_that_all_joints_share_is_no_joints_own():
     assert late_s == pytest.approx([delay.value / 1e3] * 3)
 
 
+@pytest.mark.parametrize(
+    ("coulomb_nm", "verdict"), [({}, "unknown"), ({1: 3.0}, "coulomb-friction")]
+)
+def test_an_integral_in_all_drives_is_no_weight_that_they_carry(coulomb_nm, verdict):
+    """Ask for an integral that the file does not say, and name a fault beside it."""
+    found = diagnose(log_of(Real(joints=2, integral_hz=1.5, coulomb_nm=coulomb_nm)))
+    (limb,) = found.limbs
+    assert found.verdict == (verdict,)
+    assert "an integral in all drives" in limb.law and any(limb.law in x for x in found.sentences)
+    assert float(limb.law.split("ki: ")[1].split(" kp")[0]) == pytest.approx(1.5, rel=0.2)
+    assert [cause.joint for cause in found.magnitudes] == ["J1"] * len(coulomb_nm)
+
+
 @pytest.mark.parametrize("joints", [1, 2])
 def test_a_file_may_say_more_friction_than_there_is(joints):
     """Find a weak drive's gain where dry friction is a tenth less than the file says."""

@@ -120,6 +120,16 @@ def test_degrees_without_a_word_are_known_from_the_ranges(robot, tmp_path):
     assert np.allclose(made.signal("position", 0), POSITION)
 
 
+def test_a_joint_a_little_beyond_its_range_tells_no_unit(robot, tmp_path):
+    """Ask for the unit, instead of taking all joints' angles for degrees."""
+    frame = table("{}_cmd", "{}_pos")
+    frame[f"{NAMES[0]}_pos"] *= 1.8 * float(re.search('range="\\S+ (\\S+)"', ARM)[1]) / 0.4
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    with pytest.raises(LogError, match=f"'{NAMES[0]}_pos' reads up to"):
+        pair(robot, [tmp_path / "run.csv"], Asked())
+    assert pair(robot, [tmp_path / "run.csv"], Asked(unit="rad")).joints == NAMES
+
+
 def test_gaps_begin_episodes_and_coarse_stamps_are_spread(robot, tmp_path):
     """Cut where the recording stopped or began anew; spread rows that share a stamp."""
     frame = table("{}_cmd", "{}_pos")
