@@ -156,6 +156,7 @@ def take_home(
     held |= {name for name, kind in catalogue.items() if kind.spec_fields() == (GRAVITY,)}
     named = [one for one in found.magnitudes if one.effect not in held]
     others = [f"{one.effect} of {size(one)}" for one in named]
+    others += [limb.law for limb in found.limbs if limb.law]
     if found.in_mujoco is None or not (changes or found.gravity_m_s2):
         return None
     said = {(one.joint, one.field) for one in changes}

@@ -9,9 +9,12 @@ import mujoco
 import numpy as np
 import pandas as pd
 import pytest
+from arms import Real, log_of
 
+from backends.catalogue import catalogue
 from backends.mjcf import JointNumbers, Plain, Play, file_drives, robot_file, written, written_urdf
 from benchmark.cli import app as cli
+from benchmark.gap.take_home import take_home
 from diagnosis.evidence.evidence import evidence
 from diagnosis.logs.two_files import Asked, pair
 from diagnosis.motion.columns import with_numbers
@@ -21,6 +24,7 @@ from diagnosis.plain_gap import plain_gap
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.replay.plain import model_text
+from diagnosis.walk import diagnose
 
 ARM = """<mujoco><option integrator="implicitfast"/><worldbody><body name="upper" pos="0 0 0.5">
 <inertial mass="0.8" pos="0.15 0 0" diaginertia="8e-4 4e-3 4e-3"/>
@@ -145,6 +149,15 @@ def test_a_delay_is_taken_home(tmp_path, capfd):
     assert late["after"] == pytest.approx(0.03, abs=0.003)
     assert "delay_s" in (tmp_path / "out" / "corrected.py").read_text()
     assert "this file has not: delay_s 0.0" in (tmp_path / "out" / "corrected.xml").read_text()
+
+
+def test_a_term_of_drives_is_in_none_of_the_files():
+    """Say that what no file said of the drives is not written, so that the gap shrinks less."""
+    log = log_of(Real(joints=2, integral_hz=1.5, coulomb_nm={1: 3.0}))
+    found = diagnose(log)
+    model = take_home(log, mjcf_world(log), found, catalogue())
+    assert model and model.beside == (found.limbs[0].law,)
+    assert model.less == f"{found.limbs[0].law} is in none of the files"
 
 
 @pytest.mark.parametrize(
