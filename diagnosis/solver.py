@@ -34,6 +34,8 @@ from diagnosis.verdict.lost_motion import with_play
 from diagnosis.verdict.ordinary import (
     FURTHER,
     ROBOTS,
+    SHAPE,
+    SHAPE_LEFT,
     SIMULATORS,
     Ordinary,
     doubts,
@@ -214,7 +216,8 @@ def _part(said: Evidence) -> Evidence:
 def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
     """Steps of targets, at most one a joint, that take half of what a set of causes leaves there.
 
-    A rounding is exact: where its steps fit, they fit all of a joint's samples.
+    A rounding is exact: where its steps fit, they fit all of a joint's samples, and leave little.
+    Of hundreds of steps one takes much of any error between few targets.
     """
     evidence = fitter.evidence
     best = dict[int, tuple[float, Rounding]]()
@@ -223,7 +226,8 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
         fit = fitter.of(limb).fit(chosen.freed, chosen.u, slopes=chosen.slopes, again=False)
         part = evidence.parts[one.joint]
         left, before = (float((f.residual[part] ** 2).sum()) for f in (fit, chosen))
-        if left <= min((1.0 - FURTHER) * before, best.get(one.joint, (np.inf,))[0]):
+        exact = left <= (1.0 - SHAPE) * before or fit.gap2[one.joint] <= SHAPE_LEFT**2
+        if exact and left <= min((1.0 - FURTHER) * before, best.get(one.joint, (np.inf,))[0]):
             best[one.joint] = left, one
     return [one for _, one in best.values()]
 
