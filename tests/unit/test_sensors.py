@@ -1,5 +1,6 @@
 """Sensors by themselves: noise and steps are found where they are, beside a verdict on the arm."""
 
+import arms
 import numpy as np
 import pytest
 from arms import Real, log_of
@@ -83,6 +84,12 @@ def test_coarse_targets_stand_beside_a_fault():
     log = log_of(Real(kp={0: 0.6}, step_rad=0.02))
     assert set(diagnose(log).verdict) == {"kp-scale", "command-resolution"}
     assert diagnose(log, catalogue=without("command-resolution")).verdict == ("unknown",)
+
+
+def test_an_error_between_few_targets_is_no_step_of_them(monkeypatch):
+    """Take no cubic spring for rounded targets where these are so few that some step fits."""
+    monkeypatch.setattr(arms, "PROTOCOLS", ("steps",))
+    assert sensors(diagnose(log_of(Real(spring_nm_rad3=100.0)))) == []
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.4321])
