@@ -27,14 +27,14 @@ class Term(NumberEffect):
 
 
 class Integral(Term):
-    """As a share of kp [1/s]."""
+    """An integral in all drives, as a share of kp [1/s]."""
 
     number, name, words = "loop.integral_hz", "ki", "an integral"
     least, most = 0.1, 50.0
 
 
 class SpeedIntegral(Term):
-    """One over its reset time [1/s]."""
+    """An integral on the speed in all drives, by one over its reset time [1/s]."""
 
     number, name = "loop.speed_integral_hz", "speed_integral"
     words = "an integral on the speed, as in a cascade,"
@@ -42,28 +42,28 @@ class SpeedIntegral(Term):
 
 
 class Filter(Term):
-    """Its time constant [s]."""
+    """A filter on the speed that all drives take, by its time constant [s]."""
 
     number, name, words = "loop.filter_s", "filter", "a filter on the speed"
     least, most = 1e-3, 0.2
 
 
 class Lag(Term):
-    """Its time constant [s]."""
+    """A torque of all drives that lags, by its time constant [s]."""
 
     number, name, words = "loop.lag_s", "lag", "a torque that lags"
     least, most = 5e-4, 0.2
 
 
 class Lead(Term):
-    """The share of the target's speed that kd follows."""
+    """The share of the target's speed that kd follows in all drives."""
 
     number, name, words = "loop.lead", "lead", "kd on the error of the speed"
     least, most = 0.05, 1.0
 
 
 class IntegralLimit(Term):
-    """Its largest torque [Nm]."""
+    """The largest torque of an integral [Nm]."""
 
     number, name = "loop.integral_limit_nm", "integral_limit"
     least, most = 0.05, 1.0

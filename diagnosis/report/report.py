@@ -17,6 +17,7 @@ from backends.catalogue import catalogue
 from diagnosis.answer import Diagnosis
 from diagnosis.logs._columns import SHOWN
 from diagnosis.logs.log import EpisodeMeta, Log
+from diagnosis.models.loops import TERMS
 from diagnosis.motion.held import PROTOCOLS as HELD
 from diagnosis.motion.recordings import CHANNELS, FREE_AIR
 from diagnosis.report import wording
@@ -106,7 +107,8 @@ def notebook(found: Diagnosis) -> str:
     first, *rest = found.sentences
     shares = ", ".join(f"{one.name} {100 * one.share:.0f} %" for one in parts(found))
     rest += [f"Probability: {wording.probability(found)}. Of the gap: {shares}."]
-    rest += [f"{named(one)}. Brackets hold 90 % intervals." for one in found.magnitudes]
+    sizes = "; ".join(map(named, found.magnitudes))
+    rest += [f"{sizes}. Brackets hold 90 % intervals."] if sizes else []
     lines = "".join(f"<p>{escape(text)}</p>" for text in rest)
     return f"<div><p><b>{escape(first)}</b></p>{lines}</div>"
 
@@ -156,7 +158,7 @@ def _heat(where: tuple[Place, ...], log: Log) -> dict:
 
 def _meaning(one: Ranked) -> str:
     """What its effects are: the first lines of their docstrings."""
-    known = catalogue()
+    known = {**catalogue(), **{one.name: one for one in TERMS}}
     texts = (known[name].__doc__ or "" for name, _ in one.causes if name in known)
     return " ".join(text.strip().splitlines()[0] for text in texts if text.strip())
 

@@ -1,5 +1,6 @@
 """`import stickbench as sb`: a few typed names, which a user's files do not hide."""
 
+import os
 import re
 import subprocess
 import sys
@@ -42,5 +43,6 @@ def test_examples_are_typed(tmp_path: Path) -> None:
     for lacking in ("import-untyped", "no-untyped-call"):  # types of other packages
         command += ["--disable-error-code", lacking]
     files = [path.name for path in tmp_path.glob("*.py")]
-    done = subprocess.run([*command, *files], cwd=tmp_path, capture_output=True, text=True)
+    env = os.environ | {"PYTHONPATH": str(ROOT)}  # mypy does not follow an editable install
+    done = subprocess.run([*command, *files], cwd=tmp_path, env=env, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout

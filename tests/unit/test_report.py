@@ -12,7 +12,7 @@ from diagnosis.logs.log import Log
 from diagnosis.report import wording
 from diagnosis.report.report import FAINT, parts
 from diagnosis.signals import drawable
-from diagnosis.verdict.result import NONE, UNKNOWN, Nominal
+from diagnosis.verdict.result import NONE, UNKNOWN, Nominal, Ranked
 from diagnosis.verdict.sentences import sentences
 
 
@@ -127,6 +127,14 @@ def test_a_world_that_diverges_is_not_drawn():
     """Leave out a line with numbers that no JSON can hold."""
     lines = {"nominal": (1.0, 2.0), "with the causes": (1.0, float("nan"))}
     assert drawable(lines) == {"nominal": (1.0, 2.0)}
+
+
+def test_a_term_of_drives_has_a_meaning(found, log):
+    """Say in the ranking what a term is that a search tried, beside the effects."""
+    (limb,) = found.limbs
+    ranked = (*limb.ranking, Ranked(causes=(("ki", None),), share=0.5, left=9.0))
+    other = dataclasses.replace(found, limbs=(dataclasses.replace(limb, ranking=ranked),))
+    assert "An integral in all drives" in page(other, log, {}, {})
 
 
 def test_friction_that_yields_is_said_in_words():
