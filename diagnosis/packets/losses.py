@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from backends.state import Array
 from diagnosis.models.world import World
@@ -26,6 +27,9 @@ CLEAR_NATS = 3.0
 """A packet shows where the other decision would be worse by this."""
 LEAST_NATS, LEAST_LOST = 20.0, 4
 """Packets were lost where saying which makes the log so much more likely, and are so many."""
+BY_CHANCE = 0.01
+"""Packets are lost however a joint moves: a share that depends on it is a model's error. Of real
+losses, this share is taken for one."""
 NUDGE_RAD = 4e-3
 """Targets are moved by this to find a response [rad; of a slide a share of its travel]."""
 CLIP, FINEST, MOST_MEMORY = 4.5, 0.05, 0.98
@@ -119,6 +123,8 @@ def _decoded(
         return None
     if nats < LEAST_NATS and not first.any():
         return None
+    if _chance(found, groups, lost, clear) < BY_CHANCE:
+        return None
     wide = Z90 * np.sqrt(share * (1 - share) / clear_count)
     return Losses(
         groups=groups,
@@ -126,6 +132,30 @@ def _decoded(
         nats=float(nats),
         lost=tuple(np.split(lost, found.begins[1:-1])),
     )
+
+
+def _chance(found: Responses, groups: Array, lost: Array, clear: Array) -> float:
+    """How likely losses are to depend so much on how targets move, if they do not.
+
+    By the chi-square test of independence over the signs of the targets' speed and of its change,
+    for losses in bursts at the variance of a Markov chain (Anderson and Goodman 1957).
+    """
+    speed = np.gradient(found.command, axis=0)
+    way = np.sign(speed) + 3 * np.sign(np.gradient(speed, axis=0))
+    total, freedom = 0.0, 0
+    for group, gone, shows in zip(groups, lost.T, clear.T, strict=True):
+        share = gone[shows].mean()
+        spread = share * (1.0 - share)
+        if not spread:
+            continue
+        off = gone[shows] - share
+        again = np.clip((off[1:] @ off[:-1]) / (off @ off), 0.0, MOST_MEMORY)
+        spread *= (1.0 + again) / (1.0 - again)
+        for ways in way[shows][:, group].T:
+            of = [off[ways == one] for one in np.unique(ways)]
+            total += sum(one.sum() ** 2 / (len(one) * spread) for one in of)
+            freedom += len(of) - 1
+    return float(chi2.sf(total, freedom)) if freedom else 1.0
 
 
 def _scale(left: Array, logged: Array) -> tuple[Array, Array]:

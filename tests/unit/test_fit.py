@@ -11,6 +11,7 @@ from diagnosis.evidence.evidence import evidence, root_weights
 from diagnosis.models.parameters import parameters
 from diagnosis.motion.limb import Limb
 from diagnosis.motion.recordings import recordings
+from diagnosis.packets.losses import losses
 from diagnosis.replay.nominal import mjcf_world
 from diagnosis.replay.parts import limbs
 from diagnosis.search.fit import Fitter
@@ -85,3 +86,13 @@ def test_play_moves_a_reading_by_no_more_than_itself():
     slope = fitter.slopes([play], {}, (), base)[play]
     ones = np.ones((len(fitter.evidence.measured), 3, 1))
     assert np.abs(slope).max() < 1.5 * fitter.evidence.pack(ones).max()
+
+
+@pytest.mark.parametrize(
+    ("real", "lost"), [(Real(lost_share=0.1), True), (Real(delay_s=0.02), False)]
+)
+def test_packets_are_lost_however_a_joint_moves(real, lost):
+    """Late targets are far off where a joint speeds up: lost packets would not depend on that."""
+    fitter = fits(log_of(real))
+    plain = fitter.settled()
+    assert (losses(fitter, plain.u, plain.residual) is not None) == lost
