@@ -137,14 +137,18 @@ def allowed(explained: float, ordinary: Ordinary) -> float:
 def is_worth(fit: Gap, before: Gap, ordinary: Ordinary, nominal: Gap) -> bool:
     """Whether one more cause is worth it: it takes of what the others leave what one takes alone.
 
-    Of an ordinary rest it takes nearly all, as of an ordinary gap, and of more than the others'
-    laws may be off by.
+    Or it takes so much of what is left on a joint that leaves more than an ordinary gap: joints may
+    have a cause each. Of an ordinary rest it takes nearly all, as of an ordinary gap, and of more
+    than the others' laws may be off by.
     """
     share = share_of(fit, before)
     if before.worst <= ordinary.floors:
         beyond = before.worst >= SHAPE_LAW * nominal.worst
         return beyond and _has_shape(share, fit, before)
-    return share >= SHARE
+    own, left = (
+        np.maximum(one.gap2[before.gap2 > ordinary.floors**2] - 1.0, 0.0) for one in (before, fit)
+    )
+    return share >= SHARE or (share > 0.0 and bool((left <= (1.0 - SHARE) * own).any()))
 
 
 def _has_shape(share: float, fit: Gap, before: Gap) -> bool:

@@ -33,6 +33,8 @@ class Real:
     limit_nm: float = LIMIT
     said_nm: float = LIMIT
     """What the file says of it."""
+    said_kp: float | str = KP
+    """What the file says of the gain."""
     spring_nm_rad3: float = 0.0
     """A cubic spring on the first joint: no effect of the catalogue."""
     lost_share: float = 0.0
@@ -115,7 +117,9 @@ def log_of(real: Real, seed: int = 0) -> Log:
         _frame(number, _simulated(real, _received(real, command, noise)), command, real, noise)
         for number, command in enumerate(asked)
     ]
-    drives = {f"J{j}": {"kp": KP, "kd": KD, "limit": real.said_nm} for j in range(real.joints)}
+    drives = {
+        f"J{j}": {"kp": real.said_kp, "kd": KD, "limit": real.said_nm} for j in range(real.joints)
+    }
     meta = {
         "schema": 1,
         "source": "test",

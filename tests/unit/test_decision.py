@@ -5,17 +5,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from diagnosis.evidence.evidence import excess, squared_gaps
+from diagnosis.evidence.evidence import squared_gaps
 from diagnosis.evidence.log_faults import absurd
 from diagnosis.search.problem import lowest
 from diagnosis.verdict.exact import is_likely
-from diagnosis.verdict.ordinary import ROBOTS, SIMULATORS, allowed, is_named, is_worth, of_healthy
+from diagnosis.verdict.ordinary import (
+    ROBOTS,
+    SIMULATORS,
+    Gap,
+    allowed,
+    is_named,
+    is_worth,
+    of_healthy,
+)
 
 
 def gap(*floors):
     """What is left on joints with these gaps [floors]."""
-    gaps = np.array(floors)
-    return SimpleNamespace(gap=gaps.max(), worst=gaps.max(), excess=excess(gaps**2))
+    return Gap(gap2=np.array(floors) ** 2)
 
 
 def left(rms, worst=1.0):
@@ -80,6 +87,13 @@ def test_each_further_cause_takes_most_of_what_is_left():
     assert not is_worth(gap(6.0), gap(9.0), ROBOTS, gap(9.0))
     assert not is_worth(gap(1.5), gap(2.5), ROBOTS, gap(9.0))
     assert is_worth(gap(0.9), gap(2.5), ROBOTS, gap(9.0))
+
+
+def test_joints_may_have_a_cause_each():
+    """Ask for 0.7 of what is left on a joint that leaves more than a healthy robot."""
+    assert is_worth(gap(2.0, 5.0), gap(6.0, 5.0), ROBOTS, gap(9.0, 5.0))
+    assert not is_worth(gap(6.0, 1.0), gap(6.0, 3.0), ROBOTS, gap(9.0, 3.0))
+    assert not is_worth(gap(2.0, 9.0), gap(6.0, 5.0), ROBOTS, gap(9.0, 5.0))
 
 
 def test_a_small_rest_of_a_large_gap_accuses_no_further_cause():

@@ -1,6 +1,7 @@
 """The solver on whole logs of arms in plain MuJoCo, one per kind of answer."""
 
 import json
+from dataclasses import replace
 
 import arms
 import numpy as np
@@ -62,6 +63,17 @@ def test_healthy_logs_say_what_is_ordinary():
     assert result.verdict == ("kp-scale",)
     assert result.ordinary_from == "healthy logs"
     assert result.ordinary == pytest.approx(1.2, abs=0.3)
+
+
+def test_healthy_logs_make_a_guess_known():
+    """Name a gain that a table of servos does not exclude, but a log of the healthy robot does."""
+    guessed = Real(joints=2, kp={0: 0.8, 1: 0.8}, said_kp=f"{KP} +- 30%")
+    today = log_of(replace(guessed, kp={0: 0.5, 1: 0.8}))
+    assert diagnose(today).verdict == ("none",)
+    result = diagnose(today, healthy=[log_of(guessed, seed=1)])
+    (named,) = result.magnitudes
+    assert (named.effect, named.joint) == ("kp-scale", "J0")
+    assert named.low < -50.0 < named.high
 
 
 @pytest.mark.parametrize(("kp", "verdict"), [({}, "none"), ({1: 0.7}, "kp-scale")])
