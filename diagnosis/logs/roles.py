@@ -13,17 +13,18 @@ COMMAND = {"command", "commanded", "cmd", "target", "goal", "desired", "des", "r
 COMMAND |= {"setpoint", "set", "action", "sp", "demand", "demanded", "soll", "control", "ctrl"}
 POSITION = {"position", "pos", "actual", "act", "measured", "meas", "present", "state", "angle"}
 POSITION |= {"q", "qpos", "encoder", "feedback", "fb", "read", "reading", "ist"}
-TORQUE = {"torque", "tau", "effort", "trq", "force", "moment", "drehmoment", "kraft"}
+TORQUE = {"torque", "tor", "tau", "effort", "trq", "force", "moment", "drehmoment", "kraft"}
 VELOCITY = {"velocity", "vel", "speed", "qd", "dq", "qvel", "omega", "rpm"}
 OTHER = {"current", "temperature", "temp", "voltage", "volt", "volts", "load", "error", "err"}
 OTHER |= {"pwm", "status", "acc", "acceleration", "accel", "index", "duty", "amps", "power"}
+GAINS = "kp", "kd"
 FEED = {"feedforward", "ff", "feed", "forward"}
 BY_CONSTANT = {"current", "amps", "ma", "duty", "pwm", "voltage", "volt", "volts", "mv"}
 """What makes a torque by a constant of the drive."""
 PLACE = {"position", "pos", "angle", "q", "qpos"}
 ERROR, FOLLOWING = {"error", "err"}, {"tracking", "following", "follow"}
 TIME = {"t", "ts", "time", "zeit", "timestamp", "stamp", "elapsed", "clock", "timestamps"}
-TIME |= {"date", "datetime"}
+TIME |= {"date", "datetime", "millis", "micros", "nanos"}
 EPISODE = {"episode", "run", "trial", "repetition", "stroke", "cycle"}
 ANGLES = {
     **dict.fromkeys(("rad", "radian", "radians"), 1.0),
@@ -49,7 +50,7 @@ COUNTS = {"count", "counts", "tick", "ticks", "raw", "steps", "lsb"}
 IDLE = {"joint", "jnt", "observation", "obs", "motor", "value", "values", "val"}
 """Words that say nothing where they stand beside others."""
 SAYING = COMMAND | POSITION | TORQUE | VELOCITY | OTHER | TIME | EPISODE | IDLE | COUNTS | FEED
-SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, *FOLLOWING, "push"}
+SAYING |= {*ANGLES, *LENGTHS, *TIMES, *EFFORTS, *FOLLOWING, *GAINS, "push"}
 """Words that say of what kind a column is, or in which unit."""
 BOTH = COMMAND | POSITION
 UNITS = {*ANGLES, *LENGTHS}
@@ -64,7 +65,8 @@ class Role:
     joint: str
     kind: str
     """A kind of column, `effort` (a torque that is asked, or what makes it), `draw` (what makes a
-    torque, measured), `error` (by which a position misses its target), `bare` or `other`."""
+    torque, measured), `error` (by which a position misses its target), one of `GAINS`, `bare` or
+    `other`."""
     unit: str | None
     """A key of `ANGLES`, `LENGTHS` or `EFFORTS`, `counts`, or None where the name has none."""
     missed: bool = False
@@ -149,6 +151,8 @@ def _role(name: str, joint: str) -> Role:
 
 def _kind(rest: set[str]) -> str:
     asked = bool(COMMAND & rest)
+    if gains := rest.intersection(GAINS):
+        return min(gains)
     if FEED & rest and (TORQUE | VELOCITY) & rest:
         return "feedforward" if TORQUE & rest else "other"
     if asked and (BY_CONSTANT | TORQUE | EFFORTS.keys()) & rest:

@@ -19,6 +19,7 @@ from diagnosis.logs.roles import (
     ANGLES,
     BY_CONSTANT,
     EFFORTS,
+    GAINS,
     LENGTHS,
     Role,
     episode_column,
@@ -88,7 +89,10 @@ def put_together(
         _refuse_dead(none, frame, list(ranges))
         notes.warnings.append(f"{', '.join(none)}: empty in all rows, and not used")
     clock = timed(frame.drop(columns=none), notes)
-    joints, columns = readings(clock.frame, ranges, asked, draws=xml is None)
+    gains = [role for role in roles(list(clock.frame), list(ranges)) if role.kind in GAINS]
+    rest = clock.frame.drop(columns=[role.column for role in gains])
+    joints, columns = readings(rest, ranges, asked, draws=xml is None)
+    logged = _gains(clock.frame, gains, columns)
     joints, whole = whole_rows(joints, clock.time_s, clock.part, notes)
     if not whole.any():
         raise LogError("no row of the table has readings of all joints, and commands before it")
@@ -96,7 +100,7 @@ def put_together(
     samples = pd.concat([samples, joints.iloc[at].reset_index(drop=True)], axis=1)
     samples = without_missing_rows(samples, notes)
     read = [n for n in joints if "position" in n]
-    drives = drives_of(asked, [n.partition(".")[2] for n in read])
+    drives = drives_of(asked, [n.partition(".")[2] for n in read], logged)
     for name in read:
         target, joint = name.replace("position", "command"), name.partition(".")[2]
         if target not in joints:  # the loop is open: its kp has made torques of what is asked
@@ -181,10 +185,29 @@ def _size(
     return size, float(counted[3] or 0.0) if counted else 0.0, unit
 
 
-def drives_of(asked: Asked, joints: Sequence[str]) -> dict[str, DriveSettings]:
-    """What is said of the drives of these joints."""
+def drives_of(
+    asked: Asked, joints: Sequence[str], logged: Mapping[str, DriveSettings] | None = None
+) -> dict[str, DriveSettings]:
+    """What is said of the drives of these joints; what the user says stands before the table's."""
     every = dict.fromkeys(joints, asked.drives["*"]) if "*" in asked.drives else {}
-    return every | {name: one for name, one in asked.drives.items() if name != "*"}
+    every |= {name: one for name, one in asked.drives.items() if name != "*"}
+    return {**(logged or {}), **every}
+
+
+def _gains(frame: pd.DataFrame, gains: Sequence[Role], said: list[str]) -> dict[str, DriveSettings]:
+    """Drives whose gains stand in every row, as where motors are sent q, dq, tau, kp and kd.
+
+    A gain that changes is not used. `said` gains what was understood.
+    """
+    found = dict[str, dict[str, float]]()
+    for role in gains:
+        values = pd.to_numeric(frame[role.column], errors="coerce").dropna().unique()
+        if len(values) == 1:
+            found.setdefault(role.joint, {})[role.kind] = float(values[0])
+            said.append(f"{role.kind} of {role.joint} is {values[0]:g}, of '{role.column}'")
+        else:
+            said.append(f"not used: '{role.column}', which changes: a drive has one {role.kind}")
+    return {joint: DriveSettings.model_validate(every) for joint, every in found.items()}
 
 
 def named_joints(frame: pd.DataFrame, asked: Asked, asks: Sequence[str] = ("command",)) -> Ranges:
@@ -227,7 +250,7 @@ def _columns(
     """The column of each joint and kind; raises LogError."""
     found: dict[tuple[str, str], list[Role]] = {}
     for role in roles(list(frame.columns), joints):
-        if role.kind != "other":
+        if role.kind not in ("other", *GAINS):
             found.setdefault((role.joint, role.kind), []).append(role)
     for place, column in asked.columns.items():
         joint, _, kind = place.rpartition(".")

@@ -58,6 +58,7 @@ def table(command: str, position: str, time: str = "t", **more) -> pd.DataFrame:
         ("target {}", "{}", "Time [s]"),
         ("{}", "{}_actual", "elapsed_sec"),
         ("q_des_#", "q_#", "t"),
+        ("{}.qDes", "{}.qAct", "millis"),
         ("/joint_commands/position[#]", "/joint_states/position[#]", "stamp"),
     ],
 )
@@ -70,6 +71,17 @@ def test_columns_are_known_from_their_names(robot, tmp_path, command, position, 
     assert np.allclose(made.signal("command", 0), COMMAND)
     assert np.allclose(made.signal("position", 0), POSITION)
     assert "not used: current_0" in made.said
+
+
+def test_gains_in_every_row_are_those_of_the_drives(robot, tmp_path):
+    """Take gains that are sent with each target; leave those that change, and say so."""
+    frame = table("{}_q_des", "{}_q").assign(shoulder_pan_kp=30.0, elbow_flex_kp=50 + T)
+    frame.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(robot, [tmp_path / "run.csv"], Asked())
+    assert made.meta.mechanism.joints["shoulder_pan"].kp == 30.0
+    assert "elbow_flex" not in made.meta.mechanism.joints
+    assert "kp of shoulder_pan is 30, of 'shoulder_pan_kp'" in made.said
+    assert "not used: 'elbow_flex_kp', which changes: a drive has one kp" in made.said
 
 
 def test_a_table_names_its_protocol(robot, tmp_path):
