@@ -27,6 +27,7 @@ from diagnosis.replay.plain import with_own_steps
 from diagnosis.replay.robot import uncertainties
 from diagnosis.search.chaos import spreading
 from diagnosis.search.fit import Fit, Fitter
+from diagnosis.search.healthy import centred, healthy_fit
 from diagnosis.search.search import QUIET, Found, Search
 from diagnosis.search.whole import on_whole
 from diagnosis.verdict.decide import decide
@@ -56,11 +57,6 @@ SHORTER = 0.99
 """A part is shorter than the whole by more than what episodes too short to use last."""
 LEAST_UNCERTAINTY = 1e-3
 """No nominal number is known better."""
-WIDE = 3.0
-"""A healthy robot may be so many times further from its file, where its logs say so."""
-NARROW = 0.5
-"""Around where healthy logs have it, a tolerance of either sign is so much narrower, and a guess
-as wide as numbers that are known."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -136,7 +132,7 @@ def judged(
             notes.append(f"this log shows nothing of {names}: their targets stand still")
             continue
         fine = [_part(_evidence(part, h, asked)[0]) for h in healthy]
-        sound = [_healthy(one, asked.parameters(one)) for one in fine]
+        sound = [healthy_fit(one, asked.parameters(one), asked.origin) for one in fine]
         more = (*more, *doubts([fit.worst for fit in sound], asked.origin))
         try:
             found.append(_limb(said, sound, asked, share))
@@ -158,7 +154,7 @@ def _limb(said: Evidence, sound: Sequence[Fit], asked: Asked, progress: Progress
     known, ordinary = asked.parameters(said), asked.origin
     if sound:
         ordinary = of_healthy([fit.worst for fit in sound], asked.origin)
-        known = _centred(known, sound, asked.uncertainty)
+        known = centred(known, sound, asked.uncertainty)
     fitter, found = _searched(said, known, ordinary, progress)
     if found.stopped:
         return _judged(decide(fitter, found, ordinary), fitter.evidence, fitter, found)
@@ -271,30 +267,3 @@ def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, 
     if said.only_rests:
         notes = (*notes, f"{', '.join(limb.joints)}: {RESTS.format(1e3 * limb.period_s)}")
     return spreading(World(said)), notes
-
-
-def _healthy(said: Evidence, known: Sequence[Parameter]) -> Fit:
-    """A fit of the tolerances to a healthy log, whose robot may be far from its file."""
-    fit = Fitter(said, known).settled()
-    if fit.worst < QUIET:
-        return fit
-    wide = [replace(one, tolerance=WIDE * one.tolerance) for one in known]
-    return Fitter(said, wide).settled(fit.u)
-
-
-def _centred(
-    known: Sequence[Parameter], sound: Sequence[Fit], uncertainty: float
-) -> tuple[Parameter, ...]:
-    """Parameters around where healthy logs have them; `uncertainty` of numbers that are known."""
-    found = []
-    for k, one in enumerate(known):
-        if one.tolerance > 0.0:
-            centre = float(np.mean([fit.u.get(k, 0.0) for fit in sound]))
-            narrow = one.tolerance * (NARROW if one.kind.either_sign else 1.0)
-            if one.kind.coordinate == "logarithm" and one.kind.least is not None:
-                sd = max(fit.sd.get(k, one.tolerance) for fit in sound)
-                narrow = min(narrow, float(np.hypot(sd, uncertainty)))
-                one = replace(one, least=max(one.kind.least, 2.0 * narrow))
-            one = replace(one, centre=centre, tolerance=narrow)
-        found.append(one)
-    return tuple(found)

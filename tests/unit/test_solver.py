@@ -10,6 +10,7 @@ from arms import HZ, KD, KP, LIMIT, Real, limbs_of, log_of, mjcf
 from diagnosis_logs import arm_log
 
 from diagnosis.logs.log import HandMechanism, LogError, make_log
+from diagnosis.verdict.ordinary import ROBOTS
 from diagnosis.walk import diagnose
 
 KINDS = {
@@ -74,6 +75,15 @@ def test_healthy_logs_make_a_guess_known():
     (named,) = result.magnitudes
     assert (named.effect, named.joint) == ("kp-scale", "J0")
     assert named.low < -50.0 < named.high
+
+
+def test_healthy_logs_say_what_drives_do():
+    """Take an integral that no file says as the robot's own where its healthy log has it."""
+    fine = Real(joints=2, integral_hz=4.0)
+    result = diagnose(log_of(replace(fine, delay_s=0.03)), healthy=[log_of(fine, seed=1)])
+    assert result.verdict == ("command-delay",) and result.ordinary < ROBOTS.floors
+    assert result.magnitudes[0].value == pytest.approx(30.0, abs=2.0)
+    assert "integral" in result.sentences[0]
 
 
 @pytest.mark.parametrize(("kp", "verdict"), [({}, "none"), ({1: 0.7}, "kp-scale")])
