@@ -108,9 +108,9 @@ def _at_ends(recording: Recording, joint: int, ends: tuple[float, float], is_ope
     rows = np.zeros(len(command), dtype=bool)
     for side, end in zip((-1.0, 1.0), ends, strict=True):
         past, asked = side * (position - end), side * (command - end)
-        asked = np.full(len(asked), np.inf) if is_open else asked
-        if np.nanmax(past) < max(near, asked.max() / 2):
-            rows |= (asked > 0.0) & (past > -near)
+        most = 0.0 if is_open else asked.max() / 2
+        if np.nanmax(past) < max(near, most):
+            rows |= (is_open | (asked > 0.0)) & (past > -near)
     last_s = np.maximum.accumulate(np.where(rows, recording.time_s, -np.inf))
     return recording.time_s - last_s < STOP_S
 

@@ -31,6 +31,7 @@ from diagnosis.logs.roles import (
 from diagnosis.logs.stamps import Notes, episodes, timed
 from diagnosis.logs.together import read_tables
 from diagnosis.logs.whole_rows import whole_rows, without_missing_rows
+from diagnosis.logs.wrapped import TURN, unwrapped
 
 Ranges = Mapping[str, tuple[float, float, bool]]
 """By joint the ends of its range, and whether it slides: `backends.mjcf.joint_ranges`."""
@@ -148,6 +149,8 @@ def readings(
         behind = float((samples[asked_at].diff() * samples[name]).sum()) >= 0.0
         samples[name] = samples[asked_at] + (-1.0 if behind else 1.0) * samples[name]
         said.append(f"{name} is its command {'less' if behind else 'plus'} '{role.column}'")
+    hinges = [j for j, (low, high, slides) in ranges.items() if not slides and high - low > TURN]
+    said += unwrapped(samples, hinges)
     known = ("protocol", time_column(unused), episode_column(unused))
     if unused := [name for name in unused if name not in known]:
         said.append(f"not used: {', '.join(unused)}")
