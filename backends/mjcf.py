@@ -67,13 +67,15 @@ def mechanism(
     fix_base: bool = False,
     carried: float = 0.0,
     geared: bool = True,
+    room: Mapping[str, float] | None = None,
 ) -> Spec:
     """The mechanism of an MJCF or URDF text with a drive on each joint that `servos` names.
 
     Joints that follow these by an equality do so. All others are held: where `held` says [rad, m],
     else where the file has them; a free base only with `fix_base`. `carried`: the share of all
-    weight that drives carry. `geared`: refuse drives whose gears no period suits. Palm, taxels and
-    grip are copied from the default hand and touch nothing. Raises MjcfError.
+    weight that drives carry. `geared`: refuse drives whose gears no period suits. `room`: how far
+    to either side joints without limits go [rad, m], where that is more than `ROOM`. Palm, taxels
+    and grip are copied from the default hand and touch nothing. Raises MjcfError.
     """
     model, hold = compiled(xml), held or {}
     wrong = problems(model, list(servos), list(hold), fix_base)
@@ -87,8 +89,8 @@ def mechanism(
     _refuse_weightless(names, inertias)
     bank, period_s = drives(names, chosen, inertias, geared)
     joints = {
-        j: _joint(model, data, j, servo, drive)
-        for j, servo, drive in zip(own, chosen, bank, strict=True)
+        j: _joint(model, data, j, servo, drive, (room or {}).get(name, 0.0))
+        for j, name, servo, drive in zip(own, names, chosen, bank, strict=True)
     }
     joints |= {j: _follower(model, data, j, one) for j, one in led.items()}
     hand = dataclasses.replace(
@@ -334,9 +336,12 @@ def _fixed(body: str) -> Joint:
     return Joint(name=f"{body}_fixed", axis=(0.0, 0.0, 1.0), range_rad=(-1.0, 1.0), drive=None)
 
 
-def _joint(model: mujoco.MjModel, data: mujoco.MjData, j: int, servo: Servo, drive: Drive) -> Joint:
+def _joint(
+    model: mujoco.MjModel, data: mujoco.MjData, j: int, servo: Servo, drive: Drive, room: float
+) -> Joint:
     kind = int(model.jnt_type[j])
-    low, high = model.jnt_range[j] if model.jnt_limited[j] else (-ROOM[kind], ROOM[kind])
+    room = max(ROOM[kind], room)
+    low, high = model.jnt_range[j] if model.jnt_limited[j] else (-room, room)
     return Joint(
         name=model.joint(j).name,
         axis=_vec(data.xaxis[j]),

@@ -14,6 +14,9 @@ OWN_BOUNDS = {
 }
 """By dimension, the drive's number that bounds an effect, and the share of it: a hand's bounds."""
 
+ROOM = 2.0
+"""A joint without limits may go so many times further than a log of it does."""
+
 
 def mjcf_world(log: Log, geared: bool = False) -> Spec:
     """The nominal world of a log with an MJCF mechanism; raises LogError if it cannot be built.
@@ -31,6 +34,7 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
             fix_base=settings.fix_base,
             carried=settings.gravity_compensation,
             geared=geared,
+            room={joint: ROOM * _farthest(log, joint) for joint in log.joints},
         )
     for body in spec.hand.driven:
         joint, slides = body.joint.name, body.joint.slides
@@ -42,6 +46,12 @@ def mjcf_world(log: Log, geared: bool = False) -> Spec:
                 f"'{column}'; rename and convert them, or mend the joint's type"
             )
     return spec
+
+
+def _farthest(log: Log, joint: str) -> float:
+    """How far from zero a joint or its target goes [rad or m]."""
+    columns = [log.column(kind, joint) for kind in ("command", "position")]
+    return float(log.samples[columns].abs().max(axis=None))
 
 
 def left_out(log: Log) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY, SOFT
 from diagnosis.motion.limb import Limb
 from diagnosis.search.problem import Problem, lowest
-from diagnosis.verdict.ordinary import Gap, Ordinary
+from diagnosis.verdict.ordinary import SHAPE_LEFT, Gap, Ordinary
 
 STEPS, AGAIN = 7, 2
 """Steps of a fit; at the step AGAIN the slopes of tolerances are computed again where one has moved
@@ -100,9 +100,10 @@ class Fitter(World):
     def strained(self, fit: Fit, ordinary: Ordinary) -> Fit:
         """A fit of the tolerances alone: where they are unusual together, that counts from now on.
 
-        Not beside a gap that is no ordinary one, nor where likelihoods count it already.
+        Not where more is left than beside a model that lacks nothing, for there they make up for
+        what it lacks; nor where likelihoods count it already.
         """
-        if ordinary.exact or fit.gap > ordinary.floors:
+        if ordinary.exact or fit.gap > SHAPE_LEFT:
             return fit
         known = np.array([1 - (sd / self.parameters[k].tolerance) ** 2 for k, sd in fit.sd.items()])
         spread = float(np.sqrt(2.0 * known @ known))

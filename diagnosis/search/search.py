@@ -259,7 +259,8 @@ class Search:
     def _is_worth(self, fit: Fit, now: Fit) -> bool:
         """Whether a set is worth more than the best with one effect less, and needs all of its own.
 
-        The first effect may be a part of what is wrong.
+        The first effect may be a part of what is wrong. What tolerances alone could hide, one
+        effect closes.
         """
         if self._is_likely(fit, now):
             return True
@@ -269,6 +270,8 @@ class Search:
             return share_of(fit, now) >= SHAPED
         if not now.freed:
             return share_of(fit, now) >= PART
+        if self.nominal.strain2:
+            return False
         less = chain([now], (self._without(fit, k) for k in fit.freed))
         return all(is_worth(fit, one, self.ordinary, self.nominal) for one in less)
 

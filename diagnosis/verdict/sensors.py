@@ -18,7 +18,8 @@ NOISE_RAD, NOISE_SHARE = 8e-4, 2.5e-3
 """Noise of ordinary sensors; more is a finding: of a hinge's [rad], and of a slide's, over its
 travel, as of a linear potentiometer."""
 BEYOND = 1.5
-"""So many times what the mechanism's own sensors are known to have is a finding."""
+"""So many times what the mechanism's own sensors are known to have is a finding; and noise of so
+many steps, for the third differences of rounded readings alone may look like 1.3 of them."""
 REST_S, LEAST_RESTS = 0.3, 20
 """Targets that stood still for so long are at rest; noise is judged on so many samples there."""
 SHARE_OFF = 0.1
@@ -49,7 +50,9 @@ def sensor_causes(
         if step > max(ordinary.step_rad * size, BEYOND * own_step):
             sizes = [x * step for x in (1.0, *off)]
             yield sensor_cause(evidence, RESOLUTION, (j,), sizes, catalogue)
-        elif noise > max(NOISE_SHARE * size if slides[j] else NOISE_RAD, BEYOND * own_noise):
+        elif noise > max(
+            NOISE_SHARE * size if slides[j] else NOISE_RAD, BEYOND * own_noise, BEYOND * step
+        ):
             more = float(np.sqrt(max(noise**2 - own_noise**2, 0.0)))
             sizes = [x * more for x in (1.0, *off)]
             yield sensor_cause(evidence, NOISE, (j,), sizes, catalogue)
