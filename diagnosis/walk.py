@@ -153,16 +153,21 @@ def _probability(limbs: Sequence[LimbResult], held: Report) -> float:
     found = prod(probability.in_hand(one) for one in held.causes)
     if held.causes and verdict(limbs) == (NONE,):
         return found
-    strange = [limb for limb in limbs if limb.verdict == (UNKNOWN,)]
+    strange = [limb for limb in decisive(limbs) if limb.verdict == (UNKNOWN,)]
     return found * prod(limb.probability for limb in strange or decisive(limbs))
 
 
 def _sentences(limbs: Sequence[LimbResult], held: Report, places: Sequence[Place]) -> Iterator[str]:
-    """Of limbs at fault; of all where none is; then what touch and stick show."""
+    """Of limbs at fault, the decisive first; of one where none is; then what the grasp shows."""
+    first = decisive(limbs)
     faulty = [limb for limb in limbs if limb.verdict != (NONE,) or limb.sensors]
-    shown = faulty or ([] if held.causes else [max(limbs, key=lambda limb: limb.left)])
+    shown = sorted(faulty, key=lambda limb: limb not in first) or (
+        [] if held.causes else [max(limbs, key=lambda limb: limb.left)]
+    )
     for limb in shown:
-        yield from limb.sentences
+        where = f"{', '.join(limb.joints)}: " if len(shown) > 1 else ""
+        yield from (where + one for one in limb.sentences[:1])
+        yield from limb.sentences[1:]
         if limb.verdict == (UNKNOWN,):
             yield largest(places, limb.joints)
     for one in held.causes:

@@ -365,7 +365,7 @@ class Search:
     def _starts(
         self, number: int, to: float, fit: Fit, slopes: Slopes
     ) -> Iterator[tuple[Sizes, Slopes, bool]]:
-        """Where to start from: from where the tolerances are and from where they are none.
+        """Where to start from: from where the tolerances are and from where its joint's are none.
 
         With dry friction that holds and that yields, and then with the better of them. With slopes,
         and whether these are taken again on the way: a second start is tried roughly. What all
@@ -384,7 +384,9 @@ class Search:
             more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())
             yield from ((u, slopes, True) for u in more)
         best = self.tried[frozenset(freed)]
-        alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
+        joints = (None, one.joint) if one.joint is not None else (None, *range(len(fit.gap2)))
+        alone = {k: v for k, v in fit.u.items() if self.parameters[k].joint not in joints}
+        alone |= {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
         alone |= {k: best.u.get(k, 0.0) for k in self.soft}
         is_poor = one.joint is None and one.kind.per_joint and best.worst > self.ordinary.floors
         is_wide = len(with_parts(self.parameters, [number])) > 1

@@ -211,15 +211,21 @@ def named(limbs: Sequence[LimbResult]) -> list[Cause]:
 
 def verdict(limbs: Sequence[LimbResult], more: Sequence[Cause] = ()) -> tuple[str, ...]:
     """Names of effects, with `more` causes, or none; unknown where a gap or a cause has no name."""
-    said = [one for limb in limbs for one in (*limb.verdict, *(c.effect for c in limb.sensors))]
+    said = [one for limb in decisive(limbs) for one in limb.verdict]
+    said += [cause.effect for limb in limbs for cause in limb.sensors]
     said += [cause.effect for cause in more]
     found = (UNKNOWN,) if UNKNOWN in said else dict.fromkeys(one for one in said if one != NONE)
     return tuple(found) or (NONE,)
 
 
 def decisive(limbs: Sequence[LimbResult]) -> list[LimbResult]:
-    """The limbs that a verdict rests on: those at fault, or all where none is."""
-    return [limb for limb in limbs if limb.verdict != (NONE,)] or list(limbs)
+    """The limbs that a verdict rests on: those at fault, or all where none is.
+
+    Not those whose gap has no name, beside a larger one that has.
+    """
+    largest = max((limb.gap_nominal for limb in limbs if limb.causes), default=0.0)
+    faulty = [limb for limb in limbs if limb.verdict != (NONE,)]
+    return [one for one in faulty if one.causes or one.gap_nominal > largest] or list(limbs)
 
 
 TOUCH, STICK = "touch", "stick"
