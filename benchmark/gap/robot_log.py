@@ -153,7 +153,7 @@ def asked_of(source: Source) -> Asked:
 
 
 def _drives(source: Source) -> dict[str, DriveSettings]:
-    """Drives by joint: servos that are known, and what is said of drives beside them."""
+    """Drives by pattern: servos that are known, and what is said of drives beside them."""
     found: dict[str, dict] = {}
     for text in source.servos:
         name, sign, joint = text.partition("@")
@@ -164,7 +164,7 @@ def _drives(source: Source) -> dict[str, DriveSettings]:
         joint, numbers = _pair(text, "--drive", FORM)
         pairs = (part.partition(":") for part in numbers.split(","))
         said = {key.strip(): value.strip() for key, _, value in pairs}
-        found[joint] = {**found.get("*", {}), **found.get(joint, {}), **said}
+        found[joint] = found.get(joint, {}) | said
     drives = {}
     for joint, one in found.items():
         try:

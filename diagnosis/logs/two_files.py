@@ -4,8 +4,10 @@ What names and numbers show is taken and said; what they do not is asked for in 
 """
 
 import re
+from collections import ChainMap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from fnmatch import fnmatchcase
 from pathlib import Path
 
 import numpy as np
@@ -56,7 +58,7 @@ class Asked:
     columns: Mapping[str, str] = field(default_factory=dict)
     """Columns by what they are, such as `shoulder.command`."""
     drives: Mapping[str, DriveSettings] = field(default_factory=dict)
-    """Drives by joint; `*` is every joint."""
+    """Drives by patterns of joints: `*` is every joint, `left_*` those that begin so."""
     hold: Mapping[str, float] = field(default_factory=dict)
     fix_base: bool = False
     gravity_compensation: bool = False
@@ -167,8 +169,8 @@ def _size(
             return size, 0.0, f"{of}, or in its own unit"
         if not BY_CONSTANT & {*words(role.column)}:
             return size, 0.0, of
-        drive = asked.drives.get(role.joint, asked.drives.get("*", DriveSettings()))
-        if not drive.kp:
+        drive = _drive_of(asked, role.joint)
+        if drive is None or not drive.kp:
             raise LogError(
                 f"'{role.column}' is no torque yet: say what one A, one V or the whole duty cycle "
                 f"makes at the joint, such as --drive '{role.joint}=kp:0.12' [Nm]"
@@ -191,10 +193,25 @@ def _size(
 def drives_of(
     asked: Asked, joints: Sequence[str], logged: Mapping[str, DriveSettings] | None = None
 ) -> dict[str, DriveSettings]:
-    """What is said of the drives of these joints; what the user says stands before the table's."""
-    every = dict.fromkeys(joints, asked.drives["*"]) if "*" in asked.drives else {}
-    every |= {name: one for name, one in asked.drives.items() if name != "*"}
-    return {**(logged or {}), **every}
+    """What is said of the drives of these joints, the user's words before the table's.
+
+    Raises LogError where they are of no joint.
+    """
+    for pattern in asked.drives:
+        if not any(fnmatchcase(joint, pattern) for joint in joints):
+            raise LogError(f"no joint of the log is '{pattern}'; it has {', '.join(joints)}")
+    every = {joint: _drive_of(asked, joint) for joint in joints}
+    return {**(logged or {}), **{joint: one for joint, one in every.items() if one is not None}}
+
+
+def _drive_of(asked: Asked, joint: str) -> DriveSettings | None:
+    """What is said of a joint's drive, by its name before what patterns say."""
+    patterns = [pattern for pattern in asked.drives if fnmatchcase(joint, pattern)]
+    said = [
+        asked.drives[pattern].model_dump(exclude_unset=True)
+        for pattern in sorted(patterns, key=lambda pattern: pattern == joint)
+    ]
+    return DriveSettings.model_validate(dict(ChainMap(*reversed(said)))) if said else None
 
 
 def _gains(frame: pd.DataFrame, gains: Sequence[Role], said: list[str]) -> dict[str, DriveSettings]:

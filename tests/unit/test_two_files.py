@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from benchmark.cli import app as cli
+from diagnosis.logs._meta import DriveSettings
 from diagnosis.logs.log import LogError, read_log
 from diagnosis.logs.two_files import Asked, pair
 from diagnosis.replay.nominal import mjcf_world
@@ -82,6 +83,32 @@ def test_gains_in_every_row_are_those_of_the_drives(robot, tmp_path):
     assert "elbow_flex" not in made.meta.mechanism.joints
     assert "kp of shoulder_pan is 30, of 'shoulder_pan_kp'" in made.said
     assert "not used: 'elbow_flex_kp', which changes: a drive has one kp" in made.said
+
+
+def test_drives_are_said_by_patterns_of_joints(robot, tmp_path):
+    """Take a joint's own words before those of patterns; refuse a pattern that is of no joint."""
+    table("{}_cmd", "{}_pos").to_csv(tmp_path / "run.csv", index=False)
+    drives = {"elbow_flex": {"kp": 7.0}, "*": {"kp": 5.0, "kd": 0.5}, "should*": {"kd": 0.9}}
+    said = {name: DriveSettings.model_validate(one) for name, one in drives.items()}
+    joints = pair(robot, [tmp_path / "run.csv"], Asked(drives=said)).meta.mechanism.joints
+    assert (joints["elbow_flex"].kp, joints["elbow_flex"].kd) == (7.0, 0.5)
+    assert (joints["shoulder_pan"].kp, joints["shoulder_pan"].kd) == (5.0, 0.9)
+    with pytest.raises(LogError, match="no joint of the log is 'wrist_\\*'; it has shoulder_pan"):
+        pair(robot, [tmp_path / "run.csv"], Asked(drives={"wrist_*": said["*"]}))
+
+
+def test_wrapped_angles_are_taken_on(tmp_path):
+    """Join readings and targets of a joint without ends where they begin anew after a turn."""
+    (tmp_path / "arm.xml").write_text(ARM.replace('range="-90 90"', 'limited="false"'))
+    turned = table("{}_cmd", "{}_pos")
+    turned.iloc[:, 1:] = 20.0 * turned.iloc[:, 1:]
+    wrapped = turned.copy()
+    wrapped.iloc[:, 1:] = (turned.iloc[:, 1:] + np.pi) % (2 * np.pi) - np.pi
+    wrapped.to_csv(tmp_path / "run.csv", index=False)
+    made = pair(tmp_path / "arm.xml", [tmp_path / "run.csv"], Asked(unit="rad"))
+    assert np.allclose(made.signal("position", 0), 20.0 * POSITION)
+    assert np.allclose(made.signal("command", 0), 20.0 * COMMAND)
+    assert any("taken on without jumps" in text for text in made.said)
 
 
 def test_a_table_names_its_protocol(robot, tmp_path):
