@@ -232,7 +232,7 @@ def _rounded(fitter: Fitter, chosen: Fit) -> list[Rounding]:
 
 
 def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
-    """Packets whose loss takes half of what a set of causes leaves.
+    """Packets whose loss takes half of what a set of causes leaves; of an ordinary gap nearly all.
 
     Losses and the fit find each other in turns. They are exact wherever they are found, so that an
     ordinary gap may be theirs: where the law is exact as well and nothing rattles, its likelihood
@@ -251,7 +251,9 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         limb = arrived(evidence.limb, lost)
         fit = fitter.of(limb).fit(chosen.freed, fit.u, slopes=fit.slopes, again=False)
         lost = losses(fitter, fit.u, fit.residual, lost) or lost
-    return lost if likely or share_of(fit, before) >= FURTHER else None
+    is_small = before.worst <= ordinary.floors
+    enough = share_of(fit, before) >= (SHAPE if is_small else FURTHER)
+    return lost if likely or (enough and (fit.worst <= SHAPE_LEFT or not is_small)) else None
 
 
 def _evidence(part: Spec, log: Log, asked: Asked) -> tuple[Evidence, tuple[str, ...]]:

@@ -51,6 +51,12 @@ def _sent(command, k, split, j):
 
 
 @numba.njit(cache=True, error_model="numpy", forceinline=True)
+def _between(given, n, after, part, j, what):
+    """What is given beside the target, between the rows n and `after`."""
+    return given[n, j, what] + part * (given[after, j, what] - given[n, j, what])
+
+
+@numba.njit(cache=True, error_model="numpy", forceinline=True)
 def _limited(wanted, last, slowness, dt):
     """The target [rad] of a drive that moves it by a radian in no less than `slowness` [s]."""
     if slowness == 0.0:
@@ -174,14 +180,14 @@ def integrate(
         if exact:
             closed_form(closed, q, v, mass[0], bias[0])
         for j in range(joints):
-            asked, n = _sent(command, k, split[t], j), k
+            asked, n, then_n, part = _sent(command, k, split[t], j), k, k, 0.0
             if p[j, c.DELAY] != 0.0:
                 then = t - p[j, c.DELAY] / dt
                 before = int(np.floor(then))
                 low, high = min(max(before, 0), last_tick), min(max(before + 1, 0), last_tick)
-                n = row[low]
-                asked = _sent(command, row[high], split[high], j) * (then - before)
-                asked += _sent(command, n, split[low], j) * (1.0 - then + before)
+                n, then_n, part = row[low], row[high], then - before
+                asked = _sent(command, then_n, split[high], j) * part
+                asked += _sent(command, n, split[low], j) * (1.0 - part)
             last = target[j]
             if p[j, c.PROFILE] > 0.0:
                 moves = p[j, c.SLOWNESS], p[j, c.PROFILE], dt
@@ -194,9 +200,10 @@ def integrate(
             if p[j, c.LEAD] > 0.0:
                 own = rate[j] if p[j, c.PROFILE] > 0.0 else (target[j] - last) / dt
                 known = len(given) > 0 and not np.isnan(given[n, j, 0])
-                slip += p[j, c.LEAD] * (given[n, j, 0] if known else own)
+                slip += p[j, c.LEAD] * (_between(given, n, then_n, part, j, 0) if known else own)
             if len(given) > 0:
-                more = given[n, j, 1] * (p[j, c.KP] if p[j, c.OPEN] > 0.0 else 1.0)
+                gain = p[j, c.KP] if p[j, c.OPEN] > 0.0 else 1.0
+                more = gain * _between(given, n, then_n, part, j, 1)
             lossy = p[j, c.UNLIMITED] * p[j, c.KD]
             if _acts(t, p[j, c.HOLD], dt):
                 if p[j, c.INTEGRAL] > 0.0 or p[j, c.CASCADE] > 0.0:
