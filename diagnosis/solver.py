@@ -19,7 +19,7 @@ from diagnosis.models.world import World
 from diagnosis.motion.columns import PLAY
 from diagnosis.motion.excerpt import FITTED_S, SEARCHED_S, excerpt, excerpted
 from diagnosis.motion.limb import Limb
-from diagnosis.packets.losses import Losses, arrived, losses
+from diagnosis.packets.losses import BY_CHANCE, Losses, arrived, losses
 from diagnosis.packets.rounding import Rounding, roundings
 from diagnosis.progress import Progress, Stop, within
 from diagnosis.replay.parts import limbs
@@ -251,6 +251,8 @@ def _lost(fitter: Fitter, chosen: Fit, ordinary: Ordinary) -> Losses | None:
         limb = arrived(evidence.limb, lost)
         fit = fitter.of(limb).fit(chosen.freed, fit.u, slopes=fit.slopes, again=False)
         lost = losses(fitter, fit.u, fit.residual, lost) or lost
+    if lost is None or lost.chance < BY_CHANCE:
+        return None
     is_small = before.worst <= ordinary.floors
     enough = share_of(fit, before) >= (SHAPE if is_small else FURTHER)
     return lost if likely or (enough and (fit.worst <= SHAPE_LEFT or not is_small)) else None

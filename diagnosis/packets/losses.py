@@ -62,6 +62,8 @@ class Losses:
     sizes: tuple[float, float, float]
     """The share that was lost, and the ends of its 90 % interval."""
     nats: float
+    chance: float
+    """That losses which do not depend on how targets move seem to depend on it so much."""
     lost: tuple[Array, ...]
     """By episode, (T, G), bool."""
 
@@ -123,19 +125,18 @@ def _decoded(
         return None
     if nats < LEAST_NATS and not first.any():
         return None
-    if _chance(found, groups, lost, clear) < BY_CHANCE:
-        return None
     wide = Z90 * np.sqrt(share * (1 - share) / clear_count)
     return Losses(
         groups=groups,
         sizes=(share, max(share - wide, 0.0), min(share + wide, 1.0)),
         nats=float(nats),
+        chance=_chance(found, groups, lost, clear),
         lost=tuple(np.split(lost, found.begins[1:-1])),
     )
 
 
 def _chance(found: Responses, groups: Array, lost: Array, clear: Array) -> float:
-    """How likely losses are to depend so much on how targets move, if they do not.
+    """See `Losses.chance`.
 
     By the chi-square test of independence over the signs of the targets' speed and of its change,
     for losses in bursts at the variance of a Markov chain (Anderson and Goodman 1957).

@@ -95,4 +95,5 @@ def test_packets_are_lost_however_a_joint_moves(real, lost):
     """Late targets are far off where a joint speeds up: lost packets would not depend on that."""
     fitter = fits(log_of(real))
     plain = fitter.settled()
-    assert (losses(fitter, plain.u, plain.residual) is not None) == lost
+    found = losses(fitter, plain.u, plain.residual)
+    assert found is not None and (found.chance > 0.01) == lost
