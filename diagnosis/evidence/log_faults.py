@@ -23,8 +23,8 @@ typical steps, for it returns at once."""
 BEYOND_LIMIT = 3.0
 """No drive's torque is beyond so many times the limit of its file."""
 OPPOSED, UNRELATED = -0.3, 0.1
-"""Torques are of the wrong sign below this correlation with what the drive law asks for and with
-what the motion takes, and are noise where they hardly have any with either."""
+"""Torques are of the wrong sign below this correlation with what the drive law asks for, with the
+error of the position and with what the motion takes, and are noise where they hardly have any."""
 STOP_NEAR, STOP_S, STOP_SHARE = 0.01, 0.3, 0.5
 """A joint stands at the end of its range within this share of it, while its target is beyond and it
 does not follow; until so long after [s]. Not where that is more than this share of the log."""
@@ -148,13 +148,15 @@ def _with_plausible_torques(limb: Limb) -> tuple[Limb, Sequence[str]]:
     missed = limb.means(lambda recording: recording.command - recording.measured[:, 0])
     bearing = limb.spec.with_driven(replace(b, carried=0.0) for b in limb.spec.hand.driven)
     models = (limb.spec,) if bearing == limb.spec else (limb.spec, bearing)
-    expected = [shown, *(limb.needed(spec) for spec in models)]
+    by_error = np.where(limb.open, np.nan, missed)
+    expected = [shown, by_error, *(limb.needed(spec) for spec in models)]
     dropped, notes = np.zeros((len(CHANNELS), len(limb.joints)), dtype=bool), []
     for j, name in enumerate(limb.joints):
         both = np.isfinite(measured[:, j]) & np.isfinite(shown[:, j])
         if both.sum() < 10 or np.std(shown[both, j]) == 0.0:
             continue
-        read, asked, what = measured[both, j], [one[both, j] for one in expected], ""
+        read, what = measured[both, j], ""
+        asked = [one[both, j] for one in expected if np.isfinite(one[both, j]).all()]
         if np.std(read) > 0.0:
             alike, back = _alike(read, asked), min(map(_backward, (*asked, missed[both, j])))
             unsigned = read.min() >= 0.0 and back > UNSIGNED and alike < CLEAR
