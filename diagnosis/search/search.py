@@ -53,6 +53,8 @@ SHAPED = 0.3
 """Another effect of a cause's family gives its law more shape if it takes so much of the rest."""
 OWN = 1.25
 """An effect that all joints share leaves so many times less [squared] than one on a joint alone."""
+LOADS = MASS, PAYLOAD
+"""What shows on other joints as on its own."""
 SENSOR = 1.5
 """A sensor's law is exact: it leaves so many times less [squared] than a mechanism's model."""
 WIDER = 1.25
@@ -384,8 +386,9 @@ class Search:
             more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())
             yield from ((u, slopes, True) for u in more)
         best = self.tried[frozenset(freed)]
-        joints = (None, one.joint) if one.joint is not None else (None, *range(len(fit.gap2)))
-        alone = {k: v for k, v in fit.u.items() if self.parameters[k].joint not in joints}
+        own, wide = (one.joint, None), one.joint is None or one.place in LOADS
+        apart = {k: v for k, v in fit.u.items() if self.parameters[k].joint not in own}
+        alone = {} if wide else apart
         alone |= {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
         alone |= {k: best.u.get(k, 0.0) for k in self.soft}
         is_poor = one.joint is None and one.kind.per_joint and best.worst > self.ordinary.floors
@@ -439,7 +442,7 @@ class Search:
         for other in chosen:
             if other.effect == one.effect and None in (other.joint, one.joint):
                 return False
-        if one.joint is None or one.place in (MASS, PAYLOAD):
+        if one.joint is None or one.place in LOADS:
             return True
         own = float(max(fit.gap2[one.joint] - 1.0, 0.0))
         is_all = self.ordinary.exact or fit.strain2 > 0.0
