@@ -10,7 +10,7 @@ class Effect(NumberEffect):
 
     Law: Beyond the stop the joint is pushed back by k (q - stop), from its own side alone; k is the
       stiffness of the teeth where `drive.end_stop_nm_rad` says no other. A joint whose file gives
-      no range has half a turn to either side, a slide 1 m.
+      no range has half a turn to either side, a slide 1 m, or twice as far as its log goes.
     Source: The penalty law of joint limits in engines; as a one-sided spring, Brogliato, *Nonsmooth
       Mechanics*, 3rd ed., 2016, ch. 2.
     Hardware: No published range found; it is wherever something is in the way.

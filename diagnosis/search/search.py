@@ -369,6 +369,7 @@ class Search:
     ) -> Iterator[tuple[Sizes, Slopes, bool]]:
         """Where to start from: from where the tolerances are and from where its joint's are none.
 
+        Of loads, and of what all joints share, from where none of any joint has moved.
         With dry friction that holds and that yields, and then with the better of them. With slopes,
         and whether these are taken again on the way: a second start is tried roughly. What all
         joints share stands in place of what each has of it: no fit tells these apart. Its size is
