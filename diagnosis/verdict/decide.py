@@ -20,8 +20,8 @@ from diagnosis.verdict.sentences import size
 LEADING, RANKED = 3, 6
 """So many causes lead, and so many sets are ranked."""
 OFF, OFF_LEFT = 0.03, 0.5
-"""Sizes are off by such a share, and by this times the share of the gap that is left, beside their
-standard deviation: laws are models."""
+"""Sizes and places are off by such a share, and by this times the share of the gap that is left,
+beside their standard deviation: laws are models."""
 MOVED = 0.5
 """A nominal number took part in the fit where it moved by so many of its standard deviations."""
 
@@ -100,10 +100,10 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
     one, u = fitter.parameters[number], fit.u[number]
     alone = [f for f in found.singles if f.freed == (number,)]
     kept = fit.worst / max(found.nominal.worst, 1e-9)
-    law = u * (OFF + OFF_LEFT * min(kept, 1.0))
+    off = OFF + OFF_LEFT * min(kept, 1.0)
     alike = (p for p in fitter.parameters if p.effect == one.effect and p.part_of is None)
     own = max((p.tolerance for p in alike if one.joint in (p.joint, None)), default=0.0)
-    wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + law**2))
+    wide = Z90 * float(np.sqrt(fit.sd.get(number, 0.0) ** 2 + own**2 + (off * u) ** 2))
     least = -one.most if one.kind.either_sign else 0.0
     ends = max(u - wide, least), min(u + wide, max(one.most, u))
     if one.place in (DELAY, LATE):
@@ -119,12 +119,15 @@ def _cause(fitter: Fitter, found: Found, fit: Fit, number: int) -> Cause:
         fitter.evidence.place(one.joint),
         share=found.share(alone[0] if alone else fit),
     )
-    also = ", ".join(filter(None, (said.also, _away(fitter, fit, number))))
+    also = ", ".join(filter(None, (said.also, _away(fitter, fit, number, off))))
     return replace(said, joint=joint, also=also)
 
 
-def _away(fitter: Fitter, fit: Fit, number: int) -> str:
-    """How far from its joint an effect acts, in words; empty where its law has no place."""
+def _away(fitter: Fitter, fit: Fit, number: int, off: float) -> str:
+    """How far from its joint an effect acts, in words; empty where its law has no place.
+
+    `off`: the share that laws are off by, beside the standard deviation.
+    """
     one = fitter.parameters[number]
     if one.joint is None or not one.kind.spot:
         return ""
@@ -133,7 +136,7 @@ def _away(fitter: Fitter, fit: Fit, number: int) -> str:
     at_m = np.array(body.payload_m) + [parts[k].unit * fit.u.get(k, 0.0) for k in spots]
     sd_m = np.array([parts[k].unit * fit.sd.get(k, parts[k].tolerance) for k in spots])
     away_m = float(np.linalg.norm(at_m))
-    sd = float(np.linalg.norm(at_m * sd_m)) / max(away_m, 1e-9)
+    sd = np.hypot(np.linalg.norm(at_m * sd_m) / max(away_m, 1e-9), off * away_m)
     return f"{1e3 * away_m:.3g} ± {1e3 * sd:.2g} mm from its joint"
 
 
