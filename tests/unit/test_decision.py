@@ -18,6 +18,7 @@ from diagnosis.verdict.ordinary import (
     is_worth,
     of_healthy,
 )
+from diagnosis.verdict.result import verdict
 
 
 def gap(*floors):
@@ -99,6 +100,14 @@ def test_joints_may_have_a_cause_each():
 def test_a_small_rest_of_a_large_gap_accuses_no_further_cause():
     """Leave an ordinary rest to the laws that explained fifty floors."""
     assert not is_worth(gap(0.9), gap(2.5), ROBOTS, gap(50.0))
+
+
+@pytest.mark.parametrize(("strange", "said"), [(3.6, "kp-scale"), (60.0, "unknown")])
+def test_the_larger_gap_decides(strange, said):
+    """Take what is named of one limb for the answer, unless another leaves a larger gap unnamed."""
+    faulty = SimpleNamespace(verdict=("kp-scale",), causes=("x",), sensors=(), gap_nominal=30.0)
+    other = SimpleNamespace(verdict=("unknown",), causes=(), sensors=(), gap_nominal=strange)
+    assert verdict([faulty, other]) == (said,)
 
 
 def test_healthy_logs_say_what_is_ordinary():

@@ -96,9 +96,9 @@ def profiled(state: dict, q: float, v: float, k: int) -> float:
     return np.clip(KP * (state["p"][0] - q) - KD * v, -LIMIT, LIMIT)
 
 
-def moved(law: Law) -> np.ndarray:
+def moved(law: Law, xml: str = ARM) -> np.ndarray:
     """Positions (T,) of the arm under a law, from rest, in plain MuJoCo."""
-    model = mujoco.MjModel.from_xml_string(ARM)
+    model = mujoco.MjModel.from_xml_string(xml)
     model.opt.timestep = DT
     data, state, shown = mujoco.MjData(model), dict[str, float](), []
     for tick in range(-10_000, round(TIME_S[-1] / DT) + 1):
@@ -295,6 +295,32 @@ def test_speed_alone_is_replayed(tmp_path):
     drives = {"a": DriveSettings(kd=4.0, limit=LIMIT)}
     log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives))
     assert off(log) < 1e-3 and gap(log) < 1e-3
+
+
+def test_a_joint_without_ends_stands_at_none(tmp_path):
+    """Judge all of a log of a joint that turns on and on, as its file lets it."""
+    endless, asked = ARM.replace('range="-90 90"', ""), np.full(len(TIME_S), 0.9)
+    position = moved(lambda _, q, v, k: np.clip(4.0 * (asked[k] - v), -LIMIT, LIMIT), endless)
+    frame = pd.DataFrame({"time": TIME_S, "a_pos": position, "a.velocity_command": asked})
+    frame.to_csv(tmp_path / "r.csv", index=False)
+    (tmp_path / "arm.xml").write_text(endless)
+    drives = {"a": DriveSettings(kd=4.0, limit=LIMIT)}
+    log = pair(tmp_path / "arm.xml", [tmp_path / "r.csv"], Asked(drives=drives, unit="rad"))
+    assert position.max() > np.pi and not triage(log, mjcf_world(log))
+    assert not any("end of its range" in note for note in diagnose(log).notes)
+
+
+def test_a_torque_beside_a_spring_is_no_noise():
+    """Keep a torque that follows its drive's law, though the model's has nothing to do with it."""
+    held = 10.0
+
+    def law(_, q, v, k):
+        return np.clip(KP * (SINE[k] - q) - KD * v, -LIMIT, LIMIT) - held * (q - 0.3)
+
+    position = moved(law)
+    speed = np.gradient(position, TIME_S)
+    log = log_of(position, SINE, {}, torque_nm=KP * (SINE - position) - KD * speed)
+    assert not any("left out" in note for note in diagnose(log).notes)
 
 
 def test_a_load_on_a_drive_that_follows_a_speed_is_no_wrong_zero(tmp_path):
