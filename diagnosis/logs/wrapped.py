@@ -1,4 +1,4 @@
-"""Angles that begin anew after a turn, as encoders of joints without ends give them."""
+"""Angles that start again after a turn, as encoders of joints without ends give them."""
 
 from collections.abc import Iterator, MutableMapping, Sequence
 
@@ -36,7 +36,7 @@ def unwrapped(samples: MutableMapping[str, pd.Series], joints: Sequence[str]) ->
             found = unwrap(samples[at], samples[asked])
             if found is not None:
                 samples[at], samples[asked] = found
-                yield f"{joint} begins anew after a turn: its angles are taken on without jumps"
+                yield f"{joint} starts again after a turn: its angles are taken on without jumps"
 
 
 def _is_wrapped(angle: pd.Series) -> bool:
