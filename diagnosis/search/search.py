@@ -367,9 +367,9 @@ class Search:
     def _starts(
         self, number: int, to: float, fit: Fit, slopes: Slopes
     ) -> Iterator[tuple[Sizes, Slopes, bool]]:
-        """Where to start from: from where the tolerances are and from where its joint's are none.
+        """Where to start from: from where the tolerances are and from where they are none.
 
-        Of loads, and of what all joints share, from where none of any joint has moved.
+        The others of a joint's own effect may stay: what leaves less is where a search begins.
         With dry friction that holds and that yields, and then with the better of them. With slopes,
         and whether these are taken again on the way: a second start is tried roughly. What all
         joints share stands in place of what each has of it: no fit tells these apart. Its size is
@@ -387,11 +387,13 @@ class Search:
             more = ({**fit.u, k: soft, number: size} for k, soft in self.soft.items())
             yield from ((u, slopes, True) for u in more)
         best = self.tried[frozenset(freed)]
-        own, wide = (one.joint, None), one.joint is None or one.place in LOADS
-        apart = {k: v for k, v in fit.u.items() if self.parameters[k].joint not in own}
-        alone = {} if wide else apart
-        alone |= {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
+        alone = {k: fit.u.get(k, 0.0) for k in with_parts(self.parameters, fit.freed)}
         alone |= {k: best.u.get(k, 0.0) for k in self.soft}
+        if one.joint is not None and one.place not in LOADS:
+            own = (one.joint, None)
+            apart = {k: v for k, v in fit.u.items() if self.parameters[k].joint not in own}
+            ways: list[Sizes] = [alone, {**apart, **alone}]
+            alone = dict(min(ways, key=lambda u: self.fitter.excess_at({**u, number: size})))
         is_poor = one.joint is None and one.kind.per_joint and best.worst > self.ordinary.floors
         is_wide = len(with_parts(self.parameters, [number])) > 1
         if one.kind.kinked or is_wide or is_poor or self.fitter.evidence.rattles:
