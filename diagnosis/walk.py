@@ -74,11 +74,18 @@ def diagnose(
     numbers = dict(_corrected(limbs))
     gravity = _gravity(limbs, world)
     corrected = with_numbers(world, numbers, gravity)
+    there, engine = corrected, tuple[float, ...]()
+    if simulate and not isinstance(log.meta.mechanism, MjcfMechanism):
+        try:
+            engine = engine_gaps_rad(simulate, (world, corrected), log)
+        except ValueError as error:  # of a load that it cannot hold where the fit has it
+            notes.append(f"the engine cannot hold the corrected world: {error}")
+            there = world
     held = Report()
     if world.hand.fingertips and not stopped:
         from diagnosis.grasp.in_hand import in_hand  # takes its time to load
 
-        held = in_hand(log, corrected, known, simulate)
+        held = in_hand(log, there, known, simulate)
     causes = (*named(said), *(one for one in held.causes if one.effect != UNKNOWN))
     accused = {joint for cause in causes for joint in cause.joints}
     if verdict(said) == (UNKNOWN,):
@@ -86,13 +93,11 @@ def diagnose(
         accused.add(max(by_joint, key=by_joint.__getitem__))
     worst = max(decisive(said), key=lambda limb: limb.gap_nominal / limb.ordinary)
     gaps, gone, gone_nominal = gaps_and_shares([_by_second(one) for one in limbs])
-    plain, engine = None, tuple[float, ...]()
+    plain = None
     if isinstance(log.meta.mechanism, MjcfMechanism):
         rested = [joint for one in said for joint in one.rested or ()]
         plain = plain_gap(log, world, corrected, [one.evidence for one in limbs], rested)
         engine = plain.before_rad, plain.after_rad
-    elif simulate:
-        engine = engine_gaps_rad(simulate, (world, corrected), log)
     with suppress(Stop):
         tell("done", 1.0)
     places = tuple(locate([one.nominal for one in limbs]))

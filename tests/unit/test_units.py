@@ -103,8 +103,12 @@ def test_all_joints_are_in_one_unit(motion, change):
 
 @pytest.mark.parametrize("motion", [steps, sines])
 def test_a_joint_in_another_unit_than_others_is_named_alone(motion):
-    """Name the one joint whose both sides are in degrees where the others are in radians."""
-    one = log(arm(2, "0 0 1"), motion(0.3), 1.0)
+    """Name the one joint whose both sides are in degrees where the others are in radians.
+
+    By its range: it bears no weight, and a joint without ends may turn so far.
+    """
+    xml = arm(2, "0 0 1").replace('name="j1"', 'name="j1" range="-180 180"')
+    one = log(xml, motion(0.3), 1.0)
     own = [name for name in one.samples if str(name).endswith(".j1")]
     one = make_log(one.meta, one.samples.assign(**(DEGREES * one.samples[own])), one.mjcf_xml)
     (found,) = faults(one, mjcf_world(one))
